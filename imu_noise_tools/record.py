@@ -1,0 +1,108 @@
+"""An IMU record as the core sees it: plain arrays in SI, with no trace of where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .errors import UsageError
+
+AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+SENSORS = ('gyro', 'accel')
+
+
+def sensor_of(axis: str) -> str:
+    """Return ``gyro`` or ``accel`` for an axis; raise UsageError for an unknown axis."""
+    if axis not in AXES:
+        raise UsageError(f'there is no axis {axis}', f'axes are {", ".join(AXES)}')
+    return axis.partition('_')[0]
+
+
+@dataclass(frozen=True)
+class ImuRecord:
+    """
+    One stretch of IMU data.
+
+    Parameters
+    ----------
+    gyro : ndarray (n, 3) or None
+        Angular rate, rad/s.
+    accel : ndarray (n, 3) or None
+        Specific force, m/s^2.
+    t : ndarray (n,)
+        Seconds since ``start``, from the header stamps, as recorded (not sorted, not resampled).
+    rate_hz : float
+        (n - 1) / span of the analysed stretch once prepared; the median rate before that.
+    start : float
+        Stamp of the first sample, s since the epoch; 0 where unknown.
+    covariates : mapping of str to ndarray (n,)
+        Temperature in degrees Celsius and the like, resampled to ``t``.
+    topic, frame_id, path : str
+        Where it came from, for people.
+    receive_t : ndarray (n,) or None
+        Receive (bag) times, s since ``start``: the cross-check of the clock.
+    labelled_rate_hz : float or None
+        Rate that the file itself states, if it does.
+    warnings : tuple of str
+        What is doubtful and what was done about it.
+    left_out : tuple of (float, float, str)
+        Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does not use.
+
+    """
+
+    gyro: np.ndarray | None
+    accel: np.ndarray | None
+    t: np.ndarray
+    rate_hz: float
+    start: float = 0.0
+    covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
+    topic: str = ''
+    frame_id: str = ''
+    path: str = ''
+    receive_t: np.ndarray | None = None
+    labelled_rate_hz: float | None = None
+    warnings: tuple[str, ...] = ()
+    left_out: tuple[tuple[float, float, str], ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.t)
+
+    @property
+    def dt(self) -> float:
+        """Sample interval, s."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def duration_s(self) -> float:
+        """Span of the stamps, s."""
+        return float(self.t[-1] - self.t[0]) if self.n else 0.0
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that are there."""
+        return tuple(a for a in AXES if getattr(self, sensor_of(a)) is not None)
+
+    def column(self, axis: str) -> np.ndarray:
+        """Return one axis, (n,); raise UsageError where it is not there."""
+        data = getattr(self, sensor_of(axis))
+        if data is None:
+            raise UsageError(f'the record has no {axis}', f'it has {", ".join(self.axes)}')
+        return data[:, 'xyz'.index(axis[-1])]
+
+    def part(self, begin: int, end: int) -> ImuRecord:
+        """Return samples begin to end (views, not copies); ``t`` still counts from the same ``start``."""
+        some = slice(begin, end)
+        return replace(
+            self, t=self.t[some],
+            gyro=None if self.gyro is None else self.gyro[some],
+            accel=None if self.accel is None else self.accel[some],
+            receive_t=None if self.receive_t is None else self.receive_t[some],
+            covariates={k: v[some] for k, v in self.covariates.items()})
+
+    def warned(self, *more: str) -> ImuRecord:
+        """Return the record with warnings added (each once)."""
+        return replace(self, warnings=tuple(dict.fromkeys((*self.warnings, *more))))
