@@ -1,0 +1,51 @@
+# From a bare clone: `make demo`, `make test`. Set-up is done once and again when setup.py changes.
+SHELL := /bin/bash
+VENV  := .venv
+READY := $(VENV)/.ready
+PY    := $(VENV)/bin/python
+
+.PHONY: demo test bench lint clean
+
+demo: $(READY)
+	$(PY) -m imu_noise_tools.cli.main demo -o imu_noise_demo
+
+test: $(READY)
+	$(PY) -m pytest -ra $(TESTS)
+
+bench: $(READY)
+	@for script in bench/*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+
+lint: $(READY)
+	$(PY) -m flake8
+	$(PY) -m pydocstyle imu_noise_tools bench launch
+	$(PY) -m mypy
+
+clean:
+	rm -rf $(VENV) build install log dist *.egg-info imu_noise_demo .pytest_cache .mypy_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+# A sourced ROS is used as it is; elsewhere ROS comes from pip. The first interpreter of 3.10 to 3.13 that
+# runs is taken (a version manager's shim may be on the PATH and not run).
+$(READY): setup.py
+	@set -e; \
+	suits='import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))'; \
+	if [ -n "$$ROS_DISTRO" ] && python3 -c 'import rclpy' 2>/dev/null; then \
+	  python=python3; site=--system-site-packages; extras=test; \
+	  echo "set-up: ROS $$ROS_DISTRO is sourced and is used"; \
+	else \
+	  site=; extras=test,ros; \
+	  for python in python3 python3.12 python3.11 python3.13 python3.10 none; do \
+	    $$python -c "$$suits" 2>/dev/null && break; \
+	  done; \
+	fi; \
+	if [ $$python = none ]; then \
+	  echo 'set-up: no Python 3.10 to 3.13 with venv (on Ubuntu: apt install python3-venv)' >&2; exit 1; \
+	fi; \
+	echo "set-up: $$($$python --version) in $(VENV), some minutes the first time"; \
+	$$python -m venv $$site $(VENV); \
+	if ! $(PY) -m pip install -q --use-pep517 -e ".[$$extras]"; then \
+	  [ $$extras = test,ros ] || exit 1; \
+	  echo 'set-up: ROS is not to be had from pip here; going on without the nodes' >&2; \
+	  $(PY) -m pip install -q --use-pep517 -e '.[test]'; \
+	fi; \
+	touch $@

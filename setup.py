@@ -1,0 +1,73 @@
+"""The package, for pip and for colcon alike."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'imu_noise_tools'
+NODES = ('bag_reader', 'analyser', 'calibration', 'filter')
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='How good is an IMU, and what is wrong with the model of it: Allan variance, '
+                'noise models, calibration and denoising for recorded bags and live topics.',
+    long_description='See README.md.',
+    maintainer='imu_noise_tools maintainers',
+    maintainer_email='maintainers@users.noreply.h-seed-a02d8fcd.example',
+    license='Apache-2.0',
+    keywords=['ROS', 'IMU', 'Allan variance', 'gyroscope', 'accelerometer', 'calibration'],
+    classifiers=[
+        'Intended Audience :: Developers',
+        'Intended Audience :: Science/Research',
+        'Programming Language :: Python :: 3',
+        'Topic :: Scientific/Engineering',
+    ],
+    python_requires='>=3.10',
+    packages=find_packages(exclude=['test', 'test.*']),
+    package_data={NAME: ['**/*.yaml', '**/*.npz', '**/*.json']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/launch', sorted(glob('launch/*.launch.py'))),
+        (f'share/{NAME}/config', sorted(glob('config/*.*'))),
+    ],
+    install_requires=[
+        'allantools',
+        'apsw',
+        'lz4',
+        'matplotlib',
+        'numpy>=1.26',
+        'pyyaml',
+        'rich',
+        'rosbags>=0.10',
+        'scipy>=1.11',
+        'zstandard',
+    ],
+    extras_require={
+        # Only where no ROS is installed: wheels of the same packages. Without [fastrtps] rclpy has no
+        # middleware and cannot be imported.
+        'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+        'fleet': ['dask', 'distributed'],
+        'test': [
+            'colcon-common-extensions',
+            'flake8',
+            'flake8-import-order',
+            'hypothesis',
+            'mypy',
+            'pydocstyle',
+            'pytest',
+            'pytest-timeout',
+            'setuptools<80',            # what colcon-core can drive
+            'types-PyYAML',
+            'wheel',
+        ],
+    },
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            *(f'{node} = {NAME}.nodes.{node}:main' for node in NODES),
+            f'imu_noise = {NAME}.cli.main:main',
+        ],
+    },
+)

@@ -1,0 +1,102 @@
+"""What colcon builds of the package, and that the launch files can be read by it."""
+
+from __future__ import annotations
+
+import ast
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+NAME = 'imu_noise_tools'
+EXECUTABLES = ('bag_reader', 'analyser', 'calibration', 'filter', 'imu_noise')
+ARGUMENTS = {'namespace', 'params_file', 'use_sim_time', 'log_level'}
+
+
+def colcon() -> str:
+    """Return the path of colcon, the one beside this interpreter first."""
+    beside = Path(sys.executable).parent / 'colcon'
+    found = str(beside) if beside.is_file() else shutil.which('colcon')
+    if not found:
+        pytest.skip('colcon is not installed')
+    return found
+
+
+@pytest.fixture(scope='module')
+def prefix(root, tmp_path_factory) -> Path:
+    """Build the package in a workspace of its own; return its install prefix."""
+    space = tmp_path_factory.mktemp('colcon')
+    shutil.copytree(root, space / 'src' / NAME, ignore=shutil.ignore_patterns(
+        '.git', '.venv*', '__pycache__', 'build', 'install', 'log', '*.egg-info', '.*_cache',
+        'imu_noise_demo', '*.study'))
+    env = {k: v for k, v in os.environ.items() if k not in ('PYTHONPATH', 'COLCON_PREFIX_PATH')}
+    env['PATH'] = f'{Path(sys.executable).parent}:{env["PATH"]}'
+    done = subprocess.run(
+        [colcon(), 'build', '--packages-select', NAME, '--event-handlers', 'console_direct+'],
+        cwd=space, env=env, capture_output=True, text=True, timeout=280)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return space / 'install' / NAME
+
+
+def test_executables_are_where_ros2_run_looks(prefix):
+    for name in EXECUTABLES:
+        path = prefix / 'lib' / NAME / name
+        assert path.is_file() and os.access(path, os.X_OK), path
+
+
+def test_share_holds_launch_config_and_marker(root, prefix):
+    share = prefix / 'share'
+    assert (share / 'ament_index' / 'resource_index' / 'packages' / NAME).is_file()
+    assert (share / NAME / 'package.xml').is_file()
+    for folder, pattern in (('launch', '*.launch.py'), ('config', '*.*')):
+        ours = {p.name for p in (root / folder).glob(pattern)}
+        assert ours and ours == {p.name for p in (share / NAME / folder).glob(pattern)}
+
+
+def test_every_module_and_data_file_is_installed(root, prefix):
+    site = next(prefix.glob('lib/python3*/site-packages'))
+    for pattern in ('*.py', '*.yaml', '*.npz', '*.json'):
+        ours = {p.relative_to(root) for p in (root / NAME).rglob(pattern)}
+        missing = [str(p) for p in ours if not (site / p).is_file()]
+        assert not missing
+
+
+def test_an_installed_executable_runs(prefix):
+    pytest.importorskip('rclpy')
+    site = next(prefix.glob('lib/python3*/site-packages'))
+    done = subprocess.run([sys.executable, prefix / 'lib' / NAME / 'imu_noise', '--help'],
+                          env={**os.environ, 'PYTHONPATH': str(site)},
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and 'analyse' in done.stdout, done.stderr[-1000:]
+
+
+def launch_files(root: Path) -> list[Path]:
+    """Return the launch files."""
+    return sorted((root / 'launch').glob('*.launch.py'))
+
+
+def test_launch_files_as_text(root):
+    """Each has the four arguments and starts only nodes that exist."""
+    files = launch_files(root)
+    assert [p.name.split('.')[0] for p in files] == ['bag_analysis', 'calibration', 'live']
+    for path in files:
+        tree = ast.parse(path.read_text())
+        assert 'generate_launch_description' in [
+            n.name for n in tree.body if isinstance(n, ast.FunctionDef)]
+        texts = {n.value for n in ast.walk(tree)
+                 if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+        assert ARGUMENTS <= texts, f'{path.name} misses {sorted(ARGUMENTS - texts)}'
+        assert texts & set(EXECUTABLES[:4])
+
+
+def test_launch_files_for_real(root):
+    """Where launch is installed: each describes its arguments and its nodes."""
+    pytest.importorskip('launch')
+    pytest.importorskip('launch_ros')
+    import runpy
+    for path in launch_files(root):
+        description = runpy.run_path(str(path))['generate_launch_description']()
+        assert ARGUMENTS <= {a.name for a in description.get_launch_arguments()}

@@ -1,0 +1,124 @@
+"""The package's card: versions, scripts, dependencies, lints and licence."""
+
+from __future__ import annotations
+
+import ast
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+NAME = 'imu_noise_tools'
+SOURCES = ('imu_noise_tools', 'test', 'bench', 'launch')
+
+
+def python_files(root: Path) -> list[Path]:
+    """Return every Python file of the project."""
+    return [root / 'setup.py', *(p for top in SOURCES for p in sorted((root / top).rglob('*.py')))]
+
+
+def setup_arguments(root: Path) -> dict:
+    """Return the arguments that setup.py gives to setup()."""
+    code = ('import setuptools, json, runpy\n'
+            'setuptools.setup = lambda **given: print(json.dumps(given))\n'
+            'runpy.run_path("setup.py")')
+    done = subprocess.run([sys.executable, '-W', 'ignore', '-c', code], cwd=root, check=True,
+                          capture_output=True, text=True)
+    import json
+    return json.loads(done.stdout)
+
+
+def test_versions_are_equal(root):
+    card = ElementTree.parse(root / 'package.xml').getroot()
+    module = ast.parse((root / NAME / '__init__.py').read_text())
+    stated = [ast.literal_eval(node.value) for node in module.body
+              if isinstance(node, ast.Assign) and node.targets[0].id == '__version__']
+    newest = re.search(r'^(\d+\.\d+\.\d+) ', (root / 'CHANGELOG.rst').read_text(), re.M)
+    version = setup_arguments(root)['version']
+    assert [version] == stated
+    assert version == card.findtext('version').strip() == newest.group(1)
+
+
+def test_card_is_an_ament_python_package(root):
+    card = ElementTree.parse(root / 'package.xml').getroot()
+    assert card.get('format') == '3' and card.findtext('name') == NAME
+    assert card.findtext('export/build_type') == 'ament_python'
+    assert card.find('license').text == setup_arguments(root)['license'] == 'Apache-2.0'
+    marker = root / 'resource' / NAME
+    assert marker.is_file()
+
+
+def test_every_message_package_in_use_is_a_dependency(root):
+    card = ElementTree.parse(root / 'package.xml').getroot()
+    stated = {e.text for e in card.iter('exec_depend')}
+    used = set()
+    for path in (*(root / NAME / 'nodes').glob('*.py'), *(root / 'launch').glob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                used |= {a.name.split('.')[0] for a in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                used.add(node.module.split('.')[0])
+    ros = {n for n in used if n.endswith('_msgs') or n in ('std_srvs', 'builtin_interfaces',
+                                                           'rcl_interfaces', 'rclpy', 'launch',
+                                                           'launch_ros', 'ament_index_python')}
+    assert ros <= stated, f'package.xml misses {sorted(ros - stated)}'
+
+
+def test_console_scripts(root):
+    given = setup_arguments(root)['entry_points']['console_scripts']
+    scripts = dict(re.fullmatch(r'(\w+) = (\S+)', line).groups() for line in given)
+    nodes = ('bag_reader', 'analyser', 'calibration', 'filter')
+    assert scripts == {**{n: f'{NAME}.nodes.{n}:main' for n in nodes},
+                       'imu_noise': f'{NAME}.cli.main:main'}
+    for target in scripts.values():
+        module, _, function = target.partition(':')
+        path = root.joinpath(*module.split('.')).with_suffix('.py')
+        assert path.is_file(), f'{path} is not there'
+        names = [n.name for n in ast.parse(path.read_text()).body
+                 if isinstance(n, ast.FunctionDef)]
+        assert function in names
+
+
+def test_every_module_is_in_the_package(root):
+    packages = set(setup_arguments(root)['packages'])
+    folders = {'.'.join(p.parent.relative_to(root).parts) for p in (root / NAME).rglob('*.py')}
+    assert folders <= packages, f'no __init__.py in {sorted(folders - packages)}'
+
+
+@pytest.mark.parametrize('tool', [('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'launch')],
+                         ids=lambda tool: tool[0])
+def test_lint(root, tool):
+    pytest.importorskip(tool[0])
+    if tool[0] == 'flake8':
+        pytest.importorskip('flake8_import_order')
+    done = subprocess.run([sys.executable, '-m', *tool], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-1000:]
+
+
+def test_licence(root):
+    text = (root / 'LICENSE').read_text()
+    assert 'Apache License' in text and 'Version 2.0, January 2004' in text
+    assert 'END OF TERMS AND CONDITIONS' in text
+
+
+def test_every_file_has_a_licence_header(root):
+    """Look for the header ament_copyright recognises, once the first file has it."""
+    wanted = 'Licensed under the Apache License, Version 2.0 (the "License");'
+    heads = {p: p.read_text()[:700] for p in python_files(root) if p.read_text().strip()}
+    have = [p for p, head in heads.items()
+            if wanted in head and re.search(r'^# Copyright \d{4} \S+', head, re.M)]
+    if not have:
+        pytest.skip('headers are added in one pass, later')
+    assert not [str(p.relative_to(root)) for p in heads if p not in have]
+
+
+def test_set_up_takes_an_interpreter_that_runs(root):
+    """A version manager's shim can be on the PATH and fail: the Makefile tries, it does not look."""
+    dry = subprocess.run(['make', '-n', '-B', 'test'], cwd=root, capture_output=True, text=True,
+                         env={**os.environ, 'MAKEFLAGS': ''})
+    assert dry.returncode == 0, dry.stderr
+    assert 'pytest' in dry.stdout and 'sys.version_info' in dry.stdout
