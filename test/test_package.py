@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import os
 from pathlib import Path
 import re
@@ -28,7 +29,6 @@ def setup_arguments(root: Path) -> dict:
             'runpy.run_path("setup.py")')
     done = subprocess.run([sys.executable, '-W', 'ignore', '-c', code], cwd=root, check=True,
                           capture_output=True, text=True)
-    import json
     return json.loads(done.stdout)
 
 
@@ -89,8 +89,8 @@ def test_every_module_is_in_the_package(root):
     assert folders <= packages, f'no __init__.py in {sorted(folders - packages)}'
 
 
-@pytest.mark.parametrize('tool', [('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'launch')],
-                         ids=lambda tool: tool[0])
+@pytest.mark.parametrize('tool', [
+    ('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'launch')], ids=lambda tool: tool[0])
 def test_lint(root, tool):
     pytest.importorskip(tool[0])
     if tool[0] == 'flake8':
