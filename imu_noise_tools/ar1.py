@@ -38,16 +38,21 @@ def psd(f: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
     return 2 * dt * sigma ** 2 * -np.expm1(-2 * dt / tc) / (one_less ** 2 + (1 - one_less) * s ** 2)
 
 
-def avar(tau: np.ndarray, sigma: float, tc: float) -> np.ndarray:
+def avar(m: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
     """
-    Return the Allan variance of the continuous process averaged over tau (s).
+    Return the Allan variance of the sampled process at cluster sizes m.
 
-    (2 sigma^2 Tc/tau) [1 - Tc/(2 tau) (3 - 4 exp(-tau/Tc) + exp(-2 tau/Tc))]; for tau << Tc its series,
-    (2 sigma^2/3) x (1 - x/... ), is left to the exact form with expm1.
+    sigma^2 (m - 3 phi - m phi^2 + 4 phi^(m+1) - phi^(2m+1)) / (m (1 - phi))^2; where that cancels (dt << tc) the
+    continuous (2 sigma^2 Tc/tau) [1 - Tc/(2 tau) (3 - 4 exp(-tau/Tc) + exp(-2 tau/Tc))], IEEE 952 C.1.5, its series for
+    tau << Tc, and the factor 1 + 1/(2 m^2) by which a sampled random walk exceeds the averaged one.
 
     """
-    x = np.asarray(tau, float) / tc
+    m = np.asarray(m, float)
+    p = phi(dt, tc)
+    if dt > 1e-3 * tc:
+        return sigma ** 2 * (m - 3 * p - m * p ** 2 + 4 * p ** (m + 1) - p ** (2 * m + 1)) / (m * (1 - p)) ** 2
+    x = m * dt / tc
     a, b = np.expm1(-x), np.expm1(-2 * x)
     exact = 2 * sigma ** 2 / x * (1 - (b - 4 * a) / (2 * x))
     series = sigma ** 2 * x * (2 / 3 - x / 2 + 7 * x ** 2 / 30 - x ** 3 / 12)
-    return np.where(x < 1e-2, series, exact)
+    return np.where(x < 1e-2, series, exact) * (1 + 1 / (2 * m ** 2))

@@ -41,6 +41,8 @@ class Parameter:
         Whether it is searched for on a logarithmic scale (all that cannot change sign).
     amplitude : bool
         Whether the effect vanishes as it goes to zero: only such a parameter can be null.
+    linear : bool
+        Whether it multiplies a column of a regressor: then it is solved for, not searched for.
     title : str
         What it is, in a few words.
 
@@ -52,6 +54,7 @@ class Parameter:
     upper: float
     log: bool = True
     amplitude: bool = False
+    linear: bool = False
     title: str = ''
 
 

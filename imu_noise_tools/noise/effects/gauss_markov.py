@@ -1,0 +1,57 @@
+"""First-order Gauss-Markov process: exponentially correlated noise."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ... import ar1
+from ..kinds import Parameter, Spectrum
+
+
+class GaussMarkov(Spectrum):
+    """Exponentially correlated noise, sampled as AR(1) and stationary from the start."""
+
+    name = 'gauss_markov'
+    symbol = 'sigma, Tc'
+    title = 'Gauss-Markov (exponentially correlated) noise'
+    equation = ('S(f) = 2 sigma^2 Tc/(1 + (2 pi f Tc)^2) (two-sided), '
+                'sigma^2(tau) = (2 sigma^2 Tc/tau) [1 - (Tc/2tau)(3 - 4 e^(-tau/Tc) + e^(-2tau/Tc))]')
+    signature = 'a smooth bump in the Allan deviation, peak at 1.893 Tc; a shoulder in the PSD without a line'
+    hint = ('A control loop, a regulator, a fan or slow internal temperature regulation. If two levels show in the time series it is '
+            'rts, if a line shows in the spectrum a sinusoid.')
+    reference = 'IEEE 952 C.1.5'
+    several = True
+    parameters = (
+        Parameter('sigma', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
+        Parameter('tc', 's', 1e-4, 1e6, title='correlation time'),
+    )
+
+    def starts(self, evidence):
+        """Start from correlation times that the record can show: from two samples to a fifth of its length."""
+        if 'tc' in self.values:
+            return super().starts(evidence)
+        shortest, longest = 2 * evidence.dt, evidence.n * evidence.dt / 5
+        return [self.with_values(sigma=1.0, tc=float(tc)) for tc in np.geomspace(shortest, longest, 7)]
+
+    def psd(self, f, dt):
+        """The AR(1) spectrum."""
+        return ar1.psd(f, self['sigma'], self['tc'], dt)
+
+    def avar(self, m, dt):
+        """The closed form of the sampled process."""
+        return ar1.avar(m, self['sigma'], self['tc'], dt)
+
+    def state_space(self, dt):
+        """One decaying state."""
+        q = ar1.innovation_variance(self['sigma'], self['tc'], dt)
+        return np.array([[ar1.phi(dt, self['tc'])]]), np.array([[q]]), np.ones((1, 1))
+
+    def apply(self, x, inputs, rng):
+        """Add the recursion, started stationary."""
+        w = rng.standard_normal(len(x)) * np.sqrt(ar1.innovation_variance(self['sigma'], self['tc'], inputs.dt))
+        w[0] = self['sigma'] * rng.standard_normal()
+        return x + lfilter([1.0], [1.0, -ar1.phi(inputs.dt, self['tc'])], w)
+
+    @classmethod
+    def example(cls):
+        """A bump at 20 s."""
+        return cls({'sigma': 4e-5, 'tc': 10.0})

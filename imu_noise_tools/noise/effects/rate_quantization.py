@@ -1,0 +1,85 @@
+"""Resolution of the rate output: few distinct levels."""
+
+import numpy as np
+
+from ...effect import Estimate, Finding
+from ..kinds import Defect, Parameter, Spectrum
+
+
+class RateQuantization(Spectrum, Defect):
+    """The output is rounded to a step: white noise of N = step/sqrt(12 fs) where the noise spans half a step or more."""
+
+    name = 'rate_quantization'
+    symbol = 'step'
+    title = 'resolution of the rate output'
+    equation = 'S(f) = step^2 dt/12 (two-sided): N = step/sqrt(12 fs)'
+    signature = 'few distinct levels, evenly spaced; white'
+    hint = ('The output word is short or the range is set too wide: choose a smaller range or a longer word. Below half a standard '
+            'deviation of noise the rounding is no longer white, and averaging no longer helps.')
+    reference = 'Widrow and Kollar, Quantization Noise, 2008'
+    parameters = (Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),)
+    filtered = False
+
+    @classmethod
+    def statistics(cls, y, inputs):
+        """Keep the step, the number of levels and the share of samples on the grid."""
+        step, levels = grid_step(y)
+        return {'step': np.array(step), 'levels': np.array(levels), 'sigma': np.array(robust_sigma(y))}
+
+    def find(self, evidence):
+        """The step is what the levels say; it is an effect from half a standard deviation on."""
+        kept = evidence.kept(self.name)
+        step, sigma = float(kept['step']), float(kept['sigma'])
+        if not step > 0:
+            return None
+        # Each sample on the grid is that much likelier than under a density: ln(sigma/step) + const a sample, far above any
+        # penalty as soon as the grid is coarse; finer grids are part of N.
+        coarse = step >= 0.5 * sigma
+        gain = evidence.n * 0.5 * min(1.0, (step / max(sigma, step / 12)) ** 2) if coarse else 0.0
+        return Finding(self.name, gain, self.with_values(step=step), {'step': Estimate(
+            step, 0.0, (step, step), fixed=True)}, view='repeats',
+            evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} standard deviations')
+
+    def psd(self, f, dt):
+        """step^2 dt/6, one-sided."""
+        return np.full(np.shape(f), self['step'] ** 2 * dt / 6)
+
+    def avar(self, m, dt):
+        """step^2/(12 m)."""
+        return self['step'] ** 2 / 12 / np.asarray(m)
+
+    def apply(self, x, inputs, rng):
+        """Round to the step."""
+        return self['step'] * np.round(x / self['step'])
+
+    @classmethod
+    def example(cls):
+        """0.05 deg/s."""
+        return cls({'step': 8.7e-4})
+
+
+def robust_sigma(y) -> float:
+    """Return the standard deviation of the fast part of y: of neighbouring differences, over sqrt(2)."""
+    return float(np.std(np.diff(y))) / np.sqrt(2)
+
+
+def grid_step(y, most: int = 4096) -> tuple[float, int]:
+    """
+    Return (step, levels): the spacing of the grid that all of y lies on, 0 where there is none.
+
+    Levels that differ by less than a millionth of their spread are one (float32 storage).
+    """
+    some = y[:200_000]
+    levels = np.unique(some)
+    spread = levels[-1] - levels[0] if len(levels) else 0.0
+    if not spread > 0:
+        return 0.0, len(levels)
+    levels = levels[np.concatenate([[True], np.diff(levels) > 1e-6 * spread + 4e-7 * np.max(np.abs(levels))])]
+    if not 2 <= len(levels) <= min(most, len(some) // 4):
+        return 0.0, len(levels)
+    gaps = np.diff(levels)
+    step = float(np.min(gaps))
+    multiples = gaps / step
+    step = float(np.sum(gaps) / np.sum(np.round(multiples)))
+    on_grid = np.abs(gaps / step - np.round(gaps / step))
+    return (step, len(levels)) if np.max(on_grid) < 0.05 else (0.0, len(levels))

@@ -1,0 +1,206 @@
+"""
+Kinds of noise effect: what each can do to one axis of a static record, and how it combines with the others.
+
+A kind is a capability; an effect derives from one or two. ``psd``, ``columns`` and the like give mathematics only;
+fitting, scoring, pictures and export are derived from them.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..effect import Effect, Model, Parameter
+from ..spectrum import quadrature_avar
+
+__all__ = ['Coupling', 'Defect', 'Inputs', 'Line', 'Mean', 'Modulation', 'NoiseEffect', 'Parameter', 'Response',
+           'Spectrum', 'additive_psd', 'model_avar', 'model_psd']
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """
+    What an effect may depend on besides its parameters; all arrays (n,).
+
+    ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates`` (temperature in
+    degrees Celsius ...) and the other axes by name, all at ``t``.
+
+    """
+
+    t: np.ndarray
+    dt: float
+    covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
+    axes: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+class NoiseEffect(Effect):
+    """Base of every noise effect."""
+
+    domain = 'noise'
+
+    @classmethod
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
+        """Return what it must keep of the samples of one axis: small arrays, stored in evidence.npz."""
+        return {}
+
+    def starts(self, evidence) -> list[Effect]:
+        """
+        Return where a fit should start from, one effect for each; an empty list means: not applicable here.
+
+        By default each searched parameter starts at three points spread over its range (amplitudes are then set from
+        the measured spectrum).
+
+        """
+        grid: list[dict[str, float]] = [{}]
+        for p in self.parameters:
+            if p.linear or p.name in self.values:
+                continue
+            if p.amplitude:
+                spread = [np.sqrt(p.lower * p.upper)]
+            elif p.log:
+                spread = np.geomspace(p.lower, p.upper, 5)[1:-1]
+            else:
+                spread = np.linspace(p.lower, p.upper, 5)[1:-1]
+            grid = [{**g, p.name: float(s)} for g in grid for s in spread]
+        return [self.with_values(**g) for g in grid]
+
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
+        """Return x (n,) with the effect in it: its simulation."""
+        raise NotImplementedError(f'{self.name} has no simulation')
+
+
+class Spectrum(NoiseEffect):
+    """Adds power: a stationary Gaussian process, independent of all others."""
+
+    #: whether the sensor's own response acts on it (quantization happens behind the filter)
+    filtered = True
+
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
+        """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
+        raise NotImplementedError
+
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
+        """Return the Allan variance at cluster sizes m; by default the quadrature of ``psd``."""
+        return quadrature_avar(lambda f: self.psd(f, dt), m, dt)
+
+    def state_space(self, dt: float):
+        """Return (Phi, Q, H) with this PSD: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k; None where no finite one exists."""
+        return None
+
+    def apply(self, x, inputs, rng):
+        """Add a realisation drawn through the DCT: exact in power, stationary but for the record's ends."""
+        from ..spectrum import bins_of, expected
+        from scipy.fft import idct
+        n, dt = len(x), inputs.dt
+        k = np.arange(1, n)
+        s = self.psd(k / (2 * n * dt), dt)
+        low = expected(lambda f: self.psd(f, dt), bins_of(n, dt))[:32]
+        s[:len(low)] = low
+        c = np.concatenate([[0.0], rng.standard_normal(n - 1) * np.sqrt(s / (2 * dt))])
+        return x + idct(c, type=2, norm='ortho')
+
+
+class Mean(NoiseEffect):
+    """
+    Adds to the mean: columns times linear parameters, in the order in which the effect lists its linear parameters.
+
+    All other parameters are nonlinear and passed to ``columns`` by name.
+
+    """
+
+    def columns(self, inputs: Inputs, **nonlinear: float) -> np.ndarray:
+        """Return (n, p), slowly varying."""
+        raise NotImplementedError
+
+    def mean(self, inputs: Inputs) -> np.ndarray:
+        """Return what it adds, (n,)."""
+        linear = [p.name for p in self.parameters if p.linear]
+        rest = {k: v for k, v in self.values.items() if k not in linear}
+        return self.columns(inputs, **rest) @ np.array([self.values[k] for k in linear])
+
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
+        """Return what it adds to the Allan variance, where that has a closed form; else zero."""
+        return np.zeros(len(np.atleast_1d(m)))
+
+    def apply(self, x, inputs, rng):
+        """Add the mean."""
+        return x + self.mean(inputs)
+
+
+class Line(NoiseEffect):
+    """Adds a coherent line: its amplitude, frequency and phase are measured on the samples when the evidence is made."""
+
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
+        """Return what it adds to the Allan variance."""
+        raise NotImplementedError
+
+
+class Coupling(NoiseEffect):
+    """Adds other signals, recorded at the full rate, times linear parameters (one each)."""
+
+    def channels(self, evidence) -> tuple[str, ...]:
+        """Return the names of the signals, one for each linear parameter; empty: not recorded."""
+        raise NotImplementedError
+
+
+class Response(NoiseEffect):
+    """Multiplies power: the sensor's own low-pass."""
+
+    def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
+        """Return the squared gain at f (Hz)."""
+        raise NotImplementedError
+
+
+class Modulation(NoiseEffect):
+    """Changes the variance in time."""
+
+    def variance(self, t: np.ndarray) -> np.ndarray:
+        """Return the factor of the variance at t (s)."""
+        raise NotImplementedError
+
+    def apply(self, x, inputs, rng):
+        """Scale the deviations from the mean."""
+        mean = np.mean(x)
+        return mean + (x - mean) * np.sqrt(self.variance(inputs.t))
+
+
+class Defect(NoiseEffect):
+    """Acts on samples (spikes, held samples): found in the samples, not in the spectrum."""
+
+    def find(self, evidence):
+        """Return a Finding (gain in log-likelihood, effect with values, evidence in words) from kept statistics, or None."""
+        return None
+
+    @classmethod
+    def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
+        """Return y without the defect, for the spectrum that the other effects are fitted to."""
+        return y
+
+
+def additive_psd(model: Model, f: np.ndarray, dt: float, filtered: bool) -> np.ndarray:
+    """Return the sum of the one-sided PSDs of the spectral effects on one side of the sensor's response."""
+    total = np.zeros(np.shape(f))
+    for e in model.of(Spectrum):
+        if e.filtered == filtered:
+            total = total + e.psd(f, dt)
+    return total
+
+
+def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
+    """Return the one-sided PSD of the whole model: (sum of what is filtered) x responses + the rest."""
+    gain = np.ones(np.shape(f))
+    for r in model.of(Response):
+        gain = gain * r.gain2(f, dt)
+    return additive_psd(model, f, dt, True) * gain + additive_psd(model, f, dt, False)
+
+
+def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
+    """Return the Allan variance of the whole model at cluster sizes m: the sum, or its quadrature behind a response."""
+    if model.of(Response):
+        total = quadrature_avar(lambda f: model_psd(model, f, dt), m, dt)
+    else:
+        total = sum((e.avar(m, dt) for e in model.of(Spectrum)), np.zeros(len(m)))
+    return total + sum((e.avar(m, dt) for e in model.effects if isinstance(e, (Mean, Line))), np.zeros(len(m)))
