@@ -1,0 +1,373 @@
+"""
+Effects of a calibration: rows of the regressor matrix I in O = G I, or scatter of the poses.
+
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ..effect import Effect, Parameter
+from .poses import Poses, unit
+
+OWN = np.where(np.eye(3, dtype=bool), np.arange(3), -1)     # each output feels its own row alone
+_OTHERS = np.array([[-1, 0, 1], [2, -1, 3], [4, 5, -1]])
+_EACH = np.array([[0], [1], [2]])
+_BIG = 1e12
+
+
+def _named(symbol: str, unit_: str, indices=('x', 'y', 'z'), title: str = '') -> tuple[Parameter, ...]:
+    return tuple(Parameter(f'{symbol}_{k}', unit_, -_BIG, _BIG, log=False, amplitude=True,
+                           title=title and f'{title} {k}') for k in indices)
+
+
+class Regressor(Effect):
+    """
+    An effect that adds rows to the regressor I, and so columns to G = O I' (I I')^-1.
+
+    A subclass gives :meth:`columns` and its parameters; by default every output has a coefficient for every
+    row (so 3 parameters a row, output after output). ``feeds`` (3, rows) says otherwise: the index of the
+    parameter with which a row enters an output, -1 for none. With ``at_input`` the rows are a change of the
+    *input*, which then passes through the scale factors like any other.
+
+    """
+
+    domain: ClassVar[str] = 'calibration'
+    feeds: ClassVar[np.ndarray | None] = None
+    at_input: ClassVar[bool] = False
+    sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
+    needs: ClassVar[str] = ''           # the poses that show it
+
+    def columns(self, poses: Poses) -> np.ndarray:
+        """Return the rows of I, (rows, n), for the mean input of each pose."""
+        raise NotImplementedError
+
+    def why_not(self, poses: Poses) -> str:
+        """Return why these poses say nothing about it, or an empty string."""
+        return '' if poses.sensor in self.sensors else f'not an effect of {poses.sensor}'
+
+    def terms(self, poses: Poses, scale: np.ndarray) -> np.ndarray:
+        """Return the change of the outputs for each parameter, (3, n, parameters); scale is S (3, 3)."""
+        rows = np.atleast_2d(self.columns(poses)) * poses.amount
+        feeds = self.feeds if self.feeds is not None else np.arange(3 * len(rows)).reshape(3, -1)
+        out = np.zeros((3, poses.n, len(self.parameters)))
+        for (axis, row), parameter in np.ndenumerate(feeds):
+            if parameter >= 0:
+                out[axis, :, parameter] += rows[row]
+        return np.einsum('ij,jnk->ink', scale, out) if self.at_input else out
+
+
+class Scatter(Effect):
+    """An effect with no fixed course: it makes poses scatter, one amplitude."""
+
+    domain: ClassVar[str] = 'calibration'
+    sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
+    needs: ClassVar[str] = ''
+
+    def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
+        """Return the covariance of each pose's outputs, (n, 3, 3)."""
+        raise NotImplementedError
+
+    def why_not(self, poses: Poses) -> str:
+        """Return why these poses say nothing about it, or an empty string."""
+        return '' if poses.sensor in self.sensors else f'not an effect of {poses.sensor}'
+
+
+class Scale(Regressor):
+    """Each axis' output per unit of its own input."""
+
+    name = 'scale'
+    symbol = 'S'
+    title = 'scale factors'
+    equation = 'o_k = S_kk i_k'
+    signature = 'output grows in proportion to the input'
+    hint = 'base model'
+    reference = 'IEEE 1554; six-position method'
+    parameters = _named('S', '1', ('xx', 'yy', 'zz'), 'scale factor')
+    feeds = OWN
+
+    def columns(self, poses):
+        """Return the input."""
+        return poses.rates
+
+
+class CrossAxis(Regressor):
+    """Each axis' output per unit of the other axes' input: sensing axes that are not orthogonal, or turned."""
+
+    name = 'cross_axis'
+    symbol = 'S'
+    title = 'cross-axis sensitivities'
+    equation = 'o_k = sum_l S_kl i_l, l != k'
+    signature = 'output follows the input of another axis'
+    hint = 'base model; a common turn of the fixture looks the same'
+    reference = 'IEEE 1554; six-position method'
+    parameters = _named('S', '1', ('xy', 'xz', 'yx', 'yz', 'zx', 'zy'), 'cross-axis sensitivity')
+    feeds = _OTHERS
+
+    def columns(self, poses):
+        """Return the input."""
+        return poses.rates
+
+
+class Bias(Regressor):
+    """Output at no input."""
+
+    name = 'bias'
+    symbol = 'b'
+    title = 'biases'
+    equation = 'o_k = b_k'
+    signature = 'the same offset in every pose'
+    hint = 'base model'
+    reference = 'IEEE 1554; six-position method'
+    parameters = _named('b', '{rate}', title='bias')
+    feeds = _EACH
+
+    def columns(self, poses):
+        """Return ones."""
+        return np.ones((1, poses.n))
+
+
+class Quadratic(Regressor):
+    """Scale factor that changes in proportion to the input: vibration rectification follows from it."""
+
+    name = 'quadratic'
+    symbol = 'q'
+    title = 'quadratic non-linearity'
+    equation = 'o_k = q_k i_k^2'
+    signature = 'both ends of an axis off to the same side, by the square of the input'
+    hint = 'spring or electrostatic non-linearity; check at half range; it turns vibration into bias'
+    reference = 'IEEE 1293 (K2)'
+    parameters = _named('q', '1/({rate})', title='quadratic coefficient')
+    feeds = OWN
+    needs = 'inputs of several sizes on each axis: poses between the faces (45 deg edges), or several rates'
+
+    def columns(self, poses):
+        """Return the square of the input."""
+        return poses.rates ** 2
+
+
+class Cubic(Regressor):
+    """Scale factor that changes with the square of the input: compression towards the ends."""
+
+    name = 'cubic'
+    symbol = 'c'
+    title = 'cubic non-linearity'
+    equation = 'o_k = c_k i_k^3'
+    signature = 'both ends of an axis too large or too small, inner inputs right'
+    hint = 'saturation coming on; check the range setting'
+    reference = 'IEEE 1293 (K3)'
+    parameters = _named('c', '1/({rate})^2', title='cubic coefficient')
+    feeds = OWN
+    needs = 'inputs of several sizes on each axis: poses between the faces (45 deg edges), or several rates'
+
+    def columns(self, poses):
+        """Return the cube of the input."""
+        return poses.rates ** 3
+
+
+class Asymmetry(Regressor):
+    """Scale factor that differs between positive and negative input."""
+
+    name = 'asymmetry'
+    symbol = 'a'
+    title = 'scale-factor asymmetry'
+    equation = 'o_k = a_k |i_k|'
+    signature = 'both ends of an axis off to the same side, in proportion to the input'
+    hint = 'electronics with different gain for the two signs'
+    reference = 'IEEE 1554 (scale factor asymmetry)'
+    parameters = _named('a', '1', title='asymmetry')
+    feeds = OWN
+    needs = 'inputs of several sizes on each axis: poses between the faces (45 deg edges), or several rates'
+
+    def columns(self, poses):
+        """Return the size of the input."""
+        return np.abs(poses.rates)
+
+
+class Temperature(Regressor):
+    """Bias that follows the temperature."""
+
+    name = 'temperature'
+    symbol = 't'
+    title = 'temperature drift of the biases'
+    equation = 'o_k = t_k (T - T_ref)'
+    signature = 'residual follows the temperature of the pose'
+    hint = 'let it warm up, or record the temperature along and compensate'
+    reference = 'IEEE 1293, IEEE 1431 (thermal sensitivity of bias)'
+    parameters = _named('t', '({rate})/K', title='bias per degree')
+    feeds = _EACH
+    needs = 'the same poses again at another temperature, with a temperature topic'
+
+    def columns(self, poses):
+        """Return the temperature above the reference."""
+        return (poses.temperature - poses.reference_temperature)[None]
+
+    def why_not(self, poses):
+        """Temperature has to be known, and to change."""
+        return super().why_not(poses) or _no_temperature(poses)
+
+
+class TemperatureScale(Regressor):
+    """Scale factor that follows the temperature."""
+
+    name = 'temperature_scale'
+    symbol = 'u'
+    title = 'temperature drift of the scale factors'
+    equation = 'o_k = u_k (T - T_ref) i_k'
+    signature = 'residual follows temperature times input'
+    hint = 'record the temperature along and compensate'
+    reference = 'IEEE 1293, IEEE 1431 (thermal sensitivity of scale factor)'
+    parameters = _named('u', '1/K', title='scale per degree')
+    feeds = OWN
+    needs = 'the same poses again at another temperature, with a temperature topic'
+
+    def columns(self, poses):
+        """Return temperature above the reference times the input."""
+        return (poses.temperature - poses.reference_temperature) * poses.rates
+
+    def why_not(self, poses):
+        """Temperature has to be known, and to change."""
+        return super().why_not(poses) or _no_temperature(poses)
+
+
+class GSensitivity(Regressor):
+    """Gyroscope output that follows the specific force, by a full 3 x 3 matrix."""
+
+    name = 'g_sensitivity'
+    symbol = 'D'
+    title = 'g-sensitivity'
+    equation = 'o_k = sum_l D_kl f_l'
+    signature = 'bias of a gyroscope depends on which way is up'
+    hint = 'proof mass not balanced; turn about each axis with both of its ends up'
+    reference = 'IEEE 1431, IEEE 1554 (acceleration-sensitive drift)'
+    parameters = _named('D', '(rad/s)/(m/s^2)', tuple(k + m for k in 'xyz' for m in 'xyz'), 'g-sensitivity')
+    sensors = ('gyro',)
+    needs = 'turns or rests with each axis up and down, the specific force recorded along'
+
+    def columns(self, poses):
+        """Return the specific force."""
+        return poses.force
+
+    def why_not(self, poses):
+        """Specific force has to be known."""
+        return super().why_not(poses) or _no_force(poses)
+
+
+class EarthRate(Regressor):
+    """Vertical part of the Earth's rotation, about the axis that points up."""
+
+    name = 'earth_rate'
+    symbol = 'E'
+    title = 'Earth rate'
+    equation = 'i = E u, u: up; E = 15.04 deg/h sin(latitude)'
+    signature = 'bias of a gyroscope changes sign with the end that is up, the same on every axis'
+    hint = 'give --latitude; below the resolution of most MEMS gyroscopes'
+    reference = 'IEEE 1554'
+    parameters = (Parameter('E', 'rad/s', -1e-4, 1e-4, log=False, amplitude=True,
+                            title='vertical Earth rate'),)
+    feeds = np.where(np.eye(3, dtype=bool), 0, -1)
+    at_input = True
+    sensors = ('gyro',)
+    needs = 'rests or turns with each axis up and down, long enough for the noise to fall below 15 deg/h'
+
+    def columns(self, poses):
+        """Return the direction of up."""
+        return unit(poses.force)
+
+    def why_not(self, poses):
+        """Specific force has to be known."""
+        return super().why_not(poses) or _no_force(poses)
+
+
+class WrongGravity(Regressor):
+    """Local gravity that differs from the one assumed."""
+
+    name = 'wrong_gravity'
+    symbol = 'dg'
+    title = 'wrong local gravity'
+    equation = 'i = (1 + dg) i'
+    signature = 'none: a common scale factor looks the same'
+    hint = 'give --gravity, or --latitude and --height: 0.5 % between the equator and the poles'
+    reference = 'NIMA TR8350.2'
+    parameters = (Parameter('dg', '1', -0.01, 0.01, log=False, amplitude=True,
+                            title='relative error of gravity'),)
+    feeds = np.where(np.eye(3, dtype=bool), 0, -1)
+    at_input = True
+    sensors = ('accel',)
+    needs = 'no pose at all: only the local gravity itself (--gravity, or --latitude and --height)'
+
+    def columns(self, poses):
+        """Return the input."""
+        return poses.rates
+
+
+class Tilt(Scatter):
+    """
+    Faces that are not level, each by a small random tilt of its own: two angles of this rms.
+
+    The lateral readings scatter by g theta, the axial ones by g theta^2 only. In a model it stands in place
+    of the tilt that was stated.
+
+    """
+
+    name = 'tilt'
+    symbol = 'theta'
+    title = 'tilt of the faces'
+    equation = 'lateral: (g theta)^2, axial: (g theta^2)^2'
+    signature = 'lateral readings scatter from pose to pose, axial ones hardly'
+    hint = 'level the table, square the block; or use 12 and more spread poses, which need no level'
+    reference = 'six-position method'
+    parameters = (Parameter('angle', 'rad', 1e-4, 0.5, amplitude=True, title='rms of each of two tilt angles'),)
+    needs = 'each face held several times, put down anew: tilt scatters the lateral readings alone'
+
+    def covariance(self, poses, scale, amplitude):
+        """
+        Return D ((m theta)^2 (1 - u u') + (m theta^2)^2 u u') D for inputs m u, D the diagonal of S.
+
+        Not S itself: estimated from tilted faces, its cross-axis terms are too uncertain to weigh by.
+
+        """
+        m = np.linalg.norm(poses.inputs, axis=0)
+        u = unit(poses.inputs)
+        along = np.einsum('in,jn->nij', u, u)
+        across = np.eye(3) - along
+        at_input = (m * amplitude)[:, None, None] ** 2 * (across + amplitude ** 2 * along)
+        own = np.diag(scale)
+        return own[:, None] * at_input * own
+
+    def why_not(self, poses):
+        """Poses of unknown direction have no tilt."""
+        return super().why_not(poses) or ('' if poses.known else 'poses of free direction have no tilt')
+
+
+class Repeatability(Scatter):
+    """Bias that changes from pose to pose by more than the noise within a pose: instability, hysteresis."""
+
+    name = 'repeatability'
+    symbol = 'r'
+    title = 'pose-to-pose scatter'
+    equation = 'every reading: r^2'
+    signature = 'all readings scatter by more than the noise within a pose, with no course'
+    hint = 'bias instability, hysteresis or mechanical stress; hold poses again to average it down'
+    reference = 'IEEE 1554 (repeatability)'
+    parameters = (Parameter('sigma', '{rate}', 1e-9, _BIG, amplitude=True, title='scatter between poses'),)
+    needs = 'each pose held several times: scatter that repeats on no input'
+
+    def covariance(self, poses, scale, amplitude):
+        """Return sigma^2 times the identity, in units of the output."""
+        return np.broadcast_to((amplitude ** 2) * np.eye(3), (poses.n, 3, 3)) * poses.amount[:, None, None] ** 2
+
+
+def _no_temperature(poses: Poses) -> str:
+    if not np.isfinite(poses.temperature).all():
+        return 'no temperature was recorded'
+    return '' if np.ptp(poses.temperature) > 0.1 else 'the temperature did not change'
+
+
+def _no_force(poses: Poses) -> str:
+    return '' if np.isfinite(poses.force).all() else 'the specific force is not known'
+
+
+BASE = ('scale', 'cross_axis', 'bias')

@@ -1,0 +1,268 @@
+"""
+The equations of a calibration, whitened: linear in the coefficients, of unit variance, grouped by pose.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import chi2
+
+from ..effect import Model
+from .effects import Regressor, Scatter, Tilt
+from .poses import Poses, unit
+
+_SMALL = 1e-8       # relative: a direction the poses do not determine
+GAUGE = ('S_xy', 'S_xz', 'S_yz')        # set to zero where only the magnitude of the input is known
+
+
+@dataclass(frozen=True)
+class Equations:
+    """
+    matrix @ theta = right, with independent errors of variance one.
+
+    Parameters
+    ----------
+    matrix : ndarray (N, m)
+        One column a coefficient.
+    right : ndarray (N,)
+        Whitened outputs.
+    pose : ndarray (N,)
+        To which pose an equation belongs.
+    keys : tuple of (label, parameter)
+        What the coefficients are.
+    whitener : ndarray (n, r, 3)
+        What turns the three outputs of a pose into its r equations: 3, or 1 where only the magnitude is known.
+
+    """
+
+    matrix: np.ndarray
+    right: np.ndarray
+    pose: np.ndarray
+    keys: tuple[tuple[str, str], ...]
+    whitener: np.ndarray
+
+    @cached_property
+    def _decomposed(self):
+        size = np.linalg.norm(self.matrix, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        u, s, vt = np.linalg.svd(self.matrix / size, full_matrices=False)
+        keep = s > _SMALL * s[0]
+        return u[:, keep], s[keep], vt, keep, size
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations of coefficients that the poses determine."""
+        return self._decomposed[0].shape[1]
+
+    @property
+    def dof(self) -> int:
+        """Equations left over."""
+        return len(self.right) - self.rank
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the matrix with its columns scaled to length one."""
+        s = self._decomposed[1]
+        return float(s[0] / s[-1]) if self.rank == self.matrix.shape[1] else float('inf')
+
+    @cached_property
+    def theta(self) -> np.ndarray:
+        """Least-squares coefficients; the smallest where they are not determined."""
+        u, s, vt, keep, size = self._decomposed
+        return (vt[keep].T @ (u.T @ self.right / s)) / size
+
+    @cached_property
+    def cov(self) -> np.ndarray:
+        """Covariance of the coefficients (m, m), of their determined part."""
+        _, s, vt, keep, size = self._decomposed
+        half = vt[keep].T / s / size[:, None]
+        return half @ half.T
+
+    @cached_property
+    def determined(self) -> np.ndarray:
+        """Whether each coefficient is determined by itself, (m,)."""
+        _, _, vt, keep, _ = self._decomposed
+        return (vt[keep] ** 2).sum(0) > 1 - 1e-6
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """Right side minus matrix times coefficients, (N,)."""
+        u = self._decomposed[0]
+        return self.right - u @ (u.T @ self.right)
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals: chi-squared with ``dof`` degrees of freedom under a true model."""
+        return float(self.residual @ self.residual)
+
+    def log_restricted(self, log_det: float) -> float:
+        """Return the restricted log-likelihood; log_det is that of the covariance whitened away."""
+        _, s, _, _, size = self._decomposed
+        return -0.5 * (self.chi2 + log_det + 2 * np.log(s).sum() + 2 * np.log(size).sum())
+
+    def gain(self, columns: np.ndarray) -> tuple[float, int]:
+        """
+        Return what adding columns (N, k) gains, in nats, and how many of them say something new.
+
+        Twice the gain is chi-squared with that many degrees of freedom where they are not there.
+
+        """
+        u = self._decomposed[0]
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > 0] / size[size > 0]
+        fresh = columns - u @ (u.T @ columns)
+        if not fresh.size:
+            return 0.0, 0
+        v, s, _ = np.linalg.svd(fresh, full_matrices=False)
+        v = v[:, s > 1e-6]
+        return float(0.5 * np.sum((v.T @ self.residual) ** 2)), v.shape[1]
+
+    def left_out(self) -> LeftOut:
+        """Return how well each pose is predicted by all the others (closed form, by leverage)."""
+        u = self._decomposed[0]
+        error, vectors, inverse = [], [], []
+        for k in range(self.pose[-1] + 1):
+            mine = self.pose == k
+            value, vector = np.linalg.eigh(np.eye(mine.sum()) - u[mine] @ u[mine].T)
+            keep = value > 1e-6                # leverage one: no other pose speaks of it
+            vectors.append(vector[:, keep])
+            inverse.append(1 / value[keep])
+            error.append(inverse[-1] * (vector[:, keep].T @ self.residual[mine]))
+        return LeftOut(error, vectors, inverse, self)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """
+    Each pose predicted by the others, in the whitened directions in which they can.
+
+    ``error[k]`` in the basis ``vectors[k]`` has variances ``variance[k]`` under a true model.
+
+    """
+
+    error: list[np.ndarray]
+    vectors: list[np.ndarray]
+    variance: list[np.ndarray]
+    equations: Equations
+
+    @property
+    def x(self) -> np.ndarray:
+        """Squared error over variance, (n,): chi-squared with ``bins`` degrees of freedom."""
+        return np.array([float(np.sum(e ** 2 / v)) for e, v in zip(self.error, self.variance)])
+
+    @property
+    def bins(self) -> np.ndarray:
+        """Number of directions in which each pose is predicted, (n,)."""
+        return np.array([len(v) for v in self.variance])
+
+    @property
+    def p_values(self) -> np.ndarray:
+        """Chance of a worse error, (n,); 1 where nothing is predicted."""
+        return np.where(self.bins > 0, chi2.sf(self.x, np.maximum(self.bins, 1)), 1.0)
+
+    @property
+    def excess(self) -> tuple[float, float]:
+        """Mean excess deviance per bin, and its chance scatter: 0 is as good as the truth."""
+        bins = int(self.bins.sum())
+        if not bins:
+            return float('nan'), float('nan')
+        u = self.equations._decomposed[0]
+        block = np.zeros((len(u), len(u)))
+        for k, (vector, value) in enumerate(zip(self.vectors, self.variance)):
+            mine = np.flatnonzero(self.equations.pose == k)
+            block[np.ix_(mine, mine)] = (vector * value) @ vector.T
+        project = np.eye(len(u)) - u @ u.T
+        quadratic = project @ block @ project
+        return (float(0.5 * (self.x.sum() - bins) / bins),
+                float(np.sqrt(0.5 * np.sum(quadratic ** 2)) / bins))
+
+    def improvement(self, other: LeftOut) -> tuple[float, int]:
+        """
+        Return (log predictive density over another's, bins), in directions that both predict, in output units.
+
+        """
+        total, bins = 0.0, 0
+        for k, vector in enumerate(self.vectors):
+            if not vector.shape[1]:
+                continue
+            change = vector.T @ self.equations.whitener[k] @ np.linalg.pinv(other.equations.whitener[k])
+            seen = change @ other.vectors[k]
+            if np.linalg.matrix_rank(seen) < len(seen):
+                continue
+            error = seen @ other.error[k]
+            cov = (seen * other.variance[k]) @ seen.T
+            before = error @ np.linalg.solve(cov, error) + np.linalg.slogdet(cov)[1]
+            after = np.sum(self.error[k] ** 2 / self.variance[k] + np.log(self.variance[k]))
+            total += 0.5 * (before - after)
+            bins += len(seen)
+        return float(total), bins
+
+
+def regressors(model: Model) -> list[Regressor]:
+    """Return the effects that have columns."""
+    return model.of(Regressor)
+
+
+def keys_of(model: Model, free_direction: bool) -> tuple[tuple[str, str], ...]:
+    """Return the (label, parameter) of every linear coefficient that is to be fitted."""
+    return tuple((e.label, p.name) for e in regressors(model) for p in e.parameters
+                 if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE))
+
+
+def terms_of(model: Model, poses: Poses, scale: np.ndarray, free_direction: bool) -> np.ndarray:
+    """Return the columns of every coefficient of :func:`keys_of`, (3, n, m)."""
+    parts = []
+    for e in regressors(model):
+        keep = [k for k, p in enumerate(e.parameters)
+                if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE)]
+        parts.append(e.terms(poses, scale)[:, :, keep])
+    return np.concatenate(parts, axis=2)
+
+
+def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float, free_direction: bool) -> np.ndarray:
+    """
+    Return the covariance of each pose's outputs, (n, 3, 3): noise, tilt and the model's scatter.
+
+    ``tilt`` (rad) is the stated one; a ``tilt`` in the model stands in its place.
+
+    """
+    cov = np.zeros((poses.n, 3, 3))
+    cov[:, range(3), range(3)] = poses.std.T ** 2
+    scatter = {e.name: next(iter(e.values.values()), 0.0) for e in model.of(Scatter)}
+    if not free_direction and tilt > 0 and 'tilt' not in scatter:
+        cov += Tilt().covariance(poses, scale, tilt)
+    for e in model.of(Scatter):
+        cov += e.covariance(poses, scale, scatter[e.name])
+    return cov
+
+
+def whitener_of(poses: Poses, cov: np.ndarray, scale: np.ndarray, free_direction: bool):
+    """Return the whitener (n, r, 3) and the log-determinant of what it takes away."""
+    if free_direction:
+        w = np.linalg.solve(scale.T, unit(poses.inputs)).T                  # gradient of |S^-1 (o - b)|
+        variance = np.einsum('ni,nij,nj->n', w, cov, w)
+        return (w / np.sqrt(variance)[:, None])[:, None, :], float(np.log(variance).sum())
+    lower = np.linalg.cholesky(cov)
+    log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
+    return np.linalg.inv(lower), float(log_det)
+
+
+def whitened(whitener: np.ndarray, terms: np.ndarray) -> np.ndarray:
+    """Return terms (3, n, k) as rows of equations, (n r, k)."""
+    rows = np.einsum('nri,ink->nrk', whitener, terms)
+    return rows.reshape(-1, terms.shape[2])
+
+
+def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
+              free_direction: bool) -> tuple[Equations, float]:
+    """Return the whitened equations of a model around S = scale, and the log-determinant taken away."""
+    cov = covariance(model, poses, scale, tilt, free_direction)
+    whitener, log_det = whitener_of(poses, cov, scale, free_direction)
+    terms = terms_of(model, poses, scale, free_direction)
+    right = np.einsum('nri,in->nr', whitener, poses.outputs).ravel()
+    pose = np.repeat(np.arange(poses.n), whitener.shape[1])
+    return Equations(whitened(whitener, terms), right, pose, keys_of(model, free_direction), whitener), log_det

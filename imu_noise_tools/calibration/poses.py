@@ -1,0 +1,143 @@
+"""
+What a calibration is made from: mean outputs at known inputs, one column a pose.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+FACES = ('+x', '-x', '+y', '-y', '+z', '-z')
+DIRECTIONS = {face: sign * np.eye(3)['xyz'.index(axis)]
+              for face in FACES for sign, axis in [(1.0 if face[0] == '+' else -1.0, face[1])]}
+
+
+@dataclass(frozen=True)
+class Poses:
+    """
+    Poses of one sensor, n columns.
+
+    Parameters
+    ----------
+    sensor : str
+        ``accel`` or ``gyro``.
+    outputs : ndarray (3, n)
+        Mean output of each pose, m/s^2 or rad/s (or counts); for a turn through an angle its integral, rad.
+    std : ndarray (3, n)
+        Standard error of these means from the noise within the pose.
+    inputs : ndarray (3, n)
+        Known input in the body frame; nan where only its magnitude is known.
+    magnitude : float
+        Size of the input by which the regressor is scaled: gravity, or the largest turn.
+    amount : ndarray (n,)
+        What the bias is multiplied by: 1 for a mean, the duration in s for an integral.
+    force : ndarray (3, n)
+        Specific force during the pose, m/s^2, body frame (gyro only); nan where unknown.
+    temperature : ndarray (n,)
+        Degrees Celsius; nan where unknown.
+    reference_temperature : float
+        Temperature at which scale and bias are stated.
+    time : ndarray (n,)
+        Middle of the pose, s since the start of the record.
+    names : tuple of str
+        ``+x`` for a face, ``pose 7``, ``turn +z``.
+
+    """
+
+    sensor: str
+    outputs: np.ndarray
+    std: np.ndarray
+    inputs: np.ndarray
+    magnitude: float
+    amount: np.ndarray
+    force: np.ndarray
+    temperature: np.ndarray
+    reference_temperature: float
+    time: np.ndarray
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, sensor, outputs, std, magnitude, inputs=None, amount=None, force=None, temperature=None,
+           reference_temperature=None, time=None, names=None) -> Poses:
+        """Return poses with what is not given filled in: unknown inputs, means, one after the other."""
+        outputs = np.atleast_2d(np.asarray(outputs, float))
+        n = outputs.shape[1]
+        temperature = np.full(n, np.nan) if temperature is None else np.asarray(temperature, float)
+        if reference_temperature is None:
+            known = temperature[np.isfinite(temperature)]
+            reference_temperature = float(np.round(known.mean(), 1)) if known.size else 25.0
+        unknown = np.full((3, n), np.nan)
+        return cls(
+            sensor, outputs, np.broadcast_to(np.asarray(std, float), outputs.shape).copy(),
+            unknown if inputs is None else np.asarray(inputs, float), float(magnitude),
+            np.ones(n) if amount is None else np.asarray(amount, float),
+            unknown if force is None else np.asarray(force, float), temperature, reference_temperature,
+            np.arange(n, dtype=float) if time is None else np.asarray(time, float),
+            tuple(names) if names is not None else tuple(f'pose {k + 1}' for k in range(n)))
+
+    @property
+    def n(self) -> int:
+        """Number of poses."""
+        return self.outputs.shape[1]
+
+    @property
+    def known(self) -> bool:
+        """Whether every input is known, not only its magnitude."""
+        return bool(np.isfinite(self.inputs).all())
+
+    @property
+    def rates(self) -> np.ndarray:
+        """Mean input of each pose, (3, n): the input itself, or angle over duration."""
+        return self.inputs / self.amount
+
+    def take(self, index) -> Poses:
+        """Return some of the poses."""
+        index = np.atleast_1d(index)
+        return replace(self, names=tuple(self.names[k] for k in index),
+                       **{name: getattr(self, name)[..., index] for name in _PER_POSE})
+
+    def without(self, k: int) -> Poses:
+        """Return all poses but one."""
+        return self.take(np.delete(np.arange(self.n), k))
+
+    def with_inputs(self, inputs) -> Poses:
+        """Return the poses with these inputs, (3, n)."""
+        return replace(self, inputs=np.asarray(inputs, float))
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return everything as plain arrays, for an npz file."""
+        return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> Poses:
+        """Return the poses that :meth:`to_arrays` wrote."""
+        return cls(sensor=str(arrays['sensor']), names=tuple(str(n) for n in arrays['names']),
+                   magnitude=float(arrays['magnitude']),
+                   reference_temperature=float(arrays['reference_temperature']),
+                   **{name: np.array(arrays[name], float) for name in _PER_POSE})
+
+
+_PER_POSE = ('outputs', 'std', 'inputs', 'amount', 'force', 'temperature', 'time')
+
+
+def joined(parts) -> Poses:
+    """Return poses of several records as one, at the magnitude and reference temperature of the first."""
+    first = parts[0]
+    return replace(first, names=tuple(n for p in parts for n in p.names),
+                   **{name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in _PER_POSE})
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Return columns scaled to length one; a column of zeros stays."""
+    length = np.linalg.norm(vectors, axis=0)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+def nearest_face(direction) -> tuple[str, float]:
+    """Return the face whose axis is nearest to a direction (3,), and the angle between them in degrees."""
+    direction = np.asarray(direction, float)
+    k = int(np.argmax(np.abs(direction)))
+    cosine = abs(direction[k]) / np.linalg.norm(direction)
+    return ('-+'[int(direction[k] > 0)] + 'xyz'[k]), float(np.degrees(np.arccos(min(1.0, cosine))))

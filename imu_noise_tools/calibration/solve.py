@@ -1,0 +1,318 @@
+"""
+Fitting a calibration: ``ols``, ``wls`` and ``norm``; any model, whole or not observable.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import norm as normal
+
+from ..effect import Estimate, Fit, Model, model_of
+from ..errors import FitError, UsageError
+from ..units import si
+from .effects import BASE, Scatter
+from .linear import equations, Equations
+from .poses import Poses, unit
+
+METHODS = ('ols', 'wls', 'norm')
+TILT = np.radians(1.0)
+_TURNS = 60             # iterations; the norm fit converges quadratically, in five or six
+
+
+def ols(outputs: np.ndarray, regressor: np.ndarray) -> np.ndarray:
+    """
+    Return G = O I' (I I')^-1, (3, rows): the plain least-squares solution of O = G I.
+
+    outputs O (3, n), regressor I (rows, n), e.g. [i; 1]. Inputs are scaled to their largest by the caller where
+    condition matters (I/g: 1.73 for six faces).
+
+    Raises
+    ------
+    FitError
+        I I' is singular: the poses do not determine G.
+
+    """
+    square = regressor @ regressor.T
+    if np.linalg.matrix_rank(square) < len(square):
+        raise FitError(f'the regressor has rank {np.linalg.matrix_rank(square)} of {len(square)}',
+                       'add poses: each axis up and down')
+    return outputs @ regressor.T @ np.linalg.inv(square)
+
+
+def base_model() -> Model:
+    """Return scale + cross_axis + bias."""
+    return model_of('calibration', BASE)
+
+
+def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT) -> Fit:
+    """
+    Fit a model to poses; what the poses do not determine is flagged, never refused.
+
+    ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles), ``norm`` uses
+    the magnitude of the input alone and sets S_xy = S_xz = S_yz = 0: it cannot see a common rotation.
+
+    ``Fit.details``: ``S`` (3, 3), ``bias`` (3,), ``theta`` and ``cov`` with ``keys``, ``equations``, ``inputs``
+    (3, n), ``residual`` (3, n) in units of the output, ``chi2``, ``dof``, ``condition``.
+
+    Raises
+    ------
+    UsageError
+        An unknown method, or a model without scale and bias.
+    FitError
+        The norm fit does not converge.
+
+    """
+    if method not in METHODS:
+        raise UsageError(f'there is no method {method}', f'methods are {", ".join(METHODS)}')
+    missing = [name for name in ('scale', 'bias') if name not in model]
+    if missing:
+        raise UsageError(f'a calibration model without {" and ".join(missing)}', 'keep scale and bias in it')
+    free = method == 'norm'
+    if not free and not poses.known:
+        raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
+    system, state, log_det = _iterate(model, poses, free, tilt)
+    for e in model.of(Scatter):
+        model = model.with_effect(e.with_values(**{e.parameters[0].name: _amplitude(
+            model, e, state.poses, state.scale, tilt, free)}))
+    if model.of(Scatter):
+        system, state, log_det = _iterate(model, state.poses, free, tilt)
+    theta, cov = system.theta, system.cov
+    if method == 'ols':
+        theta, cov = _unweighted(system)
+    if not free:
+        rms = next(iter(model['tilt'].values.values())) if 'tilt' in model else tilt
+        cov = cov + _common_tilt(system.keys, theta, rms)
+        if method == 'wls':
+            cov = cov + _leak(_State(state.poses, system.keys, theta), system, cov, rms)
+    state = _State(state.poses, system.keys, theta)
+    return _report(model, state, system, cov, log_det, method, tilt)
+
+
+class _State:
+    """Where the iteration stands: inputs and coefficients."""
+
+    def __init__(self, poses, keys=(), theta=()):
+        self.poses = poses
+        self.values = {k: float(v) for k, v in zip(keys, theta)}
+
+    def _matrix(self, diagonal):
+        s = np.diag([diagonal] * 3).astype(float)
+        for i, row in enumerate('xyz'):
+            for j, column in enumerate('xyz'):
+                label = 'scale' if i == j else 'cross_axis'
+                s[i, j] = self.values.get((label, f'S_{row}{column}'), s[i, j] if i == j else 0.0)
+        return s
+
+    @property
+    def scale(self):
+        """S, (3, 3)."""
+        return self._matrix(1.0)
+
+    @property
+    def bias(self):
+        """b, (3,)."""
+        return np.array([self.values.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
+
+
+def _iterate(model, poses, free, tilt):
+    """Solve, put the new S (and for ``norm`` the new directions) in, and solve again until nothing changes."""
+    scale, bias = _start(poses) if free else (_rough_scale(poses), np.zeros(3))
+    if free and not poses.known:
+        poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
+    state = _State(poses)
+    for turn in range(_TURNS):
+        system, log_det = equations(model, poses, scale, tilt, free)
+        state = _State(poses, system.keys, system.theta)
+        change = np.abs(state.scale - scale).max() / np.abs(scale).max()
+        scale = state.scale
+        if not np.isfinite(scale).all() or abs(np.linalg.det(scale)) < 1e-12 * np.abs(scale).max() ** 3:
+            raise FitError('the fit runs away', 'add poses in other directions')
+        if free:
+            inner = poses.outputs - system_rest(model, state, poses)
+            moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
+            change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)
+            poses = poses.with_inputs(moved)
+            state.poses = poses
+        if change < 1e-10 or (turn >= 3 and not free and change < 1e-6):
+            return system, state, log_det
+    raise FitError(f'the {"norm" if free else "weighted"} fit does not converge',
+                   'add poses in other directions, or look for a pose that moved')
+
+
+def system_rest(model: Model, state, poses: Poses) -> np.ndarray:
+    """Return all of the outputs that is not S i: bias and whatever else the model holds, (3, n)."""
+    rest = np.zeros((3, poses.n))
+    for e in model.effects:
+        if e.name in ('scale', 'cross_axis') or isinstance(e, Scatter):
+            continue
+        values = np.array([state.values.get((e.label, p.name), 0.0) for p in e.parameters])
+        rest += e.terms(poses, state.scale) @ values
+    return rest
+
+
+def _rough_scale(poses):
+    """Start from the ratio of outputs to inputs: 1 for SI."""
+    spread = np.abs(poses.outputs - poses.outputs.mean(1, keepdims=True)).max()
+    size = np.abs(poses.inputs - poses.inputs.mean(1, keepdims=True)).max()
+    return np.eye(3) * (spread / size if size > 0 and spread > 0 else 1.0)
+
+
+def _start(poses):
+    """
+    Return (S, b) of the axis-aligned ellipsoid through the outputs: sum_k a_k o_k^2 + c_k o_k = 1.
+
+    Works for counts as for SI; where no ellipsoid fits, S = 1 and b = 0.
+
+    """
+    middle, size = poses.outputs.mean(1, keepdims=True), poses.outputs.std()
+    o = (poses.outputs - middle) / (size or 1.0)
+    a = np.vstack([o ** 2, o]).T
+    square, linear = np.split(np.linalg.lstsq(a, np.ones(len(a)), rcond=None)[0], 2)
+    if (square <= 0).any():
+        return np.eye(3), np.zeros(3)
+    centre = -linear / (2 * square)
+    radius = np.sqrt((1 + np.sum(square * centre ** 2)) / square)
+    return np.diag(radius * size / poses.magnitude), centre * size + middle[:, 0]
+
+
+def amplitudes(effect: Scatter, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
+    """Return the range in which a scatter's amplitude is looked for: from far below the noise to what devices do."""
+    if effect.name == 'repeatability':          # up to 0.5 % of the input: more is no bias that wanders
+        size = poses.magnitude * np.abs(np.diag(scale)).mean() / np.median(poses.amount)
+        return 1e-3 * float(np.median(poses.std / poses.amount)) + 1e-12, 5e-3 * size
+    return effect.parameters[0].lower, effect.parameters[0].upper
+
+
+def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, free) -> float:
+    """Return the restricted log-likelihood with one scatter's amplitude."""
+    trial = effect.with_values(**{effect.parameters[0].name: amplitude})
+    trial = model.with_effect(trial) if effect.label in model else model + trial
+    system, log_det = equations(trial, poses, scale, tilt, free)
+    return system.log_restricted(log_det)
+
+
+def best_amplitude(model: Model, effect: Scatter, poses, scale, tilt, free) -> tuple[float, float]:
+    """Return (amplitude of greatest restricted likelihood, that log-likelihood)."""
+    lower, upper = np.log(amplitudes(effect, poses, scale))
+    grid = np.linspace(lower, upper, 25)
+
+    def loss(x):
+        return -restricted(model, effect, np.exp(x), poses, scale, tilt, free)
+
+    values = [loss(x) for x in grid]
+    k = int(np.argmin(values))
+    found = minimize_scalar(loss, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, 24)]), method='bounded',
+                            options={'xatol': 1e-3})
+    return (float(np.exp(found.x)), -float(found.fun)) if found.fun < values[k] else (
+        float(np.exp(grid[k])), -values[k])
+
+
+def _amplitude(model, effect, poses, scale, tilt, free):
+    return best_amplitude(model, effect, poses, scale, tilt, free)[0]
+
+
+def _unweighted(system: Equations):
+    """Return plain least squares and its covariance under the true weights: readings count alike."""
+    readings = np.linalg.inv(system.whitener)                   # (n, 3, 3): back to units of the output
+    n, m = len(readings), system.matrix.shape[1]
+    matrix = np.einsum('nij,njk->nik', readings, system.matrix.reshape(n, 3, m)).reshape(-1, m)
+    right = np.einsum('nij,nj->ni', readings, system.right.reshape(n, 3)).ravel()
+    size = np.linalg.norm(matrix, axis=0)
+    inverse = np.linalg.pinv(matrix / np.where(size > 0, size, 1.0)) / np.where(size > 0, size, 1.0)[:, None]
+    spread = np.einsum('kni,nij->knj', inverse.reshape(m, n, 3), readings).reshape(m, -1)
+    return inverse @ right, spread @ spread.T
+
+
+def _common_tilt(keys, theta, tilt):
+    """
+    Return the covariance that the mean effect of tilt adds.
+
+    A tilt by two angles of rms theta shortens the axial input by theta^2 on average, in every pose alike: all of
+    S is low by that fraction, which no residual shows.
+
+    """
+    low = np.array([v * tilt ** 2 if label in ('scale', 'cross_axis') else 0.0
+                    for (label, _), v in zip(keys, theta)])
+    return np.outer(low, low)
+
+
+def _leak(state, system, cov, tilt):
+    """
+    Return the covariance added by lateral tilt that reaches an axis through its cross-axis sensitivities.
+
+    Left out of the weights, where the uncertainty of these sensitivities would do harm; here only what they
+    exceed their own variance by counts.
+
+    """
+    variance = dict(zip(system.keys, np.diag(cov)))
+    uncertain = np.array([[variance.get(('cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz'] for k in 'xyz'])
+    sensitivity = np.maximum(state.scale ** 2 - uncertain, 0.0) * (1 - np.eye(3))
+    lateral = tilt ** 2 * (np.sum(state.poses.inputs ** 2, axis=0) - state.poses.inputs ** 2)
+    spread = np.linalg.pinv(system.matrix).reshape(len(cov), -1, 3)
+    per_reading = np.einsum('mnr,nrk->mnk', spread, system.whitener)
+    return np.einsum('mnk,kn,lnk->ml', per_reading, sensitivity @ lateral, per_reading)
+
+
+def _report(model, state, system, cov, log_det, method, tilt):
+    free, poses, keys = method == 'norm', state.poses, system.keys
+    std = np.sqrt(np.diag(cov))
+    value = dict(zip(keys, zip(state.values.values(), std, system.determined)))
+    sensor, flags, estimates, effects = poses.sensor, [], {}, []
+    for e in model.effects:
+        if isinstance(e, Scatter):
+            estimates[e.label] = {e.parameters[0].name: _scatter_estimate(model, e, poses, state.scale, tilt, free)}
+            effects.append(e)
+            continue
+        mine = {p.name: _estimate(p, value.get((e.label, p.name)), sensor) for p in e.parameters}
+        estimates[e.label] = mine
+        effects.append(e.with_values(**{n: m.point for n, m in mine.items()}))
+        unseen = [n for n, m in mine.items() if m.std is None and not m.fixed]
+        if unseen:
+            flags.append(f'{e.label}: {", ".join(unseen)} not determined by these poses'
+                         + (f'; needs {e.needs}' if e.needs else ''))
+    model = Model(effects)
+    residual = poses.outputs - state.scale @ poses.inputs - system_rest(model, state, poses)
+    details = {'S': state.scale, 'bias': state.bias, 'keys': keys, 'theta': np.array(list(state.values.values())),
+               'cov': cov, 'equations': system, 'inputs': poses.inputs, 'residual': residual, 'tilt': tilt,
+               'chi2': system.chi2, 'dof': system.dof, 'condition': system.condition, 'method': method}
+    return Fit(model, estimates, -0.5 * (system.chi2 + log_det), tuple(flags), details)
+
+
+def _estimate(parameter, found, sensor) -> Estimate:
+    """Return the estimate of one coefficient: null where its interval holds zero, except in the base model."""
+    unit_ = si(parameter.unit, sensor)
+    if found is None:
+        return Estimate(0.0, None, None, unit_, point=0.0, fixed=True,
+                        note='set to zero: a common rotation cannot be seen from magnitudes alone')
+    value, std, determined = found
+    if not determined:
+        return Estimate(None, None, None, unit_, point=value, note='not determined by these poses')
+    half = normal.isf(0.025) * std
+    interval = (value - half, value + half)
+    base = parameter.name[:2] in ('S_', 'b_')
+    if not base and interval[0] <= 0 <= interval[1]:
+        return Estimate(None, std, interval, unit_, upper95=abs(value) + normal.isf(0.05) * std, point=value,
+                        note='interval reaches zero')
+    return Estimate(value, std, interval, unit_, point=value)
+
+
+def _scatter_estimate(model, effect, poses, scale, tilt, free) -> Estimate:
+    """Return the estimate of a scatter's amplitude by its restricted profile likelihood."""
+    parameter = effect.parameters[0]
+    lower, upper = amplitudes(effect, poses, scale)
+    grid = np.exp(np.linspace(np.log(lower), np.log(upper), 400))
+    coarse = grid[::8]
+    profile = np.array([restricted(model, effect, a, poses, scale, tilt, free) for a in coarse])
+    profile = np.interp(np.log(grid), np.log(coarse), profile)
+    best = effect.values[parameter.name]
+    top = max(profile.max(), restricted(model, effect, best, poses, scale, tilt, free))
+    inside = grid[profile > top - 1.92]
+    unit_ = si(parameter.unit, poses.sensor)
+    interval = (float(inside[0]), float(inside[-1])) if len(inside) else (best, best)
+    if profile[0] > top - 1.92:
+        limit = float(grid[profile > top - 1.353][-1])
+        return Estimate(None, None, (0.0, interval[1]), unit_, upper95=limit, point=best,
+                        note='interval reaches zero')
+    return Estimate(best, (interval[1] - interval[0]) / 3.92, interval, unit_, point=best)
