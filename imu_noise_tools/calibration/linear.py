@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.stats import chi2
 
 from ..effect import Model
@@ -81,6 +82,12 @@ class Equations:
         _, s, vt, keep, size = self._decomposed
         half = vt[keep].T / s / size[:, None]
         return half @ half.T
+
+    @cached_property
+    def undetermined(self) -> np.ndarray:
+        """Basis of what the poses say nothing about, (m, k)."""
+        size = self._decomposed[4]
+        return null_space(self.matrix / size, rcond=_SMALL) / size[:, None]
 
     @cached_property
     def determined(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from scipy.stats import norm as normal
 from ..effect import Estimate, Fit, Model, model_of
 from ..errors import FitError, UsageError
 from ..units import si
-from .effects import BASE, Scatter
+from .effects import BASE, Regressor, Scatter
 from .linear import equations, Equations
 from .poses import Poses, unit
 
@@ -105,6 +105,11 @@ class _State:
                 s[i, j] = self.values.get((label, f'S_{row}{column}'), s[i, j] if i == j else 0.0)
         return s
 
+    def filled(self, model):
+        """Return the model with the coefficients as its values."""
+        return Model(e if isinstance(e, Scatter) else e.with_values(
+            **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.parameters}) for e in model)
+
     @property
     def scale(self):
         """S, (3, 3)."""
@@ -130,7 +135,7 @@ def _iterate(model, poses, free, tilt):
         if not np.isfinite(scale).all() or abs(np.linalg.det(scale)) < 1e-12 * np.abs(scale).max() ** 3:
             raise FitError('the fit runs away', 'add poses in other directions')
         if free:
-            inner = poses.outputs - system_rest(model, state, poses)
+            inner = poses.outputs - rest_of(state.filled(model), scale, poses)
             moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
             change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)
             poses = poses.with_inputs(moved)
@@ -141,14 +146,12 @@ def _iterate(model, poses, free, tilt):
                    'add poses in other directions, or look for a pose that moved')
 
 
-def system_rest(model: Model, state, poses: Poses) -> np.ndarray:
-    """Return all of the outputs that is not S i: bias and whatever else the model holds, (3, n)."""
+def rest_of(model: Model, scale: np.ndarray, poses: Poses) -> np.ndarray:
+    """Return all of the outputs of a fitted model that is not S i: bias and what else it holds, (3, n)."""
     rest = np.zeros((3, poses.n))
-    for e in model.effects:
-        if e.name in ('scale', 'cross_axis') or isinstance(e, Scatter):
-            continue
-        values = np.array([state.values.get((e.label, p.name), 0.0) for p in e.parameters])
-        rest += e.terms(poses, state.scale) @ values
+    for e in model.of(Regressor):
+        if e.name not in ('scale', 'cross_axis'):
+            rest += e.terms(poses, scale) @ np.array([e.values.get(p.name, 0.0) for p in e.parameters])
     return rest
 
 
@@ -273,7 +276,7 @@ def _report(model, state, system, cov, log_det, method, tilt):
             flags.append(f'{e.label}: {", ".join(unseen)} not determined by these poses'
                          + (f'; needs {e.needs}' if e.needs else ''))
     model = Model(effects)
-    residual = poses.outputs - state.scale @ poses.inputs - system_rest(model, state, poses)
+    residual = poses.outputs - state.scale @ poses.inputs - rest_of(model, state.scale, poses)
     details = {'S': state.scale, 'bias': state.bias, 'keys': keys, 'theta': np.array(list(state.values.values())),
                'cov': cov, 'equations': system, 'inputs': poses.inputs, 'residual': residual, 'tilt': tilt,
                'chi2': system.chi2, 'dof': system.dof, 'condition': system.condition, 'method': method}

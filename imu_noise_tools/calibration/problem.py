@@ -1,0 +1,241 @@
+"""The loop's view of a calibration: poses left out one at a time, tests, and what could be missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm as normal
+
+from ..effect import Effect, Finding, Fit, Model, registry, Score, View
+from ..errors import FitError, UsageError
+from . import solve
+from .effects import Regressor, Scatter
+from .linear import equations, LeftOut, whitened
+from .poses import Poses, unit
+
+_PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
+
+
+@dataclass(frozen=True)
+class CalibrationProblem:
+    """
+    One sensor's poses, and how they are fitted: all that the loop needs.
+
+    Parameters
+    ----------
+    poses : Poses
+        The poses.
+    method : str
+        ``wls`` or ``norm``; ``ols`` fits plainly and is judged with the weights of ``wls``.
+    tilt : float
+        Stated tilt of the faces, rad (rms of each of two angles).
+
+    """
+
+    poses: Poses
+    method: str = 'wls'
+    tilt: float = solve.TILT
+
+    domain = 'calibration'
+
+    @property
+    def target(self) -> str:
+        """``accel`` or ``gyro``."""
+        return self.poses.sensor
+
+    @property
+    def unit(self) -> str:
+        """Unit of the outputs."""
+        return 'm/s^2' if self.target == 'accel' else 'rad/s'
+
+    @property
+    def _free(self) -> bool:
+        return self.method == 'norm'
+
+    def _with(self, poses: Poses) -> CalibrationProblem:
+        return CalibrationProblem(poses, self.method, self.tilt)
+
+    def split(self) -> list[tuple[CalibrationProblem, CalibrationProblem]]:
+        """Return (all but one pose, that pose), for every pose."""
+        return [(self._with(self.poses.without(k)), self._with(self.poses.take(k)))
+                for k in range(self.poses.n)]
+
+    def fit(self, model: Model) -> Fit:
+        """Fit a model; see :func:`solve.fit`."""
+        return solve.fit(model, self.poses, self.method, self.tilt)
+
+    def score(self, fit: Fit) -> Score:
+        """
+        Score a fit made on other poses by these: squared error over its predicted variance, less its mean.
+
+        Directions of which the other poses say nothing are not counted (nan where none is left).
+
+        """
+        scale, system = fit.details['S'], fit.details['equations']
+        poses = self.poses
+        if self._free:
+            poses = _directed(fit, poses)
+        mine, _ = equations(fit.model, poses, scale, self.tilt, self._free)
+        residual = mine.right - mine.matrix @ fit.details['theta']
+        cov = fit.details['cov'] if fit.details['method'] == 'ols' else system.cov
+        blind = mine.matrix @ system.undetermined
+        total = np.eye(len(residual)) + mine.matrix @ cov @ mine.matrix.T
+        size = np.linalg.norm(system.undetermined, axis=0).max(initial=0) or 1.0
+        value, vector = np.linalg.eigh(total + 1e12 * blind @ blind.T / size ** 2)
+        keep = value < 1e5
+        x = (vector[:, keep].T @ residual) ** 2 / value[keep]
+        if not len(x):
+            return Score(float('nan'), float('nan'))
+        return Score.of([View('poses', np.array([poses.time.mean()]), _pulls([x.sum()], [len(x)]),
+                              float(0.5 * (x.mean() - 1)), float(np.sqrt(0.5 / len(x))), 's')])
+
+    def held_out(self, fit: Fit) -> Score:
+        """Return the score of all poses, each left out in turn: the closed form of split, fit and score."""
+        left = self.left_out(fit)
+        excess, std = left.excess
+        return Score.of([View('poses', self.poses.time, _pulls(left.x, left.bins), excess, std, 's')])
+
+    def left_out(self, fit: Fit) -> LeftOut:
+        """Return each pose as the others predict it."""
+        return fit.details['equations'].left_out()
+
+    def omnibus(self, fit: Fit) -> list[Finding]:
+        """Return the tests of the whole: chi-squared, the worst pose, a drift in time."""
+        system, left = fit.details['equations'], self.left_out(fit)
+        total = float(chi2.sf(system.chi2, system.dof)) if system.dof else 1.0
+        found = [Finding('chi_squared', 0.0, p_value=total, view='poses',
+                         evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of freedom')]
+        k = int(np.argmin(left.p_values))
+        found.append(Finding(
+            'worst_pose', 0.0, p_value=float(min(1.0, self.poses.n * left.p_values[k])), view='poses',
+            evidence=f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s is {np.sqrt(left.x[k]):.1f} standard '
+                     f'errors from what the other poses predict'))
+        gain, rank = system.gain(self._drift(system))
+        if rank:
+            found.append(Finding('drift', 0.0, p_value=float(chi2.sf(2 * gain, rank)), view='time',
+                                 evidence='residual against the time of the pose'))
+        return found
+
+    def _drift(self, system):
+        t = self.poses.time - self.poses.time.mean()
+        terms = np.einsum('n,ik->ink', t / (np.ptp(t) or 1.0), np.eye(3))
+        return whitened(system.whitener, terms)
+
+    def candidates(self, fit: Fit) -> list[Finding]:
+        """Return what could be added, the most probable first; what these poses cannot show is left out."""
+        found = [f for e in self._others(fit.model) if not e.why_not(self.poses) for f in self._tried(fit, e)]
+        return sorted(found, key=lambda f: f.penalty - f.gain)
+
+    def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
+        """Return (effect, why, what would show it) for all that these poses cannot show at all."""
+        out = []
+        for e in self._others(fit.model):
+            if self.target not in e.sensors:
+                continue
+            why = e.why_not(self.poses)
+            if not why and isinstance(e, Regressor) and not self._gain(fit, e)[1]:
+                why = 'looks the same as what is already in the model'
+            if why:
+                out.append((e.name, why, e.needs))
+        return out
+
+    @staticmethod
+    def _others(model: Model) -> list[Effect]:
+        return [cls() for cls in registry('calibration').values()
+                if cls.name not in model and issubclass(cls, (Regressor, Scatter))]
+
+    def _gain(self, fit: Fit, effect: Regressor) -> tuple[float, int]:
+        system = fit.details['equations']
+        poses = self.poses.with_inputs(fit.details['inputs'])
+        return system.gain(whitened(system.whitener, effect.terms(poses, fit.details['S'])))
+
+    def _tried(self, fit: Fit, effect: Effect) -> list[Finding]:
+        if isinstance(effect, Scatter):
+            gain, rank = self._scatter_gain(fit, effect)
+            p_value = 0.5 * float(chi2.sf(2 * gain, 1))
+        else:
+            gain, rank = self._gain(fit, effect)
+            p_value = float(chi2.sf(2 * gain, rank)) if rank else 1.0
+        if not rank:
+            return []
+        penalty = 0.5 * rank * np.log(len(fit.details['equations'].right))
+        estimates, evidence = {}, f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
+        if rank < len(effect.parameters):
+            evidence += f'; {len(effect.parameters) - rank} of its {len(effect.parameters)} are not visible here'
+        if p_value < _PROMISING:
+            try:
+                more = self.fit(fit.model + effect)
+            except FitError:
+                return []
+            effect, estimates = more.model[effect.label], more.estimates[effect.label]
+            if not _possible(effect, estimates):
+                return []
+            evidence += f'; {self._where(fit, more)}'
+        return [Finding(effect.name, gain, effect, estimates, float(penalty), 'poses', evidence,
+                        p_value=p_value)]
+
+    def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
+        """Return the gain in restricted likelihood; 0 where less scatter than stated fits better."""
+        poses, scale = self.poses.with_inputs(fit.details['inputs']), fit.details['S']
+        args = (poses, scale, self.tilt, self._free)
+        amplitude, best = solve.best_amplitude(fit.model, effect, *args)
+        if effect.name == 'tilt' and amplitude <= self.tilt:
+            return 0.0, 1
+        system, log_det = equations(fit.model, *args)
+        return max(0.0, best - system.log_restricted(log_det)), 1
+
+    def _where(self, fit: Fit, more: Fit) -> str:
+        """Say at which poses the residual falls most."""
+        fall = (np.linalg.norm(fit.details['residual'], axis=0)
+                - np.linalg.norm(more.details['residual'], axis=0))
+        worst = [self.poses.names[k] for k in np.argsort(-fall)[:3] if fall[k] > 0]
+        rms = [float(np.sqrt(np.mean(f.details['residual'] ** 2))) for f in (fit, more)]
+        return (f'rms residual {rms[0]:.2g} -> {rms[1]:.2g} {self.unit}'
+                + (f', most at {", ".join(worst)}' if worst else ''))
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return everything as plain arrays, for an npz file."""
+        return {**self.poses.to_arrays(), 'method': np.asarray(self.method), 'tilt': np.asarray(self.tilt)}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> CalibrationProblem:
+        """
+        Return the problem that :meth:`to_arrays` wrote.
+
+        Raises
+        ------
+        UsageError
+            The arrays hold something else.
+
+        """
+        if 'method' not in arrays or 'outputs' not in arrays:
+            raise UsageError('the evidence holds no poses', 'run calibrate again')
+        return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
+
+
+def _directed(fit: Fit, poses: Poses) -> Poses:
+    """Return poses with the directions that a fit sees in their outputs."""
+    scale, inputs = fit.details['S'], poses.outputs
+    poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inputs - fit.details['bias'][:, None])))
+    for _ in range(5):
+        inner = poses.outputs - solve.rest_of(fit.model, scale, poses)
+        poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))
+    return poses
+
+
+def _possible(effect: Effect, estimates) -> bool:
+    """Tell whether the values lie within what nature allows (Earth rate, gravity), give or take 3 std."""
+    for p in effect.parameters:
+        e = estimates[p.name]
+        if isinstance(effect, Regressor) and e.std is not None and e.point is not None:
+            if not p.lower - 3 * e.std <= e.point <= p.upper + 3 * e.std:
+                return False
+    return True
+
+
+def _pulls(x, bins) -> np.ndarray:
+    """Return chi-squared values as standard normal ones."""
+    x, bins = np.asarray(x, float), np.asarray(bins)
+    tail = np.where(bins > 0, chi2.logsf(x, np.maximum(bins, 1)), np.log(0.5))
+    return np.clip(normal.isf(np.exp(np.maximum(tail, -600))), -40, 40)
