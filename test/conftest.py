@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope='session')
 def shared_data() -> Path:
-    """Return the folder of real recordings (``bags/``, ``records/``), or skip where it is absent."""
+    """Return the folder of real recordings (``bags/``, ``records/``), or skip without it."""
     folder = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data')
     if not (folder / 'bags').is_dir():
         pytest.skip(f'no real recordings at {folder} (set IMU_NOISE_DATA)')
@@ -23,3 +23,20 @@ def shared_data() -> Path:
 def root() -> Path:
     """Return the root of the source tree."""
     return ROOT
+
+
+@pytest.fixture(scope='session')
+def ros_session(tmp_path_factory):
+    """Return a client on a ROS domain of its own, or skip where there is no ROS."""
+    pytest.importorskip('rclpy', reason='no rclpy (pip install .[ros], or source ROS)')
+    from nodes_support import Ros
+    client = Ros(tmp_path_factory.mktemp('nodes'))
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def ros(ros_session):
+    """Return the client; processes that a test started end with the test."""
+    yield ros_session
+    ros_session.stop_all()

@@ -117,7 +117,7 @@ def test_every_file_has_a_licence_header(root):
 
 
 def test_set_up_takes_an_interpreter_that_runs(root):
-    """A version manager's shim can be on the PATH and fail: the Makefile tries, it does not look."""
+    """A version manager's shim can be on the PATH and fail: the Makefile runs it to see."""
     dry = subprocess.run(['make', '-n', '-B', 'test'], cwd=root, capture_output=True, text=True,
                          env={**os.environ, 'MAKEFLAGS': ''})
     assert dry.returncode == 0, dry.stderr

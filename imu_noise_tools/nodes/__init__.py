@@ -1,0 +1,1 @@
+"""The four ROS 2 nodes: thin shells over the functions that the command line calls."""

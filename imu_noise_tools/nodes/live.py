@@ -1,0 +1,166 @@
+"""A stream of samples in bounded memory: its last hours, and the Allan curve of all of it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+import threading
+
+import numpy as np
+
+from ..allan import degrees_of_freedom, interval
+
+_PER_CLUSTER = 16           # a stride of m/16 loses under 1 % of the degrees of freedom
+_LONGEST = 1 << 27          # largest cluster, samples: a week and more at 200 Hz
+
+
+@dataclass
+class _Size:
+    """What one cluster size m remembers: the last 2 m of the prefix sums, one in ``stride``."""
+
+    m: int
+    stride: int
+    tail: np.ndarray
+    total: np.ndarray
+    count: int = 0
+
+    def add(self, first: int, prefix: np.ndarray) -> None:
+        """Take prefix sums (n, columns), the first of them the one after ``first`` samples."""
+        points = prefix[-first % self.stride::self.stride]
+        if not len(points):
+            return
+        lag = self.m // self.stride
+        x = np.concatenate([self.tail, points])
+        if len(x) > 2 * lag:
+            d = x[2 * lag:] - 2 * x[lag:-lag] + x[:-2 * lag]
+            self.total += np.einsum('ij,ij->j', d, d)
+            self.count += len(d)
+        self.tail = x[-2 * lag:]
+
+
+class LiveCurve:
+    """
+    The overlapping Allan deviation of a stream, with a stride of m/16; memory does not grow.
+
+    sigma^2(m) = mean over k of (x_{k+2m} - 2 x_{k+m} + x_k)^2 / (2 m^2), x the prefix sums, k = 0,
+    s, 2s ... with s = max(1, m/16) (IEEE 952 C.2). A sample that is not finite is taken for the one
+    before it.
+
+    """
+
+    def __init__(self, columns: int):
+        strides = np.unique(np.geomspace(1, _LONGEST / _PER_CLUSTER, 120).astype(int))
+        self.n = 0
+        self._offset = self._last = None
+        self._sum = np.zeros(columns)
+        self._sizes = [
+            _Size(m, s, np.zeros((1, columns)), np.zeros(columns))
+            for m, s in [*((m, 1) for m in range(1, _PER_CLUSTER)),
+                         *((_PER_CLUSTER * int(s), int(s)) for s in strides)]]
+
+    def add(self, y: np.ndarray) -> None:
+        """Take more rates, (n, columns); best some hundreds at once."""
+        if not len(y):
+            return
+        if self._offset is None:
+            self._offset = np.where(np.isfinite(y[0]), y[0], 0.0)
+            self._last = np.zeros_like(self._offset)
+        y = _filled(y - self._offset, self._last)
+        self._last = y[-1]
+        prefix = self._sum + np.cumsum(y, axis=0)
+        self._sum = prefix[-1]
+        for size in self._sizes:
+            size.add(self.n + 1, prefix)
+        self.n += len(y)
+
+    def curve(self, dt: float):
+        """Return tau (k,) s, and deviation, lower and upper limit (95 %), each (k, columns)."""
+        sizes = [s for s in self._sizes if s.count and s.m <= max(self.n // 3, 1)]
+        if not sizes:
+            empty = np.empty((0, len(self._sum)))
+            return np.empty(0), empty, empty, empty
+        m = np.array([s.m for s in sizes])
+        dev = np.sqrt(np.array([s.total / s.count / 2 for s in sizes])) / m[:, None]
+        lo, hi = np.empty_like(dev), np.empty_like(dev)
+        for k in range(dev.shape[1]):
+            seen = np.maximum(dev[:, k], np.finfo(float).tiny)
+            lo[:, k], hi[:, k] = interval(dev[:, k], degrees_of_freedom(seen, m, self.n))
+        return m * dt, dev, lo, hi
+
+
+def _filled(y: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Return y with each sample that is not finite replaced by the one before it."""
+    bad = ~np.isfinite(y)
+    if not bad.any():
+        return y
+    y = np.vstack([before, y])
+    last = np.maximum.accumulate(np.where(np.isfinite(y), np.arange(len(y))[:, None], 0), axis=0)
+    return np.take_along_axis(y, last, axis=0)[1:]
+
+
+@dataclass
+class Stream:
+    """
+    The samples of a node: the last ``hours`` of them and the curve of all.
+
+    Safe to fill from one thread and to read from another. ``missed`` and ``refused`` count what
+    did not come and what could not be read.
+
+    """
+
+    hours: float
+    frame_id: str = ''
+    missed: int = 0
+    refused: int = 0
+    received: int = 0
+    _parts: deque = field(default_factory=deque)
+    _held: int = 0
+    _limit: int | None = None
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self):
+        """Begin an empty curve."""
+        self._curve = LiveCurve(6)
+
+    @property
+    def whole(self) -> bool:
+        """Whether everything that was received is still held."""
+        return self._held == self.received
+
+    def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> None:
+        """Take samples in the order of their arrival: stamps (n,) ns, gyro and accel (n, 3)."""
+        if not len(stamps):
+            return
+        rows = np.column_stack([gyro, accel])
+        with self._lock:
+            self._parts.append((stamps, rows))
+            self._held += len(stamps)
+            self.received += len(stamps)
+            self._curve.add(rows)
+            if self._limit is None and self._held >= 100:
+                self._limit = int(self.hours * 3600 * (self.rate_hz or 1000.0))
+            while self._limit and self._held - len(self._parts[0][0]) >= self._limit:
+                self._held -= len(self._parts.popleft()[0])
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Median rate by the first stamps held; None where they do not advance."""
+        if not self._parts:
+            return None
+        gaps = np.diff(np.concatenate([p[0] for p in list(self._parts)[:20]])[:2000])
+        step = np.median(gaps[gaps > 0]) if (gaps > 0).any() else 0
+        return 1e9 / step if step > 0 else None
+
+    def samples(self):
+        """Return what is held: stamps (n,) ns, gyro (n, 3), accel (n, 3)."""
+        with self._lock:
+            parts = list(self._parts)
+        if not parts:
+            return np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3))
+        rows = np.concatenate([p[1] for p in parts])
+        return np.concatenate([p[0] for p in parts]), rows[:, :3], rows[:, 3:]
+
+    def curve(self):
+        """Return the curve of everything received; see :meth:`LiveCurve.curve`."""
+        with self._lock:
+            return self._curve.curve(1.0 / (self.rate_hz or 1.0))

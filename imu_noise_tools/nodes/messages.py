@@ -1,0 +1,200 @@
+"""The only place that builds or reads messages: arrays in, arrays out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+import struct
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Image, Imu
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+import yaml
+
+from ..bag.container import Batch, Connection
+from ..bag.decode import ACCEL, decode, DOUBLES, GYRO, IMU
+from ..record import AXES
+
+BLOCK_COLUMNS = ('stamp', *AXES)
+CURVE_COLUMNS = ('tau', 'adev', 'lo', 'hi', 'model', 'log10_tau', 'log10_adev')
+_LIVE = Connection(0, 'imu/data_raw', IMU, 'cdr')
+
+
+def stamp_of(ns: int) -> Time:
+    """Return nanoseconds since the epoch as a stamp."""
+    sec, nanosec = divmod(int(ns), 10 ** 9)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+# ---- sensor_msgs/Imu, serialised ----
+
+def _body(raw: bytes) -> int:
+    """Return where the doubles of an Imu begin (little-endian CDR, aligned from byte 4)."""
+    if raw[:2] != b'\0\1':
+        raise ValueError('not little-endian CDR')
+    length = struct.unpack_from('<I', raw, 12)[0]
+    body = 4 + (12 + length + 7) // 8 * 8
+    if len(raw) < body + 8 * DOUBLES[IMU]:
+        raise ValueError('too short for an Imu')
+    return body
+
+
+def plain(raw: bytes) -> bytes:
+    """Return the message in the serialisation that the rest here reads."""
+    return raw if raw[:2] == b'\0\1' else serialize_message(deserialize_message(raw, Imu))
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Imu messages as arrays: stamps (n,) ns, gyro and accel (n, 3); ``refused`` were none."""
+
+    stamps: np.ndarray
+    gyro: np.ndarray
+    accel: np.ndarray
+    frame_id: str = ''
+    refused: int = 0
+
+    def __len__(self):
+        """Return how many there are."""
+        return len(self.stamps)
+
+
+def samples(batch: Sequence[bytes]) -> Samples:
+    """Read serialised Imu messages, as they are read from a bag."""
+    length = np.fromiter(map(len, batch), np.int64, len(batch))
+    data = np.frombuffer(b''.join(batch), np.uint8)
+    unknown = np.zeros(len(batch), np.int64)            # receive times
+    found = decode(Batch(_LIVE, unknown, data, length.cumsum() - length, length))
+    return Samples(found.stamp, found.values[:, GYRO].copy(), found.values[:, ACCEL].copy(),
+                   found.frame_id, len(batch) - len(found.stamp))
+
+
+def rate_of(raw: bytes) -> tuple[int, tuple[float, float, float], bool]:
+    """Return stamp (ns), angular rate (rad/s), and whether there is one (else -1 is stated)."""
+    sec, nanosec = struct.unpack_from('<iI', raw, 4)
+    *rate, covariance = struct.unpack_from('<4d', raw, _body(raw) + 8 * GYRO.start)
+    return sec * 10 ** 9 + nanosec, tuple(rate), covariance != -1.0
+
+
+def with_rate(raw: bytes, rate: Sequence[float], variance: Sequence[float]) -> bytes:
+    """Return the message with another rate (rad/s) and variance; all else is copied."""
+    x, y, z = variance
+    out = bytearray(raw)
+    struct.pack_into('<12d', out, _body(raw) + 8 * GYRO.start, *rate, x, 0, 0, 0, y, 0, 0, 0, z)
+    return bytes(out)
+
+
+def with_vectors(raw: bytes, gyro=None, accel=None) -> bytes:
+    """Return the message with another rate (rad/s) or acceleration (m/s^2); all else is copied."""
+    out, body = bytearray(raw), _body(raw)
+    for first, vector in ((GYRO.start, gyro), (ACCEL.start, accel)):
+        if vector is not None:
+            struct.pack_into('<3d', out, body + 8 * first, *vector)
+    return bytes(out)
+
+
+def with_stamp(raw: bytes, ns: int) -> bytes:
+    """Return the message with another header stamp."""
+    out = bytearray(raw)
+    struct.pack_into('<iI', out, 4, *divmod(int(ns), 10 ** 9))
+    return bytes(out)
+
+
+# ---- tables ----
+
+def table(rows: np.ndarray, columns: Sequence[str], label: str) -> Float64MultiArray:
+    """Return an array (n, columns) with its columns named; ``label`` is that of the rows."""
+    rows = np.ascontiguousarray(rows, float)
+    n, k = rows.shape
+    out = Float64MultiArray()
+    out.layout.dim = [MultiArrayDimension(label=label, size=n, stride=n * k),
+                      MultiArrayDimension(label=','.join(columns), size=k, stride=k)]
+    out.data.frombytes(rows.tobytes())
+    return out
+
+
+def rows_of(message: Float64MultiArray) -> tuple[str, list[str], np.ndarray]:
+    """Return label, names of columns, array (n, columns); raise ValueError where they disagree."""
+    if len(message.layout.dim) != 2:
+        raise ValueError('a table has two dimensions')
+    rows, columns = message.layout.dim
+    data = np.frombuffer(message.data, float)
+    if len(data) != rows.size * columns.size:
+        raise ValueError(f'{len(data)} numbers for {rows.size} x {columns.size}')
+    return rows.label, columns.label.split(','), data.reshape(rows.size, columns.size)
+
+
+def block(first: int, stamps, gyro, accel) -> Float64MultiArray:
+    """
+    Return a block of samples for ``imu/buffer``.
+
+    ``first`` is the index of the first one, ``stamps`` (n,) ns, ``gyro`` rad/s and ``accel`` m/s^2
+    (n, 3).
+
+    """
+    return table(np.column_stack([stamps / 1e9, gyro, accel]), BLOCK_COLUMNS, f'first:{first}')
+
+
+def samples_of_block(message: Float64MultiArray) -> tuple[int, Samples]:
+    """Return index of the first sample, and samples; raise ValueError where it is no block."""
+    label, columns, rows = rows_of(message)
+    name, _, first = label.partition(':')
+    if name != 'first' or not first.isdigit() or tuple(columns) != BLOCK_COLUMNS:
+        raise ValueError(f'not a block of Imu samples: {label} {columns}')
+    stamps = np.round(rows[:, 0] * 1e9).astype(np.int64)
+    return int(first), Samples(stamps, rows[:, 1:4].copy(), rows[:, 4:7].copy())
+
+
+def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
+    """Return an Allan curve; log10 columns too, since some viewers have no such axes."""
+    model = np.full(len(tau), np.nan) if model is None else model
+    with np.errstate(divide='ignore'):
+        logs = np.log10(tau), np.log10(adev)
+    return table(np.column_stack([tau, adev, lo, hi, model, *logs]), CURVE_COLUMNS, label)
+
+
+# ---- what people read ----
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def status(name: str, message: str, values: Mapping[str, object] | Iterable = (), level=OK,
+           hardware_id: str = '') -> DiagnosticStatus:
+    """Return one status; numbers are written so that they can be plotted (units are in keys)."""
+    pairs = values.items() if isinstance(values, Mapping) else values
+    return DiagnosticStatus(
+        level=level, name=name, message=message, hardware_id=hardware_id,
+        values=[KeyValue(key=str(k), value=_number(v)) for k, v in pairs if v is not None])
+
+
+def _number(value) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return str(bool(value)).lower()
+    return repr(float(value)) if isinstance(value, (float, np.floating)) else str(value)
+
+
+def diagnostics(now: Time, statuses: Iterable[DiagnosticStatus]) -> DiagnosticArray:
+    """Return an array of statuses."""
+    out = DiagnosticArray(status=list(statuses))
+    out.header.stamp = now
+    return out
+
+
+def image(pixels: np.ndarray, now: Time, frame_id: str = '') -> Image:
+    """Return an rgb8 image of pixels (height, width, 3), uint8."""
+    pixels = np.ascontiguousarray(pixels, np.uint8)
+    out = Image(height=pixels.shape[0], width=pixels.shape[1], encoding='rgb8',
+                step=3 * pixels.shape[1])
+    out.header.stamp, out.header.frame_id = now, frame_id
+    out.data.frombytes(pixels.tobytes())
+    return out
+
+
+def answer(response, result, success: bool = True):
+    """Fill a Trigger's response: its message is YAML."""
+    response.success = success
+    response.message = yaml.safe_dump(result, sort_keys=False, allow_unicode=True)
+    return response

@@ -1,0 +1,116 @@
+"""Parameters declared once: meaning, unit, range. A bad value is refused with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+
+from ..errors import ImuNoiseError
+
+
+@dataclass(frozen=True)
+class Setting:
+    """
+    One parameter of a node; the type is the default's: float, int, bool, str or list of str.
+
+    ``low`` and ``high`` are allowed values. ``check`` takes a value and raises an ImuNoiseError
+    where it will not do. A ``fixed`` one cannot be set while the node runs.
+
+    """
+
+    name: str
+    default: Any
+    text: str
+    unit: str = ''
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    check: Callable[[Any], Any] | None = None
+    fixed: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return what ``ros2 param describe`` shows."""
+        constraints = ['not while it runs'] if self.fixed else []
+        if self.choices:
+            constraints.append(f'one of {", ".join(self.choices)}')
+        answer = ParameterDescriptor(
+            name=self.name, description=f'{self.text} [{self.unit}]' if self.unit else self.text,
+            additional_constraints='; '.join(constraints), read_only=self.fixed,
+            # so that `speed:=10` is taken for 10.0, and one name for a list of one
+            dynamic_typing=isinstance(self.default, (float, list)))
+        if isinstance(self.default, float) and math.isfinite(self.high - self.low):
+            answer.floating_point_range = [
+                FloatingPointRange(from_value=float(self.low), to_value=float(self.high))]
+        return answer
+
+    def read(self, value: Any) -> Any:
+        """Return a value in the type of the default, or raise ValueError with the reason."""
+        if isinstance(self.default, list):
+            if isinstance(value, str):
+                value = value.split(',')
+            if not isinstance(value, (list, tuple)) or not all(isinstance(v, str) for v in value):
+                raise ValueError(f'{self.name} takes a list of names, not {value!r}')
+            value = [v.strip() for v in value if v.strip()]
+        elif isinstance(self.default, float):
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise ValueError(f'{self.name} takes a number, not {value!r}')
+            value = float(value)
+        if isinstance(value, (int, float)) and not self.low <= value <= self.high:
+            raise ValueError(
+                f'{self.name} = {value:g} is not between {self.low:g} and {self.high:g}')
+        if self.choices and value not in self.choices:
+            raise ValueError(f'{self.name} = {value!r} is not one of {", ".join(self.choices)}')
+        if self.check:
+            try:
+                self.check(value)
+            except ImuNoiseError as error:
+                raise ValueError(str(error)) from error
+        return value
+
+
+class Settings:
+    """
+    The parameters of one node, read as ``settings['speed']``.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose they are.
+    settings : Setting
+        All of them; they are declared here.
+
+    ``changed``, once set, is called with the names and values after they have been accepted.
+
+    """
+
+    def __init__(self, node, *settings: Setting):
+        self._node = node
+        self._settings = {s.name: s for s in settings}
+        self.changed: Callable[[dict], None] | None = None
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._act)
+        node.declare_parameters('', [(s.name, s.default, s.descriptor()) for s in settings])
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the value of one."""
+        return self._settings[name].read(self._node.get_parameter(name).value)
+
+    def _validate(self, parameters) -> SetParametersResult:
+        """Refuse what will not do (before anything is set), saying why."""
+        for p in parameters:
+            if p.name in self._settings:
+                try:
+                    self._settings[p.name].read(p.value)
+                except ValueError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _act(self, parameters) -> None:
+        """Tell the node (after everything is set)."""
+        ours = {p.name: self[p.name] for p in parameters if p.name in self._settings}
+        if ours and self.changed:
+            self.changed(ours)

@@ -1,0 +1,104 @@
+"""Quality of service, and the Imu subscription that every working node has."""
+
+from __future__ import annotations
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import (DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile,
+                       ReliabilityPolicy)
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import Imu
+
+_AT_ONCE = 1000         # messages taken in one callback at the most, so that timers get their turn
+# A timer of this clock goes on while simulated time stands still.
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
+
+
+def result() -> QoSProfile:
+    """Return the profile of results: a late viewer gets the last one."""
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def complete(reliability=ReliabilityPolicy.RELIABLE) -> QoSProfile:
+    """Return the profile of what must not be lost: a full reader holds its writer back."""
+    return QoSProfile(depth=1000, history=HistoryPolicy.KEEP_ALL, reliability=reliability)
+
+
+def live(reliability=ReliabilityPolicy.RELIABLE) -> QoSProfile:
+    """Return the profile of what must be recent: two seconds at 1 kHz, then the oldest goes."""
+    return QoSProfile(depth=2000, reliability=reliability)
+
+
+def overridable(*but: QoSPolicyKind) -> QoSOverridingOptions:
+    """Return options that let parameters change depth, history and reliability (``but`` some)."""
+    kinds = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY)
+    return QoSOverridingOptions([k for k in kinds if k not in but])
+
+
+class ImuInput:
+    """
+    A subscription to ``imu/data_raw`` that hands over messages as bytes.
+
+    It is reliable, and best-effort as soon as a publisher is (a reliable reader gets nothing from
+    such), unless ``qos_overrides.<topic>.subscription.reliability`` says which.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose it is.
+    take : callable
+        Called with a list of serialised messages: all that have come, or one where not ``drain``.
+    profile : callable
+        :func:`complete` or :func:`live`.
+    drain : bool
+        Empty the reader in one callback, which makes the multi-threaded executor some fifty times
+        faster. (The events executor counts what it announced: never drain behind its back.)
+
+    """
+
+    def __init__(self, node, take, profile=complete, drain=True):
+        self._node, self._take, self._profile = node, take, profile
+        self._callback = self._drain if drain else lambda raw: take([raw])
+        self.topic = node.resolve_topic_name('imu/data_raw')
+        self._group = MutuallyExclusiveCallbackGroup()
+        self.best_effort = False
+        name = f'qos_overrides.{self.topic}.subscription.reliability'
+        automatic = node.declare_parameter(name, 'automatic', ParameterDescriptor(
+            description='reliable, best_effort, or automatic: as the publishers are',
+            read_only=True)).value == 'automatic'
+        self._options = overridable(*(QoSPolicyKind.RELIABILITY,) * automatic)
+        self._subscription = self._subscribe()
+        if automatic:
+            node.create_timer(1.0, self._match, callback_group=self._group, clock=STEADY)
+
+    def _subscribe(self):
+        """Subscribe as the publishers allow."""
+        wanted = ReliabilityPolicy.BEST_EFFORT if self.best_effort else ReliabilityPolicy.RELIABLE
+        return self._node.create_subscription(
+            Imu, self.topic, self._callback, self._profile(wanted), raw=True,
+            callback_group=self._group, qos_overriding_options=self._options)
+
+    def _match(self) -> None:
+        """Go over to best effort where a publisher is, and back when none is left."""
+        kinds = {p.qos_profile.reliability
+                 for p in self._node.get_publishers_info_by_topic(self.topic)}
+        best_effort = ReliabilityPolicy.BEST_EFFORT in kinds
+        if kinds and best_effort != self.best_effort:
+            self.best_effort = best_effort
+            kind = 'best-effort' if best_effort else 'reliable'
+            self._node.get_logger().info(f'{self.topic}: {kind}, as its publisher is')
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._subscribe()
+
+    def _drain(self, raw: bytes) -> None:
+        """Take this message and all that wait behind it."""
+        batch, handle = [raw], self._subscription.handle
+        with handle:
+            while len(batch) < _AT_ONCE:
+                taken = handle.take_message(Imu, True)
+                if taken is None:
+                    break
+                batch.append(taken[0])
+        self._take(batch)

@@ -1,0 +1,236 @@
+"""Real nodes in real processes, on a ROS domain of their own, and a client beside them."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+import itertools
+import json
+import os
+from pathlib import Path
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+NODES = ('bag_reader', 'analyser', 'calibration', 'filter')
+PATIENCE = 30.0             # discovery takes seconds, and the machine may be busy
+
+
+def reserve_domain() -> socket.socket:
+    """Set a domain id that no other process here uses; it is ours while the socket is held."""
+    for domain in random.SystemRandom().sample(range(2, 101), 99):
+        held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                probe.bind(('0.0.0.0', 7400 + 250 * domain))        # the domain's discovery port
+            held.bind(('127.0.0.1', 42000 + domain))
+        except OSError:
+            held.close()
+            continue
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        return held
+    raise RuntimeError('no free ROS domain id')
+
+
+def wait_for(what, patience: float = PATIENCE, pause: float = 0.05):
+    """Return what() as soon as it is true, or its last value when patience ends."""
+    end = time.monotonic() + patience
+    while True:
+        value = what()
+        if value or time.monotonic() > end:
+            return value
+        time.sleep(pause)
+
+
+class NodeProcess:
+    """One node as a process."""
+
+    def __init__(self, node: str, namespace: str, folder: Path, parameters: dict, remaps: dict):
+        self.name, self.namespace, self.folder = node, namespace, folder
+        self.full = f'{namespace}/{node}'
+        command = [sys.executable, '-m', f'imu_noise_tools.nodes.{node}', '--ros-args',
+                   '-r', f'__ns:={namespace}']
+        for key, value in parameters.items():
+            command += ['-p', f'{key}:={json.dumps(value)}']
+        for old, new in remaps.items():
+            command += ['-r', f'{old}:={new}']
+        folder.mkdir(parents=True, exist_ok=True)
+        self._log = folder / f'{node}.log'
+        with open(self._log, 'w') as log:
+            self._child = subprocess.Popen(
+                command, cwd=folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1',
+                     'OMP_NUM_THREADS': '1', 'ROS_LOG_DIR': str(folder)})
+
+    @property
+    def running(self) -> bool:
+        """Whether it still runs."""
+        return self._child.poll() is None
+
+    @property
+    def text(self) -> str:
+        """What it printed."""
+        return self._log.read_text(errors='replace')
+
+    @property
+    def memory(self) -> float:
+        """Memory now in use, MB."""
+        status = Path(f'/proc/{self._child.pid}/status').read_text()
+        return int(status.split('VmRSS:')[1].split()[0]) / 1024
+
+    def end(self, patience: float = 30.0) -> int | None:
+        """Wait until it ends by itself; return its status, None where it did not."""
+        try:
+            return self._child.wait(patience)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def stop(self, number: int = signal.SIGTERM) -> tuple[float, int]:
+        """Send a signal; return seconds until it ended and its exit status (-9: was killed)."""
+        began = time.monotonic()
+        if self.running:
+            self._child.send_signal(number)
+        if self.end(15) is None:
+            self._child.kill()
+            self._child.wait()
+        return time.monotonic() - began, self._child.returncode
+
+
+class Ros:
+    """A client node that spins in a thread, and the processes that were started."""
+
+    _numbers = itertools.count(1)
+
+    def __init__(self, folder: Path):
+        self._folder, self._domain = folder, reserve_domain()
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node(f'test_{os.getpid()}')
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+        self.processes: list[NodeProcess] = []
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def close(self) -> None:
+        """Stop everything."""
+        self.stop_all()
+        self._stop.set()
+        self._thread.join(5)
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+        self._domain.close()
+
+    def namespace(self) -> str:
+        """Return a namespace nobody has used: dead nodes stay visible for a while."""
+        return f'/t{next(self._numbers)}'
+
+    def start(self, node: str, namespace: str, remaps=None, **parameters) -> NodeProcess:
+        """Start a node."""
+        folder = self._folder / namespace.strip('/') / f'{node}_{len(self.processes)}'
+        process = NodeProcess(node, namespace, folder, parameters, remaps or {})
+        self.processes.append(process)
+        return process
+
+    def stop_all(self) -> None:
+        """End every process that still runs."""
+        for process in self.processes:
+            if process.running:
+                process.stop(signal.SIGKILL)
+        self.processes.clear()
+
+    def ready(self, *processes: NodeProcess) -> None:
+        """Wait until the services of nodes are there."""
+        for p in processes:
+            mark = f'{p.full}/describe_parameters'
+            assert wait_for(lambda: mark in self.services() or not p.running) and p.running, p.text
+
+    def topics(self) -> dict[str, list[str]]:
+        """Return the types of each topic."""
+        return dict(self.node.get_topic_names_and_types())
+
+    def services(self) -> dict[str, list[str]]:
+        """Return the types of each service."""
+        return dict(self.node.get_service_names_and_types())
+
+    @contextmanager
+    def listening(self, topic: str, kind, latched: bool = False, raw: bool = False):
+        """Yield a list that fills with what comes on a topic."""
+        got: list = []
+        durable = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        qos = QoSProfile(depth=1 if latched else 5000, reliability=ReliabilityPolicy.RELIABLE,
+                         durability=durable)
+        subscription = self.node.create_subscription(kind, topic, got.append, qos, raw=raw)
+        try:
+            yield got
+        finally:
+            self.node.destroy_subscription(subscription)
+
+    def latest(self, topic: str, kind, such=lambda message: True, patience: float = PATIENCE):
+        """Return the last message of a latched topic, once it is such."""
+        with self.listening(topic, kind, latched=True) as got:
+            assert wait_for(lambda: got and such(got[-1]), patience), f'{topic}: {got[-1:]}'
+            return got[-1]
+
+    def publisher(self, topic: str, kind, reliable: bool = True):
+        """Return a publisher that has found a subscriber."""
+        qos = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE if reliable
+                         else ReliabilityPolicy.BEST_EFFORT)
+        publisher = self.node.create_publisher(kind, topic, qos)
+        assert wait_for(publisher.get_subscription_count), f'nobody listens to {topic}'
+        return publisher
+
+    def call(self, name: str, kind, request, patience: float = 60.0):
+        """Return the answer of a service."""
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(timeout_sec=PATIENCE), f'no service {name}'
+        done = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(patience), f'{name} did not answer in {patience} s'
+        self.node.destroy_client(client)
+        return future.result()
+
+    def trigger(self, name: str, patience: float = 60.0):
+        """Call a Trigger; return success and its message as YAML."""
+        from std_srvs.srv import Trigger
+        answer = self.call(name, Trigger, Trigger.Request(), patience)
+        return answer.success, yaml.safe_load(answer.message)
+
+    def set_parameter(self, full: str, name: str, value) -> tuple[bool, str]:
+        """Set a parameter of a node; return whether it was taken, and the reason."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+        wanted = [Parameter(name, value=value).to_parameter_msg()]
+        result = self.call(f'{full}/set_parameters', SetParameters,
+                           SetParameters.Request(parameters=wanted)).results[0]
+        return result.successful, result.reason
+
+    def parameters(self, full: str) -> dict:
+        """Return the descriptors of a node's own parameters by name."""
+        from rcl_interfaces.srv import DescribeParameters, ListParameters
+        listed = self.call(f'{full}/list_parameters', ListParameters, ListParameters.Request())
+        names = [n for n in listed.result.names
+                 if n not in ('use_sim_time', 'start_type_description_service')]
+        described = self.call(f'{full}/describe_parameters', DescribeParameters,
+                              DescribeParameters.Request(names=names))
+        return dict(zip(names, described.descriptors))
+
+
+def values(array, name: str) -> dict[str, str]:
+    """Return the values of one status of a DiagnosticArray."""
+    return {v.key: v.value for s in array.status if s.name == name for v in s.values}
