@@ -1,0 +1,443 @@
+"""
+What is kept of a record: some 500 numbers a view, from which every model is fitted, scored and diagnosed.
+
+The record is looked at once, here. It is cut in the middle: the whole and each half have a spectrum of their own
+(power in bins of DCT coefficients), so that a model fitted to one half can be scored on the other. Coherent lines
+are measured on the samples and taken out of the spectrum; what each of them adds is kept beside it. The slow part
+(block means) serves everything that acts on the mean. Each effect class may keep more (``statistics``).
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from itertools import combinations_with_replacement
+
+import numpy as np
+from scipy.fft import idct
+from scipy.stats import norm
+
+from . import effects as _effects  # noqa: F401  (registers them)
+from .. import allan
+from ..effect import registry
+from ..record import ImuRecord, sensor_of
+from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients, power
+from .kinds import Defect, Inputs
+
+SLOW = 1 << 14           # block means kept (up to twice as many)
+BLOCKS = 256             # blocks in time
+BANDS = 20               # bands of the power in time
+CELLS = 64               # equiprobable cells of the distribution
+ENVELOPE = 1000          # columns of the picture of the time series
+MOST_LINES = 12
+LINE_Z = 6.0             # a line is what exceeds its surroundings by this many standard deviations
+PARTS = ('whole', 'first', 'second')
+
+
+@dataclass(frozen=True)
+class Part:
+    """
+    The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
+
+    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it.
+
+    """
+
+    n: int
+    dt: float
+    power: np.ndarray
+    lines: np.ndarray
+
+    @property
+    def bins(self) -> Bins:
+        """The bins."""
+        return bins_of(self.n, self.dt)
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.n * self.dt
+
+
+@dataclass(frozen=True)
+class Common:
+    """
+    What the axes of one record share.
+
+    ``slow_t`` (s,) are the times of blocks of ``slow_length`` samples, ``slow`` the block means (s,) of each axis and
+    covariate by name. ``cross`` maps (name, name, part) to binned cross-powers (b,), each pair once, names sorted.
+
+    """
+
+    slow_length: int
+    slow_t: np.ndarray
+    slow: Mapping[str, np.ndarray]
+    cross: Mapping[tuple[str, str, str], np.ndarray]
+
+    def pair(self, a: str, b: str, part: str) -> np.ndarray:
+        """Return the cross-power (b,) of two channels; with itself, the power."""
+        return self.cross[min(a, b), max(a, b), part]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """
+    All that is kept of one axis.
+
+    ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or 2, blocks, bands) is the
+    power in time, ``block_count`` its coefficients, ``block_f`` the bands' centres, Hz. ``cells`` (1 or 2, cells) counts the
+    whitened samples in equiprobable cells; a second row of either is without defects. ``envelope`` (columns, 3) is time,
+    minimum, maximum. ``statistics`` maps an effect's name to what it kept.
+
+    """
+
+    axis: str
+    dt: float
+    n: int
+    whole: Part
+    first: Part
+    second: Part
+    common: Common
+    line_table: np.ndarray
+    block_power: np.ndarray
+    block_count: np.ndarray
+    block_f: np.ndarray
+    cells: np.ndarray
+    envelope: np.ndarray
+    curve: allan.AllanCurve
+    statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+
+    @property
+    def slow_t(self) -> np.ndarray:
+        """Times of the block means, s."""
+        return self.common.slow_t
+
+    @property
+    def slow_y(self) -> np.ndarray:
+        """Block means of this axis."""
+        return self.common.slow[self.axis]
+
+    @property
+    def slow_others(self) -> dict[str, np.ndarray]:
+        """Block means of the other axes and the covariates, by name."""
+        return {k: v for k, v in self.common.slow.items() if k != self.axis}
+
+    @property
+    def sensor(self) -> str:
+        """``gyro`` or ``accel``."""
+        return sensor_of(self.axis)
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.n * self.dt
+
+    def part(self, name: str) -> Part:
+        """Return ``whole``, ``first`` or ``second``."""
+        return getattr(self, name)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Other axes and covariates that were recorded."""
+        return tuple(k for k in self.common.slow if k != self.axis)
+
+    def cross(self, channel: str, part: str) -> np.ndarray:
+        """Return the cross-power (b,) of this axis with another channel."""
+        return self.common.pair(self.axis, channel, part)
+
+    def _screens(self, model) -> int:
+        """1 where the model holds a defect that is taken out of the samples, else 0."""
+        return int(model is not None and any(type(e).screen.__func__ is not Defect.screen.__func__
+                                             for e in model.of(Defect)))
+
+    def block_power_of(self, model) -> np.ndarray:
+        """Return the power in time (blocks, bands), without defects where the model holds them."""
+        return self.block_power[min(self._screens(model), len(self.block_power) - 1)]
+
+    def cells_of(self, model) -> np.ndarray:
+        """Return the cells of the distribution, without defects where the model holds them."""
+        return self.cells[min(self._screens(model), len(self.cells) - 1)]
+
+    def kept(self, effect: str) -> Mapping[str, np.ndarray]:
+        """Return what an effect kept of the samples; empty where it was not known when the record was read."""
+        return self.statistics.get(effect, {})
+
+
+def smooth_length(n: int) -> int:
+    """Return the largest 2-3-5-7-smooth number up to n (a prime length makes a transform many times slower)."""
+    while n > 1:
+        k = n
+        for p in (2, 3, 5, 7):
+            while k % p == 0:
+                k //= p
+        if k == 1:
+            break
+        n -= 1
+    return n
+
+
+def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 100, octaves: bool = False,
+           progress=None) -> dict[str, Evidence]:
+    """
+    Return the evidence of each axis of a prepared (still, evenly sampled, finite) record.
+
+    Parameters
+    ----------
+    record : ImuRecord
+    axes : sequence of str
+    deviation, points, octaves
+        Of the curve, see :func:`imu_noise_tools.allan.curve`.
+    progress : callable or None
+        Called with (share done, what) as the work goes on.
+
+    """
+    step = _Steps(progress, 4 * len(axes) + 2)
+    dt, n = record.dt, record.n
+    half = n // 2 if n < 1 << 15 else smooth_length(n // 2)
+    used = 2 * half
+    inputs = Inputs(np.arange(n) * dt, dt, record.covariates, {a: record.column(a) for a in record.axes})
+    own: dict[str, dict] = {a: {} for a in axes}
+    kept, clean = {}, {}
+    for axis in axes:
+        y = np.ascontiguousarray(record.column(axis), float)
+        kept[axis] = {name: cls.statistics(y, inputs) for name, cls in registry('noise').items()}
+        kept[axis] = {k: v for k, v in kept[axis].items() if v}
+        clean[axis] = _screened(y, kept[axis], inputs)
+        step(f'{axis}: samples')
+        own[axis]['curve'] = allan.curve(y, dt, deviation=deviation, points=points, octaves=octaves)
+        step(f'{axis}: Allan curve')
+        looks = [y[:used]] if clean[axis] is y else [y[:used], clean[axis][:used]]
+        own[axis].update(_samples_in_time(looks, dt, float(kept[axis].get('rate_quantization', {}).get('step', 0.0))))
+        own[axis]['envelope'] = _envelope(y, dt)
+        step(f'{axis}: distribution')
+    cross = {}
+    for name, begin, length in (('whole', 0, used), ('first', 0, half), ('second', half, half)):
+        bins = bins_of(length, dt)
+        coefficients = {}
+        for axis in axes:
+            c = cosine_transform(clean[axis][begin:begin + length].copy())
+            if name == 'whole':
+                own[axis]['line_table'] = _find_lines(c, clean[axis][:used], dt)
+                step(f'{axis}: spectrum')
+            lines = _take_lines_out(c, own[axis]['line_table'], begin, dt)
+            coefficients[axis] = c
+            own[axis][name] = Part(length, dt, power(c, dt, bins), lines)
+        for other, values in record.covariates.items():
+            coefficients[other] = cosine_transform(np.array(values[begin:begin + length], float))
+        for a, b in combinations_with_replacement(sorted(coefficients), 2):
+            if a != b or a not in own:
+                cross[a, b, name] = bins.mean(2 * dt * coefficients[a] * coefficients[b])
+            else:
+                cross[a, a, name] = own[a][name].power
+    step('halves and cross-spectra')
+    slow_length = max(1, used // SLOW)
+    common = Common(slow_length, _block_means(inputs.t[:used], slow_length),
+                    {k: _block_means(v[:used], slow_length) for k, v in {**clean, **record.covariates}.items()}, cross)
+    return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
+
+
+class _Steps:
+    """Turn counted steps into calls of a progress function."""
+
+    def __init__(self, progress, total):
+        self.progress, self.total, self.done = progress, total, 0
+
+    def __call__(self, what):
+        self.done += 1
+        if self.progress:
+            self.progress(min(1.0, self.done / self.total), what)
+
+
+def _screened(y, kept, inputs):
+    for name, cls in registry('noise').items():
+        if issubclass(cls, Defect) and name in kept:
+            y = cls.screen(y, kept[name], inputs)
+    return y
+
+
+def _block_means(y, length):
+    count = len(y) // length
+    return np.asarray(y, float)[:count * length].reshape(count, length).mean(axis=1)
+
+
+def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
+    """Return a smooth one-sided PSD at every k >= 1 from running medians: lines and spikes in it do not show."""
+    n = len(c)
+    centres = np.unique(np.round(np.geomspace(1, n - 1, 400)).astype(int))
+    level = 2 * dt * c * c
+    values = np.empty(len(centres))
+    for i, k in enumerate(centres):
+        reach = int(np.clip(0.2 * k, 12, max(12, n // 100)))
+        some = level[max(1, k - reach):k + reach + 1]
+        if len(some) > 4096:
+            some = some[::len(some) // 4096 + 1]
+        values[i] = np.median(some) / 0.4549                     # the median of chi-squared with one degree of freedom
+    values = np.maximum(values, 1e-300)
+    return np.exp(np.interp(np.log(np.arange(1, n)), np.log(centres), np.log(values)))
+
+
+def _find_lines(c, y, dt) -> np.ndarray:
+    """Return (l, 4): frequency, a, b, z of the coherent lines, strongest first."""
+    n = len(c)
+    if n < 200:
+        return np.zeros((0, 4))
+    ratio = 2 * dt * c[1:] ** 2 / reference_spectrum(c, dt)
+    window = np.convolve(ratio, np.ones(4), mode='same')
+    window[:16] = 0
+    # four coefficients hold a line of any phase; chi-squared with four degrees of freedom at the level of z = 6
+    threshold = 46.0
+    found = []
+    while len(found) < MOST_LINES:
+        k = int(np.argmax(window))
+        if window[k] < threshold:
+            break
+        frequency, a, b = _measure_line(y, (k + 1) / (2 * n * dt), dt)
+        found.append((frequency, a, b, float(np.sqrt(window[k]))))
+        reach = 8 + int(2 * np.sqrt(window[k]))                  # the skirts of a strong line are not lines
+        window[max(0, k - reach):k + reach + 1] = 0
+    return np.array(found).reshape(-1, 4)
+
+
+def _measure_line(y, near, dt):
+    """Return (frequency, a, b) of the line near a frequency: demodulate, then find the peak of the padded spectrum."""
+    n = len(y)
+    blocks = 512
+    length = n // blocks
+    if length < 1:
+        blocks, length = n, 1
+    used = blocks * length
+    j = np.arange(used)
+    carrier = np.exp(-2j * np.pi * near * dt * j)
+    base = (y[:used] - np.mean(y)) * carrier
+    sums = base.reshape(blocks, length).sum(axis=1)
+    pad = 16 * blocks
+    spectrum = np.abs(np.fft.fft(sums, pad))
+    offsets = np.fft.fftfreq(pad, length * dt)
+    near_zero = np.abs(offsets) < 4 / (n * dt)
+    i = int(np.flatnonzero(near_zero)[np.argmax(spectrum[near_zero])])
+    p, q, r = spectrum[i - 1], spectrum[i], spectrum[(i + 1) % pad]
+    bend = p - 2 * q + r
+    shift = 0.5 * (p - r) / bend if bend != 0 else 0.0
+    frequency = near + offsets[i] + np.clip(shift, -1, 1) / (pad * length * dt)
+    z = 2 / used * np.sum((y[:used] - np.mean(y)) * np.exp(-2j * np.pi * frequency * dt * j))
+    return float(frequency), float(z.real), float(-z.imag)
+
+
+def _take_lines_out(c, table, begin, dt):
+    """Subtract the lines from the coefficients of a part that begins at a sample, in place; return what each added (l, b)."""
+    n = len(c)
+    bins = bins_of(n, dt)
+    out = np.zeros((len(table), len(bins.first)))
+    for i, (frequency, a, b, _) in enumerate(table):
+        angle = 2 * np.pi * frequency * dt * begin
+        a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
+        centre = int(2 * n * dt * frequency)
+        low, high = max(1, centre - (1 << 15)), min(n, centre + (1 << 15))
+        low, high = bins.first[bins.index(low)], bins.last[bins.index(high - 1)]
+        k = np.arange(low, high)
+        line = line_coefficients(frequency, a, b, k, n, dt)
+        added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
+        c[low:high] -= line
+        i0, i1 = bins.index(low), bins.index(high - 1) + 1
+        out[i, i0:i1] = np.add.reduceat(added, bins.first[i0:i1] - low) / bins.count[i0:i1]
+    return out
+
+
+def _samples_in_time(looks, dt, step):
+    """Return ``cells``, ``block_power`` and its axes of one or two versions of the samples."""
+    # A grid would show through the cells: a triangular dither of its step smooths the rounding away.
+    dither = step * (np.random.default_rng(0).random((2, len(looks[0]))).sum(axis=0) - 1) if step > 0 else 0.0
+    cells, power_ = [], []
+    for y in looks:
+        cells.append(_whitened(cosine_transform(y + dither), dt))
+        p, count, f = _power_in_time(y, dt)
+        power_.append(p)
+    return {'cells': np.array(cells), 'block_power': np.array(power_), 'block_count': count, 'block_f': f}
+
+
+def _whitened(c, dt):
+    """Return how many samples, whitened by the smoothed measured spectrum, fall into each equiprobable cell."""
+    white = np.zeros_like(c)
+    white[1:] = c[1:] / np.sqrt(reference_spectrum(c, dt) / (2 * dt))
+    y = idct(white, type=2, norm='ortho', overwrite_x=True)
+    y -= np.mean(y)
+    y /= np.std(y)
+    return np.histogram(y, np.concatenate([[-np.inf], norm.ppf(np.arange(1, CELLS) / CELLS), [np.inf]]))[0]
+
+
+def _power_in_time(y, dt):
+    """Return (blocks, bands) Hann-windowed power, coefficients in each band, and the bands' centres, Hz."""
+    n = len(y)
+    blocks = int(np.clip(n // 64, 4, BLOCKS))
+    length = n // blocks
+    # rows at a time, so that a long record needs no second copy of itself
+    window = np.hanning(length + 1)[:length]
+    edges = np.unique(np.round(np.geomspace(3, length // 2 + 1, BANDS + 1)).astype(int))
+    out = np.empty((blocks, len(edges) - 1))
+    rows = max(1, (1 << 18) // length)
+    for i in range(0, blocks, rows):
+        some = np.asarray(y[i * length:min(blocks, i + rows) * length], float).reshape(-1, length)
+        spectrum = np.abs(np.fft.rfft((some - some.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
+        out[i:i + len(some)] = np.add.reduceat(spectrum[:, :edges[-1]], edges[:-1], axis=1) / np.diff(edges)
+    return 2 * dt * out / np.sum(window ** 2), np.diff(edges), (edges[1:] + edges[:-1]) / (2 * length * dt)
+
+
+def _envelope(y, dt):
+    n = len(y)
+    length = max(1, n // ENVELOPE)
+    rows = np.asarray(y, float)[:n // length * length].reshape(-1, length)
+    return np.column_stack([(np.arange(len(rows)) + 0.5) * length * dt, rows.min(axis=1), rows.max(axis=1)])
+
+
+# --- to and from plain arrays -------------------------------------------------------------------------------------
+
+def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
+    """Return plain arrays by ``axis/field`` names (``common/...`` for what is shared), which :func:`from_arrays` reads."""
+    out: dict[str, np.ndarray] = {}
+    for axis, e in evidence.items():
+        for f in fields(Evidence):
+            value, key = getattr(e, f.name), f'{axis}/{f.name}'
+            if isinstance(value, Part):
+                out.update({f'{key}/{k}': np.asarray(getattr(value, k)) for k in ('n', 'power', 'lines')})
+            elif isinstance(value, allan.AllanCurve):
+                out.update({f'{key}/{k.name}': np.asarray(getattr(value, k.name)) for k in fields(value)})
+            elif f.name == 'statistics':
+                out.update({f'{key}/{name}/{k}': np.asarray(v) for name, kept in value.items() for k, v in kept.items()})
+            elif f.name not in ('axis', 'common'):
+                out[key] = np.asarray(value)
+    common = next(iter(evidence.values())).common
+    out['common/slow_length'], out['common/slow_t'] = np.asarray(common.slow_length), common.slow_t
+    out.update({f'common/slow/{k}': v for k, v in common.slow.items()})
+    out.update({f'common/cross/{"/".join(k)}': v for k, v in common.cross.items()})
+    return out
+
+
+def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
+    """Return the evidence of each axis from what :func:`to_arrays` gave."""
+    tree: dict[str, dict] = {}
+    for key, value in arrays.items():
+        axis, _, rest = key.partition('/')
+        tree.setdefault(axis, {})[rest] = value
+    flat = tree.pop('common')
+    common = Common(int(flat['slow_length']), flat['slow_t'], _below(flat, 'slow'),
+                    {tuple(k.split('/')): v for k, v in _below(flat, 'cross').items()})
+    return {axis: _one_from_arrays(axis, flat, common) for axis, flat in tree.items()}
+
+
+def _below(flat, prefix):
+    return {k[len(prefix) + 1:]: v for k, v in flat.items() if k.startswith(prefix + '/')}
+
+
+def _one_from_arrays(axis, flat, common):
+    dt = float(flat['dt'])
+    parts = {p: Part(int(flat[f'{p}/n']), dt, flat[f'{p}/power'], flat[f'{p}/lines']) for p in PARTS}
+    curve = _below(flat, 'curve')
+    curve = allan.AllanCurve(str(curve['deviation']), float(curve['dt']), int(curve['n']),
+                             *(curve[k] for k in ('m', 'count', 'dev', 'lo', 'hi', 'edf')))
+    statistics: dict[str, dict] = {}
+    for key, value in _below(flat, 'statistics').items():
+        name, _, what = key.partition('/')
+        statistics.setdefault(name, {})[what] = value
+    plain = {k: flat[k] for k in ('line_table', 'block_power', 'block_count', 'block_f', 'cells', 'envelope')}
+    return Evidence(axis, dt, int(flat['n']), **parts, common=common, **plain, curve=curve, statistics=statistics)

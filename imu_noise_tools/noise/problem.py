@@ -1,0 +1,92 @@
+"""The noise of one axis as a problem of the loop: how it is cut, fitted, scored and tested."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import views
+from ..effect import Finding, Fit, Model, Score
+from .evidence import Evidence
+from .fit import fit as fit_part
+from .kinds import model_avar
+
+
+class NoiseProblem:
+    """
+    One axis, or a part of it.
+
+    Parts: ``whole``; the halves ``first`` and ``second``, which are fitted and scored for themselves but for the mean, which
+    comes from the whole; ``odd`` and ``even`` blocks in time, of which one is predicted from the other.
+
+    """
+
+    domain = 'noise'
+
+    def __init__(self, evidence: Evidence, part: str = 'whole', whole: NoiseProblem | None = None):
+        self.evidence, self.part = evidence, part
+        self.target = evidence.axis
+        self.whole = whole or self
+        self._fits: dict = {}
+
+    def split(self):
+        """Return (to fit, to score): each half by the other, each parity of blocks by the other."""
+        first, second, odd, even = (NoiseProblem(self.evidence, p, self) for p in ('first', 'second', 'odd', 'even'))
+        return [(first, second), (second, first), (odd, even), (even, odd)]
+
+    def fit(self, model: Model) -> Fit:
+        """Fit a model; a half borrows the mean of the whole, and starts from its values."""
+        if self.part in ('odd', 'even'):
+            return self.whole.fit(model)
+        if model not in self._fits:
+            if self.part == 'whole':
+                self._fits[model] = fit_part(self.evidence, model)
+            else:
+                whole = self.whole.fit(model)
+                self._fits[model] = fit_part(self.evidence, model, self.part, mean=whole, intervals=False,
+                                             start=whole.model)
+        return self._fits[model]
+
+    def score(self, fit: Fit) -> Score:
+        """Score a fit made on other data."""
+        e = self.evidence
+        if self.part in ('odd', 'even'):
+            return Score.of([views.time(e, fit, known='even' if self.part == 'odd' else 'odd')])
+        if self.part == 'whole':
+            return Score.of([views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit)])
+        # what acts on the samples and the mean was estimated on the whole: the fit that knows it is the whole's
+        whole = self.whole.fit(Model(type(x)({}, x.label) for x in fit.model))
+        found = [views.frequency(e, self.part, fit, mean=whole)]
+        if self.part == 'second':                    # these views have no fitted part that could be held out
+            found += [views.variance(e, fit), views.distribution(e, fit), views.coherence(e, whole)]
+        return Score.of(found)
+
+    def omnibus(self, fit: Fit) -> list[Finding]:
+        """Return one test a view, on the whole record: what fails says that something is missing."""
+        e = self.evidence
+        out = []
+        for view in (views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit), views.time(e, fit, 'even'),
+                     views.variance(e, fit), views.distribution(e, fit), views.coherence(e, fit)):
+            if len(view.pull):
+                worst = int(np.argmax(np.abs(view.pull)))
+                out.append(Finding(view.name, 0.0, view=view.name, p_value=views.p_value(view),
+                                   evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull {view.pull[worst]:.1f}'))
+        return out
+
+    def candidates(self, fit: Fit) -> list[Finding]:
+        """Return what could be added, best gain first."""
+        from .candidates import candidates
+        return candidates(self, fit)
+
+    def summary(self, fit: Fit) -> dict[str, float]:
+        """
+        Return the rms relative difference of model and measured Allan deviation over tau <= T/10, in percent.
+
+        ``misfit_expected`` is what a true model would show: the scatter of the measured deviation itself.
+        """
+        c = self.evidence.curve
+        some = c.tau <= c.n * c.dt / 10
+        if some.sum() < 2 or c.deviation not in ('oadev', 'adev'):
+            return {}
+        model = np.sqrt(np.maximum(model_avar(fit.model, c.m[some], c.dt), 1e-300))
+        return {'misfit_percent': 100 * float(np.sqrt(np.mean((model / c.dev[some] - 1) ** 2))),
+                'misfit_expected': 100 * float(np.sqrt(np.mean(1 / (2 * c.edf[some]))))}

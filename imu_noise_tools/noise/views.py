@@ -1,0 +1,270 @@
+"""
+Ways to look at a record beside its model: pulls that are standard normal, and a deviance that is zero, under a true model.
+
+Each view returns a :class:`~imu_noise_tools.effect.View`. ``frequency`` needs a fit; ``time`` predicts half of the block means
+from the other half; ``variance``, ``distribution``, ``repeats`` and ``coherence`` compare the samples with what the model says
+of their stationarity, shape, repetition and independence.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import digamma, polygamma
+from scipy.stats import chi2
+
+from ..effect import Fit, Model, View
+from ..spectrum import bins_of, expected
+from .evidence import Evidence
+from .fit import Likelihood, claimed_lines
+from .kinds import Coupling, Inputs, Mean, Modulation, Spectrum, model_psd
+
+TIME_BLOCKS = 256
+GROUP = 4                 # block means to a bin of the time view
+
+
+def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return (excess, variance) of each bin, x = measured / model power of w coefficients.
+
+    w (x - ln x - 1) less its expectation w (ln(w/2) - psi(w/2)) for x ~ chi^2_w/w; its variance is
+    w^2 psi'(w/2) - 2 w.
+
+    """
+    w = np.maximum(w, 0.5)
+    x = np.maximum(x, 1e-300)
+    return (w * (x - np.log(x) - 1) - w * (np.log(w / 2) - digamma(w / 2)),
+            np.maximum(w ** 2 * polygamma(1, w / 2) - 2 * w, 0))
+
+
+def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Return a nearly standard normal pull of x ~ chi^2_w/w (Wilson and Hilferty 1931)."""
+    spread = 2 / (9 * np.maximum(w, 0.5))
+    return (np.cbrt(x) - (1 - spread)) / np.sqrt(spread)
+
+
+def _view(name, x, pull, excess, variance, unit, extra=0.0):
+    count = max(len(excess), 1)
+    return View(name, np.asarray(x), np.asarray(pull), float(np.sum(excess)) / count,
+                float(np.sqrt(np.sum(variance) + extra)) / count, unit)
+
+
+def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
+    """Return the power (b,) of the lines that the model does not hold."""
+    lines = evidence.part(part).lines
+    mine = claimed_lines(evidence, model)
+    rest = [i for i in range(len(lines)) if i not in mine]
+    return np.sum(lines[rest], axis=0) if rest else np.zeros(len(evidence.part(part).power))
+
+
+def frequency(evidence: Evidence, part: str, fit: Fit, mean: Fit | None = None, fitted_here: bool = False) -> View:
+    """Return the power in the bins of a part beside the model's; ``mean`` is the fit of the whole, for a half."""
+    likelihood = Likelihood(evidence, part, fit.model, mean if mean is not None else fit)
+    power, weight = likelihood.power, likelihood.weight
+    if likelihood.couplings:
+        power = likelihood.without_couplings(fit.model)
+    v, _ = likelihood.spectra(fit.model)
+    x = np.maximum(power + unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1), 1e-300) / v
+    excess, variance = gamma_excess(x, weight)
+    p = len(fit.details.get('slots', ()))
+    return _view('frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz',
+                 0.0 if fitted_here else p * p + 2.0 * p)
+
+
+@dataclass(frozen=True)
+class BlockMeans:
+    """Means of equal blocks, (k,), their times, what acts on the mean as columns (k, p), and their covariance (k, k)."""
+
+    t: np.ndarray
+    y: np.ndarray
+    columns: np.ndarray
+    covariance: np.ndarray
+
+
+def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockMeans:
+    """Return block means of the whole record and what the model says of them."""
+    e = evidence
+    count = min(most, len(e.slow_y) // 2 * 2)
+    per = len(e.slow_y) // count
+    used = count * per
+
+    def mean(v):
+        return v[:used].reshape(count, per, *v.shape[1:]).mean(axis=1)
+
+    y, t = e.slow_y.astype(float), e.slow_t
+    for c in fit.model.of(Coupling):
+        for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
+            y = y - c[p.name] * e.slow_others[channel]
+    for i in claimed_lines(e, fit.model):
+        f, a, b, _ = e.line_table[i]
+        w = 2 * np.pi * f
+        half = 0.5 * w * e.dt
+        gain = np.sin(half * e.common.slow_length) / (e.common.slow_length * np.sin(half))
+        y = y - gain * (a * np.cos(w * t) + b * np.sin(w * t))
+    inputs = Inputs(t, e.dt, dict(e.slow_others))
+    columns = [np.ones((len(y), 1))]
+    for m in fit.model.of(Mean):
+        columns.append(m.columns(inputs, **{p.name: m[p.name] for p in m.parameters if not p.linear}))
+    x = mean(np.concatenate(columns, axis=1))
+    scale = np.sqrt(np.mean(x ** 2, axis=0))
+    covariance = _covariance_of_means(lambda f: model_psd(fit.model, f, e.dt), count, used * e.common.slow_length, e.dt) \
+        if fit.model.of(Spectrum) else np.eye(count) * np.var(mean(y))
+    return BlockMeans(mean(t), mean(y), x / np.where(scale > 0, scale, 1.0), covariance)
+
+
+def _covariance_of_means(psd, count, n, dt):
+    """
+    Return the covariance of the means of ``count`` blocks: Phi diag(V) Phi^T, Phi the DCT basis of the blocks.
+
+    A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its Dirichlet kernel; k and
+    2 count j +- k fold onto each other.
+
+    """
+    q = np.arange(1, count)
+    folds = 12
+    k = np.concatenate([q] + [2 * count * j + s * q for j in range(1, folds + 1) for s in (-1, 1)])
+    k = k[k < n].reshape(-1, len(q)) if n > k.max() else np.minimum(k, n - 1).reshape(-1, len(q))
+    length = n // count
+    gain2 = (np.sin(np.pi * k / (2 * count)) / (length * np.sin(np.pi * k / (2 * n)))) ** 2 if length > 1 else \
+        np.concatenate([np.ones((1, len(q))), np.zeros((len(k) - 1, len(q)))])
+    s = psd(k.ravel() / (2 * n * dt)).reshape(k.shape)
+    low = expected(psd, bins_of(n, dt))[:min(32, len(q))]
+    s[0, :len(low)] = low
+    missing = np.maximum(1 - gain2.sum(axis=0) * count / n * length, 0)
+    v = (np.sum(s * gain2, axis=0) * count / n + missing * s[-1] / length) / (2 * dt)
+    j = np.arange(count) + 0.5
+    basis = np.sqrt(2 / count) * np.cos(np.pi * np.outer(j, q) / count)
+    return (basis * v) @ basis.T
+
+
+def predicted(means: BlockMeans, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return standard normal residuals of the wanted blocks predicted from the known ones (universal kriging)."""
+    c_kk = means.covariance[np.ix_(known, known)]
+    c_wk = means.covariance[np.ix_(wanted, known)]
+    x_k, x_w = means.columns[known], means.columns[wanted]
+    c_kk = c_kk + np.eye(len(c_kk)) * 1e-12 * np.trace(c_kk) / len(c_kk)
+    solved = np.linalg.solve(c_kk, np.column_stack([c_wk.T, x_k, means.y[known]]))
+    gain, kx, ky = solved[:, :len(c_wk)].T, solved[:, len(c_wk):-1], solved[:, -1]
+    gram = np.linalg.pinv(x_k.T @ kx)
+    beta = gram @ (x_k.T @ ky)
+    rest = means.y[wanted] - x_w @ beta - gain @ (means.y[known] - x_k @ beta)
+    lever = x_w - gain @ x_k
+    spread = means.covariance[np.ix_(wanted, wanted)] - gain @ c_wk.T + lever @ gram @ lever.T
+    spread = 0.5 * (spread + spread.T)
+    spread += np.eye(len(spread)) * 1e-12 * np.trace(spread) / len(spread)
+    return np.linalg.solve(np.linalg.cholesky(spread), rest)
+
+
+def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
+    """Return the block means of one parity predicted from the other; pulls in time order."""
+    means = block_means(evidence, fit)
+    index = np.arange(len(means.y))
+    odd, even = index[1::2], index[::2]
+    a, b = (odd, even) if known == 'odd' else (even, odd)
+    z = predicted(means, a, b)
+    count = len(z) // GROUP
+    x = np.mean(z[:count * GROUP].reshape(count, GROUP) ** 2, axis=1)
+    excess, variance = gamma_excess(x, np.full(count, float(GROUP)))
+    return _view('time', means.t[b], z, excess, variance, 's')
+
+
+def _hann_degrees(count):
+    """Degrees of freedom of a sum of neighbouring Hann-windowed periodogram ordinates (correlations 4/9 and 1/36)."""
+    return 2 * count ** 2 / (count + 2 * np.maximum(count - 1, 0) * 4 / 9 + 2 * np.maximum(count - 2, 0) / 36)
+
+
+def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 4):
+    """Return (t, x, w): relative power of groups of bands in time (blocks, groups), less what the model's modulation explains."""
+    p = evidence.block_power_of(model)
+    blocks = len(p)
+    t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
+    factor = np.ones(blocks)
+    for m in (model.of(Modulation) if model is not None else ()):
+        factor = factor * m.variance(t)
+    p = p / factor[:, None]
+    level = np.mean(p, axis=0)
+    count = evidence.block_count.astype(float)
+    parts = np.array_split(np.arange(len(level)), groups)
+    x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts if len(i)])
+    w = np.array([_hann_degrees(count[i].sum()) for i in parts if len(i)])
+    return t, x, w
+
+
+def variance(evidence: Evidence, fit: Fit) -> View:
+    """Return the power in time beside its mean over the record, in four groups of bands."""
+    t, x, w = power_in_time(evidence, fit.model)
+    blocks = len(t)
+    w = np.broadcast_to(w, x.shape)
+    excess, spread = gamma_excess(x, w)
+    return _view('variance', np.repeat(t, x.shape[1]), gamma_pull(x, w).ravel(), excess.ravel(),
+                 spread.ravel() * (1 - 1 / blocks), 's')
+
+
+def distribution(evidence: Evidence, fit: Fit) -> View:
+    """Return the whitened samples in equiprobable cells beside the normal distribution."""
+    cells = evidence.cells_of(fit.model).astype(float)
+    total, k = cells.sum(), len(cells)
+    share = total / k
+    pull = (cells - share) / np.sqrt(share * (1 - 1 / k))
+    # mean and spread were taken from the samples: three degrees of freedom are gone
+    excess = pull ** 2 - (k - 3) / (k - 1)
+    return _view('distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile')
+
+
+def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
+    """Return the coherence with each other axis and covariate, in groups of at least eight coefficients."""
+    x, pulls, excess, spread = [], [], [], []
+    for channel in evidence.channels:
+        f, r, w = cross_correlation(evidence, channel, fit, part)
+        x.append(f)
+        pulls.append(r * np.sqrt(w))
+        excess.append(w * r ** 2 - 1)
+        spread.append(2 * (w - 1) / (w + 2))
+    if not x:
+        return View('coherence', np.zeros(0), np.zeros(0), float('nan'), float('nan'), 'Hz')
+    return _view('coherence', np.concatenate(x), np.concatenate(pulls), np.concatenate(excess), np.concatenate(spread), 'Hz')
+
+
+def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: str = 'whole'):
+    """Return (f, r, w): correlation of DCT coefficients with another channel in groups of bins, (g,)."""
+    bins = evidence.part(part).bins
+    own = np.maximum(evidence.part(part).power, 1e-300)
+    other = np.maximum(evidence.common.pair(channel, channel, part), 1e-300)
+    both = evidence.cross(channel, part)
+    if fit is not None:
+        for e in fit.model.of(Coupling):
+            for name, p in zip(e.channels(evidence), (p for p in e.parameters if p.linear)):
+                known = evidence.common.pair(name, channel, part)
+                both = both - e[p.name] * known
+    group = np.searchsorted(np.geomspace(8, bins.n, 60), bins.last)
+    starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
+    w = bins.count.astype(float)
+    level = np.sqrt(_running(own) * _running(other))
+
+    def total(v):
+        return np.add.reduceat(v, starts)
+
+    r = total(w * both / level) / np.sqrt(total(w * own / _running(own)) * total(w * other / _running(other)))
+    return total(w * bins.f) / total(w), r, total(w)
+
+
+def _running(power):
+    window = np.ones(15) / 15
+    return np.exp(np.convolve(np.pad(np.log(power), 7, mode='edge'), window, mode='valid'))
+
+
+def p_value(view: View) -> float:
+    """Return the chance that a true model shows as much excess, by a scaled chi-squared of the same mean and scatter."""
+    if not np.isfinite(view.excess) or not view.std > 0:
+        return 1.0
+    count = len(view.pull)
+    # mean 1, scatter std: chi^2_k/k has variance 2/k
+    k = 2 / view.std ** 2
+    return float(chi2.sf(k * (1 + view.excess), k)) if count else 1.0
+
+
+def lines_left(evidence: Evidence, model: Model) -> list[int]:
+    """Return rows of the line table that the model does not hold, strongest first."""
+    return [i for i in range(len(evidence.line_table)) if i not in claimed_lines(evidence, model)]
