@@ -106,3 +106,19 @@ class ImuRecord:
     def warned(self, *more: str) -> ImuRecord:
         """Return the record with warnings added (each once)."""
         return replace(self, warnings=tuple(dict.fromkeys((*self.warnings, *more))))
+
+
+def regular_rate(t: np.ndarray) -> float | None:
+    """
+    Return the rate of stamps t (s), Hz, leaving gaps, repeats and backward steps out; None where there is none.
+
+    The median step alone would be wrong where stamps are coarse (3 and 4 ms for 285 Hz): the mean of the
+    steps near it is not.
+
+    """
+    step = np.diff(t[np.isfinite(t)])
+    step = step[step > 0]
+    if not len(step):
+        return None
+    middle = np.median(step)
+    return float(1 / np.mean(step[(step < 2 * middle) & (step > middle / 4)]))

@@ -1,0 +1,275 @@
+"""
+Rosbag1 files (version 2.0), whole or cut short: http://wiki.ros.org/Bags/Format/2.0.
+
+A file is a row of records, each a header of named fields and data. Messages lie in chunks; behind a chunk
+stands where the messages of each connection are in it. It is read from the front, so that a recording without
+the index at its end is read the same way.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+from .container import AT_LEAST, Batch, Connection, Counts, Damaged, decompress, normal_type, partly, Progress, rows, size_of
+
+MAGIC = b'#ROSBAG V2.0\n'
+MESSAGE, BAG, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
+
+
+class Record(NamedTuple):
+    """Where a record lies: its header's fields, its data, and its end."""
+
+    fields: dict[bytes, bytes]
+    begin: int
+    end: int
+
+    @property
+    def op(self) -> int:
+        """Return what kind of record it is."""
+        return (self.fields.get(b'op') or b'\0')[0]
+
+
+class Rosbag1File:
+    """One rosbag1 file, open for reading."""
+
+    def __init__(self, path: Path, file=None):
+        self.path = path
+        self.file = file or open(path, 'rb')
+        self.size = size_of(self.file)
+        self.counts = Counts()
+        self.span = (0, 0)
+        self._known: dict[int, Connection] = {}
+        self._messages: dict[int, int] = {}
+        if not self._read_summary():
+            self._scan()
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Topics, with the number of messages of each."""
+        return [Connection(c.id, c.topic, c.type, c.encoding, c.definition, self._messages.get(c.id, 0))
+                for c in self._known.values()]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What went wrong so far."""
+        return self.counts.sentences(self.path.name)
+
+    def close(self) -> None:
+        """Close the file."""
+        self.file.close()
+
+    def _record(self, at: int) -> Record | None:
+        """Return the record at a place of the file, or None where there is no whole header."""
+        self.file.seek(at)
+        head = self.file.read(4)
+        n = int.from_bytes(head, 'little')
+        if len(head) < 4 or n > min(self.size - at, 1 << 24):
+            return None
+        header = self.file.read(n + 4)
+        if len(header) < n + 4:
+            return None
+        begin = at + 8 + n
+        return Record(fields_of(header[:n]), begin, begin + int.from_bytes(header[n:], 'little'))
+
+    def _read_summary(self) -> bool:
+        """Take topics and counts from the index at the end; False where there is none to be trusted."""
+        bag = self._record(len(MAGIC))
+        if bag is None or bag.op != BAG:
+            return False
+        at = _number(bag.fields, b'index_pos')
+        if not len(MAGIC) < at < self.size:
+            return False
+        first, last = [], []
+        while at < self.size:
+            record = self._record(at)
+            if record is None or record.end > self.size:
+                return False
+            self.file.seek(record.begin)
+            body = self.file.read(record.end - record.begin)
+            if record.op == CONNECTION:
+                self._learn(record.fields, body)
+            elif record.op == CHUNK_INFO:
+                for id, count in struct.iter_unpack('<II', body[:len(body) // 8 * 8]):
+                    self._messages[id] = self._messages.get(id, 0) + count
+                if body:
+                    first.append(_time(record.fields.get(b'start_time', b'')))
+                    last.append(_time(record.fields.get(b'end_time', b'')))
+            at = record.end
+        self.span = (min(first), max(last)) if first else (0, 0)
+        return bool(self._known)
+
+    def _learn(self, fields: dict[bytes, bytes], body: bytes) -> None:
+        more = fields_of(body)
+        try:
+            id, topic = _number(fields, b'conn'), fields[b'topic'].decode()
+            type, text = more[b'type'].decode(), more.get(b'message_definition', b'').decode(errors='replace')
+        except (KeyError, UnicodeDecodeError):
+            self.counts.bad_chunks += 1
+            return
+        self._known.setdefault(id, Connection(id, topic, normal_type(type), 'ros1', text))
+
+    def _scan(self) -> None:
+        """Count the messages of every topic by reading the whole file."""
+        self._known, self._messages = {}, {}
+        first, last = [], []
+        for groups in self._groups(None, None):
+            for id, receive, *_ in groups:
+                self._messages[id] = self._messages.get(id, 0) + len(receive)
+                first.append(int(receive.min()))
+                last.append(int(receive.max()))
+        self.span = (min(first), max(last)) if first else (0, 0)
+        self.counts = Counts(cut=True)
+
+    def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
+        """Yield the messages of these connections, chunk by chunk, each by receive time."""
+        wanted = set(wanted)
+        for groups in self._groups(wanted, progress):
+            for id, receive, data, begin, length in groups:
+                if id in wanted and id in self._known:
+                    batch = Batch(self._known[id], receive, data, begin, length)
+                    rising = np.all(receive[1:] >= receive[:-1])
+                    yield batch if rising else batch.take(np.argsort(receive, kind='stable'))
+
+    def _groups(self, wanted: set[int] | None, progress: Progress) -> Iterator[list[tuple]]:
+        at = len(MAGIC)
+        while at < self.size:
+            record = self._record(at)
+            if record is None:
+                self.counts.cut = True
+                return
+            after = record.end
+            if record.op == CHUNK:
+                index, after = self._read_index(record.end)
+                if wanted is None or index is None or index.keys() & wanted:
+                    yield self._chunk(record, index, wanted)
+            elif record.op == CONNECTION and record.end <= self.size:
+                self.file.seek(record.begin)
+                self._learn(record.fields, self.file.read(record.end - record.begin))
+            if record.end > self.size:
+                self.counts.cut = True
+                return
+            if progress:
+                progress(min(1.0, after / self.size))
+            at = after
+
+    def _chunk(self, record: Record, index: dict[int, np.ndarray] | None, wanted: set[int] | None) -> list[tuple]:
+        self.file.seek(record.begin)
+        raw = self.file.read(min(record.end, self.size) - record.begin)
+        compression = record.fields.get(b'compression', b'none').decode('latin-1')
+        size = _number(record.fields, b'size')
+        try:
+            if record.end > self.size:
+                raw = partly(compression, raw, min(size, AT_LEAST))
+            else:
+                raw = decompress(compression, raw, size)
+        except (Damaged, ValueError, OSError, EOFError, RuntimeError):
+            self.counts.bad_chunks += 1
+            return []
+        data = np.frombuffer(raw, np.uint8)
+        if index is not None and wanted is not None:
+            found = indexed(data, index, wanted)
+            if found is not None:
+                return found
+        return self._walk(raw, data)
+
+    def _read_index(self, at: int) -> tuple[dict[int, np.ndarray] | None, int]:
+        """Return the index records behind a chunk, by connection, and where they end."""
+        index: dict[int, np.ndarray] = {}
+        while at < self.size:
+            record = self._record(at)
+            if record is None or record.op != INDEX or record.end > self.size:
+                break
+            count = _number(record.fields, b'count')
+            if _number(record.fields, b'ver') != 1 or record.end - record.begin != 12 * count:
+                return None, at
+            self.file.seek(record.begin)
+            index[_number(record.fields, b'conn')] = np.frombuffer(self.file.read(12 * count), '<u4').reshape(-1, 3)
+            at = record.end
+        return index or None, at
+
+    def _walk(self, raw: bytes, data: np.ndarray) -> list[tuple]:
+        """Return the messages of a chunk, record by record, and learn the connections in it."""
+        found: dict[int, list[tuple[int, int, int]]] = {}
+        at, n = 0, len(raw)
+        while at + 8 <= n:
+            head = int.from_bytes(raw[at:at + 4], 'little')
+            begin = at + 8 + head
+            if begin > n:
+                break
+            length = int.from_bytes(raw[begin - 4:begin], 'little')
+            if begin + length > n:
+                break
+            fields = fields_of(raw[at + 4:at + 4 + head])
+            op = (fields.get(b'op') or b'\0')[0]
+            if op == MESSAGE:
+                id = _number(fields, b'conn')
+                found.setdefault(id, []).append((_time(fields.get(b'time', b'')), begin, length))
+            elif op == CONNECTION:
+                self._learn(fields, raw[begin:begin + length])
+            elif op == 0:
+                break
+            at = begin + length
+        groups = []
+        for id, places in found.items():
+            time, begin, length = np.array(places, np.int64).T
+            groups.append((id, time, data, begin, length))
+        return groups
+
+
+def indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) -> list[tuple] | None:
+    """Return the messages where the index says that they are; None where it is not so, or not regular."""
+    found = []
+    for id in index.keys() & wanted:
+        at = index[id][:, 2].astype(np.int64)
+        if not len(at):
+            continue
+        if np.any(np.diff(at) <= 0):
+            at = np.unique(at)
+        head = int.from_bytes(data[at[0]:at[0] + 4].tobytes(), 'little')
+        if head > 256 or at[-1] + 8 + head > len(data):
+            return None
+        fields = fields_of(data[at[0] + 4:at[0] + 4 + head].tobytes())
+        if fields.get(b'op') != bytes([MESSAGE]) or fields.get(b'conn') != struct.pack('<I', id) or \
+                len(fields.get(b'time', b'')) != 8:
+            return None
+        heads = rows(data, at, 8 + head)
+        when = heads[0].tobytes().index(b'time=') + 5
+        same = np.ones(4 + head, bool)
+        same[when:when + 8] = False
+        if not np.all(heads[:, :4 + head][:, same] == heads[0, :4 + head][same]):
+            return None
+        time = np.ascontiguousarray(heads[:, when:when + 8]).view('<u4').astype(np.int64)
+        length = np.ascontiguousarray(heads[:, 4 + head:]).view('<u4')[:, 0].astype(np.int64)
+        begin = at + 8 + head
+        if np.any(begin + length > len(data)):
+            return None
+        found.append((id, time[:, 0] * 10 ** 9 + time[:, 1], data, begin, length))
+    return found
+
+
+def fields_of(header: bytes) -> dict[bytes, bytes]:
+    """Return the named fields of a record's header; what cannot be parsed is left out."""
+    fields: dict[bytes, bytes] = {}
+    at = 0
+    while at + 4 <= len(header):
+        n = int.from_bytes(header[at:at + 4], 'little')
+        name, equals, value = header[at + 4:at + 4 + n].partition(b'=')
+        if not equals or at + 4 + n > len(header):
+            break
+        fields[name] = value
+        at += 4 + n
+    return fields
+
+
+def _number(fields: dict[bytes, bytes], name: bytes) -> int:
+    return int.from_bytes(fields.get(name, b''), 'little')
+
+
+def _time(value: bytes) -> int:
+    return int.from_bytes(value[:4], 'little') * 10 ** 9 + int.from_bytes(value[4:8], 'little')

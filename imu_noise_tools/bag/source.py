@@ -1,0 +1,237 @@
+"""Opening a bag: what kind of file is it, and how do its parts make one whole."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+import os
+from pathlib import Path, PurePath
+import shutil
+import stat
+import tempfile
+
+import numpy as np
+import yaml
+import zstandard
+
+from . import mcap, rosbag1, sqlite
+from ..errors import InputError
+from .container import AT_LEAST, BagFile, Batch, Connection, Damaged, EXPANSION, Progress
+
+ZSTD = b'\x28\xb5\x2f\xfd'
+NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
+
+
+class Bag:
+    """
+    All files of one bag, in order; use it in a ``with``.
+
+    Topics are known by name. ``warnings`` grows while it is read.
+
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.files: list[BagFile] = []
+        self._said: list[str] = []
+        self._scratch: tempfile.TemporaryDirectory | None = None
+        _refuse_what_cannot_be_read(self.path)
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Bag:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_) -> None:
+        """Close all files."""
+        self.close()
+
+    def close(self) -> None:
+        """Close all files and remove what was unpacked."""
+        for file in self.files:
+            file.close()
+        self.files = []
+        if self._scratch:
+            self._scratch.cleanup()
+            self._scratch = None
+
+    def _open(self) -> None:
+        if not self.path.is_dir():
+            try:
+                self.files.append(self._file(self.path))
+            except Damaged as error:
+                raise _nothing(self.path, str(error)) from error
+            return
+        for part in self._folder():
+            try:
+                _refuse_what_cannot_be_read(part)
+                self.files.append(self._file(part))
+            except (Damaged, InputError) as error:
+                self._said.append(f'{part.name}: left out ({str(error).partition(": give")[0]})')
+        if not self.files:
+            raise _nothing(self.path, '; '.join(self._said))
+
+    def _folder(self) -> list[Path]:
+        """Return the files of a rosbag2 folder in order."""
+        try:
+            held = sorted(p for p in self.path.iterdir() if _kind_of_name(p))
+        except OSError as error:
+            raise InputError(f'{self.path}: cannot be read ({(error.strerror or "").lower()})') from error
+        about = self._metadata()
+        names = about.get('relative_file_paths')
+        listed = [self.path / PurePath(str(n)).name for n in names] if isinstance(names, list) else []
+        parts = [p for p in listed if p.exists()]
+        missing = [p.name for p in listed if not p.exists()]
+        if missing:
+            self._said.append(f'{", ".join(missing)}: missing from the bag; the rest was read')
+        if not parts:
+            parts = held
+            if parts and not listed:
+                self._said.append('metadata.yaml is missing or cannot be used; all files of the folder were read')
+        if not parts:
+            raise InputError(f'{self.path}: not a bag, there is no .mcap or .db3 file in the folder', NO_BAG)
+        return parts
+
+    def _metadata(self) -> dict:
+        path = self.path / 'metadata.yaml'
+        try:
+            if not path.is_file() or path.stat().st_size > 1 << 22:
+                return {}
+            text = path.read_text(errors='replace')
+            if _too_many_aliases(text):
+                return {}
+            found = yaml.load(text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+        except (OSError, yaml.YAMLError, RecursionError, ValueError):
+            return {}
+        about = found.get('rosbag2_bagfile_information') if isinstance(found, dict) else None
+        return about if isinstance(about, dict) else {}
+
+    def _file(self, path: Path) -> BagFile:
+        try:
+            with open(path, 'rb') as file:
+                head = file.read(16)
+            if head[:4] == ZSTD:
+                path = self._unpack(path)
+                with open(path, 'rb') as file:
+                    head = file.read(16)
+            if head.startswith(mcap.MAGIC):
+                return mcap.McapFile(path)
+            if head.startswith(rosbag1.MAGIC):
+                return rosbag1.Rosbag1File(path)
+            if head.startswith(sqlite.MAGIC):
+                return sqlite.SqliteFile(path)
+        except OSError as error:
+            raise InputError(f'{path}: cannot be read ({(error.strerror or str(error)).lower()})') from error
+        if head.startswith(b'#ROSBAG'):
+            raise InputError(f'{path}: a bag of a version that is not known', 'only version 2.0 of rosbag1 is read')
+        raise InputError(f'{path}: not a bag', NO_BAG)
+
+    def _unpack(self, path: Path) -> Path:
+        """Decompress a whole file into a temporary folder, as far as it goes."""
+        if self._scratch is None:
+            self._scratch = tempfile.TemporaryDirectory(prefix='imu_noise_')
+        target = Path(self._scratch.name) / f'{len(self.files)}_{path.stem}'
+        limit = max(AT_LEAST, EXPANSION * path.stat().st_size)
+        room = shutil.disk_usage(self._scratch.name).free
+        done = 0
+        with open(path, 'rb') as source, open(target, 'wb') as sink:
+            stream = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
+            with suppress(zstandard.ZstdError):
+                while some := stream.read(1 << 20):
+                    done += len(some)
+                    if done > limit:
+                        raise Damaged('unpacks to far more than a recording could')
+                    if done > room:
+                        raise InputError(f'{path}: no room to unpack it in {tempfile.gettempdir()}',
+                                         'free some disk space or set TMPDIR')
+                    sink.write(some)
+        return target
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Every connection of every file."""
+        return [c for f in self.files for c in f.connections]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What went wrong so far."""
+        return tuple(dict.fromkeys((*self._said, *(w for f in self.files for w in f.warnings))))
+
+    @property
+    def duration_s(self) -> float:
+        """Span of the receive times, s."""
+        spans = [f.span for f in self.files if f.span[1]]
+        return (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
+
+    def batches(self, topics: Collection[str], types: Collection[str], progress: Progress = None) -> Iterator[Batch]:
+        """Yield the messages of these topics that have one of these types, file after file."""
+        for k, file in enumerate(self.files):
+            ids = [c.id for c in file.connections if c.topic in topics and c.type in types]
+            if ids:
+                part = _part_of(progress, k, len(self.files))
+                for batch in file.batches(ids, part):
+                    yield _unpacked(batch) if _is_compressed(batch) else batch
+
+
+def _part_of(progress: Progress, k: int, n: int) -> Progress:
+    return None if progress is None else lambda fraction: progress((k + fraction) / n)
+
+
+def _is_compressed(batch: Batch) -> bool:
+    """Tell whether the messages are compressed one by one: CDR begins with two bytes that zstd's magic is not."""
+    return batch.connection.encoding == 'cdr' and batch.message(0)[:4] == ZSTD
+
+
+def _unpacked(batch: Batch) -> Batch:
+    """Decompress messages that are compressed one by one; those that cannot be are left empty."""
+    unpack = zstandard.ZstdDecompressor()
+    found = []
+    for k in range(len(batch.begin)):
+        raw = batch.message(k)
+        try:
+            known = zstandard.frame_content_size(raw)
+            if known > max(1 << 20, EXPANSION * len(raw)):
+                raise Damaged('size')
+            found.append(unpack.decompress(raw, max_output_size=1 << 20))
+        except (zstandard.ZstdError, Damaged):
+            found.append(b'')
+    length = np.array([len(f) for f in found], np.int64)
+    return batch._replace(data=np.frombuffer(b''.join(found), np.uint8), begin=length.cumsum() - length,
+                          length=length)
+
+
+def _too_many_aliases(text: str) -> bool:
+    """Tell whether a YAML text could unfold into something huge (a bag's metadata has no aliases)."""
+    return text.count('*') > 100 and text.count('&') > 3
+
+
+def _kind_of_name(path: Path) -> bool:
+    return path.name.endswith(('.mcap', '.db3', '.mcap.zstd', '.db3.zstd', '.mcap.zst', '.db3.zst'))
+
+
+def _nothing(path, why: str) -> InputError:
+    return InputError(f'{path}: nothing in it can be recovered ({why})', 'record again, or repair the file')
+
+
+def _refuse_what_cannot_be_read(path: Path) -> None:
+    """Refuse what is not there, is not a file or folder, is empty, or may not be read."""
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        if isinstance(error, PermissionError):
+            raise InputError(f'{path}: cannot be read (permission denied)') from error
+        raise InputError(f'{path}: no such file or folder', NO_BAG) from error
+    except ValueError as error:
+        raise InputError(f'{str(path)!r}: no such file or folder', NO_BAG) from error
+    if stat.S_ISDIR(mode):
+        return
+    if not stat.S_ISREG(mode):
+        raise InputError(f'{path}: not a file (a pipe or a device)', NO_BAG)
+    if not os.access(path, os.R_OK):
+        raise InputError(f'{path}: cannot be read (permission denied)')
+    if not path.stat().st_size:
+        raise InputError(f'{path}: the file is empty', NO_BAG)

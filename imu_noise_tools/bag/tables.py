@@ -1,0 +1,170 @@
+"""Records in a ``.csv`` or an ``.npz``: read without pickle, and with no more memory than the file warrants."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+import re
+import zipfile
+
+import numpy as np
+
+from ..errors import InputError
+from ..record import AXES, ImuRecord, regular_rate
+from .container import AT_LEAST, EXPANSION
+from .source import _refuse_what_cannot_be_read
+
+NPZ_ARRAYS = 'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'
+CSV_COLUMNS = 'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, m/s^2)'
+
+
+def table_kind(path) -> str:
+    """Return ``csv`` or ``npz`` by the name of a file, or nothing."""
+    suffix = Path(path).suffix.lower()
+    return suffix[1:] if suffix in ('.csv', '.npz') and not Path(path).is_dir() else ''
+
+
+def read_table(path: Path, rate_hz: float | None) -> ImuRecord:
+    """Read a table; ``rate_hz`` goes before stamps and labels. Raise InputError where it cannot be used."""
+    _refuse_what_cannot_be_read(path)
+    try:
+        arrays, said = (_read_npz if table_kind(path) == 'npz' else _read_csv)(path)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be read ({(error.strerror or str(error)).lower()})') from error
+    return _record(path, arrays, rate_hz, said)
+
+
+def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, said: list[str]) -> ImuRecord:
+    said = list(said)
+    data: dict[str, np.ndarray | None] = {}
+    for sensor in ('gyro', 'accel'):
+        x = arrays.pop(sensor, None)
+        if x is not None and (x.ndim != 2 or x.shape[1] != 3):
+            raise InputError(f'{path}: {sensor} has the shape {x.shape}, not (n, 3)', NPZ_ARRAYS)
+        if x is not None and len(x) and not np.any((x != 0) & ~np.isnan(x)):
+            said.append(f'the {sensor} part is all zero; left out')
+            x = None
+        data[sensor] = None if x is None else np.array(x, float)
+    lengths = {len(x) for x in data.values() if x is not None}
+    if len(lengths) != 1:
+        raise InputError(f'{path}: ' + ('gyro and accel differ in length' if lengths else 'has neither gyro nor accel'),
+                         NPZ_ARRAYS if table_kind(path) == 'npz' else CSV_COLUMNS)
+    n = lengths.pop()
+    label = arrays.pop('rate_hz', None)
+    labelled = float(np.ravel(label)[0]) if label is not None and np.size(label) and label.dtype.kind in 'fiu' else None
+    t = arrays.pop('t', None)
+    if t is not None and t.shape != (n,):
+        raise InputError(f'{path}: t has the shape {t.shape}, not ({n},)', NPZ_ARRAYS)
+    t = None if t is None else np.array(t, float)
+    if t is not None and n and not np.any(t):
+        said.append('all stamps are zero; the rate was used')
+        t = None
+    usable = t is not None and np.isfinite(t).any()
+    rate = rate_hz or (regular_rate(t) if usable else None) or labelled
+    if rate is None or not np.isfinite(rate) or rate <= 0:
+        raise InputError(f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz')
+    if not usable or rate_hz:
+        t = np.arange(n) / rate
+    start = float(t[np.isfinite(t)][0]) if usable and not rate_hz else 0.0
+    covariates = {k: np.array(x, float) for k, x in arrays.items()
+                  if x.ndim == 1 and len(x) == n and x.dtype.kind in 'fiu' and k not in AXES}
+    return ImuRecord(gyro=data['gyro'], accel=data['accel'], t=t - start, rate_hz=float(rate), start=start,
+                     covariates=covariates, topic='imu', path=str(path), labelled_rate_hz=labelled,
+                     warnings=tuple(said))
+
+
+def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Return the numeric arrays of an .npz; whatever would need pickle is left alone."""
+    arrays: dict[str, np.ndarray] = {}
+    limit = max(AT_LEAST, EXPANSION * path.stat().st_size)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                name = member.filename.removesuffix('.npy')
+                if not member.filename.endswith('.npy') or not re.fullmatch(r'\w+', name):
+                    continue
+                limit -= member.file_size
+                if limit < 0:
+                    raise InputError(f'{path}: unpacks to far more than a recording could', 'it is damaged or hostile')
+                array = _member(archive, member)
+                if array is not None:
+                    arrays[name] = array
+                elif name in ('gyro', 'accel', 't', 'rate_hz'):
+                    raise InputError(f'{path}: {name} is not an array of numbers', NPZ_ARRAYS)
+    except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError, RuntimeError, MemoryError) as error:
+        raise InputError(f'{path}: cannot be read as .npz ({error})', NPZ_ARRAYS) from error
+    except Exception as error:
+        if isinstance(error, (InputError, OSError)):
+            raise
+        raise InputError(f'{path}: cannot be read as .npz ({error})', NPZ_ARRAYS) from error
+    return arrays, []
+
+
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | None:
+    """Return one array, or None where it is not numbers; its header is checked before anything is allocated."""
+    raw = archive.read(member)
+    file = io.BytesIO(raw)
+    version = np.lib.format.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        return None
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, fortran, dtype = header(file)
+    if dtype.kind not in 'fiub' or dtype.hasobject:
+        return None
+    count = 1
+    for k in shape:
+        count *= int(k)
+    if count < 0 or count * dtype.itemsize != len(raw) - file.tell():
+        raise ValueError(f'{member.filename} declares the shape {shape} and holds {len(raw)} bytes')
+    array = np.frombuffer(raw, dtype, count, file.tell())
+    return array.reshape(shape, order='F' if fortran else 'C')
+
+
+def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Return the columns of a .csv; a last line that was cut off is left out."""
+    with open(path, encoding='utf-8', errors='replace', newline=None) as file:
+        names = [n.strip().strip('"').lower() for n in file.readline(1 << 16).lstrip('#\ufeff ').strip().split(',')]
+        present = [a for a in AXES if a in names]
+        if not present:
+            raise InputError(f'{path}: its first line names no axis', CSV_COLUMNS)
+        if len(set(names)) != len(names):
+            raise InputError(f'{path}: its first line names a column twice', CSV_COLUMNS)
+        blocks, said, line = [], [], 2
+        while lines := file.readlines(1 << 22):
+            blocks.append(_numbers(path, lines, len(names), line, said))
+            line += len(lines)
+    table = np.concatenate(blocks) if blocks else np.empty((0, len(names)))
+    columns = {n: table[:, k] for k, n in enumerate(names) if n}
+    arrays = {}
+    for sensor in ('gyro', 'accel'):
+        axes = [a for a in AXES if a.startswith(sensor)]
+        there = [a for a in axes if a in columns]
+        if there and there != axes:
+            raise InputError(f'{path}: has {", ".join(there)} but not all three axes', CSV_COLUMNS)
+        if there:
+            arrays[sensor] = np.stack([columns.pop(a) for a in axes], axis=1)
+    return arrays | columns, said
+
+
+def _numbers(path: Path, lines: list[str], width: int, first: int, said: list[str]) -> np.ndarray:
+    try:
+        found = np.loadtxt(lines, delimiter=',', ndmin=2, comments=None)
+        if found.shape[1] == width or not found.size:
+            return found.reshape(-1, width)
+    except ValueError:
+        pass
+    rows = []
+    for k, line in enumerate(lines):
+        if not line.strip():
+            continue
+        try:
+            row = [float(cell) if cell.strip() else float('nan') for cell in line.split(',')]
+        except ValueError:
+            row = []
+        if len(row) == width:
+            rows.append(row)
+        elif k == len(lines) - 1 and not line.endswith('\n'):
+            said.append('the last line was cut off; left out')
+        else:
+            raise InputError(f'{path}: line {first + k} is not {width} numbers: {line.strip()[:40]!r}', CSV_COLUMNS)
+    return np.array(rows, float).reshape(-1, width)

@@ -1,0 +1,181 @@
+"""Which topics of a bag make a record: found by type, joined where gyroscope and accelerometer are apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import re
+
+import numpy as np
+
+from ..errors import InputError
+from .container import Connection
+from .decode import ACCEL, ACCEL_COVARIANCE, decode, DOUBLES, GYRO, GYRO_COVARIANCE, IMU, MAGNETIC, PRESSURE, \
+    TEMPERATURE, VECTOR
+from .source import Bag
+
+# Names of the columns that a covariate's message holds, and where among its doubles they are.
+COVARIATES = {
+    TEMPERATURE: {'temperature': 0},
+    MAGNETIC: {'magnetic_x': 0, 'magnetic_y': 1, 'magnetic_z': 2},
+    PRESSURE: {'pressure': 0},
+}
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """
+    One topic of a bag.
+
+    Parameters
+    ----------
+    name, type : str
+        As in the bag; the type always as ``package/msg/Name``.
+    samples : int
+        Number of messages.
+    rate_hz : float or None
+        Messages per second over the length of the bag.
+    role : str
+        ``imu``, ``covariate`` or empty: what it is used for.
+
+    """
+
+    name: str
+    type: str
+    samples: int
+    rate_hz: float | None
+    role: str = ''
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Topics to be read: ``gyro`` and ``accel`` are the same where one topic has both, or empty."""
+
+    gyro: str
+    accel: str
+    type: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Topics to be read, each once."""
+        return tuple(dict.fromkeys(n for n in (self.gyro, self.accel) if n))
+
+    @property
+    def base(self) -> str:
+        """Return the topic whose stamps the record has."""
+        return self.gyro or self.accel
+
+
+def list_topics(bag: Bag) -> list[TopicInfo]:
+    """Return the topics of a bag by name, counted over all of its files."""
+    count: dict[tuple[str, str], int] = {}
+    for c in bag.connections:
+        count[c.topic, c.type] = count.get((c.topic, c.type), 0) + c.count
+    span = bag.duration_s
+    return [TopicInfo(name, type, n, (n - 1) / span if n > 1 and span > 0 else None,
+                      'imu' if type == IMU else 'covariate' if type in COVARIATES else '')
+            for (name, type), n in sorted(count.items())]
+
+
+def choose(bag: Bag, topic: str | None) -> Choice:
+    """
+    Return the topic, or the pair of topics, that a record is made of.
+
+    Raises
+    ------
+    InputError
+        There is none, or several and none is chosen, or the chosen one is not there or of another type.
+
+    """
+    known = list_topics(bag)
+    if topic:
+        return _asked(bag, known, topic)
+    imu = [t for t in known if t.type == IMU]
+    imu = [t for t in imu if t.samples] or imu
+    if len(imu) == 1:
+        return Choice(imu[0].name, imu[0].name, IMU)
+    if imu:
+        parts = {t.name: _parts(bag, t.name) for t in imu}
+        pair = _pair([n for n, p in parts.items() if p == ('gyro',)], [n for n, p in parts.items() if p == ('accel',)])
+        if pair and len(imu) == 2:
+            return Choice(*pair, IMU)
+        raise InputError(f'{bag.path}: has {len(imu)} Imu topics: {", ".join(t.name for t in imu)}',
+                         'choose one with --topic')
+    vectors = [t.name for t in known if t.type == VECTOR and t.samples]
+    pair = _pair([n for n in vectors if _says(n, 'gyro')], [n for n in vectors if _says(n, 'accel')])
+    if pair:
+        return Choice(*pair, VECTOR)
+    raise _no_imu(bag, known)
+
+
+def _pair(gyro: list[str], accel: list[str]) -> tuple[str, str] | None:
+    return (gyro[0], accel[0]) if len(gyro) == len(accel) == 1 else None
+
+
+def _says(topic: str, part: str) -> bool:
+    return bool(re.search(r'gyr|angular|omega' if part == 'gyro' else r'acc', topic, re.IGNORECASE))
+
+
+def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
+    """Return the choice of a user: one topic, or two of them with a comma between."""
+    found = []
+    for name in topic.split(','):
+        same = [t for t in known if t.name.strip('/') == name.strip().strip('/')]
+        if not same:
+            raise InputError(f'{bag.path}: has no topic {name.strip()}', _has(known))
+        readable = [t for t in same if t.type in (IMU, VECTOR)]
+        if not readable:
+            raise InputError(f'{bag.path}: {same[0].name} is {same[0].type}, not sensor_msgs/Imu', _has(known))
+        found.append(readable[0])
+    if len(found) > 2 or len({t.type for t in found}) > 1:
+        raise InputError(f'{bag.path}: {topic} is not a pair of topics of one type', _has(known))
+    if len(found) == 2:
+        gyro_first = _parts(bag, found[0].name) == ('gyro',) or _says(found[0].name, 'gyro')
+        gyro, accel = found if gyro_first else found[::-1]
+        return Choice(gyro.name, accel.name, gyro.type)
+    only = found[0]
+    if only.type == IMU:
+        return Choice(only.name, only.name, IMU)
+    return Choice('', only.name, VECTOR) if _says(only.name, 'accel') else Choice(only.name, '', VECTOR)
+
+
+def _has(known: list[TopicInfo]) -> str:
+    return 'it has ' + (', '.join(f'{t.name} ({t.type})' for t in known) or 'no topics at all')
+
+
+def _no_imu(bag: Bag, known: list[TopicInfo]) -> InputError:
+    custom = [t for t in known if re.search('imu', t.type.rpartition('/')[2], re.IGNORECASE)]
+    if custom:
+        return InputError(
+            f'{bag.path}: {custom[0].name} is of a custom type, {custom[0].type}, which is not read',
+            f'publish it as sensor_msgs/Imu and record that; {_has(known)}')
+    return InputError(f'{bag.path}: has no Imu topic', f'record sensor_msgs/Imu; {_has(known)}')
+
+
+def parts_of(values: np.ndarray) -> tuple[bool, bool]:
+    """Tell whether (gyro, accel) of Imu messages' doubles, (n, 37), hold anything at all."""
+    return (_there(values[:, GYRO], values[:, GYRO_COVARIANCE]), _there(values[:, ACCEL], values[:, ACCEL_COVARIANCE]))
+
+
+def _there(data: np.ndarray, covariance: np.ndarray) -> bool:
+    return not (np.all(covariance[:, 0] == -1) or np.all((data == 0) | np.isnan(data)))
+
+
+def _parts(bag: Bag, topic: str) -> tuple[str, ...]:
+    """Return which parts the first messages of an Imu topic hold: ``gyro``, ``accel``."""
+    for batch in bag.batches([topic], [IMU]):
+        some = decode(batch.take(np.arange(min(len(batch.begin), 1000))))
+        if len(some.stamp):
+            return tuple(n for n, there in zip(('gyro', 'accel'), parts_of(some.values)) if there)
+    return ()
+
+
+def covariates_of(bag: Bag, near: str) -> list[TopicInfo]:
+    """Return the covariate topics, those in the namespace of the Imu topic first."""
+    space = near.rpartition('/')[0]
+    found = [t for t in list_topics(bag) if t.role == 'covariate' and t.samples]
+    return sorted(found, key=lambda t: (not (space and t.name.startswith(space)), t.name))
+
+
+def is_read(connection: Connection) -> bool:
+    """Tell whether messages of this type can be decoded here."""
+    return connection.type in DOUBLES
