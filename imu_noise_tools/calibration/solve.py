@@ -123,7 +123,7 @@ class _State:
 
 def _iterate(model, poses, free, tilt):
     """Solve, put the new S (and for ``norm`` the new directions) in, and solve again until nothing changes."""
-    scale, bias = _start(poses) if free else (_rough_scale(poses), np.zeros(3))
+    scale, bias = start(poses) if free else (_rough_scale(poses), np.zeros(3))
     if free and not poses.known:
         poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
     state = _State(poses)
@@ -162,7 +162,7 @@ def _rough_scale(poses):
     return np.eye(3) * (spread / size if size > 0 and spread > 0 else 1.0)
 
 
-def _start(poses):
+def start(poses):
     """
     Return (S, b) of the axis-aligned ellipsoid through the outputs: sum_k a_k o_k^2 + c_k o_k = 1.
 

@@ -1,0 +1,277 @@
+"""A calibration: the solution of poses with everything that speaks for and against it, or a refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from ..effect import Fit, Model
+from ..errors import FitError, InputError
+from . import solve
+from .effects import Regressor
+from .linear import equations
+from .poses import Poses, unit
+from .positions import counted, faced, spread
+from .problem import CalibrationProblem
+
+SPREAD_POSES = 12               # from which the norm fit is to be had
+_CONDITION = 50.0
+_SCALES = (0.5, 2.0)            # a scale factor outside is no calibrated unit
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """
+    A solved calibration: ``raw = S x + b + rest(x)``, so ``x = S^-1 (raw - b - rest)``.
+
+    Parameters
+    ----------
+    problem : CalibrationProblem
+        The poses and how they were fitted.
+    fit : Fit
+        The fitted model with its estimates.
+    plain : Fit or None
+        The same poses by ``ols``: its difference from ``wls`` measures the tilt.
+    notes, warnings : tuple of str
+        What was done, and what is doubtful.
+
+    """
+
+    problem: CalibrationProblem
+    fit: Fit
+    plain: Fit | None = None
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def sensor(self) -> str:
+        """``accel`` or ``gyro``."""
+        return self.problem.target
+
+    @property
+    def poses(self) -> Poses:
+        """The poses that were used."""
+        return self.problem.poses
+
+    @property
+    def S(self) -> np.ndarray:      # noqa: N802
+        """Scale factors and cross-axis sensitivities, (3, 3)."""
+        return self.fit.details['S']
+
+    @property
+    def bias(self) -> np.ndarray:
+        """Biases, (3,)."""
+        return self.fit.details['bias']
+
+    @property
+    def G(self) -> np.ndarray:      # noqa: N802
+        """[S | b], (3, 4)."""
+        return np.column_stack([self.S, self.bias])
+
+    @property
+    def std(self) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations of S (3, 3) and bias (3,); 0 for what was set."""
+        return standard_deviations(self.fit)
+
+    def apply(self, raw, temperature=None, force=None) -> np.ndarray:
+        """
+        Return corrected samples, (n, 3) or (3,).
+
+        Where the model holds more than scale, cross-axis and bias, its inverse is found by iteration;
+        ``temperature`` (n,) and ``force`` (n, 3) enter only then.
+
+        """
+        return inverse(self.fit.model, self.S, self.bias, self.poses, raw, temperature, force)
+
+    def with_model(self, model: Model) -> Calibration:
+        """Return the calibration of the same poses with another model."""
+        return replace(self, fit=self.problem.fit(model))
+
+
+def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Return the standard deviations of S (3, 3) and of the bias (3,); 0 for what is not fitted."""
+    std = dict(zip(fit.details['keys'], np.sqrt(np.diag(fit.details['cov']))))
+    s = np.array([[std.get(('scale' if k == m else 'cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz'] for k in 'xyz'])
+    return s, np.array([std.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
+
+
+def inverse(model: Model, scale, bias, poses: Poses, raw, temperature=None, force=None) -> np.ndarray:
+    """Return x = S^-1 (raw - b - rest(x)); what changes the input itself (Earth rate) stays in it."""
+    raw = np.asarray(raw, float)
+    columns = np.atleast_2d(raw).T
+    x = np.linalg.solve(scale, columns - bias[:, None])
+    more = [e for e in model.of(Regressor) if e.name not in solve.BASE and not e.at_input]
+    if more:
+        n = columns.shape[1]
+        if temperature is None:
+            temperature = poses.reference_temperature
+        here = Poses.of(poses.sensor, columns, 0.0, poses.magnitude,
+                        temperature=np.broadcast_to(np.asarray(temperature, float), (n,)),
+                        force=np.zeros((3, n)) if force is None else np.atleast_2d(np.asarray(force, float)).T,
+                        reference_temperature=poses.reference_temperature)
+        for _ in range(6):
+            rest = solve.rest_of(Model(more), scale, here.with_inputs(x))
+            x = np.linalg.solve(scale, columns - bias[:, None] - rest)
+    return x.T.reshape(raw.shape)
+
+
+def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT, model: Model | None = None,
+              notes=()) -> Calibration:
+    """
+    Return the calibration of poses, or refuse it with the number that forbids it and what to do.
+
+    Parameters
+    ----------
+    poses : Poses
+        From a record, with or without known inputs. Accelerometer poses without are matched to faces, or, when 12
+        and more point in different directions, fitted by their magnitude alone.
+    method : str, optional
+        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+    tilt : float
+        Tilt of the faces, rad (rms of each of two angles).
+    model : Model, optional
+        scale + cross_axis + bias unless given.
+
+    Raises
+    ------
+    InputError
+        Faces or turns are missing, or there are too few poses.
+    FitError
+        The solution is no calibration: an axis upside down, a scale no device has, not enough spread.
+
+    """
+    model = model or solve.base_model()
+    notes = list(notes)
+    if not np.isfinite(poses.outputs).all() or not np.isfinite(poses.std).all():
+        raise InputError('a pose holds values that are not finite', 'leave it out')
+    method = method or _method(poses)
+    if method == 'norm':
+        _refuse_little_spread(poses)
+    elif not poses.known:
+        poses, more = faced(poses)
+        notes += more
+        _refuse_missing_faces(poses.names, notes)
+    problem = CalibrationProblem(poses, method, tilt)
+    fit = problem.fit(model)
+    _refuse_failure(fit, poses, method)
+    plain = None if method == 'norm' else fit if method == 'ols' else solve.fit(model, poses, 'ols', tilt)
+    notes += [f'{face} was held {k} times: averaged' for face, k in counted(poses.names).items() if k > 1]
+    return Calibration(problem, fit, plain, tuple(notes), tuple(_doubts(fit, poses, method, tilt)))
+
+
+def _method(poses: Poses) -> str:
+    if poses.known or poses.sensor != 'accel':
+        return 'wls'
+    if spread(poses) < SPREAD_POSES:
+        return 'wls'
+    system = _norm_equations(poses)
+    return 'norm' if system.condition < _CONDITION else 'wls'
+
+
+def _norm_equations(poses):
+    """Return the equations of the norm fit, near its solution."""
+    scale, bias = solve.start(poses)
+    inputs = poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None]))
+    return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, True)[0]
+
+
+def _refuse_little_spread(poses: Poses) -> None:
+    remedy = f'hold at least {SPREAD_POSES} poses in all directions, edges and corners too; or use --method wls ' \
+             'with six faces'
+    apart = spread(poses)
+    if apart < SPREAD_POSES:
+        raise InputError(f'{apart} poses point in different directions ({poses.n} in all), the norm fit needs '
+                         f'{SPREAD_POSES}', remedy)
+    condition = _norm_equations(poses).condition
+    if condition > _CONDITION:
+        raise InputError(f'the poses are too alike for a norm fit (condition {condition:.0f}, at most '
+                         f'{_CONDITION:.0f})', remedy)
+
+
+def _refuse_missing_faces(names, notes) -> None:
+    seen = counted(names)
+    missing = [f for f, k in seen.items() if not k]
+    if not missing:
+        return
+    twice = [f'{f} {k} times' for f, k in seen.items() if k > 1]
+    said = f'{6 - len(missing)} of 6 faces seen; missing {", ".join(missing)}'
+    if twice:
+        said += f' (held {", ".join(twice)})'
+    if notes:
+        said += f' ({"; ".join(notes)})'
+    raise InputError(said, f'hold {" and ".join(missing)} up, still, and record again '
+                           f'(or {SPREAD_POSES} poses in all directions)')
+
+
+def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
+    system, scale = fit.details['equations'], fit.details['S']
+    wanted = len(system.keys)
+    if system.rank < wanted and len(fit.model) == 3:
+        raise InputError(f'the {poses.n} poses determine {system.rank} of {wanted} coefficients',
+                         'add poses: every axis up and down, or turned both ways')
+    nominal = np.abs(np.diag(scale)).mean()
+    for k, axis in enumerate('xyz'):
+        if scale[k, k] < 0:
+            raise FitError(f'{poses.sensor}_{axis} is upside down: its scale factor is {scale[k, k]:.3g}',
+                           'its sign, or the sign or order of the inputs, is wrong (REP-145: +g on the axis that '
+                           'points up)')
+        if not _SCALES[0] * nominal < scale[k, k] < _SCALES[1] * nominal:
+            raise FitError(f'the scale factor of {poses.sensor}_{axis} is {scale[k, k]:.3g}, the others '
+                           f'{nominal:.3g}', 'check the units and the poses')
+
+
+def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
+    """Return warnings: off the faces, chi-squared, badly conditioned."""
+    said = list(fit.flags)
+    x2, dof = fit.details['chi2'], fit.details['dof']
+    residual, inputs = fit.details['residual'], fit.details['inputs']
+    if dof and chi2.sf(x2, dof) < 0.005:
+        said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} explain: chi-squared '
+                    f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
+    if method != 'norm' and dof:
+        lateral = inputs == 0
+        own = np.diag(fit.details['S'])[:, None]
+        size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0), 1e-300)
+        turned = np.linalg.norm(inputs, axis=0) > 0
+        if turned.any():
+            rms = float(np.sqrt((size[:, turned] ** 2).sum() / dof))
+            if rms > 2 * tilt:
+                said.append(f'the faces are tilted by about {np.degrees(rms):.1f} deg (stated: '
+                            f'{np.degrees(tilt):.1g}); their scale factors are low by some '
+                            f'{1e6 * rms ** 2:.0f} ppm: level them, give --tilt {np.degrees(rms):.1f}, or hold '
+                            f'{SPREAD_POSES} spread poses')
+    return said
+
+
+def as_dict(calibration: Calibration) -> Mapping:
+    """Return what calibration.yaml holds of the numbers, as plain Python values."""
+    c, fit = calibration, calibration.fit
+    std_s, std_b = c.std
+    poses, left = c.poses, c.problem.left_out(fit)
+    kind = 'faces' if c.sensor == 'accel' else 'turns'
+    out = {
+        'sensor': c.sensor, 'method': c.problem.method, 'unit': c.problem.unit,
+        'formula': 'x = S^-1 (raw - bias)' if len(fit.model) == 3 else 'x = S^-1 (raw - bias - effects(x))',
+        'G': c.G.tolist(), 'S': c.S.tolist(), 'bias': c.bias.tolist(),
+        'std': {'S': std_s.tolist(), 'bias': std_b.tolist()},
+        'chi_squared': float(fit.details['chi2']), 'dof': int(fit.details['dof']),
+        'condition': float(fit.details['condition']),
+        'magnitude': float(poses.magnitude), 'reference_temperature': float(poses.reference_temperature),
+    }
+    if c.problem.method != 'norm':
+        out['tilt_deg'] = float(np.degrees(c.problem.tilt))
+        out['ols'] = {'S': c.plain.details['S'].tolist(), 'bias': c.plain.details['bias'].tolist()}
+        seen = counted(poses.names) if c.sensor == 'accel' else {
+            n: poses.names.count(n) for n in dict.fromkeys(poses.names)}
+        out[kind] = {'seen': {f: k for f, k in seen.items() if k}, 'missing': [f for f, k in seen.items() if not k]}
+    out['effects'] = {e.label: {'effect': e.name, **{p.name: float(e.values[p.name]) for p in e.parameters}}
+                      for e in fit.model if e.name not in solve.BASE}
+    out['poses'] = [{
+        'name': poses.names[k], 'time_s': float(poses.time[k]), 'output': poses.outputs[:, k].tolist(),
+        'input': fit.details['inputs'][:, k].tolist(), 'residual': fit.details['residual'][:, k].tolist(),
+        'left_out_chi_squared': float(left.x[k]), 'left_out_bins': int(left.bins[k])} for k in range(poses.n)]
+    out['notes'], out['warnings'] = list(c.notes), list(c.warnings)
+    return out
