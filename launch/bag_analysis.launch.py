@@ -1,0 +1,36 @@
+"""Analyse a recorded bag: bag_reader feeds analyser, block by block."""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+CONFIG = Path(__file__).resolve().parents[1] / 'config'
+
+
+def node(name, **parameters):
+    """Return a node with its own file of config/, then params_file, then these parameters."""
+    return Node(
+        package='imu_noise_tools', executable=name, name=name,
+        namespace=LaunchConfiguration('namespace'), output='screen',
+        ros_arguments=['--log-level', LaunchConfiguration('log_level')],
+        parameters=[str(CONFIG / f'{name}.yaml'), LaunchConfiguration('params_file'), {
+            'use_sim_time': LaunchConfiguration('use_sim_time'), **parameters}])
+
+
+def generate_launch_description():
+    """Return the arguments and the nodes."""
+    return LaunchDescription([
+        DeclareLaunchArgument('bag', description='rosbag1, rosbag2, .mcap, .db3, .csv or .npz'),
+        DeclareLaunchArgument('namespace', default_value='', description='of the nodes'),
+        DeclareLaunchArgument('params_file', default_value=str(CONFIG / 'analyser.yaml'),
+                              description='parameters of the nodes, keyed /**'),
+        DeclareLaunchArgument('use_sim_time', default_value='false',
+                              description='whether time comes from /clock'),
+        DeclareLaunchArgument('log_level', default_value='info',
+                              description='debug, info, warn or error'),
+        node('analyser', input='buffer'),
+        node('bag_reader', bag=LaunchConfiguration('bag'), publish='buffer'),
+    ])

@@ -1,0 +1,211 @@
+"""What the nodes are made of: the live curve, the stream, parameters, messages."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imu_noise_tools.allan import curve, overlapping_variance
+from imu_noise_tools.errors import UsageError
+from imu_noise_tools.nodes.live import LiveCurve, Stream
+
+
+def signal(n, columns=3, seed=1):
+    """Return white noise, a random walk and an offset, (n, columns)."""
+    rng = np.random.default_rng(seed)
+    walk = np.cumsum(rng.standard_normal((n, columns)), axis=0) * 1e-3
+    return 9.8 + rng.standard_normal((n, columns)) + walk
+
+
+def fed(y, seed=2, largest=700):
+    """Return a live curve that was given y in pieces of random length."""
+    rng, live, k = np.random.default_rng(seed), LiveCurve(y.shape[1]), 0
+    while k < len(y):
+        piece = int(rng.integers(1, largest))
+        live.add(y[k:k + piece])
+        k += piece
+    return live
+
+
+def test_live_curve_is_the_definition_with_a_stride():
+    y = signal(20_000)
+    tau, dev, _, _ = fed(y).curve(0.01)
+    prefix = np.concatenate([np.zeros((1, 3)), np.cumsum(y - y[0], axis=0)])
+    for t, d in zip(tau, dev):
+        m = round(t / 0.01)
+        x = prefix[::max(1, m // 16)]
+        lag = m // max(1, m // 16)
+        second = x[2 * lag:] - 2 * x[lag:-lag] + x[:-2 * lag]
+        assert d == pytest.approx(np.sqrt(np.mean(second ** 2, axis=0) / 2) / m, rel=1e-9)
+
+
+def test_live_curve_is_close_to_every_pair_and_exact_at_short_times():
+    y = signal(60_000)
+    tau, dev, lo, hi = fed(y).curve(1.0)
+    m = np.round(tau).astype(int)
+    assert m[-1] <= len(y) // 3 and len(m) > 50
+    full = np.sqrt(np.stack([overlapping_variance(y[:, k], m) for k in range(3)], axis=1))
+    assert dev[m <= 16] == pytest.approx(full[m <= 16], rel=1e-12)
+    assert dev[m < 3000] == pytest.approx(full[m < 3000], rel=0.02)
+    assert np.all(lo < full) and np.all(full < hi)
+
+
+def test_live_curve_does_not_depend_on_the_pieces():
+    y = signal(9_000)
+    whole = LiveCurve(3)
+    whole.add(y)
+    assert np.allclose(fed(y).curve(1.0)[1], whole.curve(1.0)[1], rtol=1e-12)
+
+
+def test_live_curve_takes_the_last_value_for_what_is_not_finite():
+    y = signal(2_000)
+    holes, filled = y.copy(), y.copy()
+    holes[500:503, 1] = np.nan
+    filled[500:503, 1] = y[499, 1]
+    assert np.allclose(fed(holes, largest=10).curve(1.0)[1], fed(filled).curve(1.0)[1], rtol=1e-9)
+
+
+def test_memory_of_the_live_curve_does_not_grow():
+    live = LiveCurve(6)
+    piece = signal(5_000, 6)
+
+    def held():
+        return sum(s.tail.nbytes for s in live._sizes)
+    for _ in range(40):
+        live.add(piece)
+    before = held()
+    for _ in range(40):
+        live.add(piece)
+    assert held() <= 1.1 * before < 1e6
+
+
+def test_stream_holds_the_last_hours_and_says_so():
+    stream = Stream(hours=100 / 3600)                   # 100 s at 100 Hz
+    y = signal(30_000, 6)
+    for k in range(0, 30_000, 500):
+        stamps = np.arange(k, k + 500) * 10_000_000
+        stream.add(stamps, y[k:k + 500, :3], y[k:k + 500, 3:])
+        assert stream.whole == (k + 500 <= 10_000)
+    stamps, gyro, accel = stream.samples()
+    assert stream.received == 30_000 and 10_000 <= len(stamps) <= 10_500
+    assert stamps[-1] == 29_999 * 10_000_000 and np.array_equal(gyro, y[-len(gyro):, :3])
+    assert np.array_equal(accel, y[-len(accel):, 3:])
+    tau, dev, _, _ = stream.curve()
+    reference = curve(y[:, 0], 0.01)
+    assert tau[-1] > 80 and dev[0, 0] == pytest.approx(reference.dev[0], rel=1e-9)
+
+
+def test_a_parameter_reads_what_people_write():
+    pytest.importorskip('rclpy')
+    from imu_noise_tools.nodes.params import Setting
+    speed = Setting('speed', 1.0, 'how fast', unit='x', low=0.0, high=100.0)
+    assert speed.read(10) == 10.0 and isinstance(speed.read(10), float)
+    names = Setting('effects', ['white'], 'the model')
+    assert names.read('white, flicker') == ['white', 'flicker'] == names.read(['white', 'flicker'])
+    described = speed.descriptor()
+    assert described.description == 'how fast [x]'
+    assert described.floating_point_range[0].to_value == 100.0
+
+
+def test_a_parameter_says_why_it_refuses():
+    pytest.importorskip('rclpy')
+    from imu_noise_tools.nodes.params import Setting
+
+    def refuse(value):
+        raise UsageError(f'no {value}', 'take another')
+    cases = [(Setting('a', 1.0, '', low=0, high=2), 3.0, 'between 0 and 2'),
+             (Setting('a', 1.0, '', low=0, high=2), float('nan'), 'between'),
+             (Setting('a', 1.0, ''), 'fast', 'takes a number'),
+             (Setting('a', ['b'], ''), 3, 'takes a list of names'),
+             (Setting('a', 'b', '', choices=('b', 'c')), 'd', 'one of b, c'),
+             (Setting('a', 'b', '', check=refuse), 'd', 'no d: take another')]
+    for setting, value, reason in cases:
+        with pytest.raises(ValueError, match=reason):
+            setting.read(value)
+
+
+def imu(stamp_ns, gyro, accel, frame='imu_link'):
+    """Return a sensor_msgs/Imu with something in every field."""
+    from sensor_msgs.msg import Imu
+    m = Imu()
+    m.header.stamp.sec, m.header.stamp.nanosec = divmod(stamp_ns, 10 ** 9)
+    m.header.frame_id = frame
+    m.orientation.x, m.orientation.w = 0.5, 0.25
+    m.orientation_covariance = np.arange(9.0)
+    m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z = gyro
+    m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z = accel
+    m.linear_acceleration_covariance = np.arange(10.0, 19.0)
+    return m
+
+
+@pytest.mark.parametrize('frame', ['', 'i', 'imu_link', 'a/long/name/of/a/frame', 'ä'])
+def test_serialised_messages_are_read_and_changed_in_place(frame):
+    pytest.importorskip('rclpy')
+    from rclpy.serialization import deserialize_message, serialize_message
+    from sensor_msgs.msg import Imu
+
+    from imu_noise_tools.nodes import messages
+    sent = [imu(1_700_000_000_123_456_789 + k, (0.1 * k, 2.0, 3.0), (4.0, 5.0, 9.0 + k), frame)
+            for k in range(5)]
+    raw = [serialize_message(m) for m in sent]
+    read = messages.samples(raw)
+    assert read.stamps.tolist() == [1_700_000_000_123_456_789 + k for k in range(5)]
+    assert read.gyro[:, 0].tolist() == [0.1 * k for k in range(5)]
+    assert read.accel[3].tolist() == [4.0, 5.0, 12.0] and read.refused == 0
+    if frame.isascii():
+        assert read.frame_id == frame
+    stamp, rate, there = messages.rate_of(raw[2])
+    assert (stamp, rate, there) == (1_700_000_000_123_456_791, (0.2, 2.0, 3.0), True)
+    changed = deserialize_message(messages.with_rate(raw[2], (7.0, 8.0, 9.0), (0.1, 0.2, 0.3)), Imu)
+    wanted = imu(1_700_000_000_123_456_791, (7.0, 8.0, 9.0), (4.0, 5.0, 11.0), frame)
+    wanted.angular_velocity_covariance = np.diag([0.1, 0.2, 0.3]).ravel()
+    assert changed == wanted
+    moved = deserialize_message(messages.with_stamp(raw[0], 5_000_000_007), Imu)
+    assert (moved.header.stamp.sec, moved.header.stamp.nanosec) == (5, 7)
+    assert moved.orientation == sent[0].orientation
+    accel = deserialize_message(messages.with_vectors(raw[0], accel=(1.0, 2.0, 3.0)), Imu)
+    assert accel.linear_acceleration.y == 2.0 and accel.angular_velocity == sent[0].angular_velocity
+
+
+def test_what_is_no_message_is_counted():
+    pytest.importorskip('rclpy')
+    from rclpy.serialization import serialize_message
+
+    from imu_noise_tools.nodes import messages
+    good = serialize_message(imu(7, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))
+    read = messages.samples([good, b'\0\1\0\0short', good])
+    assert len(read) == 2 and read.refused == 1
+
+
+def test_blocks_and_curves_survive_the_way():
+    pytest.importorskip('rclpy')
+    from imu_noise_tools.nodes import messages
+    stamps = 1_700_000_000_000_000_000 + np.arange(50) * 5_000_000
+    y = signal(50, 6)
+    first, read = messages.samples_of_block(messages.block(4096, stamps, y[:, :3], y[:, 3:]))
+    assert first == 4096
+    assert np.abs(read.stamps - stamps).max() <= 128            # a double holds no more
+    assert np.array_equal(read.gyro, y[:, :3]) and np.array_equal(read.accel, y[:, 3:])
+    tau, dev = np.array([1.0, 10.0]), np.array([0.1, 0.01])
+    message = messages.curve(tau, dev, np.ones(2), np.ones(2))
+    _, columns, rows = messages.rows_of(message)
+    assert columns == 'tau adev lo hi model log10_tau log10_adev'.split()
+    assert rows[1, 5:] == pytest.approx([1.0, -2.0]) and np.isnan(rows[:, 4]).all()
+    message.layout.dim[0].size = 3
+    with pytest.raises(ValueError, match='14 numbers for 3 x 7'):
+        messages.rows_of(message)
+
+
+def test_images_and_numbers():
+    pytest.importorskip('rclpy')
+    from builtin_interfaces.msg import Time
+
+    from imu_noise_tools.nodes import messages
+    pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)[:, ::-1]        # not contiguous
+    image = messages.image(pixels, Time())
+    assert (image.height, image.width, image.step, image.encoding) == (2, 4, 12, 'rgb8')
+    assert bytes(image.data) == np.ascontiguousarray(pixels).tobytes()
+    status = messages.status('a', 'b', {'N [rad/s]': np.float64(2e-5), 'n': np.int64(3),
+                                        'whole': np.True_, 'none': None})
+    assert [(v.key, v.value) for v in status.values] == [
+        ('N [rad/s]', '2e-05'), ('n', '3'), ('whole', 'true')]
