@@ -1,0 +1,209 @@
+"""What adds to the output of a gyroscope, as blocks of the filter; and what an analysed study says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .. import ar1
+from ..effect import Model, Parameter
+from ..units import DEG
+from .motion import oscillator
+from .statespace import Block, nothing, OutputNoise
+
+LONGEST = 3600.0        # s: a slower wander of the bias cannot be told from rotation
+
+
+class White(OutputNoise):
+    """White noise of the samples."""
+
+    name = 'white'
+    symbol = 'R'
+    title = 'white noise'
+    equation = 'z_k = x_k + v_k, var v = R'
+    signature = 'the level of the innovations'
+    hint = 'N of an analysed study: R = N^2 rate'
+    reference = 'IEEE 952 C.1.1'
+    parameters = (Parameter('R', '{rate}^2', 1e-16, 1e2, amplitude=True, title='variance of a sample'),)
+
+    @classmethod
+    def example(cls):
+        """Return the ADIS16350's 0.60 deg/s."""
+        return cls({'R': 0.36 * DEG ** 2})
+
+    def block(self, dt):
+        """Return R."""
+        return nothing(r=self['R'])
+
+
+class NoiseLevel(OutputNoise):
+    """The noise is stronger or weaker than stated."""
+
+    name = 'noise_level'
+    symbol = 'c'
+    title = 'another noise level'
+    equation = 'var v = c R'
+    signature = 'white innovations whose normalised square is not 1'
+    hint = 'wrong R: another range, bandwidth or temperature than when it was measured'
+    reference = 'Mehra 1970'
+    parameters = (Parameter('factor', '1', 1e-4, 1e4, title='variance over what was stated'),)
+
+    def block(self, dt):
+        """Return the factor."""
+        return nothing(r_factor=self['factor'])
+
+
+class GaussMarkov(OutputNoise):
+    """Coloured noise of the output: first-order Gauss-Markov."""
+
+    name = 'gauss_markov'
+    symbol = 'b'
+    title = 'coloured noise (Gauss-Markov)'
+    equation = 'b_k = exp(-dt/tc) b_{k-1} + w_k'
+    signature = 'correlation of innovations over tc that does not grow with motion'
+    hint = "the sensor's own filter, or a drift of bias"
+    reference = 'IEEE 952 C.1.5'
+    parameters = (Parameter('sigma', '{rate}', 1e-8, 10.0, amplitude=True, title='standard deviation of it'),
+                  Parameter('tc', 's', 1e-3, 1e5, title='correlation time'))
+    several = True
+
+    @classmethod
+    def example(cls):
+        """Return half a degree a second over 0.1 s."""
+        return cls({'sigma': 0.5 * DEG, 'tc': 0.1})
+
+    def block(self, dt):
+        """Return one AR(1) state."""
+        sigma, tc = self['sigma'], self['tc']
+        return Block(np.array([[ar1.phi(dt, tc)]]), np.array([[ar1.innovation_variance(sigma, tc, dt)]]), np.ones(1),
+                     np.array([[sigma ** 2]]))
+
+
+class RandomWalk(OutputNoise):
+    """
+    Rate random walk of the bias, over an hour at most.
+
+    Beyond that it is held to a Gauss-Markov process of the same density with tc = 1 h: from the output alone a bias
+    that wanders without bound is the same as a rotation that does, and the filter would have no steady state.
+
+    """
+
+    name = 'random_walk'
+    symbol = 'K'
+    title = 'rate random walk'
+    equation = "b' = white of density K^2, over an hour at most"
+    signature = 'slow wander at rest'
+    hint = 'K of an analysed study'
+    reference = 'IEEE 952 C.1.3'
+    parameters = (Parameter('K', '{slope}/sqrt(Hz)', 1e-12, 1.0, amplitude=True, title='coefficient'),)
+
+    @classmethod
+    def example(cls):
+        """Return a MEMS gyroscope's."""
+        return cls({'K': 1e-6})
+
+    def block(self, dt):
+        """Return the Gauss-Markov state that wanders alike for an hour."""
+        return GaussMarkov({'sigma': self['K'] * np.sqrt(LONGEST / 2), 'tc': LONGEST}).block(dt)
+
+
+class Sinusoid(OutputNoise):
+    """A vibration line in the output, fast enough to be no motion."""
+
+    name = 'sinusoid'
+    symbol = 'v'
+    title = 'vibration line'
+    equation = 'v = A cos(2 pi f t + phase)'
+    signature = 'a line in the spectrum of the innovations'
+    hint = 'motor, fan, resonance of the mount; below 3 Hz an oscillation is taken for motion (harmonic)'
+    reference = 'IEEE 952 C.1.7'
+    parameters = (Parameter('amplitude', '{rate}', 1e-8, 1e2, amplitude=True, title='amplitude'),
+                  Parameter('frequency', 'Hz', 3.0, 1e4, title='frequency'))
+    several = True
+
+    @classmethod
+    def example(cls):
+        """Return one degree a second at 20 Hz."""
+        return cls({'amplitude': DEG, 'frequency': 20.0})
+
+    def block(self, dt):
+        """Return an oscillator."""
+        return oscillator(self['amplitude'], self['frequency'], dt)
+
+
+class Outliers(OutputNoise):
+    """Now and then a sample is wrong by much more than the noise: the update weighs every sample by how likely that is."""
+
+    name = 'outliers'
+    symbol = 'o'
+    title = 'outliers'
+    equation = 'v_k normal with variance R, or factor R for a fraction of the samples'
+    signature = 'heavy tails, single samples'
+    hint = 'transmission errors, knocks; never a motion, which would last'
+    reference = 'Sorenson, Alspach 1971'
+    parameters = (Parameter('fraction', '1', 1e-5, 0.3, title='share of the samples'),
+                  Parameter('factor', '1', 4.0, 1e6, title='their variance over R'))
+
+    @classmethod
+    def example(cls):
+        """Return one sample in a hundred, ten times the noise."""
+        return cls({'fraction': 0.01, 'factor': 100.0})
+
+    def block(self, dt):
+        """Return the mixture."""
+        return nothing(outliers=(self['fraction'], self['factor']))
+
+
+def flicker_terms(b: float, shortest: float, longest: float, per_decade: int = 1) -> tuple[Model, float]:
+    """
+    Return Gauss-Markov terms that stand for flicker noise of coefficient b, and how far their spectrum is off.
+
+    Flicker, B^2/(2 pi f) two-sided, has no finite state space. Terms of equal variance B^2 ln(ratio)/pi whose tc
+    stand in a fixed ratio from ``shortest`` to ``longest`` (s) have its slope between 1/(2 pi tc) of the two; the
+    error is the largest relative one of the density over that band, less its outermost half decade at either end.
+
+    """
+    count = max(2, int(round(np.log10(longest / shortest) * per_decade)) + 1)
+    tc = np.geomspace(shortest, longest, count)
+    sigma = b * np.sqrt(np.log(tc[1] / tc[0]) / np.pi)
+    f = np.geomspace(10 ** 0.5 / longest, 10 ** -0.5 / shortest, 200) / (2 * np.pi)
+    density = sum(2 * sigma ** 2 * c / (1 + (2 * np.pi * f * c) ** 2) for c in tc)
+    error = float(np.max(np.abs(density * 2 * np.pi * f / b ** 2 - 1)))
+    return Model(GaussMarkov({'sigma': sigma, 'tc': c}) for c in tc), error
+
+
+def noise_blocks(values: Mapping[str, Mapping[str, float]], dt: float) -> tuple[Model, tuple[str, ...]]:
+    """
+    Return the noise part of a filter from the values of an analysed study, and notes on what it leaves out.
+
+    Parameters
+    ----------
+    values : mapping of label to mapping of parameter to value
+        As in study.yaml, plain numbers in SI: ``{'white': {'N': ...}, 'flicker': {'B': ...}, 'random_walk': {'K': ...},
+        'gauss_markov': {'sigma': ..., 'tc': ...}, 'sinusoid': {'amplitude': ..., 'frequency': ...}}``.
+    dt : float
+        Sample interval, s: R = N^2/dt.
+
+    """
+    model, notes = Model(), []
+    for label, v in values.items():
+        name = label.partition('.')[0]
+        if any(x is None for x in v.values()):
+            notes.append(f'{label} left out: not observable')
+        elif name == 'white':
+            model = model + White({'R': v['N'] ** 2 / dt})
+        elif name == 'flicker':
+            terms, error = flicker_terms(v['B'], 1.0, LONGEST)
+            model = model + terms
+            notes.append(f'flicker stands as {len(terms)} Gauss-Markov terms from 1 s to {LONGEST:.0f} s, '
+                         f'density within {100 * error:.0f} %')
+        elif name == 'random_walk':
+            model = model + RandomWalk({'K': v['K']})
+        elif name == 'gauss_markov':
+            model = model + GaussMarkov({'sigma': v['sigma'], 'tc': v['tc']})
+        elif name == 'sinusoid' and 3.0 <= v['frequency'] < 0.5 / dt:
+            model = model + Sinusoid({'amplitude': v['amplitude'], 'frequency': v['frequency']})
+        else:
+            notes.append(f'{label} left out: it has no state space in the filter')
+    return model, tuple(notes)
