@@ -46,8 +46,8 @@ def test_live_curve_is_close_to_every_pair_and_exact_at_short_times():
     assert m[-1] <= len(y) // 3 and len(m) > 50
     full = np.sqrt(np.stack([overlapping_variance(y[:, k], m) for k in range(3)], axis=1))
     assert dev[m <= 16] == pytest.approx(full[m <= 16], rel=1e-12)
-    assert dev[m < 3000] == pytest.approx(full[m < 3000], rel=0.02)
-    assert np.all(lo < full) and np.all(full < hi)
+    assert dev == pytest.approx(full, rel=0.05)
+    assert np.all(lo < dev) and np.all(dev < hi)
 
 
 def test_live_curve_does_not_depend_on_the_pieces():
@@ -156,7 +156,8 @@ def test_serialised_messages_are_read_and_changed_in_place(frame):
         assert read.frame_id == frame
     stamp, rate, there = messages.rate_of(raw[2])
     assert (stamp, rate, there) == (1_700_000_000_123_456_791, (0.2, 2.0, 3.0), True)
-    changed = deserialize_message(messages.with_rate(raw[2], (7.0, 8.0, 9.0), (0.1, 0.2, 0.3)), Imu)
+    written = messages.with_rate(raw[2], (7.0, 8.0, 9.0), (0.1, 0.2, 0.3))
+    changed = deserialize_message(written, Imu)
     wanted = imu(1_700_000_000_123_456_791, (7.0, 8.0, 9.0), (4.0, 5.0, 11.0), frame)
     wanted.angular_velocity_covariance = np.diag([0.1, 0.2, 0.3]).ravel()
     assert changed == wanted
@@ -164,7 +165,8 @@ def test_serialised_messages_are_read_and_changed_in_place(frame):
     assert (moved.header.stamp.sec, moved.header.stamp.nanosec) == (5, 7)
     assert moved.orientation == sent[0].orientation
     accel = deserialize_message(messages.with_vectors(raw[0], accel=(1.0, 2.0, 3.0)), Imu)
-    assert accel.linear_acceleration.y == 2.0 and accel.angular_velocity == sent[0].angular_velocity
+    assert accel.linear_acceleration.y == 2.0
+    assert accel.angular_velocity == sent[0].angular_velocity
 
 
 def test_what_is_no_message_is_counted():
