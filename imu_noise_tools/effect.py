@@ -77,6 +77,7 @@ class Effect:
     reference: ClassVar[str] = ''
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     several: ClassVar[bool] = False        # may a model hold more than one of it?
+    views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 
     values: Mapping[str, float] = field(default_factory=dict)
     label: str = ''

@@ -26,6 +26,7 @@ from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients, power
 from .kinds import Defect, Inputs
 
 SLOW = 1 << 14           # block means kept (up to twice as many)
+LOW = 4096               # signed coefficients kept
 BLOCKS = 256             # blocks in time
 BANDS = 20               # bands of the power in time
 CELLS = 64               # equiprobable cells of the distribution
@@ -40,7 +41,8 @@ class Part:
     """
     The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
 
-    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it.
+    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it; ``low`` (k,) are the first coefficients
+    themselves, with their signs: what acts on the mean is solved for in them.
 
     """
 
@@ -48,6 +50,7 @@ class Part:
     dt: float
     power: np.ndarray
     lines: np.ndarray
+    low: np.ndarray
 
     @property
     def bins(self) -> Bins:
@@ -222,7 +225,7 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
                 step(f'{axis}: spectrum')
             lines = _take_lines_out(c, own[axis]['line_table'], begin, dt)
             coefficients[axis] = c
-            own[axis][name] = Part(length, dt, power(c, dt, bins), lines)
+            own[axis][name] = Part(length, dt, power(c, dt, bins), lines, c[1:LOW + 1].copy())
         for other, values in record.covariates.items():
             coefficients[other] = cosine_transform(np.array(values[begin:begin + length], float))
         for a, b in combinations_with_replacement(sorted(coefficients), 2):
@@ -399,7 +402,7 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
         for f in fields(Evidence):
             value, key = getattr(e, f.name), f'{axis}/{f.name}'
             if isinstance(value, Part):
-                out.update({f'{key}/{k}': np.asarray(getattr(value, k)) for k in ('n', 'power', 'lines')})
+                out.update({f'{key}/{k}': np.asarray(getattr(value, k)) for k in ('n', 'power', 'lines', 'low')})
             elif isinstance(value, allan.AllanCurve):
                 out.update({f'{key}/{k.name}': np.asarray(getattr(value, k.name)) for k in fields(value)})
             elif f.name == 'statistics':
@@ -431,7 +434,7 @@ def _below(flat, prefix):
 
 def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
-    parts = {p: Part(int(flat[f'{p}/n']), dt, flat[f'{p}/power'], flat[f'{p}/lines']) for p in PARTS}
+    parts = {p: Part(int(flat[f'{p}/n']), dt, *(flat[f'{p}/{k}'] for k in ('power', 'lines', 'low'))) for p in PARTS}
     curve = _below(flat, 'curve')
     curve = allan.AllanCurve(str(curve['deviation']), float(curve['dt']), int(curve['n']),
                              *(curve[k] for k in ('m', 'count', 'dev', 'lo', 'hi', 'edf')))

@@ -23,7 +23,6 @@ from .evidence import Evidence
 from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, Spectrum
 
 MEASURED = (Line, Defect, Modulation)      # kinds whose values come from the samples, not from the spectral fit
-SLOW_COEFFICIENTS = 4096
 CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
 _REDDEST = 1.0            # weight of -ln(slowest amplitude) in the point estimate
 
@@ -107,14 +106,14 @@ class Likelihood:
         some = {'whole': slice(None), 'first': slice(0, total // 2), 'second': slice(total // 2, None)}[self.part_name]
         self.inputs = Inputs(e.slow_t[some], e.dt, {k: v[some] for k, v in e.slow_others.items()})
         count = len(self.inputs.t)
-        q = np.arange(1, min(count // 4, SLOW_COEFFICIENTS) + 1)
+        q = np.arange(1, min(count // 4, len(self.part.low)) + 1)
         n = self.part.n
         # the mean over a block passes a cosine with the gain of its Dirichlet kernel
         gain = np.sin(np.pi * q / (2 * count)) / ((n / count) * np.sin(np.pi * q / (2 * n)))
         self._to_full = np.sqrt(n / count) / gain
         self._count = len(q)
         self._inside = int(np.searchsorted(self.bins.last, len(q) + 1, side='right'))
-        self._slow = self._slow_transform(e.slow_y[some])
+        self._slow = self.part.low[:len(q)]
         self._before = 2 * self.dt * self._slow ** 2
         if mean:
             known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
@@ -343,11 +342,15 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
 
     """
     model, measured, flags = _measured(evidence, model, mean)
+    if mean is not None:
+        for e in model.of(Mean):
+            model = model.with_effect(mean.model[e.label])
     likelihood = Likelihood(evidence, part, model, mean)
     starts = _starts(likelihood, start)
     best = None
     for x0 in starts:
-        reddest = _reddest(likelihood, x0)
+        # a half serves prediction only: there the most likely value is better than one kept away from zero
+        reddest = _reddest(likelihood, x0) if intervals else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=reddest)
         if np.isfinite(found[1]) and (best is None or found[1] < best[0][1] - 1e-9):
             best = found, reddest

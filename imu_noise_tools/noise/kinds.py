@@ -75,6 +75,7 @@ class NoiseEffect(Effect):
 class Spectrum(NoiseEffect):
     """Adds power: a stationary Gaussian process, independent of all others."""
 
+    views = ('frequency', 'time')
     #: whether the sensor's own response acts on it (quantization happens behind the filter)
     filtered = True
 
@@ -111,6 +112,8 @@ class Mean(NoiseEffect):
 
     """
 
+    views = ('time',)
+
     def columns(self, inputs: Inputs, **nonlinear: float) -> np.ndarray:
         """Return (n, p), slowly varying."""
         raise NotImplementedError
@@ -133,6 +136,8 @@ class Mean(NoiseEffect):
 class Line(NoiseEffect):
     """Adds a coherent line: its amplitude, frequency and phase are measured on the samples when the evidence is made."""
 
+    views = ('frequency', 'time')
+
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return what it adds to the Allan variance."""
         raise NotImplementedError
@@ -140,6 +145,8 @@ class Line(NoiseEffect):
 
 class Coupling(NoiseEffect):
     """Adds other signals, recorded at the full rate, times linear parameters (one each)."""
+
+    views = ('coherence', 'frequency', 'time')
 
     def channels(self, evidence) -> tuple[str, ...]:
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
@@ -149,6 +156,8 @@ class Coupling(NoiseEffect):
 class Response(NoiseEffect):
     """Multiplies power: the sensor's own low-pass."""
 
+    views = ('frequency',)
+
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain at f (Hz)."""
         raise NotImplementedError
@@ -156,6 +165,8 @@ class Response(NoiseEffect):
 
 class Modulation(NoiseEffect):
     """Changes the variance in time."""
+
+    views = ('variance', 'distribution')
 
     def variance(self, t: np.ndarray) -> np.ndarray:
         """Return the factor of the variance at t (s)."""

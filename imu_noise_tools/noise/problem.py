@@ -6,7 +6,7 @@ import numpy as np
 
 from . import views
 from ..effect import Finding, Fit, Model, Score
-from .evidence import Evidence
+from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
 from .kinds import model_avar
 
@@ -90,3 +90,13 @@ class NoiseProblem:
         model = np.sqrt(np.maximum(model_avar(fit.model, c.m[some], c.dt), 1e-300))
         return {'misfit_percent': 100 * float(np.sqrt(np.mean((model / c.dev[some] - 1) ** 2))),
                 'misfit_expected': 100 * float(np.sqrt(np.mean(1 / (2 * c.edf[some]))))}
+
+
+def problems(arrays) -> dict[str, NoiseProblem]:
+    """Return the problem of each axis from the arrays of evidence.npz."""
+    return {axis: NoiseProblem(e) for axis, e in from_arrays(arrays).items()}
+
+
+def arrays_of(found: dict[str, NoiseProblem]):
+    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    return to_arrays({axis: p.evidence for axis, p in found.items()})
