@@ -17,7 +17,7 @@ from .effects import Regressor, Scatter, Tilt
 from .poses import Poses, unit
 
 _SMALL = 1e-8       # relative: a direction the poses do not determine
-GAUGE = ('S_xy', 'S_xz', 'S_yz')        # set to zero where only the magnitude of the input is known
+GAUGE = ('S_yx', 'S_zx', 'S_zy')        # set to zero where only the magnitude of the input is known
 
 
 @dataclass(frozen=True)
@@ -172,11 +172,13 @@ class LeftOut:
         return np.where(self.bins > 0, chi2.sf(self.x, np.maximum(self.bins, 1)), 1.0)
 
     @property
-    def excess(self) -> tuple[float, float]:
-        """Mean excess deviance per bin, and its chance scatter: 0 is as good as the truth."""
-        bins = int(self.bins.sum())
-        if not bins:
-            return float('nan'), float('nan')
+    def pulls(self) -> np.ndarray:
+        """Errors over their standard deviations, pose after pose: standard normal under a true model."""
+        return np.concatenate([e / np.sqrt(v) for e, v in zip(self.error, self.variance)])
+
+    @property
+    def excess_std(self) -> float:
+        """Chance scatter of the mean squared pull, its correlations included."""
         u = self.equations._decomposed[0]
         block = np.zeros((len(u), len(u)))
         for k, (vector, value) in enumerate(zip(self.vectors, self.variance)):
@@ -184,29 +186,12 @@ class LeftOut:
             block[np.ix_(mine, mine)] = (vector * value) @ vector.T
         project = np.eye(len(u)) - u @ u.T
         quadratic = project @ block @ project
-        return (float(0.5 * (self.x.sum() - bins) / bins),
-                float(np.sqrt(0.5 * np.sum(quadratic ** 2)) / bins))
+        return float(np.sqrt(2 * np.sum(quadratic ** 2)) / max(1, self.bins.sum()))
 
-    def improvement(self, other: LeftOut) -> tuple[float, int]:
-        """
-        Return (log predictive density over another's, bins), in directions that both predict, in output units.
-
-        """
-        total, bins = 0.0, 0
-        for k, vector in enumerate(self.vectors):
-            if not vector.shape[1]:
-                continue
-            change = vector.T @ self.equations.whitener[k] @ np.linalg.pinv(other.equations.whitener[k])
-            seen = change @ other.vectors[k]
-            if np.linalg.matrix_rank(seen) < len(seen):
-                continue
-            error = seen @ other.error[k]
-            cov = (seen * other.variance[k]) @ seen.T
-            before = error @ np.linalg.solve(cov, error) + np.linalg.slogdet(cov)[1]
-            after = np.sum(self.error[k] ** 2 / self.variance[k] + np.log(self.variance[k]))
-            total += 0.5 * (before - after)
-            bins += len(seen)
-        return float(total), bins
+    def outputs(self) -> np.ndarray:
+        """Errors in units of the output, (n, 3); along the input alone where only that is predicted."""
+        return np.array([np.linalg.pinv(w) @ (vector @ e) for w, vector, e in
+                         zip(self.equations.whitener, self.vectors, self.error)])
 
 
 def regressors(model: Model) -> list[Regressor]:

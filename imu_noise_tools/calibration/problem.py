@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2, norm as normal
+from scipy.stats import chi2
 
 from ..effect import Effect, Finding, Fit, Model, registry, Score, View
 from ..errors import FitError, UsageError
@@ -14,6 +14,7 @@ from .effects import Regressor, Scatter
 from .linear import equations, LeftOut, whitened
 from .poses import Poses, unit
 
+_CHANCE = 0.005
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
 
 
@@ -84,17 +85,25 @@ class CalibrationProblem:
         size = np.linalg.norm(system.undetermined, axis=0).max(initial=0) or 1.0
         value, vector = np.linalg.eigh(total + 1e12 * blind @ blind.T / size ** 2)
         keep = value < 1e5
-        x = (vector[:, keep].T @ residual) ** 2 / value[keep]
-        if not len(x):
-            return Score(float('nan'), float('nan'))
-        return Score.of([View('poses', np.array([poses.time.mean()]), _pulls([x.sum()], [len(x)]),
-                              float(0.5 * (x.mean() - 1)), float(np.sqrt(0.5 / len(x))), 's')])
+        pull = (vector[:, keep].T @ residual) / np.sqrt(value[keep])
+        return self._score(np.repeat(poses.time.mean(), len(pull)), pull, np.sqrt(2 / max(1, len(pull))))
 
     def held_out(self, fit: Fit) -> Score:
         """Return the score of all poses, each left out in turn: the closed form of split, fit and score."""
         left = self.left_out(fit)
-        excess, std = left.excess
-        return Score.of([View('poses', self.poses.time, _pulls(left.x, left.bins), excess, std, 's')])
+        return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std)
+
+    @staticmethod
+    def _score(time, pull, std) -> Score:
+        excess = float(np.mean(pull ** 2) - 1) if len(pull) else float('nan')
+        return Score.of([View('poses', time, pull, excess, float(std), 's')])
+
+    def summary(self, fit: Fit) -> dict[str, float]:
+        """Return the rms residual, the rms error of poses left out, chi-squared and its degrees of freedom."""
+        rms = [float(np.sqrt(np.mean(np.sum(np.square(e), axis=0)))) for e in
+               (fit.details['residual'], self.left_out(fit).outputs().T)]
+        return {'residual_rms': rms[0], 'left_out_rms': rms[1], 'chi_squared': fit.details['chi2'],
+                'dof': float(fit.details['dof'])}
 
     def left_out(self, fit: Fit) -> LeftOut:
         """Return each pose as the others predict it."""
@@ -124,8 +133,41 @@ class CalibrationProblem:
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """Return what could be added, the most probable first; what these poses cannot show is left out."""
-        found = [f for e in self._others(fit.model) if not e.why_not(self.poses) for f in self._tried(fit, e)]
-        return sorted(found, key=lambda f: f.penalty - f.gain)
+        found = [f if f.p_value > _PROMISING else self._fitted(fit, f) for f in self._screened(fit)]
+        return sorted((f for f in found if f), key=lambda f: f.penalty - f.gain)
+
+    def _screened(self, fit: Fit) -> list[Finding]:
+        """Return each candidate with its gain, by projection: nothing is fitted."""
+        able = [e for e in self._others(fit.model) if not e.why_not(self.poses)]
+        out = []
+        for e in able:
+            gain, rank = self._scatter_gain(fit, e) if isinstance(e, Scatter) else self._gain(fit, e)
+            if not rank:
+                continue
+            # BIC, but never less than what the best of so many candidates gains by chance in one case of 200
+            penalty = max(rank * np.log(len(fit.details['equations'].right)), chi2.isf(_CHANCE / len(able), rank)) / 2
+            p_value = float(chi2.sf(2 * gain, rank)) / (2 if isinstance(e, Scatter) else 1)
+            said = f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
+            if rank < len(e.parameters):
+                said += f' ({len(e.parameters) - rank} of its {len(e.parameters)} cannot be seen here)'
+            out.append(Finding(e.name, gain, e, penalty=float(penalty), evidence=said, p_value=p_value))
+        return out
+
+    def _fitted(self, fit: Fit, finding: Finding) -> Finding | None:
+        """Return a candidate with its values; None where it cannot be, by nature or by the fit."""
+        try:
+            more = self.fit(fit.model + finding.effect)
+        except FitError:
+            return None
+        effect, estimates = more.model[finding.name], more.estimates[finding.name]
+        if not _possible(effect, estimates):
+            return None
+        # A candidate that leaves the residuals wrong, with nothing else in sight, has to answer for chi-squared.
+        system = more.details['equations']
+        wrong = system.dof > 0 and chi2.sf(system.chi2, system.dof) < _CHANCE
+        alone = wrong and not any(f.gain > f.penalty for f in self._screened(more))
+        return replace(finding, effect=effect, estimates=estimates, view='chi_squared' if alone else 'poses',
+                       evidence=f'{finding.evidence}; {self._where(fit, more)}')
 
     def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
         """Return (effect, why, what would show it) for all that these poses cannot show at all."""
@@ -150,31 +192,6 @@ class CalibrationProblem:
         poses = self.poses.with_inputs(fit.details['inputs'])
         return system.gain(whitened(system.whitener, effect.terms(poses, fit.details['S'])))
 
-    def _tried(self, fit: Fit, effect: Effect) -> list[Finding]:
-        if isinstance(effect, Scatter):
-            gain, rank = self._scatter_gain(fit, effect)
-            p_value = 0.5 * float(chi2.sf(2 * gain, 1))
-        else:
-            gain, rank = self._gain(fit, effect)
-            p_value = float(chi2.sf(2 * gain, rank)) if rank else 1.0
-        if not rank:
-            return []
-        penalty = 0.5 * rank * np.log(len(fit.details['equations'].right))
-        estimates, evidence = {}, f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
-        if rank < len(effect.parameters):
-            evidence += f'; {len(effect.parameters) - rank} of its {len(effect.parameters)} are not visible here'
-        if p_value < _PROMISING:
-            try:
-                more = self.fit(fit.model + effect)
-            except FitError:
-                return []
-            effect, estimates = more.model[effect.label], more.estimates[effect.label]
-            if not _possible(effect, estimates):
-                return []
-            evidence += f'; {self._where(fit, more)}'
-        return [Finding(effect.name, gain, effect, estimates, float(penalty), 'poses', evidence,
-                        p_value=p_value)]
-
     def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
         """Return the gain in restricted likelihood; 0 where less scatter than stated fits better."""
         poses, scale = self.poses.with_inputs(fit.details['inputs']), fit.details['S']
@@ -193,6 +210,22 @@ class CalibrationProblem:
         rms = [float(np.sqrt(np.mean(f.details['residual'] ** 2))) for f in (fit, more)]
         return (f'rms residual {rms[0]:.2g} -> {rms[1]:.2g} {self.unit}'
                 + (f', most at {", ".join(worst)}' if worst else ''))
+
+    def advice(self, verdict: str, ranked, failed) -> str:
+        """Return one sentence: what to do next, and which poses would tell what these cannot."""
+        if verdict == 'missing':
+            return f'add {ranked[0].name}: {ranked[0].effect.hint}'
+        if verdict == 'undecidable':
+            rivals = [f for f in ranked if f.gain > f.penalty]
+            needs = dict.fromkeys(f.effect.needs for f in rivals if f.effect.needs)
+            if len(rivals) < 2:
+                return f'{rivals[0].name} fits, but poses left out do not confirm it; record {"; or ".join(needs)}'
+            return f'these poses cannot tell {" from ".join(f.name for f in rivals)}; record {"; or ".join(needs)}'
+        if verdict == 'unknown':
+            return ('no known effect explains it: ' + '; '.join(f.evidence for f in failed)
+                    + '; look at these poses and hold them again')
+        hidden = [name for name, _, _ in self.blind(self.fit(solve.base_model()))]
+        return 'nothing is missing' + (f'; these poses could not show {", ".join(hidden)}' if hidden else '')
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything as plain arrays, for an npz file."""
@@ -234,8 +267,16 @@ def _possible(effect: Effect, estimates) -> bool:
     return True
 
 
-def _pulls(x, bins) -> np.ndarray:
-    """Return chi-squared values as standard normal ones."""
-    x, bins = np.asarray(x, float), np.asarray(bins)
-    tail = np.where(bins > 0, chi2.logsf(x, np.maximum(bins, 1)), np.log(0.5))
-    return np.clip(normal.isf(np.exp(np.maximum(tail, -600))), -40, 40)
+def problems(arrays) -> dict[str, CalibrationProblem]:
+    """Return the problems, by target, from the arrays of evidence.npz."""
+    found: dict[str, dict] = {}
+    for name, value in arrays.items():
+        target, _, key = name.partition('/')
+        if key:
+            found.setdefault(target, {})[key] = value
+    return {target: CalibrationProblem.from_arrays(some) for target, some in found.items()}
+
+
+def arrays_of(found) -> dict[str, np.ndarray]:
+    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    return {f'{target}/{key}': value for target, p in found.items() for key, value in p.to_arrays().items()}

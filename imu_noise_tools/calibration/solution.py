@@ -19,7 +19,7 @@ from .problem import CalibrationProblem
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
-_SCALES = (0.5, 2.0)            # a scale factor outside is no calibrated unit
+_SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
 
 
 @dataclass(frozen=True)
@@ -219,8 +219,11 @@ def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
                            'its sign, or the sign or order of the inputs, is wrong (REP-145: +g on the axis that '
                            'points up)')
         if not _SCALES[0] * nominal < scale[k, k] < _SCALES[1] * nominal:
-            raise FitError(f'the scale factor of {poses.sensor}_{axis} is {scale[k, k]:.3g}, the others '
-                           f'{nominal:.3g}', 'check the units and the poses')
+            raise FitError(f'the scale factor of {poses.sensor}_{axis} is {scale[k, k]:.3g}, of all three '
+                           f'{nominal:.3g} on average', 'check the units and the poses')
+    if poses.sensor == 'gyro' and not _SCALES[0] < nominal < _SCALES[1]:
+        raise FitError(f'the turns come out {nominal:.3g} times as large as they should', 'check --turn or --rate '
+                       '(degrees), the unit of the gyroscope and the sample rate')
 
 
 def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:

@@ -51,7 +51,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT) -> 
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
     ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles), ``norm`` uses
-    the magnitude of the input alone and sets S_xy = S_xz = S_yz = 0: it cannot see a common rotation.
+    the magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
 
     ``Fit.details``: ``S`` (3, 3), ``bias`` (3,), ``theta`` and ``cov`` with ``keys``, ``equations``, ``inputs``
     (3, n), ``residual`` (3, n) in units of the output, ``chi2``, ``dof``, ``condition``.
