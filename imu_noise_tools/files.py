@@ -59,21 +59,50 @@ def atomic_write(path, data: str | bytes) -> None:
         It cannot be written there (no room, no permission, a folder in the way).
 
     """
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file() and not target.is_dir():
+        with _mapped(path):
+            target.write_bytes(_bytes(data))
+        return
+    with atomic_path(path) as temporary:
+        _write_new(temporary, data)
+
+
+@contextmanager
+def atomic_path(path) -> Iterator[Path]:
+    """
+    Give a temporary path to write a file to, which becomes ``path`` when the block ends well.
+
+    Raises
+    ------
+    InputError
+        As :func:`atomic_write`.
+
+    """
     with _mapped(path):
         target = Path(os.path.realpath(path))
-        if target.exists() and not target.is_file() and not target.is_dir():
-            target.write_bytes(_bytes(data))
-            return
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         _sweep(target)
         temporary = _sibling(target)
-        try:
-            _write_new(temporary, data)
+    try:
+        with _only_of(path, temporary):
+            yield temporary
             os.replace(temporary, target)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def _only_of(path, temporary: Path) -> Iterator[None]:
+    """Map errors of the system that come from writing, and leave those of reading something else alone."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or str(error.filename).startswith(str(temporary)):
+            raise cannot_write(path, error) from error
+        raise
 
 
 @contextmanager
@@ -109,12 +138,8 @@ def new_folder(path, force: bool = False) -> Iterator[Path]:
     try:
         with _mapped(path):
             temporary.mkdir()
-        try:
+        with _only_of(path, temporary):
             yield temporary
-        except OSError as error:
-            if error.filename is None or str(error.filename).startswith(str(temporary)):
-                raise cannot_write(path, error) from error
-            raise
         with _mapped(path):
             _swap(temporary, target)
     except BaseException:

@@ -9,5 +9,6 @@ from __future__ import annotations
 
 from .reading import Block, iter_blocks, open_record, topics
 from .topics import TopicInfo
+from .writing import write_bag
 
-__all__ = ['Block', 'TopicInfo', 'iter_blocks', 'open_record', 'topics']
+__all__ = ['Block', 'TopicInfo', 'iter_blocks', 'open_record', 'topics', 'write_bag']

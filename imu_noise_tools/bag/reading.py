@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -310,12 +310,12 @@ def _resample(reader: _Reader, stamp: np.ndarray, receive: np.ndarray, covariate
 
 
 class Block(NamedTuple):
-    """Some thousand samples in a row: times in ns, rad/s and m/s^2 (n, 3)."""
+    """Some thousand samples in a row: times in ns, rad/s and m/s^2 (n, 3), None or NaN where a part is absent."""
 
     stamp: np.ndarray
     receive: np.ndarray
-    gyro: np.ndarray
-    accel: np.ndarray
+    gyro: np.ndarray | None
+    accel: np.ndarray | None
     frame_id: str
 
 
@@ -370,7 +370,3 @@ def _blocks_of(record: ImuRecord, block: int) -> Iterator[Block]:
         yield Block(stamp, receive, gap if part.gyro is None else part.gyro,
                     gap if part.accel is None else part.accel, record.frame_id)
 
-
-def topics_named(infos: Collection[TopicInfo], role: str) -> list[str]:
-    """Return the names of the topics of a role."""
-    return [t.name for t in infos if t.role == role]

@@ -50,8 +50,8 @@ def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, sa
         raise InputError(f'{path}: ' + ('gyro and accel differ in length' if lengths else 'has neither gyro nor accel'),
                          NPZ_ARRAYS if table_kind(path) == 'npz' else CSV_COLUMNS)
     n = lengths.pop()
-    label = arrays.pop('rate_hz', None)
-    labelled = float(np.ravel(label)[0]) if label is not None and np.size(label) and label.dtype.kind in 'fiu' else None
+    labelled = _number(arrays.pop('rate_hz', None))
+    origin = _number(arrays.pop('start', None)) or 0.0
     t = arrays.pop('t', None)
     if t is not None and t.shape != (n,):
         raise InputError(f'{path}: t has the shape {t.shape}, not ({n},)', NPZ_ARRAYS)
@@ -68,9 +68,14 @@ def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, sa
     start = float(t[np.isfinite(t)][0]) if usable and not rate_hz else 0.0
     covariates = {k: np.array(x, float) for k, x in arrays.items()
                   if x.ndim == 1 and len(x) == n and x.dtype.kind in 'fiu' and k not in AXES}
-    return ImuRecord(gyro=data['gyro'], accel=data['accel'], t=t - start, rate_hz=float(rate), start=start,
+    return ImuRecord(gyro=data['gyro'], accel=data['accel'], t=t - start, rate_hz=float(rate), start=origin + start,
                      covariates=covariates, topic='imu', path=str(path), labelled_rate_hz=labelled,
                      warnings=tuple(said))
+
+
+def _number(array: np.ndarray | None) -> float | None:
+    """Return the one number of an array, if it is one."""
+    return float(np.ravel(array)[0]) if array is not None and array.size == 1 and array.dtype.kind in 'fiu' else None
 
 
 def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:

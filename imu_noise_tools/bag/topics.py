@@ -8,8 +8,7 @@ import re
 import numpy as np
 
 from ..errors import InputError
-from .container import Connection
-from .decode import ACCEL, ACCEL_COVARIANCE, decode, DOUBLES, GYRO, GYRO_COVARIANCE, IMU, MAGNETIC, PRESSURE, \
+from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, MAGNETIC, PRESSURE, \
     TEMPERATURE, VECTOR
 from .source import Bag
 
@@ -175,7 +174,3 @@ def covariates_of(bag: Bag, near: str) -> list[TopicInfo]:
     found = [t for t in list_topics(bag) if t.role == 'covariate' and t.samples]
     return sorted(found, key=lambda t: (not (space and t.name.startswith(space)), t.name))
 
-
-def is_read(connection: Connection) -> bool:
-    """Tell whether messages of this type can be decoded here."""
-    return connection.type in DOUBLES

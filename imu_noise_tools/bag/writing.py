@@ -1,0 +1,255 @@
+"""Writing a record as a bag: rosbag2 (MCAP or sqlite3), rosbag1, .csv or .npz, whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+import io
+from pathlib import Path
+import re
+import sqlite3
+
+import numpy as np
+import yaml
+
+from ..errors import InputError, UsageError
+from ..files import atomic_path, cannot_write, new_folder
+from ..record import ImuRecord
+from .container import Progress
+from .decode import IMU, MAGNETIC, PRESSURE, TEMPERATURE
+from .encode import definition, imu_values, serialise
+from .mcap_writer import McapWriter
+from .reading import Block
+from .rosbag1_writer import Rosbag1Writer
+from .sqlite_writer import SqliteWriter
+
+STORAGES = ('mcap', 'sqlite3', 'rosbag1')
+SUFFIX = {'.mcap': 'mcap', '.db3': 'sqlite3', '.bag': 'rosbag1', '.csv': 'csv', '.npz': 'npz'}
+TOPIC = '/imu/data_raw'
+COVARIATE_TOPICS = {'temperature': ('/imu/temperature', TEMPERATURE), 'magnetic': ('/imu/mag', MAGNETIC),
+                    'pressure': ('/imu/pressure', PRESSURE)}
+COVARIATE_HZ = 10.0         # what moves slower than a few hertz is written no faster
+EPOCH = 1_700_000_000       # for records that do not know when they began: stamps of zero mean "unset"
+BLOCK = 4096
+
+
+def write_bag(path, record: ImuRecord | Iterable[Block], *, storage: str | None = None, topic: str = TOPIC,
+              frame_id: str = '', compression: str = '', gyro_covariance=None, accel_covariance=None,
+              force: bool = False, progress: Progress = None) -> Path:
+    """
+    Write a record as a bag.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder (rosbag2), or a file that ends in ``.mcap``, ``.db3``, ``.bag``, ``.csv`` or ``.npz``.
+    record : ImuRecord or iterable of Block
+        What to write; blocks where it is too long for memory. The covariates temperature, magnetic_x to z and
+        pressure become topics of their own, at 10 Hz at most; a .csv or .npz holds all of them, at every sample.
+    storage : str, optional
+        ``mcap`` (default), ``sqlite3`` or ``rosbag1``; by the name where that says it.
+    topic, frame_id : str
+        Topic of the Imu messages; frame where the record has none.
+    compression : str
+        ``zstd`` compresses the chunks of an MCAP.
+    gyro_covariance, accel_covariance : array (9,), optional
+        Covariance of every message.
+    force : bool
+        Replace a bag that is there.
+    progress : callable, optional
+        Called with the fraction done, where it is known.
+
+    Returns
+    -------
+    Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        Something is in the way, or there is no room.
+
+    """
+    path = Path(path)
+    kind = SUFFIX.get(path.suffix.lower()) or storage or 'mcap'
+    if kind not in (*STORAGES, 'csv', 'npz') or storage not in (None, kind):
+        raise UsageError(f'{path.name} cannot be written as {storage}', f'storages are {", ".join(STORAGES)}')
+    covariances = {'gyro_covariance': gyro_covariance, 'accel_covariance': accel_covariance}
+    if kind in ('csv', 'npz'):
+        if not isinstance(record, ImuRecord):
+            raise UsageError(f'{path.name}: a table is written from a whole record', 'write a bag')
+        with writing_file(path, force) as temporary:
+            write_table(temporary, kind, table_of(record))
+    elif SUFFIX.get(path.suffix.lower()) or kind == 'rosbag1':
+        with writing_file(path, force) as temporary:
+            _write_one(temporary, kind, path.name, record, topic, frame_id, compression, covariances, progress)
+    else:
+        suffix = {'mcap': '.mcap', 'sqlite3': '.db3'}[kind]
+        with new_folder(path, force) as folder:
+            name = f'{path.name}_0{suffix}'
+            _write_one(folder / name, kind, name, record, topic, frame_id, compression, covariances, progress,
+                       folder / 'metadata.yaml')
+    return path
+
+
+@contextmanager
+def writing_file(path: Path, force: bool = True) -> Iterator[Path]:
+    """Give a temporary path that becomes ``path`` at success; raise InputError where something is in the way."""
+    if path.exists() and not force:
+        raise InputError(f'{path}: there is a file of that name already', 'choose another place with -o, or --force')
+    try:
+        with atomic_path(path) as temporary:
+            yield temporary
+    except sqlite3.OperationalError as error:
+        raise cannot_write(path, OSError(0, str(error))) from error
+
+
+def _write_one(path: Path, kind: str, name: str, record, topic: str, frame_id: str, compression: str,
+               covariances: dict, progress: Progress, metadata: Path | None = None) -> None:
+    """Write the one file of a bag, and the metadata beside it."""
+    encoding = 'ros1' if kind == 'rosbag1' else 'cdr'
+    topics = {topic: IMU}
+    if isinstance(record, ImuRecord):
+        beside = list(_covariates(record))
+        topics |= {name: type for name, type, *_ in beside}
+        blocks: Iterable[Block] = _blocks(record)
+        total = record.n
+    else:
+        beside, blocks, total = [], record, 0
+    summary = Summary()
+    if kind == 'sqlite3':
+        writer = SqliteWriter(path)
+        try:
+            _write_blocks(writer, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress)
+            text = metadata_text(name, kind, topics, summary)
+            writer.finish(text)
+        except BaseException:
+            writer.abandon()
+            raise
+    else:
+        with open(path, 'xb') as file:
+            to = Rosbag1Writer(file) if kind == 'rosbag1' else McapWriter(file, compression)
+            _write_blocks(to, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress)
+            to.finish()
+        text = metadata_text(name, kind, topics, summary) if metadata else ''
+    if metadata:
+        metadata.write_text(text)
+
+
+class Summary:
+    """What a bag's metadata says: messages by topic, first and last time."""
+
+    def __init__(self):
+        self.count: dict[str, int] = {}
+        self.first, self.last = 2 ** 63 - 1, 0
+
+    def add(self, topic: str, times: np.ndarray) -> None:
+        """Count messages."""
+        self.count[topic] = self.count.get(topic, 0) + len(times)
+        if len(times):
+            self.first = min(self.first, int(times.min()))
+            self.last = max(self.last, int(times.max()))
+
+
+def _write_blocks(writer, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress) -> None:
+    ids = {name: writer.topic(name, type, encoding) for name, type in topics.items()}
+    imu = next(iter(topics))
+    done = 0
+    pending = {name: (times, rows_of) for name, _, times, rows_of in beside}
+    for block in blocks:
+        times = np.asarray(block.receive, np.int64)
+        values = imu_values(_present(block.gyro), _present(block.accel), **covariances)
+        frame = block.frame_id or frame_id or 'imu_link'
+        parts = {ids[imu]: (times, serialise(block.stamp, values, frame, encoding))}
+        summary.add(imu, times)
+        done += len(times)
+        until = times.max() if len(times) and done < total else np.iinfo(np.int64).max
+        for name, (when, rows_of) in list(pending.items()):
+            k = int(np.searchsorted(when, until, 'right'))
+            parts[ids[name]] = (when[:k], serialise(when[:k], rows_of[:k], frame, encoding))
+            summary.add(name, when[:k])
+            pending[name] = (when[k:], rows_of[k:])
+        writer.messages(parts)
+        if progress and total:
+            progress(done / total)
+
+
+def _present(x: np.ndarray | None) -> np.ndarray | None:
+    return None if x is None or (len(x) and np.isnan(x).all()) else x
+
+
+def _blocks(record: ImuRecord) -> Iterator[Block]:
+    start = int(round(record.start * 1e9)) or EPOCH * 10 ** 9
+    for k in range(0, record.n, BLOCK):
+        part = record.part(k, k + BLOCK)
+        stamp = start + np.round(part.t * 1e9).astype(np.int64)
+        receive = stamp if part.receive_t is None else start + np.round(part.receive_t * 1e9).astype(np.int64)
+        yield Block(stamp, receive, part.gyro, part.accel, record.frame_id)
+
+
+def _covariates(record: ImuRecord) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
+    """Yield topic, type, times (ns) and doubles of each covariate that a message type exists for."""
+    start = int(round(record.start * 1e9)) or EPOCH * 10 ** 9
+    step = max(1, int(record.rate_hz / COVARIATE_HZ))
+    some = np.unique(np.append(np.arange(0, record.n, step), max(record.n - 1, 0)))
+    times = start + np.round(record.t[some] * 1e9).astype(np.int64)
+    order = np.argsort(times, kind='stable')
+    for suffix in sorted({m[1] for name in record.covariates if (m := re.fullmatch(r'[a-z_]+?((?:_\d+)?)', name))}):
+        for kind, (topic, type) in COVARIATE_TOPICS.items():
+            names = [f'magnetic_{a}{suffix}' for a in 'xyz'] if kind == 'magnetic' else [kind + suffix]
+            if not all(n in record.covariates for n in names):
+                continue
+            values = np.zeros((len(some), 12 if kind == 'magnetic' else 2))
+            for k, n in enumerate(names):
+                values[:, k] = record.covariates[n][some]
+            yield topic + suffix, type, times[order], values[order]
+
+
+def metadata_text(name: str, kind: str, topics: dict[str, str], summary: Summary) -> str:
+    """Return the metadata.yaml of a rosbag2 folder with one file."""
+    total = sum(summary.count.values())
+    begin, span = (summary.first, summary.last - summary.first) if total else (0, 0)
+    when = {'starting_time': {'nanoseconds_since_epoch': begin}, 'duration': {'nanoseconds': span},
+            'message_count': total}
+    about = {
+        'version': 9, 'storage_identifier': kind, **when,
+        'topics_with_message_count': [
+            {'topic_metadata': {'name': topic, 'type': type, 'serialization_format': 'cdr', 'offered_qos_profiles': [],
+                                'type_description_hash': definition(type, 'cdr')[1]},
+             'message_count': summary.count.get(topic, 0)} for topic, type in topics.items()],
+        'compression_format': '', 'compression_mode': '', 'relative_file_paths': [name],
+        'files': [{'path': name, **when}], 'custom_data': None, 'ros_distro': 'jazzy'}
+    return yaml.safe_dump({'rosbag2_bagfile_information': about}, sort_keys=False)
+
+
+def table_of(record: ImuRecord) -> dict[str, np.ndarray]:
+    """Return the arrays of a record as an .npz holds them."""
+    # Seconds since 1970 would keep but 0.2 us of a stamp.
+    arrays = {'t': record.t, 'start': np.array(record.start),
+              'rate_hz': np.array(record.labelled_rate_hz or record.rate_hz)}
+    arrays |= {s: x for s in ('gyro', 'accel') if (x := getattr(record, s)) is not None}
+    return arrays | dict(record.covariates)
+
+
+def write_table(path: Path, kind: str, arrays: dict[str, np.ndarray]) -> None:
+    """Write arrays as .npz, or as .csv with a column for each (and for each axis)."""
+    if kind == 'npz':
+        with open(path, 'xb') as file:
+            np.savez(file, **arrays)
+        return
+    columns: dict[str, np.ndarray] = {}
+    for name, x in arrays.items():
+        if x.ndim == 2:
+            prefix, _, suffix = name.partition('_')
+            suffix = f'_{suffix}' if suffix else ''
+            columns |= {f'{prefix}_{a}{suffix}': x[:, k] for k, a in enumerate('xyz')}
+        elif x.ndim == 1:
+            columns[name] = x
+    with open(path, 'x') as file:
+        file.write(','.join(columns) + '\n')
+        n = len(next(iter(columns.values())))
+        for k in range(0, n, BLOCK):
+            text = io.StringIO()
+            np.savetxt(text, np.stack([c[k:k + BLOCK] for c in columns.values()], axis=1), fmt='%.17g', delimiter=',')
+            file.write(text.getvalue())
+
