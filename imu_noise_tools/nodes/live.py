@@ -25,7 +25,7 @@ class _Size:
     count: int = 0
 
     def add(self, first: int, prefix: np.ndarray) -> None:
-        """Take prefix sums (n, columns), the first of them the one after ``first`` samples."""
+        """Take prefix sums (n, columns), the first of them that of ``first`` samples."""
         points = prefix[-first % self.stride::self.stride]
         if not len(points):
             return

@@ -1,0 +1,237 @@
+"""A bag as it is played: piece by piece, each as arrays and as serialised messages, at a pace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+import threading
+import time
+
+import numpy as np
+
+from ..bag import iter_blocks
+from ..bag.decode import ACCEL, decode, GYRO, IMU
+from ..bag.encode import imu_values
+from ..bag.source import Bag
+from ..bag.tables import read_table, table_kind
+from ..bag.topics import choose, list_topics
+from ..errors import ImuNoiseError
+
+_BLOCK = 4096               # samples, 229 kB
+_SETTLE = 2.0               # s that further listeners get once the first is there
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Samples ``first`` and on: stamps (n,) ns, all doubles of an Imu (n, 37), and the frame."""
+
+    first: int
+    stamps: np.ndarray
+    values: np.ndarray
+    frame_id: str
+
+    @property
+    def gyro(self) -> np.ndarray:
+        """Angular rate (n, 3), rad/s."""
+        return self.values[:, GYRO]
+
+    @property
+    def accel(self) -> np.ndarray:
+        """Specific force (n, 3), m/s^2."""
+        return self.values[:, ACCEL]
+
+
+def pieces(path, topic: str | None) -> Iterator[Piece]:
+    """
+    Yield a record piece by piece, with everything an Imu message holds.
+
+    Raises
+    ------
+    InputError
+        As :func:`imu_noise_tools.bag.open_record`.
+
+    """
+    first = 0
+    for stamps, values, frame_id in _arrays(path, topic):
+        yield Piece(first, stamps, values, frame_id)
+        first += len(stamps)
+
+
+def _arrays(path, topic):
+    if not table_kind(path):
+        with Bag(path) as bag:
+            choice = choose(bag, topic)
+            if choice.type == IMU and choice.gyro == choice.accel:
+                yield from _messages(bag, choice.base)
+                return
+    for block in iter_blocks(path, topic, _BLOCK):
+        gyro, accel = (None if np.isnan(x).all() else x for x in (block.gyro, block.accel))
+        yield block.stamp, imu_values(gyro, accel), block.frame_id
+
+
+def _messages(bag: Bag, topic: str):
+    zero = None
+    for batch in bag.batches([topic], [IMU]):
+        for k in range(0, len(batch.begin), _BLOCK):
+            some = batch.take(slice(k, k + _BLOCK))
+            found = decode(some)
+            if len(found.stamp):
+                zero = not found.stamp.any() if zero is None else zero      # then the receive times
+                stamps = some.receive[found.readable] if zero else found.stamp
+                yield stamps, found.values, found.frame_id
+
+
+def length(path, topic: str | None) -> int:
+    """
+    Return how many samples a record is said to have (0: nobody knows).
+
+    Raises
+    ------
+    InputError
+        There is no record in it, as :func:`imu_noise_tools.bag.open_record`.
+
+    """
+    if table_kind(path):
+        return read_table(path, 1.0).n
+    with Bag(path) as bag:
+        base = choose(bag, topic).base
+        return sum(t.samples for t in list_topics(bag) if t.name == base)
+
+
+class Player:
+    """
+    Plays a record in a thread: at a pace, with pauses, again and again.
+
+    Parameters
+    ----------
+    source : callable
+        Returns the pieces from the beginning; see :func:`pieces`.
+    outputs : Outputs
+        Where the pieces go.
+    speed, start, duration, patience : float
+        Times real time (0: as fast as the outputs take it); what to play, s; how long to wait for
+        a listener, s.
+    loop : bool
+        Begin again at the end.
+
+    ``state`` is waiting, playing, paused, end, or failed (then ``error`` says why); ``sent`` counts
+    samples.
+
+    """
+
+    def __init__(self, source, outputs, speed=0.0, start=0.0, duration=0.0, patience=10.0,
+                 loop=False):
+        self._source, self._outputs = source, outputs
+        self.start, self.duration, self.patience, self.loop = start, duration, patience, loop
+        self._speed, self._begun = speed, None
+        self._paused, self._quit = False, False
+        self._interrupt, self._again = threading.Event(), threading.Event()
+        self.state, self.error = 'waiting', ''
+        self.sent = self.seen = self.passes = 0
+        self.position_s = 0.0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def begin(self) -> None:
+        """Start playing."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop for good, within a moment."""
+        self._quit = True
+        self._again.set()
+        self._interrupt.set()
+        self._thread.join(1.0)
+
+    def restart(self) -> None:
+        """Go back to the beginning."""
+        self._again.set()
+        self._interrupt.set()
+
+    def pause(self) -> bool:
+        """Pause, or go on; return whether it is paused now."""
+        self._paused = not self._paused
+        return self._paused
+
+    def set_speed(self, speed: float) -> None:
+        """Change the speed from here on."""
+        self._speed, self._begun = speed, None
+
+    def _run(self) -> None:
+        while not self._quit:
+            self._interrupt.clear()
+            self._again.clear()
+            self.state, self.sent, self.seen, self._begun = 'waiting', 0, 0, None
+            try:
+                self._wait_for_listeners()
+                self._once()
+            except ImuNoiseError as error:
+                self.state, self.error = 'failed', str(error)
+            if not self._interrupt.is_set():
+                self._outputs.ended()
+                if not (self.loop and self.state == 'end'):
+                    self._again.wait()
+
+    def _wait_for_listeners(self) -> None:
+        """Wait until every output has a listener, or a while after the first, or patience ends."""
+        began, first = time.monotonic(), None
+        while self.patience and not self._interrupt.wait(0.05):
+            there = self._outputs.listeners()
+            now = time.monotonic()
+            if any(there) and first is None:
+                first = now
+            if all(there) or (first is not None and now - first > _SETTLE):
+                return
+            if now - began > self.patience and first is None:
+                self._outputs.alone()
+                return
+
+    def _once(self) -> None:
+        """Play from the beginning to the end, unless interrupted."""
+        zero = None
+        self.state = 'playing'
+        for piece in self._source():
+            zero = int(piece.stamps[0]) if zero is None else zero
+            self.seen += len(piece.stamps)
+            piece = self._cut(piece, zero)
+            if len(piece.stamps):
+                self._outputs.piece(piece, self._due)
+                self.sent += len(piece.stamps)
+                self.position_s = (int(piece.stamps[-1]) - zero) * 1e-9
+            elif self.sent and self.duration:
+                break
+            if self._interrupt.is_set():
+                return
+        self._outputs.flush()
+        self.passes += 1
+        self.state = 'end'
+
+    def _cut(self, piece: Piece, zero: int) -> Piece:
+        """Return what is to be played of a piece; samples are counted from the first that is."""
+        after = piece.stamps - zero
+        some = after >= self.start * 1e9
+        if self.duration:
+            some &= after < (self.start + self.duration) * 1e9
+        if some.all():
+            return replace(piece, first=self.sent)
+        return Piece(self.sent, piece.stamps[some], piece.values[some], piece.frame_id)
+
+    def interrupted(self) -> bool:
+        """Whether to leave off at once."""
+        return self._interrupt.is_set()
+
+    def _due(self, stamp_ns: int) -> bool:
+        """Wait until a stamp is due; return False where the playing was interrupted meanwhile."""
+        while self._paused and not self._interrupt.wait(0.05):
+            self.state, self._begun = 'paused', None
+        if self.state == 'paused':
+            self.state = 'playing'
+        speed = self._speed
+        if speed:
+            now = time.monotonic()
+            if self._begun is None or stamp_ns < self._begun[1]:
+                self._begun = now, stamp_ns
+            began, first = self._begun
+            left = began + (stamp_ns - first) * 1e-9 / speed - now
+            while left > 5e-4 and not self._interrupt.wait(min(left, 0.1)) and not self._paused:
+                left = began + (stamp_ns - first) * 1e-9 / speed - time.monotonic()
+        return not self._interrupt.is_set()
