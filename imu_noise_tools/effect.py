@@ -217,6 +217,11 @@ class Model:
         return ' + '.join(self.labels) or '(nothing)'
 
 
+def unfitted(model: Model) -> Model:
+    """Return the model without values, labels kept."""
+    return Model(type(e)({}, e.label) for e in model)
+
+
 def registry(domain: str) -> Mapping[str, type[Effect]]:
     """Return the effects of a domain by name, in the order in which they registered."""
     return MappingProxyType(_REGISTRY.get(domain, {}))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .effect import Finding, Fit, Model, Problem, Score, View, find_effect
+from .effect import Finding, Fit, Model, Problem, Score, View, find_effect, unfitted
 from .errors import UsageError
 
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
@@ -99,11 +99,6 @@ def assess(problem: Problem, model: Model) -> State:
     fit = problem.fit(unfitted(model))
     summary = getattr(problem, 'summary', lambda _: {})(fit)
     return State(problem, fit, held_out(problem, unfitted(model)), summary)
-
-
-def unfitted(model: Model) -> Model:
-    """Return the model without values, labels kept (a line keeps the frequency it was given)."""
-    return Model(type(e)({}, e.label) for e in model)
 
 
 class Study:

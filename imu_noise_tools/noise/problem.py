@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from . import views
-from ..effect import Finding, Fit, Model, Score
+from . import classic, views
+from ..effect import Finding, Fit, Model, Score, unfitted
+from ..errors import UsageError
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
-from .kinds import model_avar
+from .kinds import model_avar, Spectrum
+from .plan import duration_for, in_words
+
+METHODS = ('likelihood', 'avar', 'slopes')
 
 
 class NoiseProblem:
@@ -22,8 +28,12 @@ class NoiseProblem:
 
     domain = 'noise'
 
-    def __init__(self, evidence: Evidence, part: str = 'whole', whole: NoiseProblem | None = None):
+    def __init__(self, evidence: Evidence, part: str = 'whole', whole: NoiseProblem | None = None,
+                 method: str = 'likelihood', bias_at: str = 'flat'):
+        if method not in METHODS:
+            raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
         self.evidence, self.part = evidence, part
+        self.method, self.bias_at = method, bias_at
         self.target = evidence.axis
         self.whole = whole or self
         self._fits: dict = {}
@@ -39,12 +49,31 @@ class NoiseProblem:
             return self.whole.fit(model)
         if model not in self._fits:
             if self.part == 'whole':
-                self._fits[model] = fit_part(self.evidence, model)
+                self._fits[model] = self._fit_whole(model)
             else:
                 whole = self.whole.fit(model)
                 self._fits[model] = fit_part(self.evidence, model, self.part, mean=whole, intervals=False,
                                              start=whole.model)
         return self._fits[model]
+
+    def _fit_whole(self, model):
+        found = fit_part(self.evidence, model)
+        if self.method == 'avar':
+            found = classic.fit_avar(self.evidence, model, found)
+        elif self.method == 'slopes':
+            found = classic.fit_slopes(self.evidence, model, found, self.bias_at)
+        return replace(found, estimates=self._planned(found))
+
+    def _planned(self, fit):
+        """Say beside each spectral amplitude that is not observable how long a record would show it."""
+        out = {k: dict(v) for k, v in fit.estimates.items()}
+        for e in fit.model.of(Spectrum):
+            for name, estimate in out.get(e.label, {}).items():
+                if estimate.value is None and estimate.upper95 and (estimate.point or 0) > 1e-3 * estimate.upper95:
+                    t = duration_for(fit.model, e.label, name, self.evidence.dt, begin=self.evidence.duration)
+                    more = f'record {in_words(t)} for 20 %' if t else 'not within 1000 h'
+                    out[e.label][name] = replace(estimate, note=f'{estimate.note}; {more}')
+        return out
 
     def score(self, fit: Fit) -> Score:
         """Score a fit made on other data."""
@@ -54,7 +83,7 @@ class NoiseProblem:
         if self.part == 'whole':
             return Score.of([views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit)])
         # what acts on the samples and the mean was estimated on the whole: the fit that knows it is the whole's
-        whole = self.whole.fit(Model(type(x)({}, x.label) for x in fit.model))
+        whole = self.whole.fit(unfitted(fit.model))
         found = [views.frequency(e, self.part, fit, mean=whole)]
         if self.part == 'second':                    # these views have no fitted part that could be held out
             found += [views.variance(e, fit), views.distribution(e, fit), views.coherence(e, whole)]
@@ -94,9 +123,13 @@ class NoiseProblem:
 
 def problems(arrays) -> dict[str, NoiseProblem]:
     """Return the problem of each axis from the arrays of evidence.npz."""
-    return {axis: NoiseProblem(e) for axis, e in from_arrays(arrays).items()}
+    arrays = dict(arrays)
+    method, bias_at = (str(arrays.pop(k)) for k in ('method', 'bias_at'))
+    return {axis: NoiseProblem(e, method=method, bias_at=bias_at) for axis, e in from_arrays(arrays).items()}
 
 
 def arrays_of(found: dict[str, NoiseProblem]):
     """Return the arrays of evidence.npz, which :func:`problems` reads back."""
-    return to_arrays({axis: p.evidence for axis, p in found.items()})
+    some = next(iter(found.values()))
+    return {**to_arrays({axis: p.evidence for axis, p in found.items()}),
+            'method': np.array(some.method), 'bias_at': np.array(some.bias_at)}
