@@ -130,11 +130,12 @@ def _iterate(model, poses, free, tilt):
     for turn in range(_TURNS):
         system, log_det = equations(model, poses, scale, tilt, free)
         state = _State(poses, system.keys, system.theta)
-        change = np.abs(state.scale - scale).max() / np.abs(scale).max()
-        scale = state.scale
-        if not np.isfinite(scale).all() or abs(np.linalg.det(scale)) < 1e-12 * np.abs(scale).max() ** 3:
-            raise FitError('the fit runs away', 'add poses in other directions')
+        new = state.scale if free else _sound(state.scale, system)
+        change = np.abs(new - scale).max() / np.abs(scale).max()
+        scale = new
         if free:
+            if not np.isfinite(scale).all() or abs(np.linalg.det(scale)) < 1e-12 * np.abs(scale).max() ** 3:
+                raise FitError('the norm fit runs away', 'add poses in other directions')
             inner = poses.outputs - rest_of(state.filled(model), scale, poses)
             moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
             change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)
@@ -144,6 +145,17 @@ def _iterate(model, poses, free, tilt):
             return system, state, log_det
     raise FitError(f'the {"norm" if free else "weighted"} fit does not converge',
                    'add poses in other directions, or look for a pose that moved')
+
+
+def _sound(scale, system):
+    """Return S with a scale factor that the poses do not determine replaced by the others' mean: for the weights."""
+    sound = dict(zip(system.keys, system.determined))
+    known = np.array([sound.get(('scale', f'S_{2 * k}'), False) for k in 'xyz'])
+    if known.all() or not known.any():
+        return scale if known.any() else np.eye(3)
+    scale = scale.copy()
+    scale[~known, ~known] = np.diag(scale)[known].mean()
+    return scale
 
 
 def rest_of(model: Model, scale: np.ndarray, poses: Poses) -> np.ndarray:
