@@ -1,0 +1,219 @@
+"""Imports run one way, the core knows no files, heavy things are imported where needed."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / 'imu_noise_tools'
+
+# A module imports from layers above it in this list and from its own package only.
+LAYERS = (
+    ('errors', 'units', 'files'),
+    ('record', 'ar1'),
+    ('stillness', 'health'),
+    ('allan', 'spectrum'),
+    ('effect',),
+    ('noise',),
+    ('calibration', 'denoise'),
+    ('simulate',),
+    ('study',),
+    ('bag', 'store', 'export', 'plots'),
+    ('report',),
+    ('tasks',),
+    ('fleet', 'explore'),
+    ('cli', 'nodes'),
+)
+LEVEL = {name: i for i, names in enumerate(LAYERS) for name in names}
+CORE = {name for name, level in LEVEL.items() if level <= LEVEL['study']} - {'files'}
+ALLOWED = {('files', 'errors')}            # the ground floor is not quite flat
+HEAVY = {'numpy', 'scipy', 'matplotlib', 'allantools', 'rosbags', 'yaml', 'rclpy', 'rich', 'dask',
+         'apsw', 'zstandard'}
+MESSAGES = {'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'rosgraph_msgs',
+            'builtin_interfaces'}
+FORMATS = {'yaml', 'rosbags', 'csv', 'json', 'sqlite3', 'apsw', 'zipfile', 'argparse',
+           'subprocess'}
+PICKLES = {'pickle', 'dill', 'cloudpickle', 'joblib', 'shelve', 'marshal'}
+FILE_METHODS = {'open', 'read_text', 'write_text', 'read_bytes', 'write_bytes', 'mkdir', 'unlink',
+                'savez', 'savez_compressed', 'savetxt', 'loadtxt', 'genfromtxt', 'fromfile',
+                'tofile', 'memmap'}
+
+
+class Source:
+    """One file of the package: its layer, its syntax tree, what it imports."""
+
+    def __init__(self, path: Path, text: str | None = None):
+        self.path = path
+        parts = path.relative_to(PACKAGE).with_suffix('').parts
+        self.package = ('imu_noise_tools', *parts[:-1])
+        self.layer = '' if parts in (('__init__',), ('__main__',)) else parts[0]
+        self.tree = ast.parse(path.read_text(encoding='utf-8') if text is None else text)
+
+    def at(self, line) -> str:
+        """Return a place that an editor can jump to."""
+        return f'{self.path.relative_to(PACKAGE)}:{line}'
+
+    def imports(self):
+        """Yield (line, absolute name as a tuple, at module level?), of functions too."""
+        functions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+        inside = {id(n) for f in ast.walk(self.tree) if isinstance(f, functions)
+                  for n in ast.walk(f)}
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Import):
+                names = [tuple(a.name.split('.')) for a in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                base = tuple(node.module.split('.')) if node.module else ()
+                if node.level:
+                    base = self.package[:len(self.package) - node.level + 1] + base
+                names = [(*base, a.name) for a in node.names]
+            else:
+                continue
+            for name in names:
+                yield node.lineno, name, id(node) not in inside
+
+    def upward(self):
+        """Yield places that import a layer which is not below."""
+        for line, name, _ in self.imports():
+            other = name[1] if name[0] == 'imu_noise_tools' and len(name) > 1 else ''
+            if other not in LEVEL or other == self.layer or (self.layer, other) in ALLOWED:
+                continue
+            if LEVEL[other] >= LEVEL.get(self.layer, 0):
+                yield f'{self.at(line)} imports {other}'
+
+    def importing(self, libraries, top_only=False):
+        """Yield places that import any of these libraries."""
+        for line, name, top in self.imports():
+            if name[0] in libraries and (top or not top_only):
+                yield f'{self.at(line)} imports {name[0]}'
+
+    def files(self):
+        """Yield places that touch the file system or the terminal."""
+        for node in ast.walk(self.tree):
+            f = node.func if isinstance(node, ast.Call) else None
+            if isinstance(f, ast.Name) and f.id in ('open', 'print', 'input'):
+                yield f'{self.at(node.lineno)} {f.id}()'
+            if isinstance(f, ast.Attribute) and (f.attr in FILE_METHODS or (
+                    f.attr in ('load', 'save') and getattr(f.value, 'id', '') == 'np')):
+                yield f'{self.at(node.lineno)} .{f.attr}()'
+
+
+@pytest.fixture(scope='module')
+def sources() -> list[Source]:
+    return [Source(p) for p in sorted(PACKAGE.rglob('*.py'))]
+
+
+def test_the_checks_see_what_they_look_for():
+    text = ('from .. import study\nfrom ..study import Study as S\nimport matplotlib.pyplot\n'
+            'def f():\n    import imu_noise_tools.cli.main\n    np.load(open(path))\n')
+    bad = Source(PACKAGE / 'noise' / 'bad.py', text)
+    assert [x.split()[-1] for x in bad.upward()] == ['study', 'study', 'cli']
+    assert len(list(bad.importing({'matplotlib'}, top_only=True))) == 1
+    assert len(list(bad.files())) == 2
+    inner = Source(PACKAGE / 'noise' / 'effects' / 'bad.py', 'from ...study import Study')
+    assert list(inner.upward())
+    assert not list(Source(PACKAGE / 'noise' / 'fine.py', 'from .. import units').upward())
+
+
+def test_every_module_is_in_a_layer(sources):
+    unknown = [str(s.path) for s in sources if s.layer and s.layer not in LEVEL]
+    assert not unknown, 'put these into a layer of the design'
+
+
+def test_imports_run_one_way(sources):
+    assert not [x for s in sources if s.layer for x in s.upward()]
+
+
+def test_the_root_imports_nothing(sources):
+    """The command line pays for the root before it can print its help."""
+    root = next(s for s in sources if s.path == PACKAGE / '__init__.py')
+    assert not [n for _, n, top in root.imports() if top and n[0] != '__future__']
+
+
+@pytest.mark.parametrize(('libraries', 'owner'), [
+    ({'rclpy'} | MESSAGES, 'nodes'), ({'matplotlib'}, 'plots')])
+def test_only_one_layer_imports(sources, libraries, owner):
+    assert not [x for s in sources if s.layer != owner for x in s.importing(libraries)]
+
+
+def test_matplotlib_is_imported_late(sources):
+    assert not [x for s in sources for x in s.importing({'matplotlib'}, top_only=True)]
+
+
+def test_the_core_opens_no_file_and_prints_nothing(sources):
+    assert not [x for s in sources if s.layer in CORE for x in s.files()]
+
+
+def test_the_core_knows_no_file_formats(sources):
+    assert not [x for s in sources if s.layer in CORE for x in s.importing(FORMATS)]
+
+
+def test_nothing_is_unpickled_and_no_yaml_object_is_built(sources):
+    wrong = [x for s in sources for x in s.importing(PICKLES)]
+    for s in sources:
+        for node in ast.walk(s.tree):
+            if isinstance(node, ast.keyword) and node.arg == 'allow_pickle' \
+                    and getattr(node.value, 'value', True) is not False:
+                wrong.append(f'{s.at(node.value.lineno)} allow_pickle')
+            if isinstance(node, ast.Attribute) and node.attr in (
+                    'unsafe_load', 'full_load', 'UnsafeLoader', 'FullLoader', 'Loader'):
+                wrong.append(f'{s.at(node.lineno)} {node.attr}')
+    assert not wrong
+
+
+def test_no_bare_except(sources):
+    assert not [s.at(n.lineno) for s in sources for n in ast.walk(s.tree)
+                if isinstance(n, ast.ExceptHandler) and n.type is None]
+
+
+def test_the_loop_knows_no_problem(sources):
+    study = next(s for s in sources if s.path.name == 'study.py')
+    known = {name[1] for _, name, _ in study.imports() if name[0] == 'imu_noise_tools'}
+    assert known <= {'effect', 'errors'}
+
+
+def test_only_its_own_file_names_a_noise_effect(sources):
+    """An effect registers itself: nothing in noise/ or the loop imports one by its class."""
+    folder = PACKAGE / 'noise' / 'effects'
+    home = {n.name: s.path for s in sources if s.path.parent == folder for n in s.tree.body
+            if isinstance(n, ast.ClassDef)}
+    assert len(home) >= 8
+    assert not [s.at(line) for s in sources if s.layer in ('noise', 'study', 'store')
+                for line, name, _ in s.imports()
+                if name[:3] == ('imu_noise_tools', 'noise', 'effects')
+                and home.get(name[-1], s.path) != s.path]
+
+
+def _loaded(code: str) -> set[str]:
+    code += '\nprint(" ".join(sorted({m.split(".")[0] for m in sys.modules})))'
+    out = subprocess.run([sys.executable, '-c', 'import sys\n' + code], capture_output=True,
+                         text=True, check=True, cwd=PACKAGE.parent)
+    return set(out.stdout.split())
+
+
+def _needs_command_line():
+    if not (PACKAGE / 'cli' / 'main.py').is_file():
+        pytest.skip('there is no command line yet')
+
+
+def test_importing_the_command_line_is_light():
+    _needs_command_line()
+    assert not _loaded('import imu_noise_tools.cli.main') & HEAVY
+
+
+def test_printing_the_help_is_light():
+    """The whole parser is built for it, so every command's arguments are."""
+    _needs_command_line()
+    assert not _loaded(
+        'import contextlib, io\nfrom imu_noise_tools.cli import main\n'
+        'sys.argv = ["imu_noise", "--help"]\n'
+        'with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n'
+        '    main.main()') & HEAVY
+
+
+def test_the_core_imports_without_plots_ros_or_bags():
+    loaded = _loaded('import imu_noise_tools.study, imu_noise_tools.noise.problem')
+    assert not loaded & {'matplotlib', 'rosbags', 'rclpy', 'yaml', 'allantools'}
