@@ -276,6 +276,37 @@ class Bank:
         self.prior = self.mu
         return self.update(z, self.table.at(0) if e is None else e)
 
+    def score(self, nu, s, e: Entries) -> np.ndarray:
+        """
+        Return the normalised innovation, (lanes,): standard normal if the model is right.
+
+        Of a mixture, by the mean and variance of its modes; with outliers by :meth:`transform`.
+
+        """
+        if self.mixture is not None:
+            return self.transform(nu, s, e)
+        if self.table.modes == 1:
+            return (nu / np.sqrt(s))[0]
+        mean = (self.prior * nu).sum(0)
+        return mean / np.sqrt((self.prior * (s + (nu - mean) ** 2)).sum(0))
+
+    def transform(self, nu, s, e: Entries) -> np.ndarray:
+        """
+        Return the standard normal value at the sample's place in its predictive distribution, (lanes,).
+
+        The probability integral transform of the mixture (Rosenblatt 1952): exact where :meth:`score` keeps two
+        moments, and as much work again.
+
+        """
+        parts = [(self.prior, nu / np.sqrt(s))]
+        if self.mixture is not None:
+            fraction, factor = self.mixture
+            parts = [(self.prior * (1 - fraction), parts[0][1]),
+                     (self.prior * fraction, nu / np.sqrt(s + e.r * (factor - 1)))]
+        below = sum((w * ndtr(a)).sum(0) for w, a in parts)
+        above = sum((w * ndtr(-a)).sum(0) for w, a in parts)
+        return np.where(below < above, ndtri(np.maximum(below, 1e-300)), -ndtri(np.maximum(above, 1e-300)))
+
 
 def _sum(terms):
     """Add arrays without starting from zero."""
@@ -283,23 +314,6 @@ def _sum(terms):
     for t in terms:
         total = t if total is None else total + t
     return total
-
-
-def normal_score(bank: Bank, nu, s, r) -> np.ndarray:
-    """
-    Return what a standard normal variable would be where the sample stands in its predictive distribution, (lanes,).
-
-    For one linear model the normalised innovation; for a mixture its probability integral transform.
-
-    """
-    weight = bank.prior
-    parts = [(weight, nu / np.sqrt(s))]
-    if bank.mixture is not None:
-        fraction, factor = bank.mixture
-        parts = [(weight * (1 - fraction), parts[0][1]), (weight * fraction, nu / np.sqrt(s + r * (factor - 1)))]
-    below = sum((w * ndtr(a)).sum(0) for w, a in parts)
-    above = sum((w * ndtr(-a)).sum(0) for w, a in parts)
-    return np.where(below < above, ndtri(np.maximum(below, 1e-300)), -ndtri(np.maximum(above, 1e-300)))
 
 
 def log_density(log_l: np.ndarray) -> np.ndarray:

@@ -71,6 +71,11 @@ class ArIncrement(Motion):
         """Return the paper's: phi = 0.107, q = 4e-4 (deg/s)^2."""
         return cls({'phi': 0.107, 'q': 4e-4 * DEG ** 2})
 
+    @classmethod
+    def guesses(cls, look):
+        """Return bandwidths from a thousandth to a tenth of the rate."""
+        return [cls({'phi': 0.1, 'q': f * look.r}) for f in (1e-6, 1e-4, 1e-2, 1.0)]
+
     def block(self, dt):
         """Return one step, whatever dt: the paper counts in messages."""
         phi, q = self['phi'], self['q']
@@ -87,12 +92,18 @@ class AngularAcceleration(Motion):
     signature = 'innovations of one sign for as long as the rotation speeds up or slows down'
     hint = 'the filter lags behind every change of rate; turning by hand, rocking, vehicles'
     reference = 'Bar-Shalom, Li, Kirubarajan 2001, 6.2.2'
+    heals = 'autocorrelation'
     parameters = (Parameter('q', '{slope}^2/s', 1e-12, 1e6, amplitude=True, title='density of its changes'),)
 
     @classmethod
     def example(cls):
         """Return motion by hand: 100 (deg/s^2)^2/s."""
         return cls({'q': 100 * DEG ** 2})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return bandwidths (q/(R dt))^(1/4)/2 pi from a hundredth to a fifth of the rate."""
+        return [cls({'q': x ** 4 * look.r / look.dt ** 3}) for x in np.geomspace(0.003, 1.0, 8)]
 
     def block(self, dt):
         """Return the doubly integrated white noise."""
@@ -110,12 +121,18 @@ class Jerk(Motion):
     signature = 'innovations that keep their sign while the angular acceleration changes'
     hint = 'smooth and strong motion, well above the noise'
     reference = 'Mehrotra, Mahapatra 1997'
+    heals = 'autocorrelation'
     parameters = (Parameter('q', '{slope}^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'),)
 
     @classmethod
     def example(cls):
         """Return motion by hand: 1e4 (deg/s^3)^2/s."""
         return cls({'q': 1e4 * DEG ** 2})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return bandwidths (q/(R dt))^(1/6)/2 pi from a hundredth to a fifth of the rate."""
+        return [cls({'q': x ** 6 * look.r / look.dt ** 5}) for x in np.geomspace(0.01, 1.0, 7)]
 
     def block(self, dt):
         """Return the triply integrated white noise."""
@@ -136,6 +153,7 @@ class Singer(Motion):
     signature = 'bursts of innovations of one sign, each about tc long'
     hint = 'turns that begin and end'
     reference = 'Singer 1970; Bar-Shalom, Li, Kirubarajan 2001, 8.2.3'
+    heals = 'autocorrelation'
     parameters = (Parameter('sigma', '{slope}', 1e-6, 1e3, amplitude=True, title='standard deviation of it'),
                   Parameter('tc', 's', 0.02, 100.0, title='how long it lasts'))
 
@@ -143,6 +161,12 @@ class Singer(Motion):
     def example(cls):
         """Return turns by hand: 50 deg/s^2 for half a second."""
         return cls({'sigma': 50 * DEG, 'tc': 0.5})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return manoeuvres of a few samples to many seconds, of a fraction of the noise to far above it."""
+        sizes = np.sqrt(look.r) * np.array([0.3, 3.0, 30.0])
+        return [cls({'sigma': a / tc, 'tc': tc}) for tc in (0.05, 0.3, 2.0, 10.0) for a in sizes if tc > 2 * look.dt]
 
     def block(self, dt):
         """Return the sampled form; its series where dt << tc, since the closed one cancels there."""
@@ -165,6 +189,7 @@ class Harmonic(Motion):
     signature = 'innovations oscillate at one slow frequency'
     hint = 'ships, cranes, a pendulum, a rocking table; above 3 Hz an oscillation is taken for vibration (sinusoid)'
     reference = 'Harvey 1989, 2.3.3'
+    heals = 'autocorrelation'
     parameters = (Parameter('amplitude', '{rate}', 1e-6, 1e2, amplitude=True, title='amplitude'),
                   Parameter('frequency', 'Hz', 0.02, 3.0, title='frequency'))
     several = True
@@ -173,6 +198,12 @@ class Harmonic(Motion):
     def example(cls):
         """Return the paper's rocking by 50 deg at 10 s."""
         return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return the strongest slow lines of the series."""
+        slow = [(f, a) for f, a in look.lines if 0.02 <= f <= 3.0][:2]
+        return [cls({'amplitude': k * a, 'frequency': f}) for f, a in slow for k in (0.5, 2.0)]
 
     def block(self, dt):
         """Return an oscillator beside the rate."""
@@ -189,6 +220,7 @@ class RateStep(Motion):
     signature = 'a train of innovations of one sign after each jump, dying out'
     hint = 'a rate table or a stepper motor; a shock that moved the bias'
     reference = 'Willsky, Jones 1976'
+    heals = 'kurtosis'
     parameters = (Parameter('size', '{rate}', 1e-6, 1e2, amplitude=True, title='rms of a step'),
                   Parameter('rate', 'Hz', 1e-4, 10.0, title='steps in a second'))
 
@@ -196,6 +228,13 @@ class RateStep(Motion):
     def example(cls):
         """Return a step of 30 deg/s every ten seconds."""
         return cls({'size': 30 * DEG, 'rate': 0.1})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return steps of two to two hundred times the noise, from twice in a minute to twice a second."""
+        if not look.tails:
+            return []
+        return [cls({'size': k * np.sqrt(look.r), 'rate': rate}) for k in (2, 6, 20, 60, 200) for rate in (0.03, 0.2, 2.0)]
 
     def block(self, dt):
         """Return what a bank of two makes of it: with and without a jump in this interval."""

@@ -32,6 +32,11 @@ class White(OutputNoise):
         """Return the ADIS16350's 0.60 deg/s."""
         return cls({'R': 0.36 * DEG ** 2})
 
+    @classmethod
+    def guesses(cls, look):
+        """Return what third differences show."""
+        return [cls({'R': look.r})]
+
     def block(self, dt):
         """Return R."""
         return nothing(r=self['R'])
@@ -47,7 +52,13 @@ class NoiseLevel(OutputNoise):
     signature = 'white innovations whose normalised square is not 1'
     hint = 'wrong R: another range, bandwidth or temperature than when it was measured'
     reference = 'Mehra 1970'
+    heals = 'level'
     parameters = (Parameter('factor', '1', 1e-4, 1e4, title='variance over what was stated'),)
+
+    @classmethod
+    def guesses(cls, look):
+        """Return what third differences show, over what was stated, and the level of the scores."""
+        return [cls({'factor': float(np.clip(f, 1e-3, 1e3))}) for f in (0.3, 1.5, np.mean(look.u ** 2))]
 
     def block(self, dt):
         """Return the factor."""
@@ -64,6 +75,7 @@ class GaussMarkov(OutputNoise):
     signature = 'correlation of innovations over tc that does not grow with motion'
     hint = "the sensor's own filter, or a drift of bias"
     reference = 'IEEE 952 C.1.5'
+    heals = 'autocorrelation'
     parameters = (Parameter('sigma', '{rate}', 1e-8, 10.0, amplitude=True, title='standard deviation of it'),
                   Parameter('tc', 's', 1e-3, 1e5, title='correlation time'))
     several = True
@@ -72,6 +84,13 @@ class GaussMarkov(OutputNoise):
     def example(cls):
         """Return half a degree a second over 0.1 s."""
         return cls({'sigma': 0.5 * DEG, 'tc': 0.1})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return colours of a few samples to a tenth of the record."""
+        longest = 0.1 * len(look.z) * look.dt
+        return [cls({'sigma': k * np.sqrt(look.r), 'tc': tc}) for tc in np.geomspace(2 * look.dt, longest, 5)
+                for k in (0.1, 0.5, 2.0)]
 
     def block(self, dt):
         """Return one AR(1) state."""
@@ -118,6 +137,7 @@ class Sinusoid(OutputNoise):
     signature = 'a line in the spectrum of the innovations'
     hint = 'motor, fan, resonance of the mount; below 3 Hz an oscillation is taken for motion (harmonic)'
     reference = 'IEEE 952 C.1.7'
+    heals = 'line'
     parameters = (Parameter('amplitude', '{rate}', 1e-8, 1e2, amplitude=True, title='amplitude'),
                   Parameter('frequency', 'Hz', 3.0, 1e4, title='frequency'))
     several = True
@@ -126,6 +146,12 @@ class Sinusoid(OutputNoise):
     def example(cls):
         """Return one degree a second at 20 Hz."""
         return cls({'amplitude': DEG, 'frequency': 20.0})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return the strongest fast lines of the series."""
+        fast = [(f, a) for f, a in look.lines if 3.0 <= f < 0.49 / look.dt][:2]
+        return [cls({'amplitude': k * a, 'frequency': f}) for f, a in fast for k in (0.5, 1.0)]
 
     def block(self, dt):
         """Return an oscillator."""
@@ -142,6 +168,7 @@ class Outliers(OutputNoise):
     signature = 'heavy tails, single samples'
     hint = 'transmission errors, knocks; never a motion, which would last'
     reference = 'Sorenson, Alspach 1971'
+    heals = 'kurtosis'
     parameters = (Parameter('fraction', '1', 1e-5, 0.3, title='share of the samples'),
                   Parameter('factor', '1', 4.0, 1e6, title='their variance over R'))
 
@@ -149,6 +176,13 @@ class Outliers(OutputNoise):
     def example(cls):
         """Return one sample in a hundred, ten times the noise."""
         return cls({'fraction': 0.01, 'factor': 100.0})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return from one in a thousand to one in twenty, from three to a hundred times the noise."""
+        if not look.tails:
+            return []
+        return [cls({'fraction': p, 'factor': c}) for p in (1e-3, 0.01, 0.05) for c in (10.0, 100.0, 1e3, 1e4)]
 
     def block(self, dt):
         """Return the mixture."""

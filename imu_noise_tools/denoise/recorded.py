@@ -8,7 +8,7 @@ import numpy as np
 
 from . import kalman
 from .design import Design, quiet_variance
-from .imm import Bank, Coefficients, normal_score
+from .imm import Bank, Coefficients
 from .stamps import Clock, DUPLICATE, RESTART, usual_rate
 from .statespace import state_space
 from ..errors import InputError
@@ -161,17 +161,8 @@ def _by_chunks(z, keys, design, clock, progress):
                 continue
         rate[into] = x[lanes].reshape(-1, axes)
         variance[into] = var[lanes].reshape(-1, axes)
-        score[into] = _score(bank, nu, s, e)[lanes].reshape(-1, axes)
+        score[into] = bank.score(nu, s, e)[lanes].reshape(-1, axes)
         if progress and k % 1000 == 0:
             progress(k / steps)
     return rate, variance, score
 
-
-def _score(bank, nu, s, e):
-    """Return the normalised innovation; of a bank, of its mean and variance (the exact transform costs as much again)."""
-    if bank.table.modes == 1 and bank.mixture is None:
-        return (nu / np.sqrt(s))[0]
-    if bank.mixture is not None:
-        return normal_score(bank, nu, s, e.r)
-    mean = (bank.prior * nu).sum(0)
-    return mean / np.sqrt((bank.prior * (s + (nu - mean) ** 2)).sum(0))

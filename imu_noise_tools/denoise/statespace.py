@@ -68,11 +68,36 @@ class StateSpace:
         return len(self.h)
 
 
+@dataclass(frozen=True)
+class Look:
+    """
+    What a first look at a series shows, for starting values; ``z`` (n,) at ``dt`` s, ``u`` its scores so far.
+
+    ``r`` is the variance of its white noise, ``lines`` (k, 2) frequency and amplitude of what stands out of the
+    spectrum, the strongest first; ``tails`` tells whether single scores are far larger than chance.
+
+    """
+
+    z: np.ndarray
+    u: np.ndarray
+    dt: float
+    r: float
+    lines: np.ndarray
+    tails: bool
+
+
 class FilterEffect(Effect):
     """An effect of the filter's domain: it supplies one block."""
 
     domain: ClassVar[str] = DOMAIN
     kind: ClassVar[str] = ''               # motion drives the rate, noise adds to the output
+    heals: ClassVar[str] = ''              # the test of evaluate.omnibus that it must mend to be believed
+    views: ClassVar[tuple[str, ...]] = ()  # an effect of the filter is judged by all views
+
+    @classmethod
+    def guesses(cls, look: Look) -> list[Effect]:
+        """Return where a fit may start; none: the effect does not apply to these data. By default the typical one."""
+        return [cls.example()]
 
     def block(self, dt: float) -> Block:
         """Return (Phi, Q, H, R) over one interval dt, s."""
