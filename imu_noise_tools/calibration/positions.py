@@ -13,6 +13,7 @@ from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 STILL_S = 2.0           # shortest rest that counts, s
 CONE_DEG = 20.0         # a pose within this of an axis is a face
 _SAME_DEG = 0.5         # rests closer than this, one after the other, are one placement
+_PIECE_S = 0.5           # shortest part of a rest between knocks
 _BLOCK_S = 0.5
 _KNOCK = 8.0            # a piece of a rest off by this many standard errors is a knock
 _MOVING_RATE, _MOVING_FORCE = 0.1, 0.6      # rad/s, m/s^2: scatter no IMU has at rest
@@ -81,13 +82,14 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
     if record.accel is None:
         raise InputError(f'{record.path or "the record"} has no accelerometer', 'which way is up is read from it')
     found: list[Rest] = []
-    for a, b in stillness(record, seconds):
+    for a, b in stillness(record, min(seconds, _PIECE_S)):
         pieces, note = _without_knocks(record, a, b)
         here = _rest(record, pieces, note)
         if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG:
             note = f'a knock at {record.t[found[-1].end - 1]:.1f} s was left out'
             here = _rest(record, (*found.pop().pieces, *pieces), note)
         found.append(here)
+    found = [r for r in found if len(r.samples()) >= seconds * record.rate_hz]
     if not found:
         raise InputError(f'no rest of {seconds:g} s: it moves all the time',
                          'hold every pose still, for some seconds, on something solid')

@@ -16,7 +16,7 @@ _BLOCK_S = 0.1
 
 
 def turns(record: ImuRecord, *, rate: float | None = None, turn: float | None = None,
-          latitude: float | None = None, seconds: float = 2.0) -> tuple[Poses, tuple[str, ...]]:
+          latitude: float | None = None, seconds: float = 2.0, partly: bool = False) -> tuple[Poses, tuple[str, ...]]:
     """
     Return the gyroscope's poses of a record, with known inputs, and notes for people.
 
@@ -24,7 +24,8 @@ def turns(record: ImuRecord, *, rate: float | None = None, turn: float | None = 
     ``rate`` (rad/s) of a rate table turned both ways about each axis; or the angle ``turn`` (rad) of hand turns about
     each axis, from rest to rest, where O is the integrated output and I = [angle; duration]. Rests count as
     well, with input zero. With a ``latitude`` (deg) the vertical part of the Earth's rate is added to the
-    input of whatever turns or rests about the vertical; without, it stays in the bias.
+    input of whatever turns or rests about the vertical; without, it stays in the bias. ``partly`` takes a record
+    that holds a part of a session.
 
     Raises
     ------
@@ -46,6 +47,8 @@ def turns(record: ImuRecord, *, rate: float | None = None, turn: float | None = 
         poses, notes = _by_rate(record, abs(rate), seconds)
     else:
         poses, notes = _by_angle(record, abs(turn), seconds)
+    if not known and not partly:
+        refuse_missing_axes(poses.names, 'turn' if rate is None else 'rate', notes)
     return _with_earth(poses, latitude, list(notes))
 
 
@@ -75,15 +78,16 @@ def _by_rate(record, rate, seconds):
             parts.append((a, b))
             inputs.append(rate * DIRECTIONS[face])
             names.append(f'turn {face}')
-    _refuse_missing_axes(names, 'rate', notes)
+    if not parts:
+        raise InputError(f'the rate is never steady for {seconds:g} s{_because(notes)}', 'hold each rate for some seconds')
     return _means(record, parts, np.array(inputs).T, names), notes
 
 
 def _by_angle(record, angle, seconds):
     """Return hand turns between rests, as integrals, and the rests themselves."""
     still = stillness(record, min(seconds, 1.0))
-    if len(still) < 2:
-        raise InputError(f'{len(still)} rests found; a turn goes from rest to rest', 'hold still before and after')
+    if not still:
+        raise InputError('no rest found: it moves all the time', 'a turn goes from rest to rest')
     quiet = np.mean([record.gyro[a:b].std(0) for a, b in still], axis=0)
     margin = round(0.2 * record.rate_hz)
     outputs, std, inputs, amount, force, temperature, time, names, notes = ([] for _ in range(9))
@@ -110,12 +114,13 @@ def _by_angle(record, angle, seconds):
         temperature.append(np.nan if t is None else t[a:b].mean())
         time.append(record.t[a:b].mean())
         names.append(f'turn {face}')
-    _refuse_missing_axes(names, 'turn', notes)
     found = _rests(record, seconds)
     resting = _means(record, [(r.begin, r.end) for r in found], np.zeros((3, len(found))), ['rest'] * len(found), found)
     span = np.array([len(r.samples()) * record.dt for r in found])
     resting = Poses.of('gyro', resting.outputs * span, resting.std * span, angle, resting.inputs, span,
                        resting.force, resting.temperature, resting.reference_temperature, resting.time, resting.names)
+    if not outputs:
+        return resting, notes
     turning = Poses.of('gyro', np.array(outputs).T, np.array(std).T, angle, np.array(inputs).T, amount,
                        np.array(force).T, temperature, resting.reference_temperature, time, names)
     return joined([turning, resting]), notes
@@ -174,15 +179,19 @@ def _turn_name(rate) -> str:
     return f'turn {face} {np.degrees(size):.4g} deg/s' if off < _CONE_DEG else f'turn {np.degrees(size):.4g} deg/s'
 
 
-def _refuse_missing_axes(names, option, notes) -> None:
+def _because(notes) -> str:
+    return f' ({"; ".join(notes[:4])})' if notes else ''
+
+
+def refuse_missing_axes(names, option: str, notes=()) -> None:
+    """Raise InputError where an axis was not turned, or turned one way only with no rest to tell bias from scale."""
     seen = {n.split()[1][1] for n in names if n.startswith('turn')}
     missing = [k for k in 'xyz' if k not in seen]
     if missing:
-        said = f' ({"; ".join(notes[:4])})' if notes else ''
-        raise InputError(f'no turn about {", ".join(missing)} found{said}',
+        raise InputError(f'no turn about {", ".join(missing)} found{_because(notes)}',
                          f'turn about each axis, both ways, from rest to rest; check --{option}')
     one_way = [k for k in 'xyz' for s in '+-' if f'turn {s}{k}' not in names]
-    if one_way and 'rest' not in names and option == 'rate':
+    if one_way and 'rest' not in names:
         raise InputError(f'{", ".join(one_way)} is turned one way only, and there is no rest',
                          'turn each axis both ways, or record a rest: scale and bias look the same otherwise')
 

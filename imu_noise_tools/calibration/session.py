@@ -1,0 +1,236 @@
+"""A person's session: samples come in one by one, faces are captured when asked, and what is left is said."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import InputError, UsageError
+from ..record import ImuRecord
+from ..units import G0
+from . import solve
+from .poses import FACES, joined, nearest_face, Poses
+from .positions import CONE_DEG, counted, positions, rests, STILL_S
+from .problem import CalibrationProblem
+from .solution import calibrate, Calibration
+from .turns import turns
+
+_KEEP_S = 120.0             # what is remembered of the stream
+_SEEN_S = 30.0              # longest rest that a capture averages
+_UNMOVED_DEG = 0.3          # captures of one face closer than this are one placement
+
+
+@dataclass(frozen=True)
+class Captured:
+    """What a capture saw: the pose, what is done and what is left; its text is for people."""
+
+    name: str
+    done: int
+    of: int
+    left: tuple[str, ...]
+    note: str = ''
+
+    def __str__(self):
+        """Return ``held: +x; 5 of 6 done; left: -z``."""
+        left = f'left: {", ".join(self.left)}' if self.left else 'none left: solve'
+        return f'held: {self.name}; {self.done} of {self.of} done; {left}' + (f' ({self.note})' if self.note else '')
+
+
+class Session:
+    """
+    One sensor's calibration as a person makes it.
+
+    Parameters
+    ----------
+    sensor : str
+        ``accel`` or ``gyro``.
+    gravity : float
+        Local gravity, m/s^2.
+    rate, turn : float, optional
+        For the gyroscope: rate of the table (rad/s), or angle of a hand turn (rad).
+    still_seconds : float
+        How long a pose has to be still before it is captured.
+    tilt : float
+        Tilt of the faces, rad.
+    method : str, optional
+        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+
+    """
+
+    def __init__(self, sensor: str = 'accel', gravity: float = G0, rate: float | None = None,
+                 turn: float | None = None, still_seconds: float = STILL_S, tilt: float = solve.TILT,
+                 method: str | None = None):
+        if sensor not in ('accel', 'gyro'):
+            raise UsageError(f'there is no sensor {sensor}', 'sensors are accel and gyro')
+        if sensor == 'gyro' and (rate is None) == (turn is None):
+            raise UsageError('the gyroscope needs a rate or a turn', 'set one of rate_deg_s and turn_deg')
+        self.sensor, self.gravity, self.rate, self.turn = sensor, gravity, rate, turn
+        self.still_seconds, self.tilt, self.method = still_seconds, tilt, method
+        self.calibration: Calibration | None = None
+        self._samples: deque = deque()
+        self._poses: list[Poses] = []
+        self._since = -np.inf               # stamp from which the next turn counts
+
+    def feed(self, stamp_s: float, gyro, accel, temperature: float | None = None) -> None:
+        """Take one sample: gyro (3,) rad/s, accel (3,) m/s^2; one that is not finite or goes back is dropped."""
+        values = (*gyro, *accel)
+        if not np.isfinite(values).all() or (self._samples and stamp_s <= self._samples[-1][0]):
+            return
+        if self._samples and stamp_s - self._samples[-1][0] > 1.0:
+            self._samples.clear()                                   # a gap: nothing before it belongs to this pose
+        self._samples.append((stamp_s, *values, np.nan if temperature is None else temperature))
+        while stamp_s - self._samples[0][0] > _KEEP_S:
+            self._samples.popleft()
+
+    def reset(self) -> None:
+        """Forget all poses and the solution; the stream goes on."""
+        self._poses.clear()
+        self.calibration = None
+        self._since = -np.inf
+
+    def capture(self, expected: str | None = None) -> Captured:
+        """
+        Average the still window that ends now (or take the turn that ended just now), and say what is left.
+
+        ``expected`` is the face the person says is up: the opposite one means a sign upside down.
+
+        Raises
+        ------
+        InputError
+            It is moving, there are too few samples, no face is seen, or the reading is impossible; nothing is kept.
+
+        """
+        record = self._record()
+        return self._turn(record) if self.sensor == 'gyro' else self._face(record, expected)
+
+    def _record(self) -> ImuRecord:
+        data = np.array(self._samples, float).reshape(-1, 8)
+        span = data[-1, 0] - data[0, 0] if len(data) > 1 else 0.0
+        if len(data) < 20 or span < self.still_seconds:
+            raise InputError(f'{span:.1f} s of samples so far, a pose takes {self.still_seconds:g} s',
+                             'wait, and check that the Imu topic arrives')
+        covariates = {'temperature': data[:, 7]} if np.isfinite(data[:, 7]).all() else {}
+        return ImuRecord(data[:, 1:4], data[:, 4:7], data[:, 0], (len(data) - 1) / span, covariates=covariates)
+
+    def _still(self, record: ImuRecord) -> ImuRecord:
+        """Return the part of the record in which it has been still until now."""
+        try:
+            last = rests(record, self.still_seconds)[-1].pieces[-1]
+        except InputError:
+            last = (0, 0)
+        if (record.n - last[1]) / record.rate_hz > 0.25 or last[1] - last[0] < self.still_seconds * record.rate_hz:
+            raise InputError(f'moving: not still for the last {self.still_seconds:g} s', 'hold it still and capture again')
+        return record.part(max(last[0], last[1] - round(_SEEN_S * record.rate_hz)), last[1])
+
+    def _face(self, record, expected) -> Captured:
+        still = self._still(record)
+        pose, _ = positions(still, self.gravity, self.still_seconds * 0.9)
+        pose = pose.take(pose.n - 1)
+        face, off = nearest_face(pose.outputs[:, 0])
+        if expected and expected not in FACES:
+            raise UsageError(f'there is no face {expected}', f'faces are {", ".join(FACES)}')
+        if expected and off <= CONE_DEG and face != expected:
+            if face[1] == expected[1]:
+                raise InputError(f'{expected} should be up, but {face} reads +g: the sign of this axis is upside down, '
+                                 'or the box is', 'REP-145: +g on the axis that points up; turn it over, or mend the driver')
+            raise InputError(f'{expected} should be up, but {face} is', 'turn it and capture again')
+        name = face if off <= CONE_DEG else f'pose {len(self._poses) + 1}'
+        note = '' if off <= CONE_DEG else f'{off:.0f} deg from {face}: counts for a norm fit only'
+        pose = replace(pose, names=(name,))
+        if self._poses and _apart_deg(self._poses[-1], pose) < _UNMOVED_DEG:
+            before = self._poses.pop()
+            pose = pose if (pose.std ** 2).sum() < (before.std ** 2).sum() else before
+            note = 'not moved since the last capture: the better of the two is kept'
+        self._poses.append(pose)
+        held = counted(self._names())[face] if off <= CONE_DEG else 1
+        return self._said(name, note or (f'held {held} times: averaged' if held > 1 else ''))
+
+    def _turn(self, record) -> Captured:
+        if self.turn is not None:
+            self._still(record)
+            since = self._since
+        else:
+            since = record.t[-1] - 1.2 * self.still_seconds
+        recent = record.part(int(np.searchsorted(record.t, since)), record.n)
+        pose = self._by_angle(recent) if self.turn is not None else self._by_rate(recent)
+        self._poses.append(pose)
+        self._since = record.t[-1] - self.still_seconds
+        return self._said(pose.names[0], '')
+
+    def _by_rate(self, recent) -> Poses:
+        try:
+            poses, _ = turns(recent, rate=self.rate, seconds=0.8 * self.still_seconds, partly=True)
+        except InputError as error:
+            raise InputError(f'moving, but not steadily: {error.message}',
+                             'hold the table at its rate and capture again') from error
+        return poses.take(poses.n - 1)
+
+    def _by_angle(self, recent) -> Poses:
+        poses, notes = turns(recent, turn=self.turn, seconds=0.8 * self.still_seconds, partly=True)
+        turned = [k for k, n in enumerate(poses.names) if n.startswith('turn')]
+        other = [n for n in notes if n.endswith('handling')]
+        if not turned and other:
+            raise InputError(other[-1], 'turn it again about one axis, on a flat table, from rest to rest')
+        return poses.take(turned[-1] if turned else poses.n - 1)
+
+    def _names(self) -> list[str]:
+        return [p.names[0] for p in self._poses]
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Names of the poses that a whole session has."""
+        return FACES if self.sensor == 'accel' else tuple(f'turn {f}' for f in FACES)
+
+    @property
+    def left(self) -> tuple[str, ...]:
+        """Names of the poses not captured yet."""
+        return tuple(f for f in self.wanted if f not in self._names())
+
+    def _said(self, name, note) -> Captured:
+        return Captured(name, 6 - len(self.left), 6, self.left, note)
+
+    @property
+    def poses(self) -> Poses:
+        """All poses captured so far; raise InputError where there is none."""
+        if not self._poses:
+            raise InputError('no pose has been captured', 'hold a face up, still, and capture')
+        return joined(self._poses)
+
+    def solve(self) -> Calibration:
+        """
+        Solve the poses captured so far.
+
+        Raises
+        ------
+        InputError, FitError
+            See :func:`calibrate`; a solution that was there before stays.
+
+        """
+        self.calibration = calibrate(self.poses, self.method, self.tilt)
+        return self.calibration
+
+    def solved(self) -> Calibration:
+        """Return the solution; raise InputError where there is none."""
+        if self.calibration is None:
+            left = f' ({", ".join(self.left)} left)' if self.left else ''
+            raise InputError(f'not solved yet{left}', 'capture what is left, then solve')
+        return self.calibration
+
+    @property
+    def problem(self) -> CalibrationProblem:
+        """What the loop works on; raise InputError where nothing is solved."""
+        return self.solved().problem
+
+    def apply(self, gyro, accel, temperature: float | None = None):
+        """Return (gyro, accel), (3,) each, the calibrated sensor corrected and the other as it came."""
+        done = self.solved()
+        if self.sensor == 'accel':
+            return np.asarray(gyro, float), done.apply(accel, temperature)
+        return done.apply(gyro, temperature, accel), np.asarray(accel, float)
+
+
+def _apart_deg(a: Poses, b: Poses) -> float:
+    u, v = a.outputs[:, -1], b.outputs[:, -1]
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v)))
