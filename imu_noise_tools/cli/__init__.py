@@ -1,0 +1,1 @@
+"""The command line: parsing, progress and printing; all else is in tasks."""

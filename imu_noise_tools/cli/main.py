@@ -1,0 +1,59 @@
+"""Entry point of ``imu_noise``: one parser, one way for every error to reach a person."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+
+from ..errors import ImuNoiseError, UsageError
+
+# Each registers its commands; what they need beyond argparse they import when they run.
+MODULES = ('noise', 'loop', 'calibration', 'denoise', 'tools', 'demo')
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    from .. import __version__
+    top = argparse.ArgumentParser(
+        prog='imu_noise', description='How good is my IMU, and what is wrong with my model of it?',
+        epilog='Start with: imu_noise inspect BAG; imu_noise analyse BAG; imu_noise diagnose BAG.study')
+    top.add_argument('--version', action='version', version=__version__)
+    commands = top.add_subparsers(dest='command', metavar='COMMAND', required=True)
+    for name in MODULES:
+        if importlib.util.find_spec(f'{__package__}.{name}'):
+            importlib.import_module(f'{__package__}.{name}').register(commands)
+    return top
+
+
+def main(argv=None) -> int:
+    """Run one command; return its exit status: 0 done, 1 bad input, 2 wrong usage, 130 interrupted."""
+    args = parser().parse_args(argv)
+    try:
+        return args.func(args) or 0
+    except UsageError as error:
+        _say(error)
+        return 2
+    except ImuNoiseError as error:
+        _say(error)
+        return 1
+    except KeyboardInterrupt:
+        print('interrupted', file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+    except MemoryError:
+        _say('not enough memory for this record: analyse fewer axes with --axes, or a part of it')
+        return 1
+    except OSError as error:
+        _say(f'{error.filename or ""}: {error.strerror or error}'.lstrip(': '))
+        return 1
+
+
+def _say(error):
+    print(f'imu_noise: {" ".join(str(error).split())}', file=sys.stderr)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

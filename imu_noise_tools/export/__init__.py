@@ -1,0 +1,28 @@
+"""A study's numbers in the files that other programs read: one module a consumer, found by its name."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from ..errors import UsageError
+
+
+def formats() -> list[str]:
+    """Return the names of the formats."""
+    return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith('_'))
+
+
+def export(study, name: str, **options) -> str:
+    """
+    Return the text of one format.
+
+    Raises
+    ------
+    UsageError
+        An unknown format, or an option that it cannot hold.
+
+    """
+    if name not in formats():
+        raise UsageError(f'there is no format {name}', f'known are {", ".join(formats())}')
+    return importlib.import_module(f'{__name__}.{name}').text(study, **options)

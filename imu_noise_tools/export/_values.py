@@ -1,0 +1,106 @@
+"""What every format asks of a noise study: N and K of a sensor, over its axes, with what had to be said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..effect import find_effect, unfitted
+from ..errors import UsageError
+from ..noise.kinds import model_avar
+from ..study import State, Study
+
+PARAMETERS = {'N': 'white', 'K': 'random_walk', 'B': 'flicker'}
+RULES = ('worst', 'mean', 'each')
+
+
+@dataclass(frozen=True)
+class Value:
+    """One number of a sensor over its axes, and remarks on it."""
+
+    values: tuple[float, ...]
+    axes: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def one(self, rule: str) -> float:
+        """Return the largest (``worst``) or the rms (``mean``) over the axes."""
+        if rule not in RULES:
+            raise UsageError(f'--axes {rule} is unknown', f'known are {", ".join(RULES)}')
+        if rule == 'each':
+            raise UsageError('this format holds one value a sensor', 'use --axes worst or mean')
+        return max(self.values) if rule == 'worst' else float(np.sqrt(np.mean(np.square(self.values))))
+
+
+def value_of(study: Study, sensor: str, parameter: str, horizon: float | None = None) -> Value | None:
+    """
+    Return N or K of a sensor; None where the study has none of its axes.
+
+    Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the effect it is fitted for this.
+    """
+    axes = [t for t in study.targets if t.startswith(sensor)]
+    if not axes:
+        return None
+    values, notes = [], []
+    for axis in axes:
+        state = study.states[axis]
+        if horizon is not None and parameter in 'NK':
+            values.append(covering(state, horizon)[parameter])
+            continue
+        value, note = _resolved(state, parameter)
+        values.append(value)
+        if note:
+            notes.append(f'{axis}: {note}')
+    return Value(tuple(values), tuple(axes), tuple(notes))
+
+
+def _resolved(state: State, parameter: str) -> tuple[float, str]:
+    name = PARAMETERS[parameter]
+    estimates, added = state.fit.estimates, ''
+    if name not in estimates:
+        estimates = state.problem.fit(unfitted(state.model).plus(find_effect('noise', name)())).estimates
+        added = f'{name} is not in the model; '
+    e = estimates[name][parameter]
+    if e.value is not None:
+        return e.value, f'{added}{parameter} fitted for this file' if added else ''
+    return e.upper95, f'{added}{parameter} is not resolved, its 95 % upper limit is used'
+
+
+def left_out(study: Study) -> list[str]:
+    """Return what a (N, K) file leaves out of each axis' model."""
+    out = []
+    for axis, state in study.states.items():
+        more = [e.label for e in state.model if e.name not in ('white', 'random_walk')]
+        if more:
+            out.append(f'{axis}: {", ".join(more)}')
+    return out
+
+
+def covering(state: State, horizon: float) -> dict[str, float]:
+    """
+    Return the (N, K) whose curve N^2/tau + K^2 tau/3 covers model and data up to a horizon (s) with the least excess.
+
+    N covers all tau up to some tau_1, K the rest; tau_1 is where the mean log excess is smallest.
+    """
+    c = state.problem.evidence.curve
+    some = (c.tau <= horizon) & (c.edf > 3)
+    if not some.any():
+        some = c.tau <= c.tau[0]
+    tau = c.tau[some]
+    wanted = np.maximum(c.dev[some] ** 2, model_avar(state.model, c.m[some], c.dt))
+    best = None
+    for i in range(1, len(tau) + 1):
+        n2 = float(np.max(tau[:i] * wanted[:i]))
+        k2 = float(np.max(np.append(3 * (wanted[i:] - n2 / tau[i:]) / tau[i:], 0.0)))
+        excess = float(np.mean(np.log((n2 / tau + k2 * tau / 3) / wanted)))
+        if best is None or excess < best[0]:
+            best = excess, n2, k2
+    k = np.sqrt(best[2])
+    return {'N': float(np.sqrt(best[1])), 'K': float(k if k > 0 else 1e-3 * np.sqrt(best[1]) / horizon)}
+
+
+def number(x: float) -> str:
+    """Return a number that YAML 1.1 reads as one: ``2.0e-05``."""
+    mantissa, _, exponent = f'{x:.6e}'.partition('e')
+    mantissa = mantissa.rstrip('0')
+    return f'{mantissa}{"0" if mantissa.endswith(".") else ""}e{exponent}'
