@@ -49,6 +49,10 @@ class ImuRecord:
         What is doubtful and what was done about it.
     left_out : tuple of (float, float, str)
         Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does not use.
+    missing : int
+        How many of the samples are interpolated, because they were lost or not finite.
+    stuck : tuple of str
+        Axes that never change; they are not among ``axes``.
 
     """
 
@@ -65,6 +69,8 @@ class ImuRecord:
     labelled_rate_hz: float | None = None
     warnings: tuple[str, ...] = ()
     left_out: tuple[tuple[float, float, str], ...] = ()
+    missing: int = 0
+    stuck: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:
@@ -83,8 +89,8 @@ class ImuRecord:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes that are there."""
-        return tuple(a for a in AXES if getattr(self, sensor_of(a)) is not None)
+        """Names of the axes that are there, without those that are stuck."""
+        return tuple(a for a in AXES if getattr(self, sensor_of(a)) is not None and a not in self.stuck)
 
     def column(self, axis: str) -> np.ndarray:
         """Return one axis, (n,); raise UsageError where it is not there."""
@@ -110,15 +116,19 @@ class ImuRecord:
 
 def regular_rate(t: np.ndarray) -> float | None:
     """
-    Return the rate of stamps t (s), Hz, leaving gaps, repeats and backward steps out; None where there is none.
+    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change; None where there is none.
 
-    The median step alone would be wrong where stamps are coarse (3 and 4 ms for 285 Hz): the mean of the
-    steps near it is not.
+    The median step alone is wrong where stamps are coarse (3 and 4 ms for 285 Hz) or come in bursts: the
+    median is taken of steps over up to 100 samples, and refined by the mean of those near it.
 
     """
-    step = np.diff(t[np.isfinite(t)])
+    t = t[np.isfinite(t)]
+    m = min(100, (len(t) - 1) // 2)
+    if m < 1:
+        return None
+    step = (t[m:] - t[:-m]) / m
     step = step[step > 0]
     if not len(step):
         return None
     middle = np.median(step)
-    return float(1 / np.mean(step[(step < 2 * middle) & (step > middle / 4)]))
+    return float(1 / np.mean(step[np.abs(step / middle - 1) < 0.1]))

@@ -1,0 +1,258 @@
+"""The health of a record: what is recorded, what is wrong with it, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import InputError
+from .prepare import (examine_stamps, finite, is_constant, LEAST_REST_S, LEAST_SAMPLES, losses, ordered, prepare,
+                      RECORDING, wrong_units)
+from .record import AXES, ImuRecord, regular_rate, sensor_of
+from .stillness import still_stretches
+
+__all__ = ['examine', 'Health', 'prepare', 'Resolution', 'resolution', 'still_stretches']
+
+WARM_UP = 5.0           # the first twentieth is off by so many times the scatter of those of the second half
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Step of an axis's output and the number of different values; ``step`` is None where there is no grid."""
+
+    step: float | None
+    levels: int
+
+
+@dataclass(frozen=True)
+class Health:
+    """
+    What :func:`examine` found.
+
+    Rates are in Hz, times in s, ``start`` of the record being 0; shares are of all samples. ``clock_drift_ppm``
+    is by how much the stamps' clock runs faster than that of the receiver.
+
+    """
+
+    samples: int
+    duration_s: float
+    rate_hz: float | None               # from the stamps, gaps left out
+    median_rate_hz: float | None        # 1 / median step
+    mean_rate_hz: float | None          # (n - 1) / span
+    labelled_rate_hz: float | None
+    receive_rate_hz: float | None
+    clock_drift_ppm: float | None
+    gaps: int
+    longest_gap_s: float
+    missing: int
+    duplicates: int
+    backward: int
+    jitter_s: float | None              # scatter of the steps about their median, gaps left out
+    not_finite: int
+    stuck: tuple[str, ...]
+    saturated: Mapping[str, int]        # samples at the end of the range, by axis
+    resolution: Mapping[str, Resolution]
+    held: float                         # share of samples equal to the one before on every axis
+    absent: tuple[str, ...]             # 'gyro', 'accel'
+    gravity: float | None               # |mean acceleration| of the longest stretch at rest, m/s^2
+    units: tuple[str, ...]              # sentences: wrong unit suspected
+    still: tuple[tuple[float, float], ...]      # stretches at rest of 2 s and more
+    moving: float                       # share of the time in motion
+    warm_up: tuple[str, ...]            # axes that still change at the beginning
+    temperature: Mapping[str, tuple[float, float]]      # least and most, degrees C, by covariate
+    covariates: tuple[str, ...]
+    advice: tuple[str, ...] = field(default=())
+
+    @property
+    def longest_still_s(self) -> float:
+        """Length of the longest stretch at rest, s."""
+        return max((b - a for a, b in self.still), default=0.0)
+
+
+def examine(record: ImuRecord) -> Health:
+    """
+    Examine a record as it was recorded.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        Any, however bad; nothing is refused.
+
+    """
+    stamps = examine_stamps(record)
+    tidy = ordered(record)
+    rate = regular_rate(tidy.t)
+    dt = 1 / rate if rate else None
+    step = np.diff(tidy.t)
+    regular = step[(step > 0) & (step < 1.5 * dt)] if dt else step[:0]
+    where, count = losses(tidy.t, dt) if dt else (step[:0], step[:0])
+    there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
+    still = still_stretches(tidy) if rate and tidy.n > 10 else []
+    longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
+    rest = tidy.part(*longest)
+    units = tuple(wrong_units(rest)) if rest.n and (still or tidy.n) and _any_finite(rest) else ()
+    accel = None if rest.accel is None or not rest.n else np.nanmean(np.where(np.isfinite(rest.accel), rest.accel, np.nan), 0)
+    positive = step[step > 0]
+    found = Health(
+        samples=record.n, duration_s=tidy.duration_s, rate_hz=rate,
+        median_rate_hz=float(1 / np.median(positive)) if len(positive) else None,
+        mean_rate_hz=(tidy.n - 1) / tidy.duration_s if tidy.duration_s > 0 else None,
+        labelled_rate_hz=record.labelled_rate_hz, receive_rate_hz=_receive_rate(record),
+        clock_drift_ppm=_drift(tidy), gaps=len(where), missing=int(np.sum(count)),
+        longest_gap_s=float(step[where].max()) if len(where) else 0.0,
+        duplicates=stamps.repeated + stamps.duplicate, backward=stamps.backward,
+        jitter_s=float(np.std(regular)) if len(regular) else None,
+        not_finite=record.n - int(finite(record).sum()),
+        stuck=tuple(a for a in there if is_constant(record.column(a))),
+        saturated={a: k for a in there if (k := _saturated(record.column(a)))},
+        resolution={a: resolution(record.column(a)) for a in there},
+        held=_held(record), absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
+        gravity=None if accel is None else float(np.linalg.norm(accel)), units=units,
+        still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
+        moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and rate else 0.0,
+        warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
+        temperature={k: (float(np.min(v)), float(np.max(v))) for k, v in record.covariates.items()
+                     if k.startswith('temperature') and len(v)},
+        covariates=tuple(record.covariates))
+    return _with_advice(record, found)
+
+
+def _any_finite(record: ImuRecord) -> bool:
+    return bool(finite(record).any())
+
+
+def _receive_rate(record: ImuRecord) -> float | None:
+    return None if record.receive_t is None else regular_rate(record.receive_t)
+
+
+def _drift(record: ImuRecord) -> float | None:
+    """Return how much faster the stamps' clock is than the receiver's, ppm, by the least delayed in each part."""
+    if record.receive_t is None or record.n < 100 or np.array_equal(record.receive_t, record.t):
+        return None
+    parts = np.array_split(np.arange(record.n), 20)
+    delay = record.receive_t - record.t
+    best = np.array([p[np.argmin(delay[p])] for p in parts])
+    slope = np.polyfit(record.t[best] - record.t[0], delay[best], 1)[0] if np.ptp(record.t[best]) > 0 else 0.0
+    return float(-slope * 1e6)
+
+
+def _saturated(x: np.ndarray) -> int:
+    """Return how many samples stand at an end of the range in a way that noise does not."""
+    x = x[np.isfinite(x)]
+    if len(x) < 100 or is_constant(x):
+        return 0
+    found = 0
+    for end in (x.min(), x.max()):
+        at = x == end
+        count = int(at.sum())
+        if count < 10 or count < 5e-4 * len(x):
+            continue
+        # Noise thins out towards its end: the next value in is then commoner, and the end comes alone.
+        inner = x[~at]
+        next_one = inner.min() if end < inner.mean() else inner.max()
+        if count > 3 * np.sum(x == next_one) and np.sum(at[1:] & at[:-1]) > 0.2 * count and len(np.unique(x[:20_000])) > 8:
+            found += count
+    return found
+
+
+def resolution(x: np.ndarray) -> Resolution:
+    """
+    Return the step of an axis's output and how many different values it takes.
+
+    The smallest step between values that is more than rounding, where nearly all values lie on its grid.
+
+    """
+    some = x[np.isfinite(x)][:50_000]
+    values = np.unique(some)
+    if len(values) < 2:
+        return Resolution(None, len(values))
+    steps = np.diff(values)
+    steps = steps[steps > 4e-7 * np.max(np.abs(values))]        # what float32 rounds to
+    if not len(steps):
+        return Resolution(None, len(values))
+    least = float(np.quantile(steps, 0.02))
+    step = float(np.mean(steps[steps < 1.5 * least]))
+    grid = steps / step
+    on_grid = np.abs(grid - np.round(grid)) < 0.1
+    if on_grid.mean() < 0.9 or len(steps) > 0.9 * len(some):
+        return Resolution(None, len(values))
+    return Resolution(step, len(values))
+
+
+def _held(record: ImuRecord) -> float:
+    same = None
+    for data in (record.gyro, record.accel):
+        if data is not None and len(data) > 1:
+            equal = np.all(data[1:] == data[:-1], axis=1)
+            same = equal if same is None else same & equal
+    return float(same.mean()) if same is not None else 0.0
+
+
+def _warms_up(x: np.ndarray) -> bool:
+    """Tell whether the beginning is off from the second half by more than that varies, and comes nearer to it."""
+    means = np.array([np.nanmean(p) for p in np.array_split(x, 20)])
+    late = means[10:]
+    off = (means[:4] - late.mean()) / max(late.std(), np.ptp(late) / 3, 1e-12)
+    return bool(abs(off[0]) > WARM_UP and np.all(np.diff(np.abs(off)) < 0) and np.all(off[:3] * off[0] > 0))
+
+
+def _with_advice(record: ImuRecord, h: Health) -> Health:
+    """Return the report with sentences on what to do."""
+    say = []
+    if h.samples < LEAST_SAMPLES:
+        say.append(f'{h.samples} samples are too few to analyse: {RECORDING}.')
+    if h.rate_hz is None:
+        say.append('The stamps give no rate: give one with --rate-hz.')
+    if h.moving > 0 and h.samples >= LEAST_SAMPLES:
+        rest = f'the longest rest is {h.longest_still_s:.3g} s'
+        if h.longest_still_s < LEAST_REST_S:
+            say.append(f'The IMU moves ({rest}): for the noise, {RECORDING}.')
+        else:
+            say.append(f'The IMU moves in {100 * h.moving:.2g} % of the time; {rest}, and that is what is analysed.')
+    elif h.duration_s < 3600 and h.samples >= LEAST_SAMPLES:
+        say.append(f'{_duration(h.duration_s)} show the white noise; bias instability takes an hour or more, '
+                   'random walk several.')
+    if h.gaps:
+        say.append(f'{h.missing} samples were lost in {h.gaps} gaps (the longest of {h.longest_gap_s:.3g} s): record fewer '
+                   'topics, to a faster disk, or with a larger queue.')
+    if h.duplicates or h.backward:
+        say.append(f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and the clock.')
+    if h.jitter_s and h.rate_hz and h.jitter_s * h.rate_hz > 0.1:
+        say.append(f'The stamps jitter by {1e3 * h.jitter_s:.3g} ms: take them from the sensor, not on arrival.')
+    if h.clock_drift_ppm is not None and abs(h.clock_drift_ppm) > 500:
+        say.append(f"The sensor's clock is off by {h.clock_drift_ppm:.3g} ppm from the computer's.")
+    if h.not_finite:
+        say.append(f'{h.not_finite} samples are not finite: check the driver.')
+    for axis in h.stuck:
+        say.append(f'{axis} never changes: check the driver and the wiring.')
+    for axis, count in h.saturated.items():
+        say.append(f'{axis} stands at the end of its range in {count} samples: choose a larger range.')
+    if h.held > 0.02:
+        say.append(f'{100 * h.held:.3g} % of the samples repeat the one before: the driver publishes faster than the '
+                   'sensor measures.')
+    for sensor in h.absent:
+        say.append(f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.')
+    say += [f'{s[0].upper()}{s[1:]}.' for s in h.units]
+    if h.warm_up:
+        say.append(f'{", ".join(h.warm_up)} still change at the beginning: let the IMU warm up for half an hour.')
+    if not h.temperature:
+        say.append('There is no temperature topic: record one along, drifts are mostly temperature.')
+    for name, (low, high) in h.temperature.items():
+        if high - low > 2:
+            say.append(f'{name} went from {low:.4g} to {high:.4g} degrees C: its effect can be told apart.')
+    return Health(**{**h.__dict__, 'advice': tuple(say)})
+
+
+def _duration(seconds: float) -> str:
+    return f'{seconds:.3g} s' if seconds < 120 else f'{seconds / 60:.3g} min'
+
+
+def summary(record: ImuRecord) -> str:
+    """Return one line on what of a record can be analysed, or why nothing can."""
+    try:
+        part = prepare(record)
+    except InputError as error:
+        return str(error)
+    return f'{part.n} samples, {part.duration_s:.4g} s at rest'

@@ -1,0 +1,167 @@
+"""
+Which part of a record is at rest.
+
+What counts as motion is slow and large: below some 5 Hz, more than any sensor does at rest, and more than
+this sensor does where it is quietest. So a fan's vibration, a drift with temperature and a lone outlier are
+rest, and a turn, a tilt to another face, or handling are not.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .record import ImuRecord
+
+PIECE_S = 0.05          # samples are averaged over this, so that vibration goes
+VIEW = 10               # a view is this many smoothed pieces, 0.1 s apart
+TIMES_QUIET = 6.0       # motion spreads a view by this many times what it is where the record is quietest
+# Spread of a view that is no motion whatever the sensor, and the most that is believed to be rest (rad/s, m/s^2).
+LEAST = {'gyro': 0.0175, 'accel': 0.15}
+MOST = {'gyro': 0.01, 'accel': 0.1}
+TURNING = 0.035         # a steady rate that differs so much from the rest's is a turn, rad/s
+KNOCK_S = 3.0           # a disturbance no longer than this, after which nothing has changed, is a knock
+SAME = {'gyro': 0.0087, 'accel': 0.15}
+
+
+def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, int]]:
+    """
+    Return the stretches at rest.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        As recorded; samples that are not finite are passed over.
+    seconds : float
+        The shortest stretch that counts.
+
+    Returns
+    -------
+    list of (int, int)
+        Sample ranges (begin, end) in order. A knock parts two of them.
+
+    """
+    ends = _at_gaps(record)
+    piece = max(1, round(PIECE_S * record.rate_hz))
+    moving = np.zeros(record.n // piece + 1, bool)
+    for sensor in ('gyro', 'accel'):
+        data = getattr(record, sensor)
+        if data is not None and len(data) >= 4 * VIEW * piece:
+            moving |= _moving(data, piece, sensor)
+    found = []
+    for a, b in zip(ends[:-1], ends[1:]):
+        quiet = ~moving[a // piece:(b - 1) // piece + 1]
+        edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
+        first = a // piece
+        found += [(max(int(a), int(first + i) * piece), min(int(b), int(first + j) * piece)) for i, j in edges]
+    least = max(2, round(seconds * record.rate_hz))
+    return _not_turning(record, [(a, b) for a, b in found if b - a >= least])
+
+
+def without_knocks(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[list[tuple[int, int]]]:
+    """
+    Return the stretches in groups, between whose members there were only knocks.
+
+    A knock is short, and before and after it the means over ten seconds are the same.
+
+    """
+    groups: list[list[tuple[int, int]]] = []
+    for stretch in stretches:
+        last = groups[-1][-1] if groups else None
+        if last and record.t[stretch[0]] - record.t[last[1] - 1] <= KNOCK_S and _same(record, last, stretch):
+            groups[-1].append(stretch)
+        else:
+            groups.append([stretch])
+    return groups
+
+
+def longest_rest(record: ImuRecord) -> list[tuple[int, int]]:
+    """Return the longest group of stretches that are parted by knocks alone; empty where nothing rests."""
+    groups = without_knocks(record, still_stretches(record))
+    return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
+
+
+def quiet_level(spread: np.ndarray) -> np.ndarray:
+    """Return what views spread where the record is quietest, (axes,), from spreads (views, axes)."""
+    # The 10th percentile of the spread of ten normal numbers is 0.72 of its median.
+    return np.percentile(spread, 10, axis=0) / 0.72
+
+
+def _pieces(data: np.ndarray, piece: int) -> np.ndarray:
+    """Return means over pieces (the last may be short), smoothed by 1-2-1, with gaps closed; (pieces, 3)."""
+    n = len(data) // piece
+    means = data[:n * piece].reshape(n, piece, 3).mean(axis=1)
+    if not np.isfinite(means).all():
+        with np.errstate(all='ignore'):
+            clean = np.where(np.isfinite(data[:n * piece]), data[:n * piece], np.nan).reshape(n, piece, 3)
+            count = np.isfinite(clean).sum(axis=1)
+            means = np.where(count > 0, np.nansum(clean, axis=1) / np.maximum(count, 1), np.nan)
+        for k in range(3):
+            good = np.isfinite(means[:, k])
+            means[:, k] = np.interp(np.arange(n), np.flatnonzero(good), means[good, k]) if good.any() else 0.0
+    padded = np.concatenate([means[:1], means, means[-1:]])
+    return (padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4
+
+
+def _moving(data: np.ndarray, piece: int, sensor: str) -> np.ndarray:
+    """Tell of every piece (and of the short one at the end) whether a view that holds it moves."""
+    smooth = _pieces(data, piece)
+    views = np.lib.stride_tricks.sliding_window_view(smooth, 2 * VIEW, axis=0)[::VIEW // 2, :, ::2]
+    ordered = np.partition(views, (1, VIEW - 2), axis=2)
+    spread = ordered[:, :, VIEW - 2] - ordered[:, :, 1]         # the largest and the smallest may be outliers
+    white = _white(data) / np.sqrt(piece)
+    quiet = np.minimum(quiet_level(spread), np.maximum(MOST[sensor], 4 * white))
+    moves = np.any(spread > np.maximum(TIMES_QUIET * quiet, LEAST[sensor]), axis=1)
+    out = np.zeros(len(data) // piece + 1, bool)
+    for k in np.flatnonzero(moves):
+        out[k * (VIEW // 2):k * (VIEW // 2) + 2 * VIEW] = True
+    out[-1] = out[-2]
+    return out
+
+
+def _white(data: np.ndarray) -> np.ndarray:
+    """Return the scatter of the samples themselves, (3,), blind to whatever is smooth: from second differences."""
+    some = data[:200_000]
+    second = some[2:] - 2 * some[1:-1] + some[:-2]
+    second = second[np.isfinite(second).all(axis=1)]
+    if not len(second):
+        return np.zeros(3)
+    robust = 1.4826 * np.median(np.abs(second), axis=0)
+    return np.where(robust > 0, robust, second.std(axis=0)) / np.sqrt(6)
+
+
+def _at_gaps(record: ImuRecord) -> np.ndarray:
+    """Return where the record begins, ends, and is interrupted for more than a second."""
+    with np.errstate(invalid='ignore'):
+        breaks = np.flatnonzero(np.diff(record.t) > max(1.0, 10 * record.dt)) + 1
+    return np.r_[0, breaks, record.n]
+
+
+def _mean(record: ImuRecord, sensor: str, a: int, b: int) -> np.ndarray | None:
+    data = getattr(record, sensor)
+    if data is None:
+        return None
+    some = data[a:b]
+    some = some[np.isfinite(some).all(axis=1)]
+    return some.mean(axis=0) if len(some) else None
+
+
+def _not_turning(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Leave out stretches at a steady rate that is not that of the slowest one: a turntable."""
+    means = [_mean(record, 'gyro', a, b) for a, b in stretches]
+    known = [m for m in means if m is not None]
+    if not known:
+        return stretches
+    rest = min(known, key=np.linalg.norm)
+    most = max(TURNING, 10 * float(np.max(_white(record.gyro))) / np.sqrt(record.rate_hz))
+    return [s for s, m in zip(stretches, means) if m is None or np.linalg.norm(m - rest) <= most]
+
+
+def _same(record: ImuRecord, before: tuple[int, int], after: tuple[int, int]) -> bool:
+    ten = max(2, round(10 * record.rate_hz))
+    for sensor, most in SAME.items():
+        a = _mean(record, sensor, max(before[0], before[1] - ten), before[1])
+        b = _mean(record, sensor, after[0], min(after[1], after[0] + ten))
+        if a is not None and b is not None and np.max(np.abs(a - b)) > most:
+            return False
+    return True
