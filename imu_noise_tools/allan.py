@@ -176,9 +176,12 @@ def degrees_of_freedom(dev, m, n, overlapping=True) -> np.ndarray:
     m = np.asarray(m, float)
     slope = np.gradient(np.log(dev), np.log(m)) if len(m) > 1 else np.full(len(m), -0.5)
     law = np.clip(np.round(-2 * slope), -1, 2).astype(int)          # 2 quantization ... -1 random walk
+    # Quantization shows at the short end or nowhere. A chance fall at the long end looks as steep and would claim hundreds of
+    # degrees of freedom where there are five.
+    law = np.where(np.logical_and.accumulate(law == 2), 2, np.minimum(law, 1))
     if not overlapping:
         k = np.maximum(n // m - 1, 1)
-        rho2 = np.select([law >= 1, law == 0], [0.25, 0.01], 1 / 16)
+        rho2 = np.select([law == 2, law == 1, law == 0], [4 / 9 + 1 / 36, 0.25, 0.01], 1 / 16)
         return k ** 2 / (k + 2 * np.maximum(k - 1, 0) * rho2)
     phases = n + 1.0
     by_law = {
