@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..record import ImuRecord
+from ..stillness import LEAST, still_stretches
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 
 STILL_S = 2.0           # shortest rest that counts, s
@@ -15,8 +16,8 @@ CONE_DEG = 20.0         # a pose within this of an axis is a face
 _SAME_DEG = 0.5         # rests closer than this, one after the other, are one placement
 _PIECE_S = 0.5           # shortest part of a rest between knocks
 _BLOCK_S = 0.5
+_TURNING = 0.2          # rad/s: more than the bias of any gyroscope of today
 _KNOCK = 8.0            # a piece of a rest off by this many standard errors is a knock
-_MOVING_RATE, _MOVING_FORCE = 0.1, 0.6      # rad/s, m/s^2: scatter no IMU has at rest
 
 
 @dataclass(frozen=True)
@@ -43,32 +44,6 @@ class Rest:
         return np.concatenate([np.arange(a, b) for a, b in self.pieces])
 
 
-def stillness(record: ImuRecord, seconds: float = STILL_S) -> list[tuple[int, int]]:
-    """
-    Return sample ranges in which nothing moves, at least this long.
-
-    A tenth of a second is still where every axis scatters by less than four times its own quiet level; both
-    sensors have a say.
-
-    """
-    block = max(4, round(0.1 * record.rate_hz))
-    n = record.n // block
-    if not n:
-        return []
-    still = np.ones(n, bool)
-    for data, most in ((record.gyro, _MOVING_RATE), (record.accel, _MOVING_FORCE)):
-        if data is None:
-            continue
-        cut = data[:n * block].reshape(n, block, 3)
-        scatter, middle = cut.std(1), cut.mean(1)
-        quiet = np.minimum(np.percentile(scatter, 20, axis=0), most)
-        step = np.abs(np.diff(middle, axis=0, prepend=middle[:1]))
-        still &= (scatter < 4 * quiet + 1e-12).all(1)
-        still &= (step < 6 * quiet + 1e-12).all(1)
-    edges = np.flatnonzero(np.diff(np.r_[0, still.astype(int), 0])).reshape(-1, 2)
-    return [(a * block, b * block) for a, b in edges if (b - a) * block >= seconds * record.rate_hz]
-
-
 def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
     """
     Return the placements of a record in order; rests between which nothing turned are one (a knock between).
@@ -82,7 +57,7 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
     if record.accel is None:
         raise InputError(f'{record.path or "the record"} has no accelerometer', 'which way is up is read from it')
     found: list[Rest] = []
-    for a, b in stillness(record, min(seconds, _PIECE_S)):
+    for a, b in still_stretches(record, min(seconds, _PIECE_S)):
         pieces, note = _without_knocks(record, a, b)
         here = _rest(record, pieces, note)
         if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG:
@@ -94,6 +69,44 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
         raise InputError(f'no rest of {seconds:g} s: it moves all the time',
                          'hold every pose still, for some seconds, on something solid')
     return found
+
+
+def still_until_now(record: ImuRecord, seconds: float = STILL_S, most: float = 30.0) -> int | None:
+    """
+    Return the first sample from which nothing has moved up to the end, at most this many seconds back.
+
+    None where the last ``seconds`` are not still: means over a tenth of a second spread by more than a sensor's
+    do at rest, or it turns.
+
+    """
+    least = round(seconds * record.rate_hz)
+    if record.n < least:
+        return None
+    begin = None
+    for k in range(2, 1 + int(2 * most / seconds)):
+        part = record.part(max(0, record.n - k * least // 2), record.n)
+        if not _still(part):
+            break
+        begin = record.n - part.n
+        if not begin:
+            break
+    return begin
+
+
+def _still(part: ImuRecord) -> bool:
+    piece = max(2, round(0.1 * part.rate_hz))
+    n = part.n // piece
+    for sensor, least in LEAST.items():
+        data = getattr(part, sensor)
+        if data is None:
+            continue
+        cut = data[-n * piece:].reshape(n, piece, 3)
+        noise = np.median(cut.std(1), axis=0) / np.sqrt(piece)
+        if (np.ptp(cut.mean(1), axis=0) > np.maximum(least, 8 * noise)).any():
+            return False
+        if sensor == 'gyro' and np.linalg.norm(data.mean(0)) > _TURNING:
+            return False
+    return True
 
 
 def _rest(record, pieces, note):
@@ -169,6 +182,23 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
         'accel', outputs, standard_errors(record.accel, found, record.rate_hz), gravity,
         temperature=temperatures(record, found), time=[record.t[r.samples()].mean() for r in found])
     return poses, tuple(f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note)
+
+
+def pooled_errors(windows: list[np.ndarray], rate_hz: float) -> np.ndarray:
+    """Return :func:`standard_errors` of rests that are given as samples, (n, 3) each."""
+    ends = np.cumsum([0] + [len(w) for w in windows])
+    found = [Rest(((a, b),), np.zeros(3), None) for a, b in zip(ends[:-1], ends[1:])]
+    return standard_errors(np.concatenate(windows), found, rate_hz)
+
+
+def averaged(record: ImuRecord, gravity: float) -> Poses:
+    """Return a record that is still from beginning to end as one pose, knocks left out; refuses a wrong unit."""
+    pieces, note = _without_knocks(record, 0, record.n)
+    found = [_rest(record, pieces, note)]
+    outputs = found[0].accel[:, None]
+    check_unit(outputs, gravity)
+    return Poses.of('accel', outputs, standard_errors(record.accel, found, record.rate_hz), gravity,
+                    temperature=temperatures(record, found), time=[record.t.mean()])
 
 
 def temperatures(record: ImuRecord, found: list[Rest]):

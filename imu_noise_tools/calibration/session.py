@@ -12,7 +12,7 @@ from ..record import ImuRecord
 from ..units import G0
 from . import solve
 from .poses import FACES, joined, nearest_face, Poses
-from .positions import CONE_DEG, counted, positions, rests, STILL_S
+from .positions import averaged, CONE_DEG, counted, pooled_errors, still_until_now, STILL_S
 from .problem import CalibrationProblem
 from .solution import calibrate, Calibration
 from .turns import turns
@@ -71,6 +71,7 @@ class Session:
         self.calibration: Calibration | None = None
         self._samples: deque = deque()
         self._poses: list[Poses] = []
+        self._windows: list[np.ndarray] = []        # accelerometer samples of each face, for the noise of all
         self._since = -np.inf               # stamp from which the next turn counts
 
     def feed(self, stamp_s: float, gyro, accel, temperature: float | None = None) -> None:
@@ -87,6 +88,7 @@ class Session:
     def reset(self) -> None:
         """Forget all poses and the solution; the stream goes on."""
         self._poses.clear()
+        self._windows.clear()
         self.calibration = None
         self._since = -np.inf
 
@@ -103,6 +105,7 @@ class Session:
 
         """
         record = self._record()
+        self._rate_hz = record.rate_hz
         return self._turn(record) if self.sensor == 'gyro' else self._face(record, expected)
 
     def _record(self) -> ImuRecord:
@@ -116,18 +119,14 @@ class Session:
 
     def _still(self, record: ImuRecord) -> ImuRecord:
         """Return the part of the record in which it has been still until now."""
-        try:
-            last = rests(record, self.still_seconds)[-1].pieces[-1]
-        except InputError:
-            last = (0, 0)
-        if (record.n - last[1]) / record.rate_hz > 0.25 or last[1] - last[0] < self.still_seconds * record.rate_hz:
+        begin = still_until_now(record, self.still_seconds, _SEEN_S)
+        if begin is None:
             raise InputError(f'moving: not still for the last {self.still_seconds:g} s', 'hold it still and capture again')
-        return record.part(max(last[0], last[1] - round(_SEEN_S * record.rate_hz)), last[1])
+        return record.part(begin, record.n)
 
     def _face(self, record, expected) -> Captured:
         still = self._still(record)
-        pose, _ = positions(still, self.gravity, self.still_seconds * 0.9)
-        pose = pose.take(pose.n - 1)
+        pose = averaged(still, self.gravity)
         face, off = nearest_face(pose.outputs[:, 0])
         if expected and expected not in FACES:
             raise UsageError(f'there is no face {expected}', f'faces are {", ".join(FACES)}')
@@ -140,23 +139,22 @@ class Session:
         note = '' if off <= CONE_DEG else f'{off:.0f} deg from {face}: counts for a norm fit only'
         pose = replace(pose, names=(name,))
         if self._poses and _apart_deg(self._poses[-1], pose) < _UNMOVED_DEG:
-            before = self._poses.pop()
-            pose = pose if (pose.std ** 2).sum() < (before.std ** 2).sum() else before
-            note = 'not moved since the last capture: the better of the two is kept'
+            self._poses.pop()
+            self._windows.pop()
+            note = 'not moved since the last capture, which it replaces'
         self._poses.append(pose)
+        self._windows.append(still.accel)
         held = counted(self._names())[face] if off <= CONE_DEG else 1
         return self._said(name, note or (f'held {held} times: averaged' if held > 1 else ''))
 
     def _turn(self, record) -> Captured:
+        since, rested = record.t[-1] - 1.2 * self.still_seconds, -np.inf
         if self.turn is not None:
-            self._still(record)
-            since = self._since
-        else:
-            since = record.t[-1] - 1.2 * self.still_seconds
+            since, rested = self._since, self._still(record).t[0]
         recent = record.part(int(np.searchsorted(record.t, since)), record.n)
         pose = self._by_angle(recent) if self.turn is not None else self._by_rate(recent)
         self._poses.append(pose)
-        self._since = record.t[-1] - self.still_seconds
+        self._since = rested
         return self._said(pose.names[0], '')
 
     def _by_rate(self, recent) -> Poses:
@@ -168,7 +166,7 @@ class Session:
         return poses.take(poses.n - 1)
 
     def _by_angle(self, recent) -> Poses:
-        poses, notes = turns(recent, turn=self.turn, seconds=0.8 * self.still_seconds, partly=True)
+        poses, notes = turns(recent, turn=self.turn, seconds=min(1.0, self.still_seconds / 2), partly=True)
         turned = [k for k, n in enumerate(poses.names) if n.startswith('turn')]
         other = [n for n in notes if n.endswith('handling')]
         if not turned and other:
@@ -208,7 +206,10 @@ class Session:
             See :func:`calibrate`; a solution that was there before stays.
 
         """
-        self.calibration = calibrate(self.poses, self.method, self.tilt)
+        poses = self.poses
+        if self._windows:
+            poses = replace(poses, std=pooled_errors(self._windows, self._rate_hz))
+        self.calibration = calibrate(poses, self.method, self.tilt)
         return self.calibration
 
     def solved(self) -> Calibration:

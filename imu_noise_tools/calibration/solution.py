@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from ..effect import Fit, Model
 from ..errors import FitError, InputError
 from . import solve
-from .effects import Regressor
+from .correction import Correction
 from .linear import equations
 from .poses import Poses, unit
 from .positions import counted, faced, spread
@@ -76,15 +76,14 @@ class Calibration:
         """Standard deviations of S (3, 3) and bias (3,); 0 for what was set."""
         return standard_deviations(self.fit)
 
+    @property
+    def correction(self) -> Correction:
+        """What turns raw samples into corrected ones."""
+        return Correction(self.sensor, self.S, self.bias, self.fit.model, self.poses.reference_temperature)
+
     def apply(self, raw, temperature=None, force=None) -> np.ndarray:
-        """
-        Return corrected samples, (n, 3) or (3,).
-
-        Where the model holds more than scale, cross-axis and bias, its inverse is found by iteration;
-        ``temperature`` (n,) and ``force`` (n, 3) enter only then.
-
-        """
-        return inverse(self.fit.model, self.S, self.bias, self.poses, raw, temperature, force)
+        """Return corrected samples, (n, 3) or (3,); see :class:`Correction`."""
+        return self.correction.apply(raw, temperature, force)
 
     def with_model(self, model: Model) -> Calibration:
         """Return the calibration of the same poses with another model."""
@@ -96,26 +95,6 @@ def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     std = dict(zip(fit.details['keys'], np.sqrt(np.diag(fit.details['cov']))))
     s = np.array([[std.get(('scale' if k == m else 'cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz'] for k in 'xyz'])
     return s, np.array([std.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
-
-
-def inverse(model: Model, scale, bias, poses: Poses, raw, temperature=None, force=None) -> np.ndarray:
-    """Return x = S^-1 (raw - b - rest(x)); what changes the input itself (Earth rate) stays in it."""
-    raw = np.asarray(raw, float)
-    columns = np.atleast_2d(raw).T
-    x = np.linalg.solve(scale, columns - bias[:, None])
-    more = [e for e in model.of(Regressor) if e.name not in solve.BASE and not e.at_input]
-    if more:
-        n = columns.shape[1]
-        if temperature is None:
-            temperature = poses.reference_temperature
-        here = Poses.of(poses.sensor, columns, 0.0, poses.magnitude,
-                        temperature=np.broadcast_to(np.asarray(temperature, float), (n,)),
-                        force=np.zeros((3, n)) if force is None else np.atleast_2d(np.asarray(force, float)).T,
-                        reference_temperature=poses.reference_temperature)
-        for _ in range(6):
-            rest = solve.rest_of(Model(more), scale, here.with_inputs(x))
-            x = np.linalg.solve(scale, columns - bias[:, None] - rest)
-    return x.T.reshape(raw.shape)
 
 
 def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT, model: Model | None = None,

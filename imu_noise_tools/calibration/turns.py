@@ -6,9 +6,10 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..record import ImuRecord
+from ..stillness import still_stretches
 from .gravity import EARTH_RATE
 from .poses import DIRECTIONS, joined, nearest_face, Poses
-from .positions import Rest, rests, standard_errors, stillness, temperatures
+from .positions import Rest, rests, standard_errors, temperatures
 
 REFERENCE = ('reference_x', 'reference_y', 'reference_z')      # columns of the true rate, rad/s
 _CONE_DEG = 20.0
@@ -85,7 +86,7 @@ def _by_rate(record, rate, seconds):
 
 def _by_angle(record, angle, seconds):
     """Return hand turns between rests, as integrals, and the rests themselves."""
-    still = stillness(record, min(seconds, 1.0))
+    still = still_stretches(record, min(seconds, 1.0))
     if not still:
         raise InputError('no rest found: it moves all the time', 'a turn goes from rest to rest')
     quiet = np.mean([record.gyro[a:b].std(0) for a, b in still], axis=0)
@@ -129,7 +130,7 @@ def _by_angle(record, angle, seconds):
 def _rests(record, seconds):
     if record.accel is not None:
         return rests(record, seconds)
-    return [Rest(((a, b),), np.full(3, np.nan), record.gyro[a:b].mean(0)) for a, b in stillness(record, seconds)]
+    return [Rest(((a, b),), np.full(3, np.nan), record.gyro[a:b].mean(0)) for a, b in still_stretches(record, seconds)]
 
 
 def _tips(record, a, b, margin) -> bool:
