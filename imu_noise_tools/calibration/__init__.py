@@ -1,3 +1,23 @@
-"""Calibration: scale, cross-axis sensitivity and bias from poses, and what else may be in the outputs."""
+"""
+Calibration: scale, cross-axis sensitivity and bias from poses, and what else may be in the outputs.
+
+:func:`positions` and :func:`turns` find the poses of a record, :func:`calibrate` solves them or refuses, and
+:class:`Session` does both while a person holds one face up after the other.
+
+"""
 
 from . import effects  # noqa: F401  (registers the effects)
+from .correction import Correction, from_dict
+from .gravity import EARTH_RATE, gravity, normal_gravity
+from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
+from .positions import positions, STILL_S
+from .problem import CalibrationProblem
+from .session import applied, Captured, Session
+from .solution import as_dict, calibrate, Calibration, stated
+from .solve import base_model, fit, ols
+from .turns import refuse_missing_axes, turns
+
+__all__ = [
+    'applied', 'as_dict', 'base_model', 'calibrate', 'Calibration', 'CalibrationProblem', 'Captured', 'Correction',
+    'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gravity', 'joined', 'nearest_face',
+    'normal_gravity', 'ols', 'Poses', 'positions', 'refuse_missing_axes', 'Session', 'stated', 'STILL_S', 'turns']

@@ -11,6 +11,7 @@ from ..errors import InputError, UsageError
 from ..record import ImuRecord
 from ..units import G0
 from . import solve
+from .correction import Correction
 from .poses import FACES, joined, nearest_face, Poses
 from .positions import averaged, CONE_DEG, counted, pooled_errors, still_until_now, STILL_S
 from .problem import CalibrationProblem
@@ -226,10 +227,14 @@ class Session:
 
     def apply(self, gyro, accel, temperature: float | None = None):
         """Return (gyro, accel), (3,) each, the calibrated sensor corrected and the other as it came."""
-        done = self.solved()
-        if self.sensor == 'accel':
-            return np.asarray(gyro, float), done.apply(accel, temperature)
-        return done.apply(gyro, temperature, accel), np.asarray(accel, float)
+        return applied(self.solved().correction, gyro, accel, temperature)
+
+
+def applied(correction: Correction, gyro, accel, temperature: float | None = None):
+    """Return (gyro, accel), (3,) each, the sensor of the correction corrected and the other as it came."""
+    if correction.sensor == 'accel':
+        return np.asarray(gyro, float), correction.apply(accel, temperature)
+    return correction.apply(gyro, temperature, accel), np.asarray(accel, float)
 
 
 def _apart_deg(a: Poses, b: Poses) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
@@ -85,10 +85,6 @@ class Calibration:
         """Return corrected samples, (n, 3) or (3,); see :class:`Correction`."""
         return self.correction.apply(raw, temperature, force)
 
-    def with_model(self, model: Model) -> Calibration:
-        """Return the calibration of the same poses with another model."""
-        return replace(self, fit=self.problem.fit(model))
-
 
 def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the standard deviations of S (3, 3) and of the bias (3,); 0 for what is not fitted."""
@@ -136,9 +132,16 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     problem = CalibrationProblem(poses, method, tilt)
     fit = problem.fit(model)
     _refuse_failure(fit, poses, method)
-    plain = None if method == 'norm' else fit if method == 'ols' else solve.fit(model, poses, 'ols', tilt)
     notes += [f'{face} was held {k} times: averaged' for face, k in counted(poses.names).items() if k > 1]
-    return Calibration(problem, fit, plain, tuple(notes), tuple(_doubts(fit, poses, method, tilt)))
+    return stated(problem, fit, notes, _doubts(fit, poses, method, tilt))
+
+
+def stated(problem: CalibrationProblem, fit: Fit, notes=(), warnings=()) -> Calibration:
+    """Return a calibration that was solved before, with ``ols`` beside it."""
+    plain = None
+    if problem.method != 'norm':
+        plain = fit if problem.method == 'ols' else solve.fit(fit.model, problem.poses, 'ols', problem.tilt)
+    return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
 def _method(poses: Poses) -> str:

@@ -1,0 +1,312 @@
+"""Calibrate from bags, keep the result as a study, correct a bag, and a session for the node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+import re
+
+import numpy as np
+
+from .noise import default_folder
+from .. import calibration as core, files, store
+from ..errors import InputError, UsageError
+from ..record import ImuRecord
+from ..study import Study
+from ..units import DEG
+
+FILE = 'calibration.yaml'
+CALIBRATED = 'imu/data_calibrated'
+Progress = Callable[[float | None, str], None]
+# A face in the name of a bag that holds one face: left_-z.mcap, x_up, minus_y, zn
+_FACE = re.compile(r'(?:^|[^a-z0-9])(?:([+-])([xyz])|([xyz])_?(up|down|pos|neg|p|n)|(plus|minus)_?([xyz]))$')
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """What calibrating gave: the solution, its study, and the folder it was written to (None: not written)."""
+
+    calibration: core.Calibration
+    study: Study
+    folder: Path | None = None
+
+
+def face_in_name(path) -> str | None:
+    """Return the face that a bag's name says is up (``bench_-z``, ``x_up``), or None."""
+    found = _FACE.search(Path(path).stem.lower())
+    if not found:
+        return None
+    sign, axis = found[1] or found[4] or found[5], found[2] or found[3] or found[6]
+    return ('+' if sign in ('+', 'up', 'pos', 'p', 'plus') else '-') + axis
+
+
+def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None, gravity: float | None = None,
+                      latitude: float | None = None, height: float | None = None,
+                      rate_deg_s: float | None = None, turn_deg: float | None = None, tilt_deg: float = 1.0,
+                      method: str | None = None, seconds: float = core.STILL_S) -> Calibrated:
+    """
+    Calibrate one sensor from records: all poses in one, or one record a pose.
+
+    Parameters
+    ----------
+    records : iterable of ImuRecord
+        As recorded, with rests (faces, turns) in them.
+    sensor : str, optional
+        ``accel`` (default) or ``gyro`` (default where a rate or a turn is given).
+    gravity, latitude, height : float, optional
+        Local gravity in m/s^2, or where it is (degrees, metres) for the WGS-84 formula.
+    rate_deg_s, turn_deg : float, optional
+        For the gyroscope: rate of the table, or angle of hand turns.
+    tilt_deg : float
+        How well the faces are level: rms of each of two angles.
+    method : str, optional
+        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+    seconds : float
+        Shortest rest that counts as a pose.
+
+    Raises
+    ------
+    InputError, FitError
+        Faces are missing, it moves all the time, the unit is wrong ...: with number and remedy.
+    UsageError
+        Options that contradict each other.
+
+    """
+    records = list(records)
+    if not records:
+        raise UsageError('no record', 'name a bag')
+    if not 0 <= tilt_deg <= 10:
+        raise UsageError(f'a tilt of {tilt_deg:g} deg makes no sense', 'give 0 to 10')
+    if sensor is None:
+        sensor = 'accel' if rate_deg_s is None and turn_deg is None else 'gyro'
+    if sensor == 'accel' and not (rate_deg_s is None and turn_deg is None):
+        raise UsageError('--rate and --turn are for the gyroscope', 'leave them out, or --sensor gyro')
+    g, origin = core.gravity(gravity, latitude, height)
+    if sensor == 'accel':
+        poses, notes = _faces(records, g, seconds)
+    else:
+        poses, notes = _turns(records, rate_deg_s, turn_deg, latitude, seconds)
+    result = core.calibrate(poses, method, tilt_deg * DEG, notes=notes)
+    first = records[0]
+    source = {
+        'path': first.path, 'topic': first.topic, 'samples': sum(r.n for r in records),
+        'rate_hz': first.rate_hz, 'duration_s': float(sum(r.duration_s for r in records)),
+        'start': first.start, 'frame_id': first.frame_id, 'records': [r.path for r in records],
+        'gravity': g, 'gravity_from': origin, 'notes': list(result.notes),
+        'warnings': [*dict.fromkeys(w for r in records for w in r.warnings), *result.warnings]}
+    return Calibrated(result, study_of(result, source))
+
+
+def _faces(records, g, seconds):
+    """Return the accelerometer's poses of all records; a record named after its face has to agree."""
+    parts, notes = [], []
+    for r in records:
+        poses, said = core.positions(r, g, seconds)
+        parts.append(poses)
+        notes += said
+        expected = face_in_name(r.path) if len(records) > 1 else None
+        if expected:
+            face, _ = core.nearest_face(poses.outputs.mean(1))
+            if face == ('-' if expected[0] == '+' else '+') + expected[1]:
+                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g: upside down',
+                                 'REP-145: +g on the axis that points up; mend the driver\'s sign, or rename the bag')
+            if face != expected:
+                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g',
+                                 'rename the bag, or check the axes of the driver')
+    return numbered(core.joined(parts)), notes
+
+
+def numbered(poses):
+    """Return poses that have no name of their own numbered through."""
+    names = [f'pose {k + 1}' if n.startswith('pose ') else n for k, n in enumerate(poses.names)]
+    return replace(poses, names=tuple(names))
+
+
+def _turns(records, rate_deg_s, turn_deg, latitude, seconds):
+    known = {'rate': None if rate_deg_s is None else rate_deg_s * DEG,
+             'turn': None if turn_deg is None else turn_deg * DEG}
+    found = [core.turns(r, **known, latitude=latitude, seconds=seconds, partly=len(records) > 1)
+             for r in records]
+    poses = core.joined([p for p, _ in found])
+    notes = tuple(dict.fromkeys(n for _, said in found for n in said))
+    if len(records) > 1 and (rate_deg_s or turn_deg):
+        core.refuse_missing_axes(poses.names, 'turn' if rate_deg_s is None else 'rate', notes)
+    return poses, notes
+
+
+def study_of(calibration: core.Calibration, source: Mapping | None = None) -> Study:
+    """Return the study that the loop drives: one target, the sensor."""
+    return Study.begin({calibration.sensor: calibration.problem}, calibration.fit.model, source)
+
+
+def calibration_of(study: Study) -> core.Calibration:
+    """Return the calibration that a study stands at; raise InputError where it is of another domain."""
+    if study.domain != 'calibration':
+        raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
+    state = next(iter(study.states.values()))
+    return core.stated(state.problem, state.fit, study.source.get('notes', ()), study.source.get('warnings', ()))
+
+
+def as_dict(study: Study) -> dict:
+    """Return the data of calibration.yaml: the numbers, where they come from, and the diagnosis."""
+    result = calibration_of(study)
+    data = {'format': 'imu_noise_calibration/1', **core.as_dict(result)}
+    data['source'] = {k: v for k, v in study.source.items() if k not in ('notes', 'warnings')}
+    if result.sensor == 'accel' and 'gravity' in study.source:
+        data['gravity'] = study.source['gravity']
+    found = study.diagnosis.get(result.sensor)
+    data['diagnosis'] = store.diagnosis_to_dict('calibration', result.sensor, found) if found else {}
+    return store.plain(data)
+
+
+def outputs(study: Study) -> dict[str, str | bytes]:
+    """Return all files of a calibration study by name."""
+    from .. import report
+    from ..plots import calibration as plots, style
+    picture = style.png(plots.calibration_figure(calibration_of(study)))
+    return {**store.study_files(study), 'calibration.png': picture, 'report.html': report.html(study),
+            FILE: store.dump_yaml(as_dict(study))}
+
+
+def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, rate_hz=None, force=False,
+              progress: Progress | None = None, **options) -> Calibrated:
+    """
+    Calibrate from one bag or several and write calibration.yaml, a picture, a report and the study.
+
+    ``out`` is ``<first bag>.study`` unless given; options are those of :func:`calibrate_records`. Nothing is
+    written when the calibration is refused.
+
+    Raises
+    ------
+    InputError, FitError, UsageError
+        What :func:`calibrate_records` and :func:`imu_noise_tools.bag.open_record` raise; a study in the way.
+
+    """
+    from ..bag import open_record
+    bags = [bags] if isinstance(bags, (str, Path)) else list(bags)
+    folder = Path(out) if out is not None else default_folder(bags[0])
+    with files.new_folder(folder, force=force) as new:
+        records = []
+        for k, bag in enumerate(bags):
+            if progress:
+                progress(0.8 * k / len(bags), f'reading {bag}')
+            records.append(open_record(bag, topic, gyro_unit=gyro_unit, accel_unit=accel_unit, rate_hz=rate_hz))
+        done = calibrate_records(records, **options)
+        done.study.diagnose()
+        if progress:
+            progress(0.9, 'writing')
+        for name, data in outputs(done.study).items():
+            files.atomic_write(Path(new) / name, data)
+    return replace(done, folder=folder)
+
+
+def load_correction(path) -> core.Correction:
+    """
+    Return what corrects samples from a calibration.yaml, or a folder that holds one.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is no calibration.
+
+    """
+    path = Path(path)
+    path = path / FILE if path.is_dir() else path
+    if not path.is_file():
+        raise InputError(f'{path}: no such file', 'name a folder that calibrate wrote')
+    data = store.load_yaml(path)
+    try:
+        return core.from_dict(data if isinstance(data, dict) else {})
+    except InputError as error:
+        raise InputError(f'{path}: {error.message}', error.remedy) from None
+
+
+def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
+    """Return a record with each correction applied to its sensor."""
+    for c in corrections:
+        raw = getattr(record, c.sensor)
+        if raw is None:
+            raise InputError(f'{record.path or "the record"} has no {c.sensor}', f'this calibration is of the {c.sensor}')
+        record = replace(record, **{c.sensor: c.apply(raw, record.covariates.get('temperature'), record.accel)})
+    return record
+
+
+def apply_calibration(bag, out, calibration, *, topic=None, force=False, progress=None) -> Path:
+    """
+    Write a bag that holds all of another one and ``imu/data_calibrated`` beside; return where it is.
+
+    Raises
+    ------
+    InputError
+        There is no calibration or no bag, or something is in the way.
+
+    """
+    from ..bag import copy_bag
+    correction = load_correction(calibration)
+
+    def correct(record: ImuRecord) -> ImuRecord:
+        return corrected(record, correction)
+    return copy_bag(bag, out, correct, topic=topic, new_topic=CALIBRATED, force=force, progress=progress)
+
+
+class Session(core.Session):
+    """A person's session that can also be diagnosed, saved and loaded: what the node holds."""
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        self._study: Study | None = None
+        self._loaded: core.Correction | None = None
+
+    def solve(self) -> core.Calibration:
+        """Solve the poses captured so far, and begin a study of them."""
+        solved = super().solve()
+        self._study, self._loaded = study_of(solved, {'gravity': self.gravity, 'notes': list(solved.notes),
+                                                      'warnings': list(solved.warnings)}), None
+        return solved
+
+    def reset(self) -> None:
+        """Forget all poses, the solution and what was loaded."""
+        super().reset()
+        self._study = self._loaded = None
+
+    @property
+    def study(self) -> Study:
+        """The study of the solution; raise InputError where nothing is solved."""
+        self.solved()
+        return self._study
+
+    def adopt(self, study: Study) -> None:
+        """Take the model that the loop has come to: what is applied from now on."""
+        self._study = study
+        self.calibration = calibration_of(study)
+
+    def diagnose(self):
+        """Return what is missing in the solution's model."""
+        return self.study.diagnose()[self.sensor]
+
+    @property
+    def correction(self) -> core.Correction | None:
+        """What corrects samples: the solution, else what was loaded, else None."""
+        return self.calibration.correction if self.calibration is not None else self._loaded
+
+    def apply(self, gyro, accel, temperature=None):
+        """Return (gyro, accel), (3,) each, corrected; raise InputError where nothing is solved or loaded."""
+        if self.calibration is None and self._loaded is not None:
+            return core.applied(self._loaded, gyro, accel, temperature)
+        return super().apply(gyro, accel, temperature)
+
+    def save(self, path) -> Path:
+        """Write calibration.yaml, whole; a session that is not solved is refused and nothing is written."""
+        path = Path(path)
+        path = path / FILE if path.is_dir() else path
+        files.atomic_write(path, store.dump_yaml(as_dict(self.study)))
+        return path
+
+    def load(self, path) -> core.Correction:
+        """Take a calibration.yaml as what is applied until something is solved."""
+        loaded = load_correction(path)
+        if loaded.sensor != self.sensor:
+            raise InputError(f'{path}: calibrates the {loaded.sensor}, not the {self.sensor}', 'name another file')
+        self._loaded = loaded
+        return loaded
