@@ -23,6 +23,7 @@ def evaluator(z: np.ndarray, dt: float, alpha: float) -> Evaluate:
         if models and jumps(models[0]):
             return by_bank(models, z, dt, alpha, scores=False)[0]
         return np.array([predict(m, z, dt, alpha).log_likelihood for m in models])
+    evaluate.samples, evaluate.span = len(z), len(z) * dt
     return evaluate
 
 
@@ -31,11 +32,17 @@ class Free:
 
     def __init__(self, model: Model, fixed):
         self.model = model
-        self.parts = [(e.label, p) for e in model if e.label not in fixed for p in e.parameters]
+        self.parts = [(e.label, p) for e in model if e.label not in fixed for p in e.parameters
+                      if p.name not in e.measured]
 
     def vector(self) -> np.ndarray:
         """Return the model's own values."""
         return np.array([self._to(p, self.model[label][p.name]) for label, p in self.parts])
+
+    def scale(self, span: float) -> np.ndarray:
+        """Return how far each parameter may move at first: a frequency no further than its line is wide in ``span`` s."""
+        return np.array([0.2 / (span * self.model[label]['frequency']) if p.name == 'frequency' else
+                         0.5 if p.log else 0.1 for label, p in self.parts])
 
     def at(self, x) -> Model:
         """Return the model at x, held within bounds."""
@@ -91,14 +98,10 @@ def maximise(model: Model, fixed, evaluate: Evaluate) -> tuple[Model, float]:
     if jumps(model):
         x, best = _pattern(free, x, evaluate)
         return free.at(x), best
-    simplex = np.vstack([x, x + np.diag(np.where(_linear(free), 0.1, 0.5))])
+    simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
     found = minimize(lambda v: -_finite(evaluate([free.at(v)])[0]), x, method='Nelder-Mead',
                      options={'initial_simplex': simplex, 'xatol': 0.01, 'fatol': 0.02, 'maxfev': 120 * len(x)})
     return free.at(found.x), -float(found.fun)
-
-
-def _linear(free):
-    return np.array([not p.log for _, p in free.parts])
 
 
 def _finite(value):
@@ -107,7 +110,8 @@ def _finite(value):
 
 def _pattern(free: Free, x, evaluate, rounds: int = 9):
     """Climb by trying every coordinate both ways and all their parabolas at once: one pass of lanes a round."""
-    step = np.where(_linear(free), 0.1, 0.8)
+    step = 1.6 * free.scale(evaluate.span)
+    least = 0.1 * step
     best = float(evaluate([free.at(x)])[0])
     for _ in range(rounds):
         k = len(x)
@@ -123,7 +127,7 @@ def _pattern(free: Free, x, evaluate, rounds: int = 9):
         if gained > 0:
             x, best = tried[top], float(value[top])
         step = np.where(gained > 1.0, step, 0.4 * step)
-        if gained < 0.05 and np.all(step < 0.1):
+        if gained < 0.05 and np.all(step < 1.3 * least):
             break
     return x, best
 
@@ -158,13 +162,31 @@ def estimates(model: Model, fixed, log_likelihood: float, evaluate: Evaluate, se
         elif value <= p.lower * 1.001 or value >= p.upper * 0.999:
             flags.append(f'{label}: {p.name} is at the limit of its range')
         out.setdefault(label, {})[p.name] = entry
-    return {e.label: out.get(e.label, {}) for e in model}, tuple(flags)
+    for e in model:
+        for p in e.parameters:
+            if e.label not in fixed and p.name in e.measured:
+                out.setdefault(e.label, {})[p.name], flag = _measured(model, e, p, log_likelihood, evaluate, sensor)
+                flags += flag
+    return {e.label: {p.name: out[e.label][p.name] for p in e.parameters} for e in model}, tuple(flags)
 
 
-def _covariance(free, x, best, evaluate, h: float = 0.15):
+def _measured(model, effect, p, best, evaluate, sensor):
+    """Return the estimate of an amplitude read from the samples; null where the likelihood does without the effect."""
+    value, unit = effect[p.name], si(p.unit, sensor)
+    std = float(np.sqrt(2 * model['white']['R'] / evaluate.samples))         # least squares of a line in white noise
+    without = float(evaluate([model.with_effect(effect.with_values(**{p.name: p.lower}))])[0])
+    if best - without < NULL:
+        upper = value + 1.645 * std
+        return Estimate(None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value), \
+            [f'{effect.label}: {p.name} is not observable in this record']
+    return Estimate(value, std, (value - 1.96 * std, value + 1.96 * std), unit, point=value), []
+
+
+def _covariance(free, x, best, evaluate):
     """Return the inverse of the likelihood's negative curvature by central differences; diagonal where it is flat."""
     k = len(x)
-    eye = h * np.eye(k)
+    h = 0.3 * free.scale(evaluate.span)
+    eye = np.diag(h)
     pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
     points = [x + e for e in eye] + [x - e for e in eye] + [x + eye[i] + eye[j] for i, j in pairs]
     value = np.nan_to_num(evaluate([free.at(v) for v in points]), neginf=best - 1e6)
@@ -172,7 +194,7 @@ def _covariance(free, x, best, evaluate, h: float = 0.15):
     curve = np.diag(np.maximum(-(up + down - 2 * best), 1e-6))
     for (i, j), v in zip(pairs, both):
         curve[i, j] = curve[j, i] = -(v - up[i] - up[j] + best)
-    covariance = np.linalg.pinv(curve / h ** 2)
+    covariance = np.linalg.pinv(curve / np.outer(h, h), hermitian=True)
     if np.any(np.diag(covariance) <= 0):
         covariance = np.diag(h ** 2 / np.diag(curve))
     return covariance

@@ -9,7 +9,6 @@ from ..effect import Parameter
 from ..units import DEG
 from .statespace import Block, Motion, nothing
 
-COHERENCE = 60.0        # s over which an oscillator keeps its phase: a line this wide follows slow changes of it
 DIFFUSE = (3000 * DEG) ** 2      # no gyroscope turns faster: the variance of a rate nothing is known of
 
 
@@ -23,17 +22,17 @@ def _integrator(phi, q, p0=0.0) -> Block:
     return Block(np.asarray(phi, float), np.asarray(q, float), np.eye(d)[0], start, integrates=True)
 
 
-def oscillator(amplitude: float, frequency: float, dt: float) -> Block:
+def oscillator(amplitude: float, frequency: float, tc: float, dt: float) -> Block:
     """
-    Return a random-phase oscillation: a rotation by 2 pi f dt that forgets its phase within COHERENCE.
+    Return a random-phase oscillation: a rotation by 2 pi f dt that forgets its phase within tc.
 
     Stationary variance amplitude^2/2 in each of its two states (a Gauss-Markov pair turned by the carrier).
 
     """
-    keep, angle = ar1.phi(dt, COHERENCE), 2 * np.pi * frequency * dt
+    keep, angle = ar1.phi(dt, tc), 2 * np.pi * frequency * dt
     c, s = keep * np.cos(angle), keep * np.sin(angle)
     variance = 0.5 * amplitude ** 2
-    return Block(np.array([[c, s], [-s, c]]), -np.expm1(-2 * dt / COHERENCE) * variance * np.eye(2),
+    return Block(np.array([[c, s], [-s, c]]), -np.expm1(-2 * dt / tc) * variance * np.eye(2),
                  np.array([1.0, 0.0]), variance * np.eye(2))
 
 
@@ -191,23 +190,25 @@ class Harmonic(Motion):
     reference = 'Harvey 1989, 2.3.3'
     heals = 'autocorrelation'
     parameters = (Parameter('amplitude', '{rate}', 1e-6, 1e2, amplitude=True, title='amplitude'),
-                  Parameter('frequency', 'Hz', 0.02, 3.0, title='frequency'))
+                  Parameter('frequency', 'Hz', 0.02, 3.0, title='frequency'),
+                  Parameter('tc', 's', 1.0, 1e6, title='how long it keeps its phase'))
     several = True
+    measured = ('amplitude',)
 
     @classmethod
     def example(cls):
         """Return the paper's rocking by 50 deg at 10 s."""
-        return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1})
+        return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1, 'tc': 1e4})
 
     @classmethod
     def guesses(cls, look):
         """Return the strongest slow lines of the series."""
         slow = [(f, a) for f, a in look.lines if 0.02 <= f <= 3.0][:2]
-        return [cls({'amplitude': k * a, 'frequency': f}) for f, a in slow for k in (0.5, 2.0)]
+        return [cls({'amplitude': a, 'frequency': f, 'tc': tc}) for f, a in slow for tc in (10.0, 1e3, 1e5)]
 
     def block(self, dt):
         """Return an oscillator beside the rate."""
-        return oscillator(self['amplitude'], self['frequency'], dt)
+        return oscillator(self['amplitude'], self['frequency'], self['tc'], dt)
 
 
 class RateStep(Motion):

@@ -12,6 +12,7 @@ from ..units import DEG
 from .motion import oscillator
 from .statespace import Block, nothing, OutputNoise
 
+STEADY = 1e3            # s that a line keeps its phase where nobody says how long
 LONGEST = 3600.0        # s: a slower wander of the bias cannot be told from rotation
 
 
@@ -139,23 +140,25 @@ class Sinusoid(OutputNoise):
     reference = 'IEEE 952 C.1.7'
     heals = 'line'
     parameters = (Parameter('amplitude', '{rate}', 1e-8, 1e2, amplitude=True, title='amplitude'),
-                  Parameter('frequency', 'Hz', 3.0, 1e4, title='frequency'))
+                  Parameter('frequency', 'Hz', 3.0, 1e4, title='frequency'),
+                  Parameter('tc', 's', 1.0, 1e6, title='how long it keeps its phase'))
     several = True
+    measured = ('amplitude',)
 
     @classmethod
     def example(cls):
         """Return one degree a second at 20 Hz."""
-        return cls({'amplitude': DEG, 'frequency': 20.0})
+        return cls({'amplitude': DEG, 'frequency': 20.0, 'tc': STEADY})
 
     @classmethod
     def guesses(cls, look):
         """Return the strongest fast lines of the series."""
         fast = [(f, a) for f, a in look.lines if 3.0 <= f < 0.49 / look.dt][:2]
-        return [cls({'amplitude': k * a, 'frequency': f}) for f, a in fast for k in (0.5, 1.0)]
+        return [cls({'amplitude': a, 'frequency': f, 'tc': tc}) for f, a in fast for tc in (10.0, 1e3, 1e5)]
 
     def block(self, dt):
         """Return an oscillator."""
-        return oscillator(self['amplitude'], self['frequency'], dt)
+        return oscillator(self['amplitude'], self['frequency'], self['tc'], dt)
 
 
 class Outliers(OutputNoise):
@@ -237,7 +240,7 @@ def noise_blocks(values: Mapping[str, Mapping[str, float]], dt: float) -> tuple[
         elif name == 'gauss_markov':
             model = model + GaussMarkov({'sigma': v['sigma'], 'tc': v['tc']})
         elif name == 'sinusoid' and 3.0 <= v['frequency'] < 0.5 / dt:
-            model = model + Sinusoid({'amplitude': v['amplitude'], 'frequency': v['frequency']})
+            model = model + Sinusoid({'amplitude': v['amplitude'], 'frequency': v['frequency'], 'tc': STEADY})
         else:
             notes.append(f'{label} left out: it has no state space in the filter')
     return model, tuple(notes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from . import motion as _motion, output_noise as _output_noise  # noqa: F401  (their effects register)
 from .design import quiet_variance
@@ -67,8 +68,22 @@ class FilterProblem:
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
         best, log_l = maximise(begin, self.stated, evaluate)
+        if self.whole is None:
+            best = self._with_amplitudes(best)
+            log_l = float(evaluate([best])[0])
         found, flags = estimates(best, self.stated, log_l, evaluate) if self.whole is None else ({}, ())
         return Fit(best, found, log_l, flags)
+
+    def _with_amplitudes(self, model: Model) -> Model:
+        """Return the model with the amplitude of each fitted line read at its frequency; how fast it changes is kept."""
+        for e in model:
+            if e.label not in self.stated and 'amplitude' in e.measured:
+                t = np.arange(len(self.z)) * self.dt
+                read = 2 * abs(np.exp(-2j * np.pi * e['frequency'] * t) @ (self.z - np.mean(self.z))) / len(t)
+                tc = next(p for p in e.parameters if p.name == 'tc')
+                longer = float(np.clip(e['tc'] * (read / e['amplitude']) ** 2, tc.lower, tc.upper))
+                model = model.with_effect(e.with_values(amplitude=read, tc=longer))
+        return model
 
     def prediction(self, model: Model) -> Prediction:
         """Return log-likelihood and scores of a model with values."""
@@ -133,27 +148,40 @@ class FilterProblem:
         return Look(self.z, white, self.dt, r, _lines(rough, self.dt), tails)
 
 
-def _lines(z: np.ndarray, dt: float, most: int = 6) -> np.ndarray:
-    """Return (frequency, amplitude) of the peaks that stand out of the local median of the spectrum, strongest first."""
+def _lines(z: np.ndarray, dt: float, most: int = 3) -> np.ndarray:
+    """Return (frequency, amplitude) of the strongest slow lines, then of the fast ones that stand out most."""
     n = len(z)
     c2 = cosine_transform(z) ** 2
-    pair = c2[1:-1] + 0.5 * (c2[:-2] + c2[2:])
+    f = np.arange(n) / (2 * n * dt)
     size = 65
-    padded = np.pad(pair, size // 2, mode='reflect')
+    padded = np.pad(c2, size // 2, mode='reflect')
     local = np.median(np.lib.stride_tricks.sliding_window_view(padded, size)[::8], axis=1)
-    floor = np.interp(np.arange(len(pair)), np.arange(len(local)) * 8, local)
-    rank = pair / np.maximum(floor, 1e-300)
+    rank = c2 / np.maximum(np.interp(np.arange(n), np.arange(len(local)) * 8, local), 1e-300)
     out = []
-    for slow in (True, False):
-        k = np.arange(1, len(pair) + 1)
-        some = np.flatnonzero((k / (2 * n * dt) < 3.0) == slow)
-        for _ in range(most // 2):
-            if not len(some):
-                break
-            at = some[int(np.argmax(pair[some] if slow else rank[some]))]
-            out.append(((at + 1) / (2 * n * dt), np.sqrt(2 * pair[at] / n)))
-            some = some[np.abs(some - at) > 3]
+    for what, band in ((c2, (f >= 0.02) & (f < 3.0)), (rank, f >= 3.0)):
+        some = np.flatnonzero(band)
+        for _ in range(most):
+            if len(some):
+                at = some[int(np.argmax(what[some]))]
+                out.append(_line_near(z, f[at], dt))
+                some = some[np.abs(some - at) > 3]
     return np.array(out).reshape(-1, 2)
+
+
+def _line_near(z, f, dt):
+    """Return frequency and amplitude of the sinusoid near f (Hz) that fits z best."""
+    n = len(z)
+    t = np.arange(n) * dt
+
+    def wave(x):
+        return np.exp(-2j * np.pi * x * t) @ z
+
+    width = 1 / (n * dt)
+    grid = np.clip(f + width * np.linspace(-0.75, 0.75, 7), 0.25 * width, None)
+    near = grid[int(np.argmax([abs(wave(x)) for x in grid]))]
+    found = minimize_scalar(lambda x: -abs(wave(x)), bounds=(max(near - width / 4, 0.2 * width), near + width / 4),
+                            method='bounded', options={'maxiter': 12})
+    return float(found.x), 2 * abs(wave(found.x)) / n
 
 
 def problem_of(t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: float = 1.0) -> FilterProblem:

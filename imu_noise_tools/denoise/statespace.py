@@ -92,6 +92,7 @@ class FilterEffect(Effect):
     domain: ClassVar[str] = DOMAIN
     kind: ClassVar[str] = ''               # motion drives the rate, noise adds to the output
     heals: ClassVar[str] = ''              # the test of evaluate.omnibus that it must mend to be believed
+    measured: ClassVar[tuple[str, ...]] = ()   # parameters read from the samples, not from the likelihood
     views: ClassVar[tuple[str, ...]] = ()  # an effect of the filter is judged by all views
 
     @classmethod
