@@ -38,7 +38,6 @@ class Connection:
     type: str
     encoding: str           # 'cdr' or 'ros1'
     definition: str = ''
-    count: int = 0
 
 
 class Batch(NamedTuple):
@@ -62,9 +61,16 @@ class Batch(NamedTuple):
 class BagFile(Protocol):
     """One file of a bag, open for reading."""
 
-    connections: list[Connection]
-    warnings: list[str]
-    span: tuple[int, int]       # first and last receive time, ns; (0, 0) where unknown
+    @property
+    def connections(self) -> list[Connection]:
+        """Topics."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What went wrong so far, for people."""
+
+    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
+        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these connections, by id, in the order of the file."""
@@ -113,7 +119,8 @@ def rows(data: np.ndarray, begin: np.ndarray, width: int) -> np.ndarray:
     step = int(begin[1] - begin[0]) if n > 1 else width
     if step >= 0 and (n < 3 or np.all(np.diff(begin) == step)):
         return as_strided(data[int(begin[0]):] if n else data, (n, width), (step, 1), writeable=False)
-    return data[begin[:, None] + np.arange(width)]
+    # All windows of that width, one byte apart, share the buffer: taking some of them copies row by row.
+    return as_strided(data, (len(data) - width + 1, width), (1, 1), writeable=False)[begin]
 
 
 def decompress(kind: str, raw: bytes, size: int | None) -> bytes:

@@ -47,7 +47,7 @@ class McapFile:
         self.path = path
         self.file = file or open(path, 'rb')
         self.size = size_of(self.file)
-        self.counts = Counts()
+        self.problems = Counts()
         self.span = (0, 0)
         self._schemas: dict[int, tuple[str, str]] = {}
         self._channels: dict[int, Connection] = {}
@@ -57,14 +57,17 @@ class McapFile:
 
     @property
     def connections(self) -> list[Connection]:
-        """Topics, with the number of messages of each."""
-        return [Connection(c.id, c.topic, c.type, c.encoding, c.definition, self._messages.get(c.id, 0))
-                for c in self._channels.values()]
+        """Topics."""
+        return list(self._channels.values())
+
+    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
+        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
+        return self._messages, self.span
 
     @property
     def warnings(self) -> list[str]:
         """What went wrong so far."""
-        return self.counts.sentences(self.path.name)
+        return self.problems.sentences(self.path.name)
 
     def close(self) -> None:
         """Close the file."""
@@ -112,7 +115,7 @@ class McapFile:
                 name, text = self._schemas.get(schema, ('', ''))
                 self._channels.setdefault(id, Connection(id, topic, normal_type(name), encoding, text))
         except (struct.error, UnicodeDecodeError, Damaged):
-            self.counts.bad_chunks += 1
+            self.problems.bad_chunks += 1
 
     def _scan(self) -> None:
         """Count the messages of every topic by reading the whole file."""
@@ -123,7 +126,7 @@ class McapFile:
                 first.append(int(receive.min()))
                 last.append(int(receive.max()))
         self.span = (min(first), max(last)) if first else (0, 0)
-        self.counts.bad_chunks = 0          # they are counted again when they are read
+        self.problems.bad_chunks = 0          # they are counted again when they are read
 
     # -- the data
 
@@ -145,7 +148,7 @@ class McapFile:
             try:
                 raw = self._content(chunk)
             except Damaged:
-                self.counts.bad_chunks += 1
+                self.problems.bad_chunks += 1
                 continue
             found = None
             if wanted is not None and chunk.index is not None:
@@ -195,7 +198,7 @@ class McapFile:
             if progress:
                 progress(min(1.0, end / self.size))
             at = end
-        self.counts.cut = True
+        self.problems.cut = True
 
     def _read_chunk(self, at: int, end: int, wanted: set[int] | None) -> tuple[Chunk | None, int]:
         whole = end <= self.size
@@ -205,14 +208,14 @@ class McapFile:
         _, _, size, crc, n = struct.unpack('<QQQII', head)
         rest = self.file.read(n + 8) if n <= 64 else b''
         if len(rest) != n + 8:
-            self.counts.bad_chunks += 1
+            self.problems.bad_chunks += 1
             return None, end
         compression, stored = rest[:n].decode('latin-1'), int.from_bytes(rest[n:], 'little')
         begin = at + 40 + n
         if not whole:
             return Chunk(compression, size, 0, self.file.read(), None, False), self.size
         if begin + stored > end:
-            self.counts.bad_chunks += 1
+            self.problems.bad_chunks += 1
             return None, end
         index, after = self._read_index(end, wanted)
         if index is not None and wanted is not None and not index.keys() & wanted:

@@ -42,7 +42,7 @@ class Rosbag1File:
         self.path = path
         self.file = file or open(path, 'rb')
         self.size = size_of(self.file)
-        self.counts = Counts()
+        self.problems = Counts()
         self.span = (0, 0)
         self._known: dict[int, Connection] = {}
         self._messages: dict[int, int] = {}
@@ -51,14 +51,17 @@ class Rosbag1File:
 
     @property
     def connections(self) -> list[Connection]:
-        """Topics, with the number of messages of each."""
-        return [Connection(c.id, c.topic, c.type, c.encoding, c.definition, self._messages.get(c.id, 0))
-                for c in self._known.values()]
+        """Topics."""
+        return list(self._known.values())
+
+    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
+        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
+        return self._messages, self.span
 
     @property
     def warnings(self) -> list[str]:
         """What went wrong so far."""
-        return self.counts.sentences(self.path.name)
+        return self.problems.sentences(self.path.name)
 
     def close(self) -> None:
         """Close the file."""
@@ -110,7 +113,7 @@ class Rosbag1File:
             id, topic = _number(fields, b'conn'), fields[b'topic'].decode()
             type, text = more[b'type'].decode(), more.get(b'message_definition', b'').decode(errors='replace')
         except (KeyError, UnicodeDecodeError):
-            self.counts.bad_chunks += 1
+            self.problems.bad_chunks += 1
             return
         self._known.setdefault(id, Connection(id, topic, normal_type(type), 'ros1', text))
 
@@ -124,7 +127,7 @@ class Rosbag1File:
                 first.append(int(receive.min()))
                 last.append(int(receive.max()))
         self.span = (min(first), max(last)) if first else (0, 0)
-        self.counts = Counts(cut=True)
+        self.problems = Counts(cut=True)
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these connections, chunk by chunk, each by receive time."""
@@ -141,7 +144,7 @@ class Rosbag1File:
         while at < self.size:
             record = self._record(at)
             if record is None:
-                self.counts.cut = True
+                self.problems.cut = True
                 return
             after = record.end
             if record.op == CHUNK:
@@ -152,7 +155,7 @@ class Rosbag1File:
                 self.file.seek(record.begin)
                 self._learn(record.fields, self.file.read(record.end - record.begin))
             if record.end > self.size:
-                self.counts.cut = True
+                self.problems.cut = True
                 return
             if progress:
                 progress(min(1.0, after / self.size))
@@ -169,7 +172,7 @@ class Rosbag1File:
             else:
                 raw = decompress(compression, raw, size)
         except (Damaged, ValueError, OSError, EOFError, RuntimeError):
-            self.counts.bad_chunks += 1
+            self.problems.bad_chunks += 1
             return []
         data = np.frombuffer(raw, np.uint8)
         if index is not None and wanted is not None:

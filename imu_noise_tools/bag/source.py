@@ -161,11 +161,16 @@ class Bag:
         """What went wrong so far."""
         return tuple(dict.fromkeys((*self._said, *(w for f in self.files for w in f.warnings))))
 
-    @property
-    def duration_s(self) -> float:
-        """Span of the receive times, s."""
-        spans = [f.span for f in self.files if f.span[1]]
-        return (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
+    def counts(self) -> tuple[dict[tuple[str, str], int], float]:
+        """Return the number of messages by topic and type, and the span of the times of receiving, s."""
+        total = {(c.topic, c.type): 0 for c in self.connections}
+        spans = []
+        for file in self.files:
+            count, span = file.counts()
+            spans += [span] if span[1] else []
+            for c in file.connections:
+                total[c.topic, c.type] += count.get(c.id, 0)
+        return total, (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
 
     def batches(self, topics: Collection[str], types: Collection[str], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these topics that have one of these types, file after file."""

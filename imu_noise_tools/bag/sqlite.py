@@ -1,8 +1,9 @@
 """
 Rosbag2's sqlite3 files: a table of topics and one of messages.
 
-Opened immutable where nothing is beside them, so that reading never writes. A file that was cut short is
-read as far as its pages go.
+The messages are taken from the pages of the file (:mod:`sqlite_pages`) where these have the usual shape, and by
+SQL otherwise. A file that was cut short is read as far as its pages go. Reading never writes: the database is
+opened immutable, unless a write-ahead log lies beside it.
 
 """
 
@@ -15,10 +16,12 @@ from urllib.parse import quote
 
 import numpy as np
 
-from .container import Batch, Connection, Counts, Damaged, normal_type, Progress
+from .container import Batch, Connection, Counts, Damaged, normal_type, Progress, size_of
+from .sqlite_pages import Pages, SOME, Unexpected
 
 MAGIC = b'SQLite format 3\0'
 BLOCK = 4096
+COLUMNS = ['id', 'topic_id', 'timestamp', 'data']
 
 
 class SqliteFile:
@@ -26,105 +29,141 @@ class SqliteFile:
 
     def __init__(self, path: Path):
         self.path = path
-        self.counts = Counts()
+        self.problems = Counts()
         self.connections: list[Connection] = []
-        self.span = (0, 0)
-        self._open()
+        self._root = 0
+        self.file = open(path, 'rb')
+        try:
+            self._open()
+        except BaseException:
+            self.file.close()
+            raise
 
     def _open(self) -> None:
         journal = self.path.with_name(self.path.name + '-wal')
-        mode = 'mode=ro' if journal.exists() and journal.stat().st_size else 'immutable=1'
-        self.database = sqlite3.connect(f'file:{quote(str(self.path))}?{mode}', uri=True, check_same_thread=False)
+        self._logged = journal.exists() and journal.stat().st_size > 0
+        mode = 'mode=ro' if self._logged else 'immutable=1'
+        self.database = sqlite3.connect(f'file:{quote(str(self.path.absolute()))}?{mode}', uri=True,
+                                        check_same_thread=False)
         self.database.text_factory = lambda raw: raw.decode(errors='replace')
         try:
-            self._read_topics()
-        except sqlite3.DatabaseError:
-            # A file shorter than its header says is refused as it is; with this flag its pages are read.
-            self.database.execute('PRAGMA writable_schema = ON')
-            self.counts.cut = True
             try:
                 self._read_topics()
-            except sqlite3.DatabaseError as error:
-                self.database.close()
-                raise Damaged(str(error)) from error
+            except sqlite3.DatabaseError:
+                # A file shorter than its header says is refused as it is; with this flag its pages are read.
+                self.database.execute('PRAGMA writable_schema = ON')
+                self.problems.cut = True
+                self._read_topics()
+        except (sqlite3.Error, Damaged) as error:
+            self.database.close()
+            raise Damaged(str(error)) from error
 
     @property
     def warnings(self) -> list[str]:
         """What went wrong so far."""
-        return self.counts.sentences(self.path.name)
+        return self.problems.sentences(self.path.name)
 
     def close(self) -> None:
         """Close the database."""
         self.database.close()
+        self.file.close()
 
     def _read_topics(self) -> None:
         ask = self.database.execute
-        tables = {name for name, in ask("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not {'topics', 'messages'} <= tables:
-            raise Damaged('has no tables of topics and messages')
+        tables = dict(ask("SELECT name, rootpage FROM sqlite_master WHERE type = 'table'"))
+        if not {'topics', 'messages'} <= tables.keys():
+            raise Damaged('it has no tables of topics and messages')
+        self._root = tables['messages'] if [r[1] for r in ask('PRAGMA table_info(messages)')] == COLUMNS else 0
         text = {}
         if 'message_definitions' in tables:
             try:
                 text = dict(ask('SELECT topic_type, encoded_message_definition FROM message_definitions'))
             except sqlite3.DatabaseError:
                 pass
-        known = list(ask('SELECT id, name, type, serialization_format FROM topics ORDER BY id'))
-        count = self._count()
         self.connections = [
-            Connection(int(id), str(topic), normal_type(str(type)), str(form), str(text.get(type, '')),
-                       count.get(id, 0))
-            for id, topic, type, form in known]
+            Connection(int(id), str(topic), normal_type(str(type)), str(form), str(text.get(type, '')))
+            for id, topic, type, form in ask('SELECT id, name, type, serialization_format FROM topics ORDER BY id')]
 
-    def _count(self) -> dict[int, int]:
+    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
+        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
         ask = self.database.execute
-        if not self.counts.cut:
-            low, high = ask('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
-            self.span = (int(low or 0), int(high or 0))
-            return dict(ask('SELECT topic_id, count(*) FROM messages GROUP BY topic_id'))
+        if not self.problems.cut:
+            try:
+                low, high = ask('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
+                return (dict(ask('SELECT topic_id, count(*) FROM messages GROUP BY topic_id')),
+                        (int(low or 0), int(high or 0)))
+            except sqlite3.DatabaseError:
+                self.problems.cut = True
         count: dict[int, int] = {}
-        stamps = []
-        try:
-            for topic, stamp in ask('SELECT topic_id, timestamp FROM messages ORDER BY id'):
-                count[topic] = count.get(topic, 0) + 1
-                stamps.append(stamp)
-        except sqlite3.DatabaseError:
-            pass
-        self.span = (min(stamps), max(stamps)) if stamps else (0, 0)
-        return count
+        ends = []
+        for batch in self.batches([c.id for c in self.connections]):
+            id = batch.connection.id
+            count[id] = count.get(id, 0) + len(batch.receive)
+            ends += [int(batch.receive.min()), int(batch.receive.max())]
+        return count, (min(ends), max(ends)) if ends else (0, 0)
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these topics in the order of their rows, some thousand at a time."""
-        known = {c.id: c for c in self.connections}
-        total = sum(known[id].count for id in wanted if id in known)
-        done = 0
-        for id in wanted:
-            if id not in known:
-                continue
-            for times, blobs in self._blocks(id):
+        known = {c.id: c for c in self.connections if c.id in wanted}
+        after = 0
+        if self._root and not self._logged:
+            try:
+                for rows, done in self._from_pages():
+                    for id, connection in known.items():
+                        some = np.flatnonzero(rows.topic == id)
+                        if not len(some):
+                            continue
+                        if rows.length[some].min() < 0:
+                            raise Unexpected('long message')
+                        yield Batch(connection, rows.time[some], rows.data, rows.begin[some], rows.length[some])
+                    after = int(rows.id.max(initial=after))
+                    if progress:
+                        progress(done)
+                return
+            except (Unexpected, Damaged):
+                pass            # SQL goes on behind the last row that was given
+        for id, connection in known.items():
+            for times, blobs in self._by_sql(id, after):
                 length = np.fromiter(map(len, blobs), np.int64, len(blobs))
-                begin = np.cumsum(length) - length
-                receive = np.array(times, np.int64)
-                yield Batch(known[id], receive, np.frombuffer(b''.join(blobs), np.uint8), begin, length)
-                done += len(blobs)
-                if progress and total:
-                    progress(min(1.0, done / total))
+                yield Batch(connection, np.array(times, np.int64), np.frombuffer(b''.join(blobs), np.uint8),
+                            np.cumsum(length) - length, length)
+        if progress:
+            progress(1.0)
 
-    def _blocks(self, id: int) -> Iterator[tuple]:
-        ask = 'SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id'
-        cursor, seen = self.database.execute(ask, (id,)), 0
+    def _from_pages(self) -> Iterator[tuple]:
+        """Yield rows from the pages, and the fraction done; all that look like messages where the tree is broken."""
+        pages = Pages(self.file, size_of(self.file))
         try:
+            leaves = pages.leaves(self._root)
+            broken = bool(leaves.max(initial=0) * pages.page > pages.size)
+        except Damaged:
+            broken = True
+        if broken:
+            self.problems.cut = True
+            leaves = pages.every_leaf()
+        for k, rows in enumerate(pages.rows(leaves, strict=not broken), 1):
+            yield rows, min(1.0, k * SOME / len(leaves))
+
+    def _by_sql(self, id: int, after: int) -> Iterator[tuple]:
+        ask = 'SELECT id, timestamp, data FROM messages WHERE topic_id = ? AND id > ? ORDER BY id'
+        try:
+            cursor = self.database.execute(ask, (id, after))
             while found := cursor.fetchmany(BLOCK):
-                yield tuple(zip(*found))
-                seen += len(found)
+                after = found[-1][0]
+                yield _columns(found)
         except sqlite3.DatabaseError:
             # A damaged page: what the block held before it is read once more, one by one.
-            self.counts.cut = True
+            self.problems.cut = True
             found = []
             try:
-                for k, row in enumerate(self.database.execute(ask, (id,))):
-                    if k >= seen:
-                        found.append(row)
+                for row in self.database.execute(ask, (id, after)):
+                    found.append(row)
             except sqlite3.DatabaseError:
                 pass
             if found:
-                yield tuple(zip(*found))
+                yield _columns(found)
+
+
+def _columns(rows: list[tuple]) -> tuple:
+    _, times, blobs = zip(*rows)
+    return times, [b if isinstance(b, bytes) else str(b).encode() for b in blobs]

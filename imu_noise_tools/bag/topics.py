@@ -66,13 +66,19 @@ class Choice:
 
 def list_topics(bag: Bag) -> list[TopicInfo]:
     """Return the topics of a bag by name, counted over all of its files."""
-    count: dict[tuple[str, str], int] = {}
-    for c in bag.connections:
-        count[c.topic, c.type] = count.get((c.topic, c.type), 0) + c.count
-    span = bag.duration_s
-    return [TopicInfo(name, type, n, (n - 1) / span if n > 1 and span > 0 else None,
-                      'imu' if type == IMU else 'covariate' if type in COVARIATES else '')
+    count, span = bag.counts()
+    return [TopicInfo(name, type, n, (n - 1) / span if n > 1 and span > 0 else None, _role(type))
             for (name, type), n in sorted(count.items())]
+
+
+def _names(bag: Bag) -> list[TopicInfo]:
+    """Return the topics of a bag, not counted."""
+    return [TopicInfo(name, type, 0, None, _role(type))
+            for name, type in sorted({(c.topic, c.type) for c in bag.connections})]
+
+
+def _role(type: str) -> str:
+    return 'imu' if type == IMU else 'covariate' if type in COVARIATES else ''
 
 
 def choose(bag: Bag, topic: str | None) -> Choice:
@@ -85,11 +91,12 @@ def choose(bag: Bag, topic: str | None) -> Choice:
         There is none, or several and none is chosen, or the chosen one is not there or of another type.
 
     """
-    known = list_topics(bag)
+    known = _names(bag)
     if topic:
         return _asked(bag, known, topic)
     imu = [t for t in known if t.type == IMU]
-    imu = [t for t in imu if t.samples] or imu
+    if len(imu) > 1:
+        imu = [t for t in list_topics(bag) if t.type == IMU and t.samples] or imu
     if len(imu) == 1:
         return Choice(imu[0].name, imu[0].name, IMU)
     if imu:
@@ -99,7 +106,7 @@ def choose(bag: Bag, topic: str | None) -> Choice:
             return Choice(*pair, IMU)
         raise InputError(f'{bag.path}: has {len(imu)} Imu topics: {", ".join(t.name for t in imu)}',
                          'choose one with --topic')
-    vectors = [t.name for t in known if t.type == VECTOR and t.samples]
+    vectors = [t.name for t in known if t.type == VECTOR]
     pair = _pair([n for n in vectors if _says(n, 'gyro')], [n for n in vectors if _says(n, 'accel')])
     if pair:
         return Choice(*pair, VECTOR)
@@ -171,6 +178,6 @@ def _parts(bag: Bag, topic: str) -> tuple[str, ...]:
 def covariates_of(bag: Bag, near: str) -> list[TopicInfo]:
     """Return the covariate topics, those in the namespace of the Imu topic first."""
     space = near.rpartition('/')[0]
-    found = [t for t in list_topics(bag) if t.role == 'covariate' and t.samples]
+    found = [t for t in _names(bag) if t.role == 'covariate']
     return sorted(found, key=lambda t: (not (space and t.name.startswith(space)), t.name))
 
