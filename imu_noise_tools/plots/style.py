@@ -1,0 +1,166 @@
+"""
+What all pictures share: colours, labels, axes that draw fast, and a figure as PNG bytes.
+
+Figures are drawn on an Agg canvas of their own: nothing global is read or changed, and one study gives one picture, byte for
+byte.
+
+"""
+
+from __future__ import annotations
+
+import io
+import math
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
+import numpy as np
+
+# Okabe and Ito (2008): told apart by the colour-blind too.
+MEASURED, MODEL, FAIL, GOOD, FAINT = '#1f2d3d', '#d55e00', '#c0392b', '#1a7f4b', '#7a8793'
+EFFECTS = ('#0072b2', '#009e73', '#9a5fb5', '#b8860b', '#56b4e9', '#cc79a7', '#5d4037', '#607d8b')
+AXES = {'x': '#0072b2', 'y': '#d55e00', 'z': '#009e73'}
+SMALL, NORMAL, LARGE = 8, 9, 12
+_RAISED = str.maketrans('-0123456789.', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹·')
+
+
+def new_figure(width: float, height: float, dpi: float = 100) -> Figure:
+    """Return an empty figure of a size in inches, on a canvas of its own."""
+    figure = Figure(figsize=(width, height), dpi=dpi, facecolor='white')
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG bytes, the same for the same figure."""
+    out = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(out, metadata={'Software': None})
+    return out.getvalue()
+
+
+def pixels(figure: Figure) -> np.ndarray:
+    """Return a figure as RGB pixels, (height, width, 3) uint8: what an image message wants."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+def readable(unit: str) -> str:
+    """Return a unit as people write it: ``deg/sqrt(h)`` -> ``°/√h``, ``m/s^2`` -> ``m/s²``."""
+    text = unit.replace('sqrt(Hz)', '√Hz').replace('sqrt(h)', '√h').replace('deg', '°')
+    text = 'µ' + text[1:] if text.startswith('ug') else text
+    head, *tails = text.split('^')
+    for tail in tails:
+        k = 0
+        while k < len(tail) and tail[k] in '-0123456789.':
+            k += 1
+        head += tail[:k].translate(_RAISED) + tail[k:]
+    return head
+
+
+def number(value: float) -> str:
+    """Return a tick's number: 0.01, 1, 1000, 10⁵."""
+    power = round(math.log10(abs(value))) if value else 0
+    if value and (power > 3 or power < -3) and math.isclose(abs(value), 10.0 ** power):
+        return ('−' if value < 0 else '') + '10' + str(power).translate(_RAISED)
+    return f'{value:g}'
+
+
+def dress(ax, title: str = '', x: str = '', y: str = ''):
+    """Give an axes its fonts, grid and labels."""
+    ax.tick_params(labelsize=SMALL, length=3, color=FAINT)
+    for side in ('top', 'right'):
+        ax.spines[side].set_visible(False)
+    for side in ('left', 'bottom'):
+        ax.spines[side].set_color(FAINT)
+    ax.grid(True, color='#e3e7ea', linewidth=0.6)
+    ax.set_axisbelow(True)
+    if title:
+        ax.set_title(title, fontsize=NORMAL, fontweight='bold', loc='left', color=MEASURED)
+    if x:
+        ax.set_xlabel(x, fontsize=SMALL)
+    if y:
+        ax.set_ylabel(y, fontsize=SMALL)
+    return ax
+
+
+def log_scale(axis, low: float, high: float, most: int = 7):
+    """
+    Make one axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic from low to high, with a tick a decade.
+
+    Fixed ticks without minor ones draw several times faster than matplotlib's own search.
+    """
+    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    if last - first < 1:
+        decades = range(first - 1, last + 2)
+        at = [d * 10.0 ** k for k in decades for d in (1, 2, 5) if low <= d * 10.0 ** k <= high]
+    else:
+        at = [10.0 ** k for k in range(first, last + 1, max(1, -(-(last - first) // most)))]
+    _scale(axis, 'log', low, high)
+    axis.set_major_locator(FixedLocator(at))
+    axis.set_major_formatter(FixedFormatter([number(v) for v in at]))
+    axis.set_minor_locator(NullLocator())
+
+
+def _scale(axis, kind, low, high, **options):
+    ax, name = axis.axes, axis.axis_name
+    (ax.set_xscale if name == 'x' else ax.set_yscale)(kind, **options)
+    (ax.set_xlim if name == 'x' else ax.set_ylim)(low, high)
+
+
+def signed_log_scale(axis, linear: float, low: float, high: float):
+    """Make one axis linear within +-``linear`` and logarithmic beyond, from low to high."""
+    step = 10.0 ** math.ceil(math.log10(linear))
+    top = 10.0 ** math.floor(math.log10(max(high, step)) + 1e-9)
+    count = max(0, round(math.log10(top / step)))
+    stride = max(1, -(-count // 4))
+    at = [0.0] + [step * 10.0 ** k for k in range(0, count + 1, stride)]
+    at = [v for v in [-step, *at] if low <= v <= high]
+    _scale(axis, 'symlog', low, high, linthresh=linear, linscale=0.5)
+    axis.set_major_locator(FixedLocator(at))
+    axis.set_major_formatter(FixedFormatter([number(v) for v in at]))
+    axis.set_minor_locator(NullLocator())
+
+
+def label_lines(ax, lines, avoid=()):
+    """
+    Write names on lines, each where it is farthest from all other lines and names.
+
+    Parameters
+    ----------
+    ax : Axes
+        Its limits and scales must stand.
+    lines : sequence of (x, y, name, colour)
+        Data coordinates, (k,) each.
+    avoid : sequence of (x, y)
+        What else should stay free.
+
+    """
+    def on_page(x, y):
+        with np.errstate(all='ignore'):
+            at = ax.transAxes.inverted().transform(ax.transData.transform(np.column_stack([x, y])))
+        # a name is some six times as wide as it is high
+        return at[np.all(np.isfinite(at), axis=1)] * np.array([1.0, 1.6])
+
+    paths = [on_page(x, y) for x, y, *_ in lines]
+    others = [on_page(x, y) for x, y in avoid]
+    taken = np.zeros((0, 2))
+    for i, (_, _, name, colour) in enumerate(lines):
+        p = paths[i]
+        inside = p[(p[:, 0] > 0.1) & (p[:, 0] < 0.88) & (p[:, 1] > 0.06) & (p[:, 1] < 1.52)]
+        if not len(inside):
+            continue
+        rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others, np.zeros((0, 2))])
+        room = _distance(inside, rest)
+        if len(taken):
+            room = np.minimum(room, _distance(inside * [0.5, 1], taken * [0.5, 1]))
+        best = inside[int(np.argmax(np.minimum(room, 0.25) - 0.02 * np.abs(inside[:, 0] - 0.5)))]
+        taken = np.vstack([taken, best])
+        ax.text(best[0], best[1] / 1.6, name, transform=ax.transAxes, fontsize=SMALL, color=colour, ha='center', va='center',
+                bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.85}, zorder=6)
+
+
+def _distance(a, b):
+    if not len(b):
+        return np.full(len(a), np.inf)
+    return np.sqrt(np.min(np.sum((a[:, None, :] - b[None, :, :]) ** 2, axis=2), axis=1))

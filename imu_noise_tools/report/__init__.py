@@ -1,0 +1,7 @@
+"""A study in words: text for a terminal, and one self-contained HTML page."""
+
+from .page import html
+from .pictures import pictures
+from .terminal import text
+
+__all__ = ['html', 'pictures', 'text']
