@@ -41,6 +41,11 @@ class Correction:
     model: Model = Model()
     reference_temperature: float = 25.0
 
+    @property
+    def more(self) -> list[Regressor]:
+        """Effects beyond scale, cross-axis and bias that are taken out of the outputs."""
+        return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
+
     def apply(self, raw, temperature=None, force=None) -> np.ndarray:
         """
         Return x for raw samples, (n, 3) or (3,).
@@ -52,8 +57,7 @@ class Correction:
         raw = np.asarray(raw, float)
         columns = np.atleast_2d(raw).T
         x = np.linalg.solve(self.S, columns - self.bias[:, None])
-        more = [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
-        if more:
+        if more := self.more:
             n = columns.shape[1]
             if temperature is None:
                 temperature = self.reference_temperature

@@ -252,6 +252,7 @@ def _some(items, most: int = 4) -> str:
 
 def counted(names) -> dict[str, int]:
     """Return how often each of the six faces was seen, in their order."""
+    names = list(names)
     return {face: sum(n == face for n in names) for face in FACES}
 
 

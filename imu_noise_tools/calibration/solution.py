@@ -13,8 +13,8 @@ from ..errors import FitError, InputError
 from . import solve
 from .correction import Correction
 from .linear import equations
-from .poses import Poses, unit
-from .positions import counted, faced, spread
+from .poses import nearest_face, Poses, unit
+from .positions import CONE_DEG, counted, faced, spread
 from .problem import CalibrationProblem
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
@@ -236,10 +236,9 @@ def as_dict(calibration: Calibration) -> Mapping:
     c, fit = calibration, calibration.fit
     std_s, std_b = c.std
     poses, left = c.poses, c.problem.left_out(fit)
-    kind = 'faces' if c.sensor == 'accel' else 'turns'
     out = {
         'sensor': c.sensor, 'method': c.problem.method, 'unit': c.problem.unit,
-        'formula': 'x = S^-1 (raw - bias)' if len(fit.model) == 3 else 'x = S^-1 (raw - bias - effects(x))',
+        'formula': 'x = S^-1 (raw - bias - effects(x))' if c.correction.more else 'x = S^-1 (raw - bias)',
         'G': c.G.tolist(), 'S': c.S.tolist(), 'bias': c.bias.tolist(),
         'std': {'S': std_s.tolist(), 'bias': std_b.tolist()},
         'chi_squared': float(fit.details['chi2']), 'dof': int(fit.details['dof']),
@@ -249,9 +248,12 @@ def as_dict(calibration: Calibration) -> Mapping:
     if c.problem.method != 'norm':
         out['tilt_deg'] = float(np.degrees(c.problem.tilt))
         out['ols'] = {'S': c.plain.details['S'].tolist(), 'bias': c.plain.details['bias'].tolist()}
-        seen = counted(poses.names) if c.sensor == 'accel' else {
-            n: poses.names.count(n) for n in dict.fromkeys(poses.names)}
-        out[kind] = {'seen': {f: k for f, k in seen.items() if k}, 'missing': [f for f, k in seen.items() if not k]}
+    seen = {n: poses.names.count(n) for n in dict.fromkeys(poses.names)}
+    if c.sensor == 'accel':
+        near = [nearest_face(u) for u in fit.details['inputs'].T]
+        seen = counted(face for face, angle in near if angle <= CONE_DEG)
+    out['faces' if c.sensor == 'accel' else 'turns'] = {
+        'seen': {f: k for f, k in seen.items() if k}, 'missing': [f for f, k in seen.items() if not k]}
     out['effects'] = {e.label: {'effect': e.name, **{p.name: float(e.values[p.name]) for p in e.parameters}}
                       for e in fit.model if e.name not in solve.BASE}
     out['poses'] = [{
