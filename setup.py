@@ -45,8 +45,8 @@ setup(
         'zstandard',
     ],
     extras_require={
-        # Only where no ROS is installed: wheels of the same packages. Without [fastrtps] rclpy has no
-        # middleware and cannot be imported.
+        # Only where no ROS is installed: wheels of the same packages. Without [fastrtps] rclpy has
+        # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fleet': ['dask', 'distributed'],
         'test': [

@@ -49,7 +49,7 @@ class BagReader(Node):
                     's', 0.0, 86400.0, fixed=True),
             Setting('loop', False, 'begin again at the end'),
             Setting('clock', False, 'publish the stamps on /clock', fixed=True),
-            Setting('stamps', 'header', 'keep the header stamps, or stamp with the time of playing',
+            Setting('stamps', 'header', 'keep the header stamps, or stamp with the present time',
                     choices=('header', 'now')))
         if not p['bag']:
             raise InputError('no bag is given', 'give one with -p bag:=PATH')

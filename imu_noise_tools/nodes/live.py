@@ -9,6 +9,8 @@ import threading
 import numpy as np
 
 from ..allan import degrees_of_freedom, interval
+from ..errors import InputError
+from ..record import ImuRecord, regular_rate
 
 _PER_CLUSTER = 16           # a stride of m/16 loses under 1 % of the degrees of freedom
 _LONGEST = 1 << 27          # largest cluster, samples: a week and more at 200 Hz
@@ -43,8 +45,8 @@ class LiveCurve:
     The overlapping Allan deviation of a stream, with a stride of m/16; memory does not grow.
 
     sigma^2(m) = mean over k of (x_{k+2m} - 2 x_{k+m} + x_k)^2 / (2 m^2), x the prefix sums, k = 0,
-    s, 2s ... with s = max(1, m/16) (IEEE 952 C.2). A sample that is not finite is taken for the one
-    before it.
+    s, 2s ... with s = max(1, m/16) (IEEE 952 C.2). A sample that is not finite is taken for the
+    one before it.
 
     """
 
@@ -103,44 +105,92 @@ class Stream:
     """
     The samples of a node: the last ``hours`` of them and the curve of all.
 
-    Safe to fill from one thread and to read from another. ``missed`` and ``refused`` count what
-    did not come and what could not be read.
+    Safe to fill from one thread and to read from another. ``received`` counts what came,
+    ``missed`` what did not (by the index of blocks, else by stamps), ``refused`` what could not
+    be read.
 
     """
 
     hours: float
     frame_id: str = ''
-    missed: int = 0
-    refused: int = 0
-    received: int = 0
-    _parts: deque = field(default_factory=deque)
-    _held: int = 0
-    _limit: int | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self):
-        """Begin an empty curve."""
+        """Begin empty."""
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        with self._lock:
+            self._clear()
+
+    def _clear(self) -> None:
+        self.missed = self.refused = self.received = self.held = 0
+        self._parts: deque = deque()
+        self._limit: int | None = None
         self._curve = LiveCurve(6)
+        self._first = self._last = 0
 
     @property
     def whole(self) -> bool:
         """Whether everything that was received is still held."""
-        return self._held == self.received
+        return self.held == self.received
 
-    def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> None:
-        """Take samples in the order of their arrival: stamps (n,) ns, gyro and accel (n, 3)."""
+    def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
+            first: int | None = None) -> str:
+        """
+        Take samples in the order of their arrival; return what is worth saying about them.
+
+        A record that begins again, by its index or by its stamps, replaces what was there.
+
+        Parameters
+        ----------
+        stamps : ndarray (n,)
+            Header stamps, ns.
+        gyro, accel : ndarray (n, 3)
+            rad/s, m/s^2.
+        first : int or None
+            Index of the first sample in its record, where that is known.
+
+        """
         if not len(stamps):
-            return
-        rows = np.column_stack([gyro, accel])
+            return ''
+        said = ''
         with self._lock:
-            self._parts.append((stamps, rows))
-            self._held += len(stamps)
-            self.received += len(stamps)
-            self._curve.add(rows)
-            if self._limit is None and self._held >= 100:
-                self._limit = int(self.hours * 3600 * (self.rate_hz or 1000.0))
-            while self._limit and self._held - len(self._parts[0][0]) >= self._limit:
-                self._held -= len(self._parts.popleft()[0])
+            if self.received and self._again(stamps, first):
+                self._clear()
+                said = 'the record begins again; what was gathered before is dropped'
+            lost = self._lost(stamps, first)
+            if lost:
+                self.missed += lost
+                said = f'{lost} samples are missing before sample {self.received + self.missed}'
+            self._append(stamps, np.column_stack([gyro, accel]))
+        return said
+
+    def _again(self, stamps, first) -> bool:
+        if first is not None:
+            return first == 0
+        return stamps[0] < self._last and stamps[0] <= self._first
+
+    def _lost(self, stamps, first) -> int:
+        if first is not None:
+            return max(0, first - self.received - self.missed)
+        step = 1e9 / self.rate_hz if self.rate_hz and self.received >= 100 else 0
+        gaps = np.diff(stamps, prepend=self._last) if step else np.empty(0)
+        return int(np.sum(np.round(gaps[gaps > 1.5 * step] / step) - 1)) if step else 0
+
+    def _append(self, stamps, rows) -> None:
+        if not self.received:
+            self._first = stamps[0]
+        self._last = stamps[-1]
+        self._parts.append((stamps, rows))
+        self.held += len(stamps)
+        self.received += len(stamps)
+        self._curve.add(rows)
+        if self._limit is None and self.held >= 100:
+            self._limit = int(self.hours * 3600 * (self.rate_hz or 1000.0))
+        while self._limit and self.held - len(self._parts[0][0]) >= self._limit:
+            self.held -= len(self._parts.popleft()[0])
 
     @property
     def rate_hz(self) -> float | None:
@@ -164,3 +214,26 @@ class Stream:
         """Return the curve of everything received; see :meth:`LiveCurve.curve`."""
         with self._lock:
             return self._curve.curve(1.0 / (self.rate_hz or 1.0))
+
+    def record(self, topic: str) -> ImuRecord:
+        """
+        Return what is held as a record, as :func:`imu_noise_tools.bag.open_record` gives it.
+
+        Raises
+        ------
+        InputError
+            Nothing was received, or its stamps do not advance.
+
+        """
+        stamps, gyro, accel = self.samples()
+        if not len(stamps):
+            raise InputError('nothing was received yet', f'publish on {topic}, or play a bag')
+        t = (stamps - stamps[0]) * 1e-9
+        rate_hz = regular_rate(t)
+        if rate_hz is None:
+            raise InputError(f'{topic}: the stamps do not advance', 'stamp the messages')
+        parts = [x if np.any((x != 0) & ~np.isnan(x)) else None for x in (gyro, accel)]
+        if parts[0] is None and parts[1] is None:
+            raise InputError(f'{topic} holds neither rates nor accelerations', 'check the driver')
+        return ImuRecord(*parts, t=t, rate_hz=rate_hz, start=float(stamps[0]) * 1e-9, topic=topic,
+                         frame_id=self.frame_id, path=topic)

@@ -12,11 +12,11 @@ import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, Imu
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
-import yaml
 
 from ..bag.container import Batch, Connection
 from ..bag.decode import ACCEL, decode, DOUBLES, GYRO, IMU
 from ..record import AXES
+from ..store import dump_yaml
 
 BLOCK_COLUMNS = ('stamp', *AXES)
 CURVE_COLUMNS = ('tau', 'adev', 'lo', 'hi', 'model', 'log10_tau', 'log10_adev')
@@ -170,6 +170,40 @@ def status(name: str, message: str, values: Mapping[str, object] | Iterable = ()
         values=[KeyValue(key=str(k), value=_number(v)) for k, v in pairs if v is not None])
 
 
+def coefficients(target: str, entry: Mapping, hardware_id: str = '') -> DiagnosticStatus:
+    """
+    Return one target of study.yaml as a status: values and intervals with their unit in the key.
+
+    A single capital (N, B, K, Q, R) names itself; other parameters bear the label of their effect.
+
+    """
+    values = []
+    for label, effect in entry['effects'].items():
+        for name, e in effect.items():
+            if not isinstance(e, Mapping):
+                continue
+            capital = len(name) == 1 and name.isupper() and '.' not in label
+            key = name if capital else f'{label}.{name}'
+            lo, hi = e.get('ci95') or (None, None)
+            values += [(f'{key}{suffix} [{e["unit"]}]', v) for suffix, v in (
+                ('', e.get('value')), ('_std', e.get('std')), ('_lo', lo), ('_hi', hi),
+                ('_upper95', e.get('upper95')))]
+    values += [(k, v) for k, v in entry['error'].items() if isinstance(v, (int, float))]
+    return status(target, ' + '.join(entry['effects']), values, OK, hardware_id)
+
+
+def diagnosis(target: str, entry: Mapping, hardware_id: str = '') -> DiagnosticStatus:
+    """Return one target's diagnosis as a status; a missing or unknown effect is a warning."""
+    best = next(iter(entry.get('ranked') or ()), {})
+    named = entry['verdict'] in ('missing', 'undecidable') and best
+    text = f'{entry["verdict"]}: {best["effect"]}' if named else entry['verdict']
+    values = {'verdict': entry['verdict'], 'best': best.get('effect'),
+              'gain [nat]': best.get('gain'), 'probability [1]': best.get('probability'),
+              'evidence': best.get('evidence'), 'advice': entry.get('advice') or None}
+    level = WARN if entry['verdict'] in ('missing', 'unknown') else OK
+    return status(target, text, values, level, hardware_id)
+
+
 def _number(value) -> str:
     if isinstance(value, (bool, np.bool_)):
         return str(bool(value)).lower()
@@ -196,5 +230,5 @@ def image(pixels: np.ndarray, now: Time, frame_id: str = '') -> Image:
 def answer(response, result, success: bool = True):
     """Fill a Trigger's response: its message is YAML."""
     response.success = success
-    response.message = yaml.safe_dump(result, sort_keys=False, allow_unicode=True)
+    response.message = dump_yaml(result)
     return response

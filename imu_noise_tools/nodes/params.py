@@ -18,7 +18,8 @@ class Setting:
     One parameter of a node; the type is the default's: float, int, bool, str or list of str.
 
     ``low`` and ``high`` are allowed values. ``check`` takes a value and raises an ImuNoiseError
-    where it will not do. A ``fixed`` one cannot be set while the node runs.
+    where it will not do. A ``fixed`` one cannot be set while the node runs; a number that is
+    ``optional`` may be NaN: not given.
 
     """
 
@@ -31,6 +32,7 @@ class Setting:
     choices: tuple[str, ...] = ()
     check: Callable[[Any], Any] | None = None
     fixed: bool = False
+    optional: bool = False
 
     def descriptor(self) -> ParameterDescriptor:
         """Return what ``ros2 param describe`` shows."""
@@ -42,23 +44,31 @@ class Setting:
             additional_constraints='; '.join(constraints), read_only=self.fixed,
             # so that `speed:=10` is taken for 10.0, and one name for a list of one
             dynamic_typing=isinstance(self.default, (float, list)))
-        if isinstance(self.default, float) and math.isfinite(self.high - self.low):
+        bounded = isinstance(self.default, float) and math.isfinite(self.high - self.low)
+        if bounded and not self.optional:
             answer.floating_point_range = [
                 FloatingPointRange(from_value=float(self.low), to_value=float(self.high))]
         return answer
 
-    def read(self, value: Any) -> Any:
+    def convert(self, value: Any) -> Any:
         """Return a value in the type of the default, or raise ValueError with the reason."""
         if isinstance(self.default, list):
             if isinstance(value, str):
                 value = value.split(',')
             if not isinstance(value, (list, tuple)) or not all(isinstance(v, str) for v in value):
                 raise ValueError(f'{self.name} takes a list of names, not {value!r}')
-            value = [v.strip() for v in value if v.strip()]
-        elif isinstance(self.default, float):
+            return [v.strip() for v in value if v.strip()]
+        if isinstance(self.default, float):
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise ValueError(f'{self.name} takes a number, not {value!r}')
-            value = float(value)
+            return float(value)
+        return value
+
+    def read(self, value: Any) -> Any:
+        """Return a value converted and checked, or raise ValueError with the reason."""
+        value = self.convert(value)
+        if self.optional and value != value:
+            return value
         if isinstance(value, (int, float)) and not self.low <= value <= self.high:
             raise ValueError(
                 f'{self.name} = {value:g} is not between {self.low:g} and {self.high:g}')
@@ -83,13 +93,15 @@ class Settings:
     settings : Setting
         All of them; they are declared here.
 
-    ``changed``, once set, is called with the names and values after they have been accepted.
+    ``together``, once set, is called with all values before new ones are accepted, and may raise
+    an ImuNoiseError; ``changed``, once set, is called with names and values after they have been.
 
     """
 
     def __init__(self, node, *settings: Setting):
         self._node = node
         self._settings = {s.name: s for s in settings}
+        self.together: Callable[[dict], Any] | None = None
         self.changed: Callable[[dict], None] | None = None
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._act)
@@ -97,16 +109,17 @@ class Settings:
 
     def __getitem__(self, name: str) -> Any:
         """Return the value of one."""
-        return self._settings[name].read(self._node.get_parameter(name).value)
+        return self._settings[name].convert(self._node.get_parameter(name).value)
 
     def _validate(self, parameters) -> SetParametersResult:
         """Refuse what will not do (before anything is set), saying why."""
-        for p in parameters:
-            if p.name in self._settings:
-                try:
-                    self._settings[p.name].read(p.value)
-                except ValueError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
+        try:
+            new = {p.name: self._settings[p.name].read(p.value)
+                   for p in parameters if p.name in self._settings}
+            if new and self.together:
+                self.together({**{name: self[name] for name in self._settings}, **new})
+        except (ValueError, ImuNoiseError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _act(self, parameters) -> None:

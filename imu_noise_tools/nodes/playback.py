@@ -76,7 +76,7 @@ def _messages(bag: Bag, topic: str):
             some = batch.take(slice(k, k + _BLOCK))
             found = decode(some)
             if len(found.stamp):
-                zero = not found.stamp.any() if zero is None else zero      # then the receive times
+                zero = not found.stamp.any() if zero is None else zero
                 stamps = some.receive[found.readable] if zero else found.stamp
                 yield stamps, found.values, found.frame_id
 
@@ -114,8 +114,8 @@ class Player:
     loop : bool
         Begin again at the end.
 
-    ``state`` is waiting, playing, paused, end, or failed (then ``error`` says why); ``sent`` counts
-    samples.
+    ``state`` is waiting, playing, paused, end, or failed (then ``error`` says why); ``sent``
+    counts samples.
 
     """
 

@@ -1,0 +1,146 @@
+"""The analyser node: gathers samples, live or from a bag, and runs the loop on their noise."""
+
+from __future__ import annotations
+
+import sys
+
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+
+from .intake import Intake
+from .live import Stream
+from .loop import guarded, Loop, serve
+from .params import Setting, Settings
+from .results import Results
+from .run import run, threads_executor
+from .saving import Folder, npz
+from .topics import STEADY
+from .. import store
+from ..effect import load_effects, model_of
+from ..errors import InputError
+from ..noise.problem import METHODS
+from ..study import Study
+from ..tasks import noise as tasks
+
+_PATIENCE = 3.0             # s without data after which a bag at its end is taken as it came
+
+
+class Analyser(Node):
+    """Data, curves and services run beside each other, in a group of callbacks each."""
+
+    def __init__(self):
+        super().__init__('analyser')
+        self._settings = p = Settings(
+            self,
+            Setting('effects_from', '', 'Python file with effects of your own', fixed=True,
+                    check=lambda path: path and load_effects(path)),
+            Setting('input', 'messages', 'imu/data_raw or imu/buffer, never both', fixed=True,
+                    choices=('messages', 'buffer')),
+            Setting('effects', list(tasks.DEFAULT_EFFECTS), 'effects of the model that is fitted',
+                    check=lambda names: model_of('noise', names)),
+            Setting('method', 'likelihood', 'how the model is fitted', choices=METHODS),
+            Setting('keep_motion', False, 'analyse everything, not the longest still stretch'),
+            Setting('update_period', 5.0, 'time between two curves while data come', 's',
+                    0.1, 3600.0),
+            Setting('buffer_hours', 4.0, 'how much is held for the analysis', 'h', 0.001, 100.0,
+                    fixed=True),
+            Setting('output_dir', 'analyser.study', 'folder in which everything is saved'))
+        self._stream = Stream(p['buffer_hours'])
+        self._intake = Intake(self, self._stream, p['input'])
+        self._results = Results(self, self._stream)
+        self._folder = Folder()
+        self._study: Study | None = None
+        self._at_end: int | None = None         # the end of a bag that was dealt with
+        self._refit = self._redraw = False
+        group = MutuallyExclusiveCallbackGroup()
+        Loop(self, self._the_study, self._show, group)
+        for name in ('analyse', 'save', 'reset'):
+            serve(self, name, getattr(self, name), group)
+        self.create_timer(0.25, self._work, callback_group=group, clock=STEADY)
+        self._refresh_timer = self.create_timer(
+            p['update_period'], self._refresh, clock=STEADY,
+            callback_group=MutuallyExclusiveCallbackGroup())
+        p.changed = self._changed
+
+    def analyse(self) -> dict:
+        """Fit the model to everything that is held."""
+        self._intake.read()
+        self._results.tell('analysing')
+        record = self._stream.record(self._intake.topic)
+        chosen = {name: self._settings[name] for name in ('effects', 'method', 'keep_motion')}
+        self._study = tasks.analyse_record(record, **chosen)
+        self._show(self._study)
+        data = store.study_to_dict(self._study)
+        return {'source': data['source'], 'targets': data['targets']}
+
+    def save(self) -> dict:
+        """Save the samples and everything that analyse writes."""
+        return {'folder': str(self._save(tasks.outputs(self._the_study())))}
+
+    def reset(self) -> dict:
+        """Forget samples and study."""
+        self._intake.clear()
+        self._study = None
+        return {'reset': True}
+
+    def finish(self) -> None:
+        """Save what was gathered: the samples, and the last study that was finished."""
+        self._intake.read()
+        if self._stream.received:
+            content = store.study_files(self._study) if self._study else {}
+            self.get_logger().info(f'saved in {self._save(content)}')
+
+    def _save(self, content):
+        stamps, gyro, accel = self._stream.samples()
+        samples = npz(t=(stamps - stamps[:1]) * 1e-9, gyro=gyro, accel=accel)
+        return self._folder.save(self._settings['output_dir'], {'samples.npz': samples, **content})
+
+    def _the_study(self) -> Study:
+        if self._study is None:
+            raise InputError('nothing was analysed yet', 'call ~/analyse')
+        return self._study
+
+    def _show(self, study: Study) -> None:
+        self._results.show(study)
+        self._redraw = True
+
+    def _work(self) -> None:
+        """Do what comes due: analyse at the end of a bag, refit, draw, tell."""
+        self._intake.read()
+        end, received = self._intake.end, self._stream.received
+        if end is None:
+            self._at_end = None
+        elif end != self._at_end and received and \
+                (received >= end or self._intake.idle_s > _PATIENCE):
+            self._at_end, self._refit = end, True
+            if received < end:
+                self.get_logger().warning(f'{end - received} of {end} samples did not arrive')
+        for due, work in (('_refit', self.analyse), ('_redraw', self._draw)):
+            if getattr(self, due):
+                setattr(self, due, False)
+                said, good = guarded(self, work)
+                if not good:
+                    self.get_logger().error(f'{said["error"]} {said.get("remedy", "")}')
+        self._results.tell('gathering' if self._study is None else 'analysed')
+
+    def _draw(self) -> None:
+        self._results.draw(self._the_study())
+
+    def _refresh(self) -> None:
+        self._intake.read()
+        self._results.refresh(self._study)
+
+    def _changed(self, values) -> None:
+        if 'update_period' in values:
+            self._refresh_timer.timer_period_ns = int(values['update_period'] * 1e9)
+        if self._study is not None and {'effects', 'method', 'keep_motion'} & set(values):
+            self._refit = True
+
+
+def main(args=None) -> int:
+    """Run the node."""
+    return run(Analyser, args, threads_executor)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

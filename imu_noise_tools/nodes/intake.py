@@ -1,0 +1,97 @@
+"""How samples come into the analyser: as messages or as blocks, and when a bag is at its end."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from std_msgs.msg import Float64MultiArray
+
+from . import messages
+from .live import Stream
+from .topics import complete, ImuInput, overridable, result
+
+_AT_ONCE = 256          # messages read together: one by one costs twenty times as much
+
+
+class Intake:
+    """
+    Fills a stream from ``imu/data_raw`` or ``imu/buffer``, never both.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose subscriptions they are.
+    stream : Stream
+        What is filled.
+    kind : str
+        ``messages`` or ``buffer``.
+
+    ``end`` is the number of samples of a bag at its end, as bag_reader says; None while it plays.
+
+    """
+
+    def __init__(self, node, stream: Stream, kind: str):
+        self._stream, self._say = stream, node.get_logger().warning
+        self._waiting: list[bytes] = []
+        self._lock = threading.Lock()
+        self._heard = time.monotonic()
+        self.end: int | None = None
+        group = MutuallyExclusiveCallbackGroup()
+        if kind == 'messages':
+            self.topic = ImuInput(node, self._take).topic
+        else:
+            self.topic = node.resolve_topic_name('imu/buffer')
+            node.create_subscription(Float64MultiArray, self.topic, self._take_block, complete(),
+                                     callback_group=group, qos_overriding_options=overridable())
+        node.create_subscription(DiagnosticArray, 'bag_reader/status', self._hear, result(),
+                                 callback_group=group)
+
+    @property
+    def idle_s(self) -> float:
+        """Time since the last sample, s."""
+        return time.monotonic() - self._heard
+
+    def read(self) -> None:
+        """Put what waits into the stream."""
+        with self._lock:
+            batch, self._waiting = self._waiting, []
+            if batch:
+                self._add(messages.samples(batch))
+
+    def clear(self) -> None:
+        """Forget what was received."""
+        with self._lock:
+            self._waiting = []
+            self._stream.clear()
+
+    def _take(self, batch: list[bytes]) -> None:
+        with self._lock:
+            self._waiting += batch
+            enough = len(self._waiting) >= _AT_ONCE
+        if enough:
+            self.read()
+
+    def _take_block(self, message) -> None:
+        try:
+            first, samples = messages.samples_of_block(message)
+        except ValueError as error:
+            self._stream.refused += 1
+            self._say(f'{self.topic}: {error}')
+            return
+        with self._lock:
+            self._add(samples, first)
+
+    def _add(self, samples, first=None) -> None:
+        self._heard = time.monotonic()
+        self._stream.refused += samples.refused
+        self._stream.frame_id = samples.frame_id or self._stream.frame_id
+        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first)
+        if said:
+            self._say(f'{self.topic}: {said}')
+
+    def _hear(self, message) -> None:
+        told = {v.key: v.value for s in message.status for v in s.values}
+        self.end = int(told['samples']) if told.get('state') == 'end' else None

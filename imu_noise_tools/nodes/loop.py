@@ -1,0 +1,96 @@
+"""The loop as services, the same for every node: compare, diagnose, add_best, remove_last ..."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import traceback
+
+from std_srvs.srv import Trigger
+
+from . import messages
+from ..errors import ImuNoiseError
+from ..store import diagnosis_to_dict, step_to_dict
+from ..study import Study
+
+
+def guarded(node, work: Callable[[], dict | None]) -> tuple[dict, bool]:
+    """
+    Return what work returns, and whether it succeeded.
+
+    An ImuNoiseError is a refusal, with its remedy. Any other exception is a defect: it is logged,
+    and must not take the node and what it has gathered along.
+
+    """
+    try:
+        return work() or {}, True
+    except ImuNoiseError as error:
+        return {'error': error.message, 'remedy': error.remedy}, False
+    except Exception as error:
+        node.get_logger().error(traceback.format_exc())
+        return {'error': f'{type(error).__name__}: {error}'}, False
+
+
+def serve(node, name: str, work: Callable[[], dict], group=None) -> None:
+    """Offer a Trigger ``~/name`` that answers when the work is done: success, and YAML."""
+    def call(_, response):
+        return messages.answer(response, *guarded(node, work))
+    node.create_service(Trigger, f'~/{name}', call, callback_group=group)
+
+
+class Loop:
+    """
+    The services of the loop over one study.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose they are.
+    study : callable
+        Returns the study, or raises an ImuNoiseError that says what must come first.
+    changed : callable
+        Called with the study when its models or its diagnosis have changed.
+    group : rclpy.callback_groups.CallbackGroup
+        Of the services, so that data go on arriving while they work.
+
+    """
+
+    def __init__(self, node, study: Callable[[], Study], changed: Callable[[Study], None],
+                 group=None):
+        self._study, self._changed = study, changed
+        for name in ('compare', 'diagnose', 'add_best', 'remove_last', 'history'):
+            serve(node, name, getattr(self, name), group)
+
+    def compare(self) -> dict:
+        """Return, for each target, the error on data not fitted, in all and by view."""
+        study = self._study()
+        return {'targets': {t: {
+            'effects': study.states[t].model.labels, 'held_out': s.excess, 'held_out_std': s.std,
+            'within_chance': s.within_chance, 'views': {k: v.excess for k, v in s.views.items()}}
+            for t, s in study.compare().items()}}
+
+    def diagnose(self) -> dict:
+        """Find out what is missing."""
+        study = self._study()
+        found = study.diagnose()
+        self._changed(study)
+        return {'diagnosis': {t: diagnosis_to_dict(study.domain, t, d) for t, d in found.items()}}
+
+    def add_best(self) -> dict:
+        """Put what the diagnosis names into the model; nothing missing is a success, too."""
+        study = self._study()
+        steps = study.add()
+        if steps:
+            self._changed(study)
+        return {'added': [step_to_dict(s) for s in steps]}
+
+    def remove_last(self) -> dict:
+        """Take out what was added last."""
+        study = self._study()
+        steps = study.undo()
+        if steps:
+            self._changed(study)
+        return {'removed': [step_to_dict(s) for s in steps]}
+
+    def history(self) -> dict:
+        """Return the ladder."""
+        return {'history': [step_to_dict(s) for s in self._study().history]}

@@ -1,0 +1,94 @@
+"""What the analyser publishes: counts, curves, coefficients, diagnosis, a picture."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float64MultiArray
+
+from . import messages
+from .live import Stream
+from .topics import result
+from .. import store
+from ..noise.kinds import model_avar
+from ..record import AXES
+from ..study import Study
+
+
+class Results:
+    """The topics of a study and of the stream it is made from."""
+
+    def __init__(self, node, stream: Stream):
+        self._node, self._stream = node, stream
+        self._drawn = 0
+        kinds = {'status': DiagnosticArray, 'coefficients': DiagnosticArray,
+                 'diagnosis': DiagnosticArray, 'plot': Image,
+                 **{f'allan/{axis}': Float64MultiArray for axis in AXES}}
+        self._outputs = {n: node.create_publisher(k, f'~/{n}', result()) for n, k in kinds.items()}
+
+    def _publish(self, name: str, statuses) -> None:
+        now = self._node.get_clock().now().to_msg()
+        self._outputs[name].publish(messages.diagnostics(now, statuses))
+
+    def _counts(self) -> dict:
+        s = self._stream
+        return {'held': s.held, 'missed': s.missed, 'refused': s.refused,
+                'complete': not s.missed and s.whole}
+
+    def tell(self, state: str) -> None:
+        """Publish how many samples came."""
+        counts, received = self._counts(), self._stream.received
+        level = messages.OK if counts['complete'] and not counts['refused'] else messages.WARN
+        values = {'state': state, 'samples': received, **counts, 'rate [Hz]': self._stream.rate_hz}
+        self._publish('status', [
+            messages.status('analyser', f'{state}, {received} samples', values, level)])
+
+    def show(self, study: Study) -> None:
+        """Publish a study: coefficients, diagnosis, and curves with the model beside them."""
+        data = store.study_to_dict(study)
+        source, frame = data['source'], self._stream.frame_id
+        about = messages.status(
+            'record', f'{source["samples"]} samples at {source["rate_hz"]:g} Hz', {
+                'samples': source['samples'], 'rate [Hz]': source['rate_hz'],
+                'duration [s]': source['duration_s'], **self._counts()})
+        self._publish('coefficients', [about, *(
+            messages.coefficients(t, e, frame) for t, e in data['targets'].items())])
+        self._publish('diagnosis', [
+            messages.diagnosis(t, d, frame) for t, d in data['diagnosis'].items()])
+        self._drawn = self._stream.received
+        for axis, state in study.states.items():
+            c = state.problem.evidence.curve
+            model = _deviation(state.model, c.m, c.dt)
+            self._curve(axis, c.tau, c.dev, c.lo, c.hi, model, 'analysed')
+
+    def draw(self, study: Study) -> None:
+        """Publish the picture of a study."""
+        from ..plots.figures import allan_figure
+        from ..plots.style import pixels
+        now = self._node.get_clock().now().to_msg()
+        picture = messages.image(pixels(allan_figure(study)), now)
+        self._outputs['plot'].publish(picture)
+
+    def refresh(self, study: Study | None) -> None:
+        """Publish the live curves where samples have come since, with the model there is."""
+        received = self._stream.received
+        if received == self._drawn:
+            return
+        self._drawn = received
+        tau, dev, lo, hi = self._stream.curve()
+        dt = 1.0 / (self._stream.rate_hz or 1.0)
+        for k, axis in enumerate(AXES):
+            if len(tau) and np.all(dev[:, k] > 0):
+                model = None
+                if study is not None and axis in study.states:
+                    model = _deviation(study.states[axis].model, np.round(tau / dt), dt)
+                self._curve(axis, tau, dev[:, k], lo[:, k], hi[:, k], model, 'live: stride m/16')
+
+    def _curve(self, axis: str, *columns) -> None:
+        self._outputs[f'allan/{axis}'].publish(messages.curve(*columns))
+
+
+def _deviation(model, m, dt) -> np.ndarray:
+    """Return the deviation that a model gives at cluster sizes m."""
+    return np.sqrt(np.maximum(model_avar(model, m, dt), 0))

@@ -1,0 +1,52 @@
+"""Where a node saves: a folder of its own, never one that was there before it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import io
+from pathlib import Path
+
+import numpy as np
+
+from .. import files
+
+
+class Folder:
+    """
+    A folder that is made with the first save and rewritten by later ones.
+
+    What is there already stays: the next free name is taken then (``name.2``).
+
+    """
+
+    def __init__(self):
+        self._made: Path | None = None
+
+    def save(self, wanted: str, content: Mapping[str, str | bytes]) -> Path:
+        """
+        Write files, by name; return the folder.
+
+        Raises
+        ------
+        InputError
+            It cannot be written there.
+
+        """
+        if self._made is not None and self._made.is_dir():
+            files.replace_files(self._made, content)
+            return self._made
+        path, number = Path(wanted), 2
+        while path.exists():
+            path, number = Path(f'{wanted}.{number}'), number + 1
+        with files.new_folder(path) as new:
+            for name, data in content.items():
+                files.atomic_write(new / name, data)
+        self._made = path.resolve()
+        return self._made
+
+
+def npz(**arrays: np.ndarray) -> bytes:
+    """Return arrays as the bytes of an .npz file, not compressed: it must not take long."""
+    out = io.BytesIO()
+    np.savez(out, **arrays)
+    return out.getvalue()
