@@ -23,6 +23,7 @@ from .statespace import state_space, StateSpace
 
 SOJOURN = 10.0                                     # s that a mode of the default bank lasts on average
 WANDER = (1e-5, 3e4)                               # random walks of the rate, (deg/s)^2/s: at rest, and jumps
+NEVER = 1e-15                                      # probability of a step within no time
 ACCELERATION = (0.1, 3.0, 100.0, 3e3, 1e5)         # random walks of the acceleration, (deg/s^2)^2/s
 
 
@@ -82,14 +83,11 @@ def modes_of(models: list[Model], dt: float) -> Modes:
     for model in models:
         space = state_space(model, dt)
         modes = [space]
-        if space.step and dt > 0:
-            step = space.step
+        if space.step:
+            step = max(space.step[0], NEVER), space.step[1]
             q = space.q.copy()
             q[0, 0] += step[1]
             modes.append(replace(space, q=q))
-        elif space.step:
-            modes.append(space)
-            step = space.step
         axes.append(tuple(modes))
     prior = np.array([1.0]) if step is None else np.array([1 - step[0], step[0]])
     return Modes(tuple(axes), prior, 0.0)
@@ -107,7 +105,7 @@ class Coefficients:
         self.p0 = self._stack([choices[0]], 'p0')[0]
         d = range(self.size)
         phi, q = self._stack(choices, 'phi'), self._stack(choices, 'q')
-        self.phi = {(i, j): phi[..., i, j] for i in d for j in d if np.any(phi[..., i, j])}
+        self.phi = {(i, j): phi[..., i, j] for i in d for j in d if i == j or np.any(phi[..., i, j])}
         self.q = {(i, j): q[..., i, j] for i in d for j in range(i, self.size) if np.any(q[..., i, j])}
         self.r = np.array([[[s.r for s in axis] for axis in c.spaces] for c in choices]).swapaxes(1, 2)
         mixture = [axis[0].outliers for axis in choices[0].spaces]

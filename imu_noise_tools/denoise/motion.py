@@ -120,6 +120,7 @@ class Jerk(Motion):
     signature = 'innovations that keep their sign while the angular acceleration changes'
     hint = 'smooth and strong motion, well above the noise'
     reference = 'Mehrotra, Mahapatra 1997'
+    after = 'angular_acceleration'
     heals = 'autocorrelation'
     parameters = (Parameter('q', '{slope}^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'),)
 

@@ -32,6 +32,26 @@ def jumps(model: Model) -> bool:
     return 'outliers' in model or 'rate_step' in model
 
 
+def oscillates(model: Model) -> bool:
+    """Tell whether an effect of the model has a phase."""
+    return any(p.name == 'frequency' for e in model for p in e.parameters)
+
+
+def _from_best_start(steady, z, x):
+    """
+    Return innovations (n,) from the initial state that makes them least: they are linear in it.
+
+    A narrow line's phase is learnt more slowly than any settling time; one least-squares problem finds it at once.
+
+    """
+    d = len(x)
+    columns = np.zeros((len(z), d + 1))
+    columns[:, 0] = z
+    starts = np.concatenate([x[:, None], np.eye(d)], axis=1)
+    _, nu, _ = kalman.run_steady(steady, columns, starts)
+    return nu[:, 0] - nu[:, 1:] @ np.linalg.lstsq(nu[:, 1:], nu[:, 0], rcond=None)[0]
+
+
 def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Prediction:
     """Return the prediction of z (n,) by one model; impossible values predict with likelihood 0."""
     if jumps(model):
@@ -52,7 +72,7 @@ def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Predi
         return Prediction(-np.inf, np.full(len(z) - settle, np.nan))
     x = np.zeros(space.size)
     x[int(np.argmax(space.rate != 0))] = start
-    _, nu, _ = kalman.run_steady(steady, z, x)
+    nu = _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
     nu = nu[settle:]
     return Prediction(kalman.log_likelihood(nu, steady.s), nu / np.sqrt(steady.s))
 

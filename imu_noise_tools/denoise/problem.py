@@ -20,6 +20,7 @@ from ..spectrum import cosine_transform
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
 NEVER = ('constant_rate', 'white', 'random_walk')      # not candidates: without parameters, always there, not told apart
+MENDED = 0.3            # share of the lost information that may be left by an effect that explains the rest
 SEARCH = {'harmonic': 6.0, 'sinusoid': 8.0, 'outliers': 4.0, 'rate_step': 4.0}     # nats: places where it was looked for
 
 
@@ -108,6 +109,8 @@ class FilterProblem:
                 continue
             if name == 'noise_level' and 'white' not in self.stated:
                 continue
+            if effect.after and effect.after not in fit.model:
+                continue
             bare = Model(type(e)({}, e.label) for e in fit.model)
             after = self.fit(bare.plus(effect()))
             gain = after.log_likelihood - fit.log_likelihood
@@ -115,9 +118,16 @@ class FilterProblem:
                 continue
             new = next(e for e in after.model if e.label not in fit.model)
             penalty = 0.5 * len(effect.parameters) * np.log(n) + SEARCH.get(name, 0.0) + 2.0
-            out.append(Finding(name, float(gain), new, after.estimates.get(new.label, {}), float(penalty), effect.heals,
+            heals = effect.heals
+            if gain > penalty and self._lost(after) < MENDED * self._lost(fit):
+                heals = ''                             # most is explained: what is left is another effect's
+            out.append(Finding(name, float(gain), new, after.estimates.get(new.label, {}), float(penalty), heals,
                                f'{effect.signature} (log-likelihood {gain:+.1f}, chance {penalty:.1f})'))
         return sorted(out, key=lambda f: f.penalty - f.gain)
+
+    def _lost(self, fit: Fit) -> float:
+        """Return the deviance from what a true model would score."""
+        return sum(v.excess * len(v.pull) for v in score_of(self.prediction(fit.model).u, self.dt).views.values())
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the information lost per sample, nats, on the second half by the fit of the first."""

@@ -93,6 +93,7 @@ class FilterEffect(Effect):
     kind: ClassVar[str] = ''               # motion drives the rate, noise adds to the output
     heals: ClassVar[str] = ''              # the test of evaluate.omnibus that it must mend to be believed
     measured: ClassVar[tuple[str, ...]] = ()   # parameters read from the samples, not from the likelihood
+    after: ClassVar[str] = ''              # it is a candidate only where this is in the model already
     views: ClassVar[tuple[str, ...]] = ()  # an effect of the filter is judged by all views
 
     @classmethod
