@@ -1,1 +1,1 @@
-"""Pictures: functions that take an Axes or make a Figure, and return it. The only importer of matplotlib."""
+"""Pictures: functions that take an Axes or make a Figure; the only importer of matplotlib."""

@@ -1,8 +1,8 @@
 """
 What all pictures share: colours, labels, axes that draw fast, and a figure as PNG bytes.
 
-Figures are drawn on an Agg canvas of their own: nothing global is read or changed, and one study gives one picture, byte for
-byte.
+Figures are drawn on an Agg canvas of their own: nothing global is read or changed, and one study
+gives one picture, byte for byte.
 
 """
 
@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 import numpy as np
 
-# Okabe and Ito (2008): told apart by the colour-blind too.
 MEASURED, MODEL, FAIL, GOOD, FAINT = '#1f2d3d', '#d55e00', '#c0392b', '#1a7f4b', '#7a8793'
+CHANCE = '#e4e9ec'
+# Okabe and Ito (2008), darkened: told apart by the colour-blind too.
 EFFECTS = ('#0072b2', '#009e73', '#9a5fb5', '#b8860b', '#56b4e9', '#cc79a7', '#5d4037', '#607d8b')
 AXES = {'x': '#0072b2', 'y': '#d55e00', 'z': '#009e73'}
 SMALL, NORMAL, LARGE = 8, 9, 12
@@ -51,10 +52,8 @@ def readable(unit: str) -> str:
     text = 'µ' + text[1:] if text.startswith('ug') else text
     head, *tails = text.split('^')
     for tail in tails:
-        k = 0
-        while k < len(tail) and tail[k] in '-0123456789.':
-            k += 1
-        head += tail[:k].translate(_RAISED) + tail[k:]
+        rest = tail.lstrip('-0123456789.')
+        head += tail[:len(tail) - len(rest)].translate(_RAISED) + rest
     return head
 
 
@@ -67,7 +66,7 @@ def number(value: float) -> str:
 
 
 def dress(ax, title: str = '', x: str = '', y: str = ''):
-    """Give an axes its fonts, grid and labels."""
+    """Give an axes its fonts, grid and labels; return it."""
     ax.tick_params(labelsize=SMALL, length=3, color=FAINT)
     for side in ('top', 'right'):
         ax.spines[side].set_visible(False)
@@ -86,39 +85,35 @@ def dress(ax, title: str = '', x: str = '', y: str = ''):
 
 def log_scale(axis, low: float, high: float, most: int = 7):
     """
-    Make one axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic from low to high, with a tick a decade.
+    Make one axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic from low to high, a tick a decade.
 
     Fixed ticks without minor ones draw several times faster than matplotlib's own search.
+
     """
-    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    first = math.ceil(math.log10(low) - 1e-9)
+    last = math.floor(math.log10(high) + 1e-9)
     if last - first < 1:
-        decades = range(first - 1, last + 2)
-        at = [d * 10.0 ** k for k in decades for d in (1, 2, 5) if low <= d * 10.0 ** k <= high]
+        at = [d * 10.0 ** k for k in range(first - 1, last + 2) for d in (1, 2, 5)]
     else:
         at = [10.0 ** k for k in range(first, last + 1, max(1, -(-(last - first) // most)))]
-    _scale(axis, 'log', low, high)
-    axis.set_major_locator(FixedLocator(at))
-    axis.set_major_formatter(FixedFormatter([number(v) for v in at]))
-    axis.set_minor_locator(NullLocator())
-
-
-def _scale(axis, kind, low, high, **options):
-    ax, name = axis.axes, axis.axis_name
-    (ax.set_xscale if name == 'x' else ax.set_yscale)(kind, **options)
-    (ax.set_xlim if name == 'x' else ax.set_ylim)(low, high)
+    _scale(axis, [v for v in at if low <= v <= high], 'log', low, high)
 
 
 def signed_log_scale(axis, linear: float, low: float, high: float):
     """Make one axis linear within +-``linear`` and logarithmic beyond, from low to high."""
-    step = 10.0 ** math.ceil(math.log10(linear))
-    top = 10.0 ** math.floor(math.log10(max(high, step)) + 1e-9)
-    count = max(0, round(math.log10(top / step)))
-    stride = max(1, -(-count // 4))
-    at = [0.0] + [step * 10.0 ** k for k in range(0, count + 1, stride)]
-    at = [v for v in [-step, *at] if low <= v <= high]
-    _scale(axis, 'symlog', low, high, linthresh=linear, linscale=0.5)
-    axis.set_major_locator(FixedLocator(at))
-    axis.set_major_formatter(FixedFormatter([number(v) for v in at]))
+    first = math.ceil(math.log10(linear))
+    last = math.floor(math.log10(max(high, 10.0 ** first)) + 1e-9)
+    at = [10.0 ** k for k in range(first, last + 1, max(1, -(-(last - first) // 4)))]
+    at = [v for v in (-at[0], 0.0, *at) if low <= v <= high]
+    _scale(axis, at, 'symlog', low, high, linthresh=linear, linscale=0.5)
+
+
+def _scale(axis, ticks, kind, low, high, **options):
+    ax, name = axis.axes, axis.axis_name
+    (ax.set_xscale if name == 'x' else ax.set_yscale)(kind, **options)
+    (ax.set_xlim if name == 'x' else ax.set_ylim)(low, high)
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FixedFormatter([number(v) for v in ticks]))
     axis.set_minor_locator(NullLocator())
 
 
@@ -136,28 +131,38 @@ def label_lines(ax, lines, avoid=()):
         What else should stay free.
 
     """
+    box = ax.get_window_extent()
+    size = np.array([box.width, box.height])
+    line_height = SMALL * ax.figure.dpi / 72
+
     def on_page(x, y):
         with np.errstate(all='ignore'):
-            at = ax.transAxes.inverted().transform(ax.transData.transform(np.column_stack([x, y])))
-        # a name is some six times as wide as it is high
-        return at[np.all(np.isfinite(at), axis=1)] * np.array([1.0, 1.6])
+            at = ax.transData.transform(np.column_stack([x, y])) - (box.x0, box.y0)
+        return at[np.all(np.isfinite(at), axis=1)]
 
     paths = [on_page(x, y) for x, y, *_ in lines]
     others = [on_page(x, y) for x, y in avoid]
     taken = np.zeros((0, 2))
     for i, (_, _, name, colour) in enumerate(lines):
+        half = np.array([0.3 * line_height * len(name), 0.8 * line_height])
         p = paths[i]
-        inside = p[(p[:, 0] > 0.1) & (p[:, 0] < 0.88) & (p[:, 1] > 0.06) & (p[:, 1] < 1.52)]
+        inside = p[np.all((p > 0) & (p < size), axis=1)]
         if not len(inside):
             continue
-        rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others, np.zeros((0, 2))])
-        room = _distance(inside, rest)
-        if len(taken):
-            room = np.minimum(room, _distance(inside * [0.5, 1], taken * [0.5, 1]))
-        best = inside[int(np.argmax(np.minimum(room, 0.25) - 0.02 * np.abs(inside[:, 0] - 0.5)))]
-        taken = np.vstack([taken, best])
-        ax.text(best[0], best[1] / 1.6, name, transform=ax.transAxes, fontsize=SMALL, color=colour, ha='center', va='center',
-                bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.85}, zorder=6)
+        inside = np.clip(inside, half, size - half)
+        rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others,
+                               np.zeros((0, 2))])
+        room = np.minimum(_distance(inside, rest), 4 * line_height)
+        # two names side by side need the width of one
+        flat = np.array([0.25, 1.0])
+        room = np.minimum(room, _distance(inside * flat, taken * flat))
+        middle = np.abs(inside[:, 0] / size[0] - 0.5)
+        best = int(np.argmax(room - line_height * middle))
+        at = inside[best] - (0, 1.2 * line_height if room[best] < line_height else 0)
+        taken = np.vstack([taken, at])
+        ax.text(*(at / size), name, transform=ax.transAxes, fontsize=SMALL, color=colour,
+                ha='center', va='center', zorder=6,
+                bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.85})
 
 
 def _distance(a, b):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..study import Study
 from .words import failing
+from ..study import Study
 
 MOST_TARGETS = 2          # targets shown in full
 
@@ -12,27 +12,26 @@ def pictures(study: Study) -> dict[str, bytes]:
     """
     Return the pictures of a study by name.
 
-    ``series``, ``allan`` and, for the targets that fail most, ``target <name>`` of a noise study; ``ladder`` of any study with
-    more than one step.
+    ``series``, ``allan`` and, for the targets that fail most, ``target <name>`` of a noise study;
+    ``ladder`` of any study in which something was added or removed.
 
     """
-    from ..plots import figures, ladder
-    from ..plots.style import png
+    from ..plots import ladder, noise, style
     out = {}
     if study.domain == 'noise':
         left_out = study.source.get('left_out') or ()
-        out['series'] = png(figures.series_figure(study, left_out))
-        out['allan'] = png(figures.allan_figure(study))
+        out['series'] = style.png(noise.series_figure(study, left_out))
+        out['allan'] = style.png(noise.allan_figure(study))
         for t in worst_targets(study):
-            out[f'target {t}'] = png(figures.target_figure(study.states[t], study.diagnosis.get(t), left_out))
-    if len(study.history) > len(study.targets):
-        out['ladder'] = png(ladder.ladder_figure(study))
+            figure = noise.target_figure(study.states[t], study.diagnosis.get(t), left_out)
+            out[f'target {t}'] = style.png(figure)
+    if any(s.added or s.removed for s in study.history):
+        out['ladder'] = style.png(ladder.ladder_figure(study))
     return out
 
 
 def worst_targets(study: Study, most: int = MOST_TARGETS) -> list[str]:
     """Return the targets that fail most, judged by their worst view."""
-    def worst(t):
-        return max((v.excess / v.std for v in failing(study.states[t].error)), default=0.0)
-
-    return [t for t in sorted(study.targets, key=lambda t: -worst(t)) if worst(t) > 0][:most]
+    worst = {t: max((v.excess / v.std for v in failing(s.error)), default=0.0)
+             for t, s in study.states.items()}
+    return [t for t in sorted(worst, key=lambda t: -worst[t]) if worst[t] > 0][:most]

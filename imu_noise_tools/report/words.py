@@ -1,97 +1,99 @@
-"""What a study says, as short sentences and rows of plain strings: nothing here knows a terminal or HTML."""
+"""What a study says, as short sentences and rows of strings; knows no terminal and no HTML."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime, timezone
 import math
 import shlex
 
 import numpy as np
 
 from .. import units
-from ..effect import Effect, Estimate, Finding, Score, View
+from ..effect import Effect, Estimate, Finding, Parameter, Score, View
+from ..record import SENSORS
 from ..study import Diagnosis, State, Study
 
-DOUBT = 3.0          # standard deviations from which one view alone is said to fail; 2 for the mean of all (Score)
+DOUBT = 3.0          # standard deviations from which one view alone is said to fail
 STRIKING = 3.0       # standard errors from which one place is named
 
 # name of a view: (what it looks at, what it means when it fails)
 VIEWS = {
-    'frequency': ('power over frequency', 'the power of the noise at some frequencies is not what the model says'),
+    'frequency': ('power over frequency', 'at some frequencies the power is not the model\'s'),
     'time': ('mean over time', 'the mean moves in a way that the model does not foresee'),
     'variance': ('loudness over time', 'the noise is louder at some times than at others'),
-    'distribution': ('distribution of the samples', 'the samples are not spread as Gaussian noise is'),
-    'repeats': ('repeated samples', 'neighbouring samples are equal more often than noise makes them'),
+    'distribution': ('distribution of the samples',
+                     'the samples do not spread as Gaussian noise does'),
+    'repeats': ('repeated samples', 'neighbours are equal more often than noise makes them'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
-    'poses': ('poses left out', 'poses are not predicted by the other poses'),
+    'poses': ('poses left out', 'poses are not where the other poses put them'),
 }
 VERDICTS = {
-    'missing': 'something is missing, and this record says what',
+    'missing': 'an effect is missing, and this record says which',
     'complete': 'nothing is missing that this record could show',
     'unknown': 'something is missing that no known effect explains',
     'undecidable': 'this record cannot tell which effect it is',
 }
+_SOURCE = {'path': 'file', 'rate_hz': 'rate', 'duration_s': 'duration', 'frame_id': 'frame'}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One coefficient as people read it."""
+    """One coefficient as people read it: ``shown`` and ``interval`` in the field's unit."""
 
     label: str
     symbol: str
     title: str
-    shown: str          # in the field's unit, or 'not observable'
-    interval: str       # in the field's unit
-    si: str             # with its standard deviation
+    shown: str
+    interval: str
+    si: str
     note: str
 
 
 def sensor_of(target: str) -> str:
     """Return ``gyro`` or ``accel`` for a target of any domain; empty for anything else."""
     sensor = target.partition('_')[0]
-    return sensor if sensor in ('gyro', 'accel') else ''
+    return sensor if sensor in SENSORS else ''
 
 
 def significant(value: float, std: float | None = None, least: int = 3) -> str:
-    """Return a number with two digits of its standard deviation, three digits without one."""
+    """Return a number to two digits of its standard deviation; to ``least`` digits without one."""
     if not math.isfinite(value):
         return str(value)
-    if value and std and math.isfinite(std):
+    if value == 0:
+        return '0'
+    if std and math.isfinite(std):
         least = min(max(math.floor(math.log10(abs(value) / std)) + 2, 2), 9)
-    if value and least <= math.log10(abs(value)) < 6:
-        return f'{value:.0f}'
-    return f'{value:.{least}g}'
+    power = math.floor(math.log10(abs(value)))
+    if -4 < power < 6:
+        return f'{value:.{max(0, least - 1 - power)}f}'
+    return f'{value:.{least - 1}e}'
 
 
 def rows(state: State, target: str) -> list[Row]:
     """Return the coefficients of one target."""
-    out = []
-    for effect in state.model:
-        known = state.fit.estimates.get(effect.label, {})
-        for p in effect.parameters:
-            if p.name in known:
-                out.append(_row(effect, p, known[p.name], sensor_of(target)))
-    return out
+    return [_row(effect, p, state.fit.estimates[effect.label][p.name], sensor_of(target))
+            for effect in state.model for p in effect.parameters
+            if p.name in state.fit.estimates.get(effect.label, {})]
 
 
-def _row(effect: Effect, parameter, e: Estimate, sensor: str) -> Row:
-    factor, unit = units.field(parameter.unit, sensor) if sensor else (1.0, e.unit or parameter.unit)
-    unit = '' if unit == '1' else f' {unit}'
-    std = None if e.std is None else e.std / factor
-    interval = ''
-    if e.value is None:
-        shown = 'not observable'
-        if e.upper95 is not None:
-            interval = f'below {significant(e.upper95 / factor)}{unit}'
-        si = '' if e.upper95 is None else f'< {significant(e.upper95)} {e.unit}'
-    else:
-        shown = f'{significant(e.value / factor, std)}{unit}'
+def _row(effect: Effect, parameter: Parameter, e: Estimate, sensor: str) -> Row:
+    factor, unit = units.field(parameter.unit, sensor) if sensor else (1.0, e.unit)
+    unit, si_unit = ('' if u == '1' else f' {u}' for u in (unit, e.unit))
+    shown, interval, si = 'not observable', '', ''
+    if e.value is not None:
+        std = None if e.std is None else e.std / factor
+        shown = significant(e.value / factor, std) + unit
+        si = significant(e.value, e.std) + (f' ± {e.std:.2g}' if e.std else '') + si_unit
         if e.ci95 is not None:
             interval = ' ... '.join(significant(v / factor, std) for v in e.ci95)
-        si = f'{significant(e.value, e.std)}' + ('' if e.std is None else f' ± {significant(e.std, least=2)}') + f' {e.unit}'
-    note = e.note.removeprefix('not observable: ') if e.value is None else e.note
-    return Row(effect.label, parameter.name, parameter.title or effect.title, shown, interval, si.strip(), note)
+    elif e.upper95 is not None:
+        interval = f'below {significant(e.upper95 / factor)}{unit}'
+        si = f'< {significant(e.upper95)}{si_unit}'
+    note = e.note if e.value is not None else e.note.removeprefix('not observable: ')
+    return Row(effect.label, parameter.name, parameter.title or effect.title, shown, interval, si,
+               note)
 
 
 def parameters_of(finding: Finding, target: str) -> str:
@@ -107,61 +109,70 @@ def error_in_words(error: Score) -> str:
     """Return the error on data not fitted beside what chance allows."""
     if not math.isfinite(error.excess):
         return 'not known: nothing was left to predict'
-    if error.within_chance:
-        return f'{error.excess:.2g}, within chance (up to {2 * error.std:.2g})'
-    return f'{error.excess:.2g}, beyond chance (up to {2 * error.std:.2g})'
+    side = 'within' if error.within_chance else 'beyond'
+    return f'{error.excess:.2g}, {side} chance (up to {2 * error.std:.2g})'
+
+
+def beyond(view: View, least: float = DOUBT) -> bool:
+    """Tell whether one view by itself exceeds chance."""
+    return view.excess > least * view.std
 
 
 def failing(error: Score) -> list[View]:
     """Return the views that exceed chance by themselves, worst first."""
-    beyond = [v for v in error.views.values() if v.std > 0 and v.excess > DOUBT * v.std]
-    return sorted(beyond, key=lambda v: -v.excess / v.std)
+    return sorted((v for v in error.views.values() if v.std > 0 and beyond(v)),
+                  key=lambda v: -v.excess / v.std)
 
 
-def worst_places(view: View, most: int = 3) -> list[tuple[float, float]]:
-    """Return (x, pull) of the places that stand out most, none near another."""
-    chosen: list[tuple[float, float]] = []
-    span = np.ptp(view.x) if len(view.x) else 0.0
+def places_in_words(view: View, most: int = 3) -> str:
+    """Return where a view fails most; nearby places are named once."""
+    said: dict[str, str] = {}
+    taken: list[float] = []
     for i in np.argsort(-np.abs(view.pull), kind='stable'):
-        if abs(view.pull[i]) < STRIKING or len(chosen) == most:
+        x, pull = float(view.x[i]), float(view.pull[i])
+        if abs(pull) < STRIKING or len(said) == most:
             break
-        x = float(view.x[i])
-        near = (abs(math.log(x / y)) < 0.4 if view.unit == 'Hz' and x > 0 and y > 0 else abs(x - y) < 0.05 * span
-                for y, _ in chosen)
-        if not any(near):
-            chosen.append((x, float(view.pull[i])))
-    return chosen
-
-
-def places_in_words(view: View) -> str:
-    """Return where a view fails most."""
-    found = worst_places(view)
-    if not found:
+        if not any(_near(view, x, y) for y in taken):
+            taken.append(x)
+            said.setdefault(_place(view, x), _size(view, pull))
+    if not said:
         return 'a little in many places, nowhere strikingly'
-    return 'worst ' + ', '.join(f'{_place(view, x)} ({_pull(view, pull)})' for x, pull in found)
+    return 'worst ' + ', '.join(f'{place} ({size})' for place, size in said.items())
+
+
+def _near(view, x, y):
+    if view.unit == 'Hz' and x > 0 and y > 0:
+        return abs(math.log(x / y)) < 0.4
+    return abs(x - y) < 0.05 * np.ptp(view.x)
 
 
 def _place(view, x):
     if view.unit == 'Hz':
-        return f'near {x:.3g} Hz' + (f' (a period of {1 / x:.3g} s)' if 0 < x < 0.1 else '')
+        return f'near {x:.3g} Hz' + (f' (period {duration(1 / x)})' if 0 < x < 0.1 else '')
     if view.unit == 's':
         return f'at {duration(x)}'
-    if view.name == 'distribution':
-        return 'in the tails' if min(x, 1 - x) < 0.05 else 'close to the mean' if abs(x - 0.5) < 0.2 else 'on the flanks'
+    if view.unit == 'quantile':
+        left = min(x, 1 - x)
+        return 'in the tails' if left < 0.05 else 'on the flanks' if left < 0.3 else 'near the mean'
     return f'at {x:.3g} {view.unit}'.strip()
 
 
-def _pull(view, pull):
-    size = f'{abs(pull):.1f} standard errors'
+def _size(view, pull):
+    size = f'{abs(pull):.2g} standard errors'
     if view.name in ('frequency', 'variance', 'distribution'):
         return f'{size} too {"much" if pull > 0 else "little"}'
     return size
 
 
+def title_of(view: str) -> str:
+    """Return what a view looks at."""
+    return VIEWS.get(view, (view.replace('_', ' '), ''))[0]
+
+
 def view_in_words(view: View) -> str:
     """Return one sentence on a view that fails."""
-    title, meaning = VIEWS.get(view.name, (view.name, 'the model does not describe it'))
-    return f'{title}: {meaning}; {places_in_words(view)}'
+    meaning = VIEWS.get(view.name, ('', 'the model does not describe it'))[1]
+    return f'{title_of(view.name)}: {meaning}; {places_in_words(view)}'
 
 
 def duration(seconds: float) -> str:
@@ -175,61 +186,62 @@ def diagnosis_in_words(d: Diagnosis) -> str:
     """Return the verdict in one line."""
     if d.verdict == 'missing' and d.ranked:
         best = d.ranked[0]
-        sure = f', probability {best.probability:.2g}' if best.probability is not None else ''
+        sure = '' if best.probability is None else f', probability {best.probability:.2g}'
         return f'missing: {best.name}{sure}'
-    if d.verdict == 'undecidable' and d.ranked:
-        return 'undecidable: ' + ' or '.join(f.name for f in d.ranked if f.gain > f.penalty)
+    rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty)
+    if d.verdict == 'undecidable' and rivals:
+        return f'undecidable: {rivals}'
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
 
 
-def misfit(summary: Mapping[str, float]) -> str:
-    """Return how far model and measured Allan deviation are apart; empty where it is not known."""
-    if 'misfit_percent' not in summary:
-        return ''
-    return (f'model and Allan deviation differ by {summary["misfit_percent"]:.2g} % rms up to a tenth of the record '
-            f'(a true model: about {summary["misfit_expected"]:.2g} %)')
+def summary_in_words(summary: Mapping[str, float]) -> list[str]:
+    """Return what else is known of a fit, one sentence each."""
+    rest = dict(summary)
+    out = []
+    if {'misfit_percent', 'misfit_expected'} <= set(rest):
+        found, expected = rest.pop('misfit_percent'), rest.pop('misfit_expected')
+        out.append(f'model and measured Allan deviation differ by {found:.2g} percent rms up to '
+                   f'a tenth of the record (a true model: some {expected:.2g} percent)')
+    return out + [f'{k.replace("_", " ")}: {v:.4g}' for k, v in rest.items()]
 
 
 def source_rows(source: Mapping) -> list[tuple[str, str]]:
     """Return what was measured, as (what, value), without warnings and stretches left out."""
-    names = {'path': 'file', 'topic': 'topic', 'samples': 'samples', 'rate_hz': 'rate', 'duration_s': 'duration', 'frame_id': 'frame'}
     out = []
     for key, value in source.items():
-        if key in ('warnings', 'left_out') or value is None or value == '':
+        if key in ('warnings', 'notes', 'left_out') or value is None or value in ('', [], {}):
             continue
-        if key == 'rate_hz':
-            value = f'{value:.6g} Hz'
-        elif key == 'duration_s':
-            value = duration(value)
-        elif key == 'start' and isinstance(value, (int, float)) and not isinstance(value, bool):
-            value = _date(value)
-        elif isinstance(value, float):
-            value = f'{value:.6g}'
-        out.append((names.get(key, str(key).replace('_', ' ')), str(value)))
+        out.append((_SOURCE.get(key, str(key).replace('_', ' ')), _source_value(key, value)))
     return out
 
 
-def _date(stamp):
-    from datetime import datetime, timezone
-    if not 1e8 < stamp < 1e11:
-        return f'{stamp:.6g} s'
-    return datetime.fromtimestamp(stamp, timezone.utc).strftime('%Y-%m-%d %H:%M:%S UTC')
+def _source_value(key, value):
+    if isinstance(value, (list, tuple)):
+        return ', '.join(str(v) for v in value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    if key == 'rate_hz':
+        return f'{value:.6g} Hz'
+    if key == 'duration_s':
+        return duration(value)
+    if key == 'start' and 1e8 < value < 1e11:
+        return datetime.fromtimestamp(value, timezone.utc).strftime('%Y-%m-%d %H:%M:%S UTC')
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
 
 
 def next_steps(study: Study, folder: str = 'DIR') -> list[tuple[str, str]]:
     """Return (command, why): what to run next."""
-    where = shlex.quote(str(folder)) if folder != 'DIR' else folder
+    where = shlex.quote(str(folder))
     if any(t not in study.diagnosis for t in study.targets):
         return [(f'imu_noise diagnose {where}', 'finds out what is missing, if anything')]
-    missing = {t: d.ranked[0].name for t, d in study.diagnosis.items() if d.verdict == 'missing' and d.ranked}
+    missing: dict[str, list[str]] = {}
+    for t, d in study.diagnosis.items():
+        if d.verdict == 'missing' and d.ranked:
+            missing.setdefault(d.ranked[0].name, []).append(t)
     if missing:
-        said = ', '.join(f'{name} ({" ".join(t for t in missing if missing[t] == name)})' for name in dict.fromkeys(missing.values()))
-        return [(f'imu_noise add {where}', f'puts {said} into the model and fits again')]
-    out = []
-    if study.domain == 'noise':
-        out.append((f'imu_noise export {where} --format kalibr -o imu.yaml', 'writes the numbers for a consumer'))
-    elif study.domain == 'calibration':
-        out.append((f'imu_noise apply BAG -o BAG2 --calibration {where}', 'calibrates a recording'))
-    if study.history:
-        out.append((f'imu_noise history {where}', 'shows the models tried'))
-    return out
+        what = ', '.join(f'{name} ({" ".join(some)})' for name, some in missing.items())
+        return [(f'imu_noise add {where}', f'puts in {what} and fits again')]
+    return {'noise': [(f'imu_noise export {where} --format kalibr -o imu.yaml',
+                       'writes the numbers for an estimator')],
+            'calibration': [(f'imu_noise apply BAG -o BAG2 --calibration {where}',
+                             'corrects a recording')]}.get(study.domain, [])

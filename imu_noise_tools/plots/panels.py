@@ -1,0 +1,281 @@
+"""
+Pictures of one axis: Allan deviation, spectrum, pulls, course in time, distribution.
+
+Each function draws on an Axes and returns it.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+from .curves import Curves, curves, line_envelope, model_spectra, NOTABLE, observable
+from .curves import readings, runs
+from .style import AXES, CHANCE, dress, EFFECTS, FAIL, FAINT, label_lines, log_scale
+from .style import MEASURED, MODEL, readable, SMALL
+from .. import units
+from ..allan import interval
+from ..noise import views
+from ..noise.kinds import Inputs, Line, Mean
+from ..study import Diagnosis, State
+
+_SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
+_DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}
+RARE = 3.29           # standard errors that one point of a thousand exceeds by chance
+TAU = 'averaging time τ, s'
+
+
+def suspected(diagnosis: Diagnosis | None) -> str:
+    """Return what a diagnosis suspects, in a few words for a picture; empty for nothing."""
+    if diagnosis is None or diagnosis.verdict == 'complete':
+        return ''
+    if diagnosis.verdict == 'missing' and diagnosis.ranked:
+        return diagnosis.ranked[0].name
+    if diagnosis.verdict == 'undecidable':
+        rivals = [f.name for f in diagnosis.ranked if f.gain > f.penalty][:2]
+        return ' or '.join(rivals) + '?' if rivals else ''
+    return 'something unknown'
+
+
+def allan(ax, state: State, found: Curves | None = None, title: str | None = None):
+    """
+    Draw the measured Allan deviation with its 95 % band, the model, each effect, and the readings.
+
+    Parameters
+    ----------
+    ax : Axes
+    state : State
+        Of a noise study.
+    found : Curves or None
+        What :func:`~imu_noise_tools.plots.curves.curves` gave, where it is at hand.
+    title : str or None
+        The axis' name unless given.
+
+    """
+    e, c = state.problem.evidence, state.problem.evidence.curve
+    factor, unit = units.field('{rate}', e.sensor)
+    found = found or curves(state)
+    dress(ax, e.axis if title is None else title, y=f'Allan deviation, {readable(unit)}')
+    marks = [r for r in readings(state, found) if r.observable] if found else []
+    low = c.dev.min() / factor
+    # a reading up to a decade below the curve is worth the room
+    low = min([low / 2.5, *(0.6 * r.sigma / factor for r in marks if r.sigma / factor > low / 25)])
+    log_scale(ax.xaxis, c.tau[0], c.tau[-1] * 1.05)
+    log_scale(ax.yaxis, low, c.hi.max() / factor * 1.6)
+    _band(ax, c.tau, c.lo / factor, c.hi / factor, c.dev / factor)
+    if found:
+        lines = _effect_lines(ax, state, found, factor)
+        ax.plot(c.tau, np.sqrt(found.model) / factor, color=MODEL, linewidth=1.5)
+        shown = [r for r in marks if r.sigma / factor > low and c.tau[0] <= r.tau <= c.tau[-1]]
+        for r in shown:
+            _mark(ax, r.tau, r.sigma / factor, r.symbol, _colour(state, r.label))
+        label_lines(ax, lines, [(c.tau, c.dev / factor),
+                                *(([r.tau], [r.sigma / factor]) for r in shown)])
+    return ax
+
+
+def _band(ax, x, lo, hi, middle, colour=MEASURED, **options):
+    ax.fill_between(x, lo, hi, color=colour, alpha=0.16, linewidth=0)
+    ax.plot(x, middle, color=colour, linewidth=1.6, **options)
+
+
+def _colour(state, label):
+    return EFFECTS[state.model.labels.index(label) % len(EFFECTS)]
+
+
+def _dashed(ax, state, label, x, y):
+    """Draw one effect's line; return what its label needs."""
+    seen, colour = observable(state, label), _colour(state, label)
+    ax.plot(x, y, '--', color=colour, linewidth=1.1, alpha=1 if seen else 0.45)
+    return x, y, label if seen else f'({label})', colour
+
+
+def _effect_lines(ax, state, found, factor):
+    c = state.problem.evidence.curve
+    lines = []
+    for label, v in found.each.items():
+        if isinstance(state.model[label], Line):
+            v = line_envelope(state.model[label], c.m, c.dt)
+        lines.append(_dashed(ax, state, label, c.tau, np.sqrt(np.maximum(v, 1e-300)) / factor))
+    return lines
+
+
+def _mark(ax, x, y, name, colour):
+    ax.plot([x], [y], 'o', markersize=6, markerfacecolor='white', markeredgecolor=colour,
+            markeredgewidth=1.6, zorder=7)
+    ax.annotate(name, (x, y), xytext=(6, 5), textcoords='offset points', fontsize=SMALL,
+                fontweight='bold', color=colour, zorder=7)
+
+
+def pulls(ax, x, pull, label: str = '', xlabel: str = TAU):
+    """
+    Draw pulls (standard errors) against x on a logarithmic scale.
+
+    What lies beyond 2 is filled; runs that chance hardly explains are shaded, and the worst of
+    them carries the label: the suspected effect.
+
+    """
+    x, pull = np.asarray(x), np.asarray(pull)
+    dress(ax, x=xlabel, y='pull')
+    top = float(np.clip(1.15 * np.max(np.abs(pull), initial=0.0), 4, 12))
+    shown = np.clip(pull, -top, top)
+    log_scale(ax.xaxis, x[0], x[-1] * 1.05)
+    ax.set_ylim(-top, top)
+    tick = 2 if top < 5 else 4 if top < 9 else 10
+    ax.set_yticks([-tick, 0, tick])
+    ax.axhspan(-NOTABLE, NOTABLE, color=CHANCE, linewidth=0)
+    for sign in (1, -1):
+        ax.fill_between(x, sign * NOTABLE, shown, where=sign * shown > NOTABLE, interpolate=True,
+                        color=FAIL, alpha=0.55, linewidth=0)
+    ax.plot(x, shown, color=MEASURED, linewidth=1.0)
+    marked = runs(pull)
+    shade(ax, x, marked)
+    if marked and label:
+        _name_run(ax, x, pull, max(marked, key=lambda r: np.sum(pull[r[0]:r[1]] ** 2)), label)
+    return ax
+
+
+def _name_run(ax, x, pull, run, label):
+    """Write a label on the side of zero where the pull is not."""
+    a, b = run
+    middle = np.sqrt(x[a] * x[b - 1])
+    share = np.log(middle / x[0]) / np.log(x[-1] / x[0])
+    side = 'left' if share < 0.25 else 'right' if share > 0.75 else 'center'
+    at = {'left': x[a], 'right': x[b - 1], 'center': middle}[side]
+    positive = np.mean(pull[a:b]) > 0
+    ax.text(at, 0.06 if positive else 0.94, label, transform=ax.get_xaxis_transform(), ha=side,
+            va='bottom' if positive else 'top', fontsize=SMALL, fontweight='bold', color=FAIL)
+
+
+def shade(ax, x, marked):
+    """Shade stretches of x (k,), given as [begin, end) indices, half-way to their neighbours."""
+    edges = np.concatenate([x[:1], np.sqrt(x[1:] * x[:-1]), x[-1:]])
+    for a, b in marked:
+        ax.axvspan(edges[a], edges[b], color=FAIL, alpha=0.10, linewidth=0)
+    return ax
+
+
+def psd(ax, state: State):
+    """Draw the measured noise density with its 95 % band, the model, each effect, lines found."""
+    e = state.problem.evidence
+    factor, unit = _DENSITY[e.sensor]
+    f, count = e.whole.bins.f, e.whole.bins.count
+
+    def density(s):
+        return np.sqrt(np.maximum(s, 1e-300) / 2) / factor
+
+    v, each = model_spectra(state)
+    total, v = density(e.whole.power + views.unclaimed(e, 'whole', state.model)), density(v)
+    mid, level, weight = _rebinned(f, e.whole.power, count)
+    lo, hi = interval(density(level), weight)
+    level = density(level)
+    dress(ax, f'{e.axis}: spectrum', 'frequency, Hz',
+          f'noise density (two-sided), {readable(unit)}')
+    log_scale(ax.xaxis, f[0], f[-1] * 1.05)
+    log_scale(ax.yaxis, min(level.min(), v.min()) / 3, 2 * max(level.max(), v.max(), total.max()))
+    ax.plot(f, total, '.', color=FAINT, markersize=2.0, alpha=0.5)
+    _band(ax, mid, lo, hi, level)
+    lines = [_dashed(ax, state, label, f, density(s)) for label, s in each.items()]
+    ax.plot(f, v, color=MODEL, linewidth=1.5)
+    label_lines(ax, lines, [(mid, level)])
+    for i in views.lines_left(e, state.model)[:3]:
+        _name_line(ax, e, e.line_table[i, 0], total)
+    return ax
+
+
+def _name_line(ax, e, at, density):
+    """Draw a line of the spectrum that the model does not hold, with its frequency."""
+    top = density[e.whole.bins.index(min(max(1, round(2 * e.duration * at)), e.whole.n - 1))]
+    ax.plot([at, at], [ax.get_ylim()[0], top], color=FAIL, linewidth=1.0)
+    ax.annotate(f'{at:.4g} Hz', (at, top), xytext=(0, 4), textcoords='offset points', ha='center',
+                fontsize=SMALL, color=FAIL, fontweight='bold')
+
+
+def _rebinned(f, power, count, per_decade=10):
+    """Return (f, mean power, coefficients) of logarithmic bins made of the kept ones."""
+    group = np.floor(np.log10(f / f[0]) * per_decade).astype(int)
+    starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
+    w = np.add.reduceat(count.astype(float), starts)
+    return (np.exp(np.add.reduceat(np.log(f) * count, starts) / w),
+            np.add.reduceat(power * count, starts) / w, w)
+
+
+def series(ax, state: State, left_out=(), xlabel: bool = True):
+    """
+    Draw the time series: extremes of each column, block means, what the model says of the mean.
+
+    Parameters
+    ----------
+    ax : Axes
+    state : State
+        Of a noise study.
+    left_out : iterable of (from, to, ...)
+        Stretches that the fit did not use, s from the first sample.
+    xlabel : bool
+        Whether to label the time axis.
+
+    """
+    e = state.problem.evidence
+    factor, unit = _SHOWN[e.sensor]
+    t, lo, hi = e.envelope.T
+    mean = float(np.mean(e.slow_y))
+    scale, word = _time_unit(e.duration)
+    dress(ax, f'{e.axis}, less its mean {mean / factor:.5g} {readable(unit)}',
+          f'time, {word}' if xlabel else '', readable(unit))
+    ax.fill_between(t / scale, (lo - mean) / factor, (hi - mean) / factor,
+                    color=AXES[e.axis[-1]], alpha=0.45, linewidth=0)
+    per = max(1, len(e.slow_y) // 256)
+    used = len(e.slow_y) // per * per
+    slow_t, slow = (v[:used].reshape(-1, per).mean(axis=1) for v in (e.slow_t, e.slow_y))
+    ax.plot(slow_t / scale, (slow - mean) / factor, color=MEASURED, linewidth=1.0)
+    means = state.model.of(Mean)
+    if means:
+        inputs = Inputs(e.slow_t, e.dt, e.slow_others)
+        known = sum(m.mean(inputs) for m in means)
+        ax.plot(e.slow_t / scale, (known - np.mean(known)) / factor, color=MODEL, linewidth=1.4)
+    for begin, end, *_ in left_out:
+        ax.axvspan(begin / scale, end / scale, color=FAINT, alpha=0.3, linewidth=0)
+    ax.set_xlim(0, e.duration / scale)
+    return ax
+
+
+def _time_unit(duration):
+    return (3600.0, 'h') if duration > 7200 else (60.0, 'min') if duration > 300 else (1.0, 's')
+
+
+def in_time(ax, state: State):
+    """Draw the rms of the noise in time beside its mean over the record; grey: chance."""
+    e = state.problem.evidence
+    t, x, w = views.power_in_time(e, state.model, groups=1)
+    spread = 2 / (9 * w[0])
+    # Wilson and Hilferty's normal approximation of chi-squared, backwards
+    lo, hi = ((1 - spread + z * np.sqrt(spread)) ** 1.5 for z in (-RARE, RARE))
+    scale, word = _time_unit(e.duration)
+    dress(ax, f'{e.axis}: loudness in time', f'time, {word}', 'rms / mean rms')
+    _beside_chance(ax, t / scale, np.sqrt(x[:, 0]), lo, hi)
+    ax.set_xlim(0, e.duration / scale)
+    return ax
+
+
+def distribution(ax, state: State):
+    """Draw how many samples lie where a normal distribution puts equally many; grey: chance."""
+    e = state.problem.evidence
+    cells = e.cells_of(state.model).astype(float)
+    k, total = len(cells), cells.sum()
+    chance = RARE * np.sqrt((1 - 1 / k) / (total / k))
+    dress(ax, f'{e.axis}: distribution of the samples', 'standard deviations from the mean',
+          'samples / normal')
+    at = norm.ppf((np.arange(k) + 0.5) / k)
+    _beside_chance(ax, at, cells / (total / k), 1 - chance, 1 + chance, 'steps-mid')
+    return ax
+
+
+def _beside_chance(ax, x, ratio, lo, hi, style='default'):
+    """Draw a ratio whose expectation is 1, what chance allows, and the points beyond it."""
+    ax.axhspan(lo, hi, color=CHANCE, linewidth=0)
+    ax.plot(x, ratio, color=MEASURED, linewidth=1.0, drawstyle=style)
+    out = (ratio < lo) | (ratio > hi)
+    ax.plot(x[out], ratio[out], '.', color=FAIL, markersize=5)
+    reach = 1.3 * max(np.max(np.abs(ratio - 1)), hi - 1)
+    ax.set_ylim(max(0, 1 - reach), 1 + reach)
