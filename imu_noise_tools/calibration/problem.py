@@ -80,23 +80,26 @@ class CalibrationProblem:
         mine, _ = equations(fit.model, poses, scale, self.tilt, self._free)
         residual = mine.right - mine.matrix @ fit.details['theta']
         cov = fit.details['cov'] if fit.details['method'] == 'ols' else system.cov
-        blind = mine.matrix @ system.undetermined
-        total = np.eye(len(residual)) + mine.matrix @ cov @ mine.matrix.T
-        size = np.linalg.norm(system.undetermined, axis=0).max(initial=0) or 1.0
-        value, vector = np.linalg.eigh(total + 1e12 * blind @ blind.T / size ** 2)
-        keep = value < 1e5
-        pull = (vector[:, keep].T @ residual) / np.sqrt(value[keep])
-        return self._score(np.repeat(poses.time.mean(), len(pull)), pull, np.sqrt(2 / max(1, len(pull))))
+        seen = _complement(mine.matrix @ system.undetermined, system.undetermined)
+        spread = mine.matrix @ cov @ mine.matrix.T
+        value, vector = np.linalg.eigh(seen.T @ (np.eye(len(residual)) + spread) @ seen)
+        vector = seen @ vector
+        pull = (vector.T @ residual) / np.sqrt(value)
+        std = np.sqrt(2 / max(1, len(pull)))
+        log_score = _log_score(pull, value, vector, mine.whitener[0]) if poses.n == 1 else None
+        return self._score(np.repeat(poses.time.mean(), len(pull)), pull, std, log_score)
 
     def held_out(self, fit: Fit) -> Score:
         """Return the score of all poses, each left out in turn: the closed form of split, fit and score."""
         left = self.left_out(fit)
-        return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std)
+        log_score = sum(_log_score(e / np.sqrt(v), v, vector, w) for e, v, vector, w in
+                        zip(left.error, left.variance, left.vectors, left.equations.whitener))
+        return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std, log_score)
 
     @staticmethod
-    def _score(time, pull, std) -> Score:
+    def _score(time, pull, std, log_score) -> Score:
         excess = float(np.mean(pull ** 2) - 1) if len(pull) else float('nan')
-        return Score.of([View('poses', time, pull, excess, float(std), 's')])
+        return Score.of([View('poses', time, pull, excess, float(std), 's', log_score)])
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the rms residual, the rms error of poses left out, chi-squared and its degrees of freedom."""
@@ -112,12 +115,14 @@ class CalibrationProblem:
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the whole: chi-squared, the worst pose, a drift in time."""
         system, left = fit.details['equations'], self.left_out(fit)
-        total = float(chi2.sf(system.chi2, system.dof)) if system.dof else 1.0
+        share, total = self._tilted_share(fit), self._chi2_tail(fit)
         found = [Finding('chi_squared', 0.0, p_value=total, view='poses',
                          evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of freedom')]
-        k = int(np.argmin(left.p_values))
+        # a tilt shortens the axial reading by an exponential variable, whose tail is longer than the normal one
+        p_values = np.where(share > 0.5, np.maximum(left.p_values, np.exp(-1 - np.sqrt(left.x))), left.p_values)
+        k = int(np.argmin(p_values))
         found.append(Finding(
-            'worst_pose', 0.0, p_value=float(min(1.0, self.poses.n * left.p_values[k])), view='poses',
+            'worst_pose', 0.0, p_value=float(min(1.0, self.poses.n * p_values[k])), view='poses',
             evidence=f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s is {np.sqrt(left.x[k]):.1f} standard '
                      f'errors from what the other poses predict'))
         gain, rank = system.gain(self._drift(system))
@@ -125,6 +130,32 @@ class CalibrationProblem:
             found.append(Finding('drift', 0.0, p_value=float(chi2.sf(2 * gain, rank)), view='time',
                                  evidence='residual against the time of the pose'))
         return found
+
+    def _tilted_share(self, fit: Fit) -> np.ndarray:
+        """Return which part of each pose's axial variance is tilt, (n,)."""
+        if self._free:
+            return np.zeros(self.poses.n)
+        rms = next(iter(fit.model['tilt'].values.values())) if 'tilt' in fit.model else self.tilt
+        axis = unit(self.poses.inputs)
+        back = np.linalg.inv(fit.details['equations'].whitener)
+        variance = np.sum(np.einsum('in,nij->nj', axis, back) ** 2, axis=1)
+        own = np.sum(axis * (fit.details['S'] @ self.poses.inputs), axis=0)
+        return (own * rms ** 2) ** 2 / np.where(variance > 0, variance, 1.0)
+
+    def _overdispersion(self, fit: Fit) -> float:
+        """
+        Return by how much chi-squared scatters more than its name says, as variance.
+
+        The square of a centred exponential has variance 8, of a normal variable 2.
+
+        """
+        system, share = fit.details['equations'], self._tilted_share(fit)
+        return 1 + 3 * float(np.sum(share ** 2)) * max(1, system.dof) / len(system.right) ** 2
+
+    def _chi2_tail(self, fit: Fit) -> float:
+        """Return the chance of a larger chi-squared, by its first two moments."""
+        system, ratio = fit.details['equations'], self._overdispersion(fit)
+        return float(chi2.sf(system.chi2 / ratio, system.dof / ratio)) if system.dof else 1.0
 
     def _drift(self, system):
         t = self.poses.time - self.poses.time.mean()
@@ -163,8 +194,7 @@ class CalibrationProblem:
         if not _possible(effect, estimates):
             return None
         # A candidate that leaves the residuals wrong, with nothing else in sight, has to answer for chi-squared.
-        system = more.details['equations']
-        wrong = system.dof > 0 and chi2.sf(system.chi2, system.dof) < _CHANCE
+        wrong = self._chi2_tail(more) < _CHANCE
         alone = wrong and not any(f.gain > f.penalty for f in self._screened(more))
         return replace(finding, effect=effect, estimates=estimates, view='chi_squared' if alone else 'poses',
                        evidence=f'{finding.evidence}; {self._where(fit, more)}')
@@ -200,7 +230,8 @@ class CalibrationProblem:
         if effect.name == 'tilt' and amplitude <= self.tilt:
             return 0.0, 1
         system, log_det = equations(fit.model, *args)
-        return max(0.0, best - system.log_restricted(log_det)), 1
+        gain = (best - system.log_restricted(log_det)) / self._overdispersion(fit)
+        return max(0.0, float(gain)), 1
 
     def _where(self, fit: Fit, more: Fit) -> str:
         """Say at which poses the residual falls most."""
@@ -245,6 +276,24 @@ class CalibrationProblem:
         if 'method' not in arrays or 'outputs' not in arrays:
             raise UsageError('the evidence holds no poses', 'run calibrate again')
         return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
+
+
+def _complement(blind: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return a basis of the equations in which nothing undetermined is felt, (N, k)."""
+    if not blind.size:
+        return np.eye(len(blind))
+    u, size, _ = np.linalg.svd(blind / np.linalg.norm(basis, axis=0))
+    felt = np.zeros(len(blind), bool)
+    felt[:len(size)] = size > 1e-6 * np.linalg.norm(blind / np.linalg.norm(basis, axis=0), axis=0).max(initial=1e-300)
+    return u[:, ~felt]
+
+
+def _log_score(pull, variance, vector, whitener) -> float:
+    """Return -2 ln p of one pose's outputs, in the directions that are predicted, up to a constant."""
+    if not len(pull):
+        return 0.0
+    rows = vector.T @ whitener
+    return float(np.sum(pull ** 2 + np.log(variance)) - np.linalg.slogdet(rows @ rows.T)[1])
 
 
 def _directed(fit: Fit, poses: Poses) -> Poses:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import norm as normal
 
 from ..effect import Estimate, Fit, Model, model_of
 from ..errors import FitError, UsageError
@@ -18,6 +17,7 @@ from .poses import Poses, unit
 
 METHODS = ('ols', 'wls', 'norm')
 TILT = np.radians(1.0)
+_TWO_SIDED, _ONE_SIDED = 1.959964, 1.644854         # 95 % of the normal distribution
 _TURNS = 60             # iterations; the norm fit converges quadratically, in five or six
 
 
@@ -127,7 +127,9 @@ def _iterate(model, poses, free, tilt):
     if free and not poses.known:
         poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
     state = _State(poses)
-    for turn in range(_TURNS):
+    # without unknown directions S enters the weights alone, unless an effect changes the input
+    weights = 1e-10 if any(e.at_input for e in model.of(Regressor)) else 1e-4
+    for _ in range(_TURNS):
         system, log_det = equations(model, poses, scale, tilt, free)
         state = _State(poses, system.keys, system.theta)
         new = state.scale if free else _sound(state.scale, system)
@@ -141,7 +143,7 @@ def _iterate(model, poses, free, tilt):
             change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)
             poses = poses.with_inputs(moved)
             state.poses = poses
-        if change < 1e-10 or (turn >= 3 and not free and change < 1e-6):
+        if change < (1e-10 if free else weights):
             return system, state, log_det
     raise FitError(f'the {"norm" if free else "weighted"} fit does not converge',
                    'add poses in other directions, or look for a pose that moved')
@@ -304,11 +306,11 @@ def _estimate(parameter, found, sensor) -> Estimate:
     value, std, determined = found
     if not determined:
         return Estimate(None, None, None, unit_, point=value, note='not determined by these poses')
-    half = normal.isf(0.025) * std
+    half = _TWO_SIDED * std
     interval = (value - half, value + half)
     base = parameter.name[:2] in ('S_', 'b_')
     if not base and interval[0] <= 0 <= interval[1]:
-        return Estimate(None, std, interval, unit_, upper95=abs(value) + normal.isf(0.05) * std, point=value,
+        return Estimate(None, std, interval, unit_, upper95=abs(value) + _ONE_SIDED * std, point=value,
                         note='interval reaches zero')
     return Estimate(value, std, interval, unit_, point=value)
 

@@ -29,7 +29,7 @@ def residuals(ax, calibration: Calibration):
         pull, unit_ = fit.details['residual'].T / _reading_std(system), 'standard errors'
         ax.axhspan(-2, 2, color='#eef1f3', linewidth=0, zorder=0)
         for k, axis in enumerate('xyz'):
-            rms = float(np.sqrt(np.mean(fit.details['residual'][k] ** 2)))
+            rms = float(np.sqrt(np.mean((fit.details['residual'][k] / poses.amount) ** 2)))
             ax.bar(x + 0.27 * (k - 1), pull[:, k], 0.25, color=AXES[axis],
                    label=f'{axis}: {rms:.2g} {readable(calibration.problem.unit)} rms')
         ax.set_ylim(min(-2.5, 1.1 * pull.min()), max(2.5, 1.1 * pull.max()))

@@ -1,0 +1,290 @@
+"""
+Figures of the calibration: coverage, bias by tilt, hidden effects, and real records beside their references.
+
+    OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200] [coverage|hidden|real ...]
+
+Sessions are made by test/calibration_sessions.py, which shares no code with the package.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+import os
+from pathlib import Path
+import sys
+import time
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+
+import calibration_sessions as sim                                              # noqa: E402
+from imu_noise_tools import calibration as core                                 # noqa: E402
+from imu_noise_tools.calibration.problem import CalibrationProblem              # noqa: E402
+from imu_noise_tools.effect import find_effect                                  # noqa: E402
+from imu_noise_tools.record import ImuRecord                                    # noqa: E402
+from imu_noise_tools.study import diagnose, held_out, State                     # noqa: E402
+from imu_noise_tools.tasks import calibration as tasks                          # noqa: E402
+
+DEG = np.pi / 180
+DATA = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data')
+NAMES = [('scale', f'S_{2 * k}') for k in 'xyz'] + [
+    ('cross_axis', f'S_{a}{b}') for a in 'xyz' for b in 'xyz' if a != b] + [('bias', f'b_{k}') for k in 'xyz']
+
+
+# what sessions are made of: a session returns (problem, device)
+
+def six_faces(rng, device, tilt=1.0, times=1, temperature=False):
+    """Return a problem of faces held by hand: stated tilt 1 deg, true tilt as given (deg)."""
+    names, directions = sim.faces(times)
+    inputs = sim.G * directions
+    true = sim.G * sim.tilted(directions, tilt * DEG, rng)
+    t = rng.uniform(15, 45, len(true)) if temperature else None
+    poses = core.Poses.of('accel', device.output(true, rng, t).T, device.noise, sim.G, inputs.T,
+                          temperature=t, reference_temperature=25.0, names=names)
+    return CalibrationProblem(poses, 'wls', 1.0 * DEG)
+
+
+def spread_poses(rng, device, n=24, temperature=False):
+    """Return a problem of poses in all directions, fitted by their magnitude."""
+    true = sim.G * sim.spread_directions(n, rng)
+    t = rng.uniform(15, 45, n) if temperature else None
+    poses = core.Poses.of('accel', device.output(true, rng, t).T, device.noise, sim.G, temperature=t,
+                          reference_temperature=25.0)
+    return CalibrationProblem(poses, 'norm')
+
+
+def fixture(rng, device, n=24):
+    """Return a problem of known directions: a dividing head, true to 0.02 deg."""
+    true = sim.spread_directions(n, rng)
+    t = rng.uniform(15, 45, n)
+    poses = core.Poses.of('accel', device.output(sim.G * sim.tilted(true, 0.02 * DEG, rng), rng, t).T, device.noise,
+                          sim.G, sim.G * true.T, temperature=t, reference_temperature=25.0)
+    return CalibrationProblem(poses, 'wls', 0.02 * DEG)
+
+
+def rate_table(rng, device, rates=(20, 60, 120, 200), tilt=0.05):
+    """Return a problem of a rate table: each axis up and down, both ways, several rates."""
+    inputs, force = [], []
+    for axis in np.eye(3):
+        for up in (1, -1):
+            for way in (1, -1):
+                for r in rates:
+                    inputs.append(way * r * DEG * axis)
+                    force.append(up * sim.G * axis)
+    inputs, force = np.array(inputs), np.array(force)
+    t = rng.uniform(15, 45, len(inputs))
+    size = np.linalg.norm(inputs, axis=1, keepdims=True)
+    true = size * sim.tilted(inputs / size, tilt * DEG, rng)
+    poses = core.Poses.of('gyro', device.output(true, rng, t, force).T, device.noise, max(rates) * DEG, inputs.T,
+                          force=force.T, temperature=t, reference_temperature=25.0)
+    return CalibrationProblem(poses, 'wls', tilt * DEG)
+
+
+SESSIONS = {'spread': (spread_poses, 'accel', 1e-3), 'fixture': (fixture, 'accel', 1e-3),
+            'table': (rate_table, 'gyro', 1e-4), 'faces x4': (lambda r, d: six_faces(r, d, times=4, temperature=True),
+                                                              'accel', 1e-3)}
+HIDDEN = {'spread': ('quadratic', 'cubic', 'asymmetry'), 'fixture': ('quadratic', 'cubic', 'asymmetry', 'temperature'),
+          'table': ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity'), 'faces x4': ('temperature', 'tilt')}
+TWIN = {'quadratic': 'asymmetry', 'asymmetry': 'quadratic'}
+
+
+def fitted(problem, *more):
+    """Return the fit of the base model and these effects."""
+    model = core.base_model()
+    for name in more:
+        model = model + find_effect('calibration', name)()
+    return problem.fit(model)
+
+
+def verdict(problem):
+    """Return the generic loop's diagnosis of the base model."""
+    model = core.base_model()
+    return diagnose(State(problem, problem.fit(model), held_out(problem, model)))
+
+
+def inside(fit, device):
+    """Return, for each coefficient, whether the truth lies in its 95 % interval."""
+    truth = dict(zip(NAMES, [*np.diag(device.scale), *[device.scale[a, b] for a in range(3) for b in range(3)
+                                                        if a != b], *device.bias]))
+    out = {}
+    for label, name in NAMES:
+        e = fit.estimates[label][name]
+        if e.ci95 is not None:
+            out[name] = e.ci95[0] <= truth[label, name] <= e.ci95[1]
+    return out
+
+
+def coverage(n, seed=1):
+    """Print how often the truth lies inside the interval, and how tilt biases ``ols``."""
+    rng = np.random.default_rng(seed)
+    hits = {m: [] for m in ('ols', 'wls', 'norm')}
+    bias = {m: [] for m in hits}
+    scale = {m: [] for m in hits}
+    plain, chi2 = [], []
+    for _ in range(n):
+        device = sim.Device.drawn(rng)
+        problem = six_faces(rng, device)
+        for m in ('ols', 'wls'):
+            fit = core.fit(core.base_model(), problem.poses, m, problem.tilt)
+            hits[m].append(list(inside(fit, device).values()))
+            bias[m].append(fit.details['bias'] - device.bias)
+            scale[m].append(np.diag(fit.details['S']) - np.diag(device.scale))
+        plain.append(np.abs(fit.details['bias'] - device.bias).max())
+        chi2.append(fit.details['chi2'])
+        device = sim.Device.drawn(rng, upper=True)
+        fit = fitted(spread_poses(rng, device))
+        hits['norm'].append(list(inside(fit, device).values()))
+        bias['norm'].append(fit.details['bias'] - device.bias)
+        scale['norm'].append(np.diag(fit.details['S']) - np.diag(device.scale))
+    print(f'### Coverage, {n} sessions (six faces tilted by 1 deg; 24 spread poses for norm)\n')
+    print('| method | inside the 95 % interval | worst coefficient | bias error rms, m/s^2 | mean scale error, ppm |')
+    print('|---|---|---|---|---|')
+    for m, h in hits.items():
+        h = np.array(h)
+        print(f'| {m} | {100 * h.mean():.1f} % | {100 * h.mean(0).min():.1f} % | '
+              f'{np.sqrt(np.mean(np.square(bias[m]))):.4f} | {1e6 * np.mean(scale[m]):.0f} |')
+    print(f'\nchi-squared of wls: mean {np.mean(chi2):.2f} (6 degrees of freedom)\n', flush=True)
+
+
+def with_hidden(rng, kind, name, strength):
+    """
+    Return a problem with an effect whose largest component is so many standard errors of its estimate.
+
+    The standard error is the one in a model that holds the effect's nearest rival, too: what the session can
+    tell apart.
+
+    """
+    make, sensor, noise = SESSIONS[kind]
+    device = sim.Device.drawn(rng, sensor, noise)
+    if name == 'tilt':
+        return six_faces(rng, device, tilt=rng.uniform(3, 6), times=4, temperature=True)
+    twin = [TWIN[name]] if name in TWIN else []
+    trial = fitted(make(rng, device), name, *twin)
+    std = np.array([e.std or np.nan for e in trial.estimates[name].values()])
+    draw = rng.uniform(-1, 1, len(std))
+    value = strength * draw / np.nanmax(np.abs(draw / std))
+    setattr(device, name, value.reshape(3, 3) if name == 'g_sensitivity' else value)
+    return make(rng, device)
+
+
+def hidden(n, seed=2):
+    """Print the verdicts on hidden effects, and on nothing hidden."""
+    rng = np.random.default_rng(seed)
+    print(f'### Hidden effects, {n} sessions each, 5 to 15 standard errors (rival in the model)\n')
+    print('| session | hidden | right | named in undecidable | wrong name | unknown | complete | error falls with it | '
+          'with a wrong one |\n|---|---|---|---|---|---|---|---|---|')
+    total, right = 0, 0
+    for kind, names in HIDDEN.items():
+        for name in names:
+            count, falls, wrong_falls, tried = Counter(), 0, 0, 0
+            for _ in range(n):
+                problem = with_hidden(rng, kind, name, rng.uniform(5, 15))
+                found = verdict(problem)
+                ranked = [f.name for f in found.ranked if f.gain > f.penalty]
+                if found.verdict == 'missing':
+                    count['right' if ranked[0] == name else 'wrong'] += 1
+                elif found.verdict == 'undecidable':
+                    count['named' if name in ranked else 'unnamed'] += 1
+                else:
+                    count[found.verdict] += 1
+                before = problem.held_out(fitted(problem))
+                for other in {*names, name}:
+                    after = problem.held_out(fitted(problem, other))
+                    fell = len(before.views['poses'].pull) * (before.excess - after.excess) > 4
+                    if other == name:
+                        falls += fell
+                    elif TWIN.get(other) != name:
+                        wrong_falls += fell
+                        tried += 1
+            total += n
+            right += count['right']
+            print(f'| {kind} | {name} | {100 * count["right"] / n:.0f} % | {100 * count["named"] / n:.0f} % | '
+                  f'{100 * (count["wrong"] + count["unnamed"]) / n:.0f} % | {100 * count["unknown"] / n:.0f} % | '
+                  f'{100 * count["complete"] / n:.0f} % | {100 * falls / n:.0f} % | '
+                  f'{100 * wrong_falls / tried if tried else 0:.0f} % |', flush=True)
+    print(f'\nright over all: {100 * right / total:.1f} % of {total}\n')
+    print('| session, nothing hidden | complete |\n|---|---|')
+    total, right = 0, 0
+    for kind, (make, sensor, noise) in {**SESSIONS, 'six faces': (six_faces, 'accel', 1e-3)}.items():
+        good = sum(verdict(make(rng, sim.Device.drawn(rng, sensor, noise))).verdict == 'complete' for _ in range(2 * n))
+        total, right = total + 2 * n, right + good
+        print(f'| {kind} | {100 * good / (2 * n):.1f} % |', flush=True)
+    print(f'\ncomplete over all: {100 * right / total:.1f} % of {total}\n')
+    print('| session that cannot tell | undecidable, both named, poses named |\n|---|---|')
+    for name in ('quadratic', 'asymmetry'):
+        good = 0
+        for _ in range(n):
+            device = sim.Device.drawn(rng)
+            std = [e.std for e in fitted(six_faces(rng, device, tilt=1.0), name).estimates[name].values()]
+            setattr(device, name, rng.uniform(6, 15) * np.array(std) * rng.choice([-1, 1], 3))
+            found = verdict(six_faces(rng, device))
+            able = {f.name for f in found.ranked if f.gain > f.penalty}
+            good += found.verdict == 'undecidable' and {'quadratic', 'asymmetry'} <= able and 'edges' in found.advice
+        print(f'| six faces, {name} (against its twin) | {100 * good / n:.0f} % |', flush=True)
+    print()
+
+
+def real():
+    """Print real records beside their references."""
+    def record(name, rate=None):
+        with np.load(DATA / 'records' / f'{name}.npz') as d:
+            gyro, accel = d['gyro'].astype(float), d['accel'].astype(float)
+            rate = rate or float(d['rate_hz'])
+            t = d['t'] - d['t'][0] if 't' in d.files else np.arange(len(accel)) / rate
+        return ImuRecord(gyro, accel, t, rate, path=name)
+
+    print('### Real records\n')
+    c = tasks.calibrate_records([record('xsens_mti_multipos')], gravity=9.81744).calibration
+    std_s, std_b = c.std
+    print('xsens_mti_multipos, norm, in counts (scale 414.333, zero 32768):\n')
+    print('| axis | scale | ± | reference | factory sheet | bias | ± | reference | factory sheet |\n|---|---|---|---|---|---|---|---|---|')
+    reference = ((414.419, 412.032, 414.621), (415, 413, 415), (33123.84, 33275.16, 32364.49), (33123, 33276, 32360))
+    for k, axis in enumerate('xyz'):
+        print(f'| {axis} | {c.S[k, k] * 414.333:.3f} | {std_s[k, k] * 414.333:.3f} | {reference[0][k]} | {reference[1][k]} | '
+              f'{c.bias[k] * 414.333 + 32768:.2f} | {std_b[k] * 414.333:.2f} | {reference[2][k]} | {reference[3][k]} |')
+    error = np.linalg.norm(c.apply(c.poses.outputs.T), axis=1) - 9.81744
+    print(f'\nresidual {np.sqrt(np.mean(error ** 2)):.5f} m/s^2 rms over {c.poses.n} poses (reference 0.0011); '
+          f'verdict {verdict(c.problem).verdict}: {verdict(c.problem).ranked[0].name}\n')
+    c = tasks.calibrate_records([record('xsens_mti_multipos')], gravity=9.81744, method='wls').calibration
+    print('six nominal faces of the same record (hand-held), warned: ' + '; '.join(c.warnings) + '\n')
+    published = {'mpu9150_0_multipos': ((0.363, 0.315, 0.647), (0.103, 0.097, 0.344)),
+                 'mpu9150_1_multipos': ((0.471, 0.482, 0.932), (0.090, 0.070, 0.338))}
+    print('| record | what | ours, g 9.80665 | ours, g 9.81 | published |\n|---|---|---|---|---|')
+    for name, (scale, bias) in published.items():
+        both = [tasks.calibrate_records([record(name)], gravity=g).calibration for g in (9.80665, 9.81)]
+        std_s, std_b = both[0].std
+        for k, axis in enumerate('xyz'):
+            print(f'| {name} | scale {axis}, % | {100 * (both[0].S[k, k] - 1):.3f} ± {100 * std_s[k, k]:.3f} | '
+                  f'{100 * (both[1].S[k, k] - 1):.3f} | {scale[k]} |')
+            print(f'| {name} | bias {axis}, m/s² | {both[0].bias[k]:.4f} ± {std_b[k]:.4f} | {both[1].bias[k]:.4f} | {bias[k]} |')
+        print(f'| {name} | χ² (dof), verdict | {both[0].fit.details["chi2"]:.1f} ({both[0].fit.details["dof"]}), '
+              f'{verdict(both[0].problem).verdict} | | |')
+    print()
+    for sensor, rate, more in (('accel', None, {'seconds': 1.0}), ('gyro', 102.4, {'turn_deg': 360, 'seconds': 1.0})):
+        c = tasks.calibrate_records([record('imucal_ferraris', rate)], **more).calibration
+        print(f'imucal_ferraris {sensor}: S {c.S.round(4).tolist()}, bias {c.bias.round(4).tolist()}, '
+              f'χ² {c.fit.details["chi2"]:.1f} ({c.fit.details["dof"]}), {verdict(c.problem).verdict}\n')
+
+
+def main():
+    """Run what is asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('what', nargs='*', default=['coverage', 'hidden', 'real'])
+    parser.add_argument('--sessions', type=int, default=200)
+    args = parser.parse_args()
+    begin = time.process_time()
+    if 'coverage' in args.what:
+        coverage(args.sessions)
+    if 'hidden' in args.what:
+        hidden(args.sessions)
+    if 'real' in args.what:
+        real()
+    print(f'({time.process_time() - begin:.0f} CPU s)')
+
+
+if __name__ == '__main__':
+    main()
