@@ -7,8 +7,9 @@ Bags: reading any kind of them, writing them in bulk, copying one with a topic m
 
 from __future__ import annotations
 
-from .reading import Block, iter_blocks, open_record, topics
+from .copying import Changed, copy_bag
+from .reading import Block, iter_blocks, iter_raw, open_record, topics
 from .topics import TopicInfo
 from .writing import write_bag
 
-__all__ = ['Block', 'TopicInfo', 'iter_blocks', 'open_record', 'topics', 'write_bag']
+__all__ = ['Block', 'Changed', 'TopicInfo', 'copy_bag', 'iter_blocks', 'iter_raw', 'open_record', 'topics', 'write_bag']

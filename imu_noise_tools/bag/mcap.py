@@ -22,8 +22,8 @@ from .container import (AT_LEAST, Batch, Connection, Counts, Damaged, decompress
                         rows, size_of)
 
 MAGIC = b'\x89MCAP0\r\n'
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX = 2, 3, 4, 5, 6, 7
-STATISTICS, DATA_END = 11, 15
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX = 1, 2, 3, 4, 5, 6, 7
+ATTACHMENT, STATISTICS, METADATA, DATA_END = 9, 11, 12, 15
 HEAD = 9                # op and length
 MESSAGE_HEAD = 31       # and channel (2), sequence (4), log time (8), publish time (8)
 WINDOW = 1 << 22        # how much of a file without chunks is looked at together
@@ -40,6 +40,13 @@ class Chunk(NamedTuple):
     whole: bool = True
 
 
+class Other(NamedTuple):
+    """An attachment or metadata record."""
+
+    op: int
+    body: bytes
+
+
 class McapFile:
     """One MCAP file, open for reading."""
 
@@ -52,7 +59,11 @@ class McapFile:
         self._schemas: dict[int, tuple[str, str]] = {}
         self._channels: dict[int, Connection] = {}
         self._messages: dict[int, int] = {}
-        if not self._read_summary():
+        self.raw_schemas: dict[int, bytes] = {}
+        self.raw_channels: dict[int, bytes] = {}
+        self.profile = 'ros2'
+        self.indexed = self._read_summary()
+        if not self.indexed:
             self._scan()
 
     @property
@@ -107,21 +118,24 @@ class McapFile:
                 name, at = _string(body, 2)
                 encoding, at = _string(body, at)
                 text, _ = _string(body, at)
-                self._schemas[struct.unpack_from('<H', body)[0]] = (name, text if encoding == 'ros2msg' else '')
+                id = struct.unpack_from('<H', body)[0]
+                self._schemas[id] = (name, text if encoding == 'ros2msg' else '')
+                self.raw_schemas.setdefault(id, body)
             elif op == CHANNEL:
                 id, schema = struct.unpack_from('<HH', body)
                 topic, at = _string(body, 4)
                 encoding, _ = _string(body, at)
                 name, text = self._schemas.get(schema, ('', ''))
                 self._channels.setdefault(id, Connection(id, topic, normal_type(name), encoding, text))
+                self.raw_channels.setdefault(id, body)
         except (struct.error, UnicodeDecodeError, Damaged):
             self.problems.bad_chunks += 1
 
     def _scan(self) -> None:
         """Count the messages of every topic by reading the whole file."""
         first, last = [], []
-        for found in self._groups(None):
-            for id, receive, _, _, _ in found:
+        for part in self._chunks(None, None):
+            for id, receive, *_ in self._groups(part, None):
                 self._messages[id] = self._messages.get(id, 0) + len(receive)
                 first.append(int(receive.min()))
                 last.append(int(receive.max()))
@@ -133,29 +147,36 @@ class McapFile:
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these channels, chunk by chunk, each by log time."""
         wanted = set(wanted)
-        for found in self._groups(wanted, progress):
-            for id, receive, data, begin, length in found:
-                if id in wanted and id in self._channels:
-                    batch = Batch(self._channels[id], receive, data, begin, length)
-                    yield batch if _rising(receive) else batch.take(np.argsort(receive, kind='stable'))
+        for part in self._chunks(wanted, progress):
+            yield from self.batches_of(part, wanted)
 
-    def _groups(self, wanted: set[int] | None, progress: Progress = None) -> Iterator[list[Group]]:
-        """Yield the messages of each chunk, by channel."""
-        for chunk in self._chunks(wanted, progress):
-            if isinstance(chunk, bytes):
-                yield self._walk(chunk)
-                continue
-            try:
-                raw = self._content(chunk)
-            except Damaged:
-                self.problems.bad_chunks += 1
-                continue
-            found = None
-            if wanted is not None and chunk.index is not None:
-                found = _indexed(np.frombuffer(raw, np.uint8), chunk.index, wanted)
-            yield self._walk(raw) if found is None else found
+    def batches_of(self, part: Chunk | bytes, wanted: set[int]) -> Iterator[Batch]:
+        """Yield the messages of these channels in a chunk, or in a row of records."""
+        for id, receive, data, begin, length in sorted(self._groups(part, wanted), key=lambda g: g[0]):
+            if id in wanted and id in self._channels:
+                batch = Batch(self._channels[id], receive, data, begin, length)
+                yield batch if _rising(receive) else batch.take(np.argsort(receive, kind='stable'))
 
-    def _content(self, chunk: Chunk) -> bytes:
+    def parts(self, progress: Progress = None) -> Iterator[Chunk | bytes | Other]:
+        """Yield all of the file but its summary: chunks, rows of records outside of them, and other records."""
+        return self._chunks(None, progress, others=True)
+
+    def _groups(self, part: Chunk | bytes, wanted: set[int] | None) -> list[Group]:
+        """Return the messages of a chunk by channel; nothing of one that is damaged."""
+        if isinstance(part, bytes):
+            return self._walk(part)
+        try:
+            raw = self.content(part)
+        except Damaged:
+            self.problems.bad_chunks += 1
+            return []
+        found = None
+        if wanted is not None and part.index is not None:
+            found = _indexed(np.frombuffer(raw, np.uint8), part.index, wanted)
+        return self._walk(raw) if found is None else found
+
+    def content(self, chunk: Chunk) -> bytes:
+        """Return what a chunk holds, as far as it goes; raise Damaged where its checksum does not fit."""
         if not chunk.whole:
             return partly(chunk.compression, chunk.raw, min(chunk.size, AT_LEAST))
         raw = decompress(chunk.compression, chunk.raw, chunk.size)
@@ -175,8 +196,8 @@ class McapFile:
         data = np.frombuffer(raw, np.uint8)
         return [_group(data, id, np.concatenate(at)) for id, at in places.items()]
 
-    def _chunks(self, wanted: set[int] | None, progress: Progress) -> Iterator[Chunk | bytes]:
-        """Yield chunks that may hold what is wanted, and windows of messages outside of chunks."""
+    def _chunks(self, wanted: set[int] | None, progress: Progress, others: bool = False) -> Iterator:
+        """Yield chunks that may hold what is wanted, and rows of messages outside of chunks."""
         at = len(MAGIC)
         while at + HEAD <= self.size:
             self.file.seek(at)
@@ -195,6 +216,10 @@ class McapFile:
                     yield window
             elif op in (SCHEMA, CHANNEL) and end <= self.size:
                 self._learn(op, self.file.read(length))
+            elif op == HEADER and length >= 4 and end <= self.size:
+                self.profile = self.file.read(min(length, 64))[4:8].decode('latin-1')
+            elif others and op in (ATTACHMENT, METADATA) and end <= self.size:
+                yield Other(op, self.file.read(length))
             if progress:
                 progress(min(1.0, end / self.size))
             at = end
@@ -318,7 +343,7 @@ def _group(data: np.ndarray, id: int, at: np.ndarray) -> Group:
 def _indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) -> list[Group] | None:
     """Return the messages where the index says that they are; None where it is not so."""
     found = []
-    for id in index.keys() & wanted:
+    for id in sorted(index.keys() & wanted):
         if not len(index[id]):
             continue
         if index[id][:, 1].max() + MESSAGE_HEAD > len(data):

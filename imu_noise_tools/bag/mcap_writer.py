@@ -11,9 +11,9 @@ import numpy as np
 import zstandard
 
 from .encode import definition
-from .mcap import CHANNEL, CHUNK, DATA_END, FOOTER, INDEX, MAGIC, MESSAGE, SCHEMA, STATISTICS
+from .mcap import ATTACHMENT, CHANNEL, CHUNK, DATA_END, FOOTER, HEADER, INDEX, MAGIC, MESSAGE, SCHEMA, STATISTICS
 
-HEADER, CHUNK_INDEX, SUMMARY_OFFSET = 1, 8, 14
+CHUNK_INDEX, SUMMARY_OFFSET = 8, 14
 
 
 def record(op: int, body: bytes) -> bytes:
@@ -52,6 +52,7 @@ class McapWriter:
         self._new: list[bytes] = []         # schemas and channels that no chunk holds yet
         self._first, self._last = 2 ** 63, 0
         self._sequence: dict[int, int] = {}
+        self._taken = 0, 0
         self._others = [0, 0]               # attachments, metadata
         self._at = file.write(MAGIC + record(HEADER, text(profile) + text('imu_noise_tools')))
 
@@ -66,6 +67,15 @@ class McapWriter:
         """Take over a channel record."""
         self._add(self.channels, CHANNEL, body)
 
+    def reserve(self, schemas: Mapping[int, bytes], channels: Mapping[int, bytes]) -> None:
+        """Give no new topic a number that one of these has."""
+        self._taken = max([0, *schemas]), max([0, *channels])
+
+    def known(self, schemas: Mapping[int, bytes], channels: Mapping[int, bytes]) -> None:
+        """Take over schemas and channels that the chunks to come hold themselves."""
+        self.schemas |= schemas
+        self.channels |= channels
+
     def _add(self, known: dict[int, bytes], op: int, body: bytes) -> None:
         id = int.from_bytes(body[:2], 'little')
         if id not in known:
@@ -78,10 +88,10 @@ class McapWriter:
             if body[2:].startswith(text(type)):
                 break
         else:
-            schema = max(self.schemas, default=0) + 1
+            schema = max([self._taken[0], *self.schemas]) + 1
             form = 'ros1msg' if encoding == 'ros1' else 'ros2msg'
             self.add_schema(struct.pack('<H', schema) + text(type) + text(form) + text(definition(type, encoding)[0]))
-        channel = max(self.channels, default=0) + 1
+        channel = max([self._taken[1], *self.channels]) + 1
         self.add_channel(struct.pack('<HH', channel, schema) + text(name) + text(encoding) + struct.pack('<I', 0))
         return channel
 
@@ -145,7 +155,7 @@ class McapWriter:
 
     def other(self, op: int, body: bytes) -> None:
         """Take over an attachment or metadata record."""
-        self._others[0 if op == 9 else 1] += 1
+        self._others[0 if op == ATTACHMENT else 1] += 1
         self._write(record(op, body))
 
     def finish(self) -> None:

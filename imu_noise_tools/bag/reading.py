@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy as np
 from ..errors import InputError, UsageError
 from ..record import ImuRecord, regular_rate
 from ..units import DEG, G0
-from .container import Progress
+from .container import Progress, rows
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
+from .encode import imu_values, serialise
 from .source import Bag
 from .tables import read_table, table_kind
 from .topics import Choice, choose, COVARIATES, covariates_of, list_topics, TopicInfo
@@ -132,8 +134,8 @@ class Columns:
             room = max(self.n + count, room + room // 8, 1024)
             for a in self._arrays.values():
                 a.resize((room, *a.shape[1:]), refcheck=False)
-        for name, rows in more.items():
-            self._arrays[name][self.n:self.n + count] = rows
+        for name, values in more.items():
+            self._arrays[name][self.n:self.n + count] = values
         self.n += count
 
     def take(self) -> dict[str, np.ndarray]:
@@ -300,13 +302,11 @@ def _resample(reader: _Reader, stamp: np.ndarray, receive: np.ndarray, covariate
         said.append(f'{reader.topic}: its stamps are not of the clock of the Imu; the times of receiving were used')
     order = np.argsort(known, kind='stable')
     zero = known[order[0]]
-    again = '' if next(iter(COVARIATES[reader.type])) not in covariates else None
-    number = 2
-    while again is None:
-        again = f'_{number}' if f'{next(iter(COVARIATES[reader.type]))}_{number}' not in covariates else None
-        number += 1
-    for k, name in enumerate(COVARIATES[reader.type]):
-        covariates[name + again] = np.interp((at - zero) * NS, (known[order] - zero) * NS, arrays['values'][order, k])
+    names = COVARIATES[reader.type]
+    number = 1 + sum(bool(re.fullmatch(rf'{next(iter(names))}(_\d+)?', c)) for c in covariates)
+    suffix = f'_{number}' if number > 1 else ''
+    for k, name in enumerate(names):
+        covariates[name + suffix] = np.interp((at - zero) * NS, (known[order] - zero) * NS, arrays['values'][order, k])
 
 
 class Block(NamedTuple):
@@ -358,6 +358,46 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
                 zero = not found.stamp.any() if zero is None else zero
                 yield Block(receive if zero else found.stamp, receive, np.ascontiguousarray(found.values[:, GYRO]),
                             np.ascontiguousarray(found.values[:, ACCEL]), found.frame_id)
+
+
+def iter_raw(path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]:
+    """
+    Yield the Imu messages one by one, for replay: receive time (ns), CDR bytes, header stamp (ns).
+
+    What is no CDR Imu message (ROS 1, big-endian, pairs of topics, tables) is made into one. A stamp in the bytes
+    is as recorded, zero too; the stamp beside them is the receive time where all of them are zero.
+
+    Raises
+    ------
+    InputError
+        As :func:`open_record`.
+
+    """
+    if not table_kind(path):
+        with Bag(path) as bag:
+            choice = choose(bag, topic)
+            if choice.type == IMU and choice.gyro == choice.accel:
+                yield from _raw_of(bag, choice.base)
+                return
+    for block in iter_blocks(path, topic):
+        values = imu_values(*(None if x is None or np.isnan(x).all() else x for x in (block.gyro, block.accel)))
+        for row, receive, stamp in zip(serialise(block.stamp, values, block.frame_id or 'imu_link'),
+                                       block.receive.tolist(), block.stamp.tolist()):
+            yield receive, row.tobytes(), stamp
+
+
+def _raw_of(bag: Bag, topic: str) -> Iterator[tuple[int, bytes, int]]:
+    zero: bool | None = None
+    for batch in bag.batches([topic], [IMU]):
+        found = decode(batch)
+        batch = batch.take(np.flatnonzero(found.readable))
+        if not len(batch.receive):
+            continue
+        zero = not found.stamp.any() if zero is None else zero
+        as_it_is = batch.connection.encoding == 'cdr' and bool(np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1))
+        made = None if as_it_is else serialise(found.stamp, found.values, found.frame_id)
+        for k, (receive, stamp) in enumerate(zip(batch.receive.tolist(), found.stamp.tolist())):
+            yield receive, batch.message(k) if made is None else made[k].tobytes(), receive if zero else stamp
 
 
 def _blocks_of(record: ImuRecord, block: int) -> Iterator[Block]:

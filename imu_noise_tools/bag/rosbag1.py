@@ -35,6 +35,13 @@ class Record(NamedTuple):
         return (self.fields.get(b'op') or b'\0')[0]
 
 
+class Chunk(NamedTuple):
+    """A chunk record, and the index records behind it (s, ns, offset; (n, 3)) by connection."""
+
+    record: Record
+    index: dict[int, np.ndarray] | None
+
+
 class Rosbag1File:
     """One rosbag1 file, open for reading."""
 
@@ -46,6 +53,7 @@ class Rosbag1File:
         self.span = (0, 0)
         self._known: dict[int, Connection] = {}
         self._messages: dict[int, int] = {}
+        self.raw_connections: dict[int, tuple[dict[bytes, bytes], bytes]] = {}
         if not self._read_summary():
             self._scan()
 
@@ -115,14 +123,15 @@ class Rosbag1File:
         except (KeyError, UnicodeDecodeError):
             self.problems.bad_chunks += 1
             return
+        self.raw_connections.setdefault(id, (fields, body))
         self._known.setdefault(id, Connection(id, topic, normal_type(type), 'ros1', text))
 
     def _scan(self) -> None:
         """Count the messages of every topic by reading the whole file."""
         self._known, self._messages = {}, {}
         first, last = [], []
-        for groups in self._groups(None, None):
-            for id, receive, *_ in groups:
+        for part in self.parts():
+            for id, receive, *_ in self._groups(part, None):
                 self._messages[id] = self._messages.get(id, 0) + len(receive)
                 first.append(int(receive.min()))
                 last.append(int(receive.max()))
@@ -132,14 +141,21 @@ class Rosbag1File:
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these connections, chunk by chunk, each by receive time."""
         wanted = set(wanted)
-        for groups in self._groups(wanted, progress):
-            for id, receive, data, begin, length in groups:
-                if id in wanted and id in self._known:
-                    batch = Batch(self._known[id], receive, data, begin, length)
-                    rising = np.all(receive[1:] >= receive[:-1])
-                    yield batch if rising else batch.take(np.argsort(receive, kind='stable'))
+        for part in self.parts(progress):
+            yield from self.batches_of(part, wanted)
 
-    def _groups(self, wanted: set[int] | None, progress: Progress) -> Iterator[list[tuple]]:
+    def batches_of(self, part: Chunk, wanted: set[int]) -> Iterator[Batch]:
+        """Yield the messages of these connections in a chunk."""
+        if part.index is not None and not part.index.keys() & wanted:
+            return
+        for id, receive, data, begin, length in sorted(self._groups(part, wanted), key=lambda g: g[0]):
+            if id in wanted and id in self._known:
+                batch = Batch(self._known[id], receive, data, begin, length)
+                rising = np.all(receive[1:] >= receive[:-1])
+                yield batch if rising else batch.take(np.argsort(receive, kind='stable'))
+
+    def parts(self, progress: Progress = None) -> Iterator[Chunk]:
+        """Yield where the chunks are."""
         at = len(MAGIC)
         while at < self.size:
             record = self._record(at)
@@ -149,8 +165,7 @@ class Rosbag1File:
             after = record.end
             if record.op == CHUNK:
                 index, after = self._read_index(record.end)
-                if wanted is None or index is None or index.keys() & wanted:
-                    yield self._chunk(record, index, wanted)
+                yield Chunk(record, index)
             elif record.op == CONNECTION and record.end <= self.size:
                 self.file.seek(record.begin)
                 self._learn(record.fields, self.file.read(record.end - record.begin))
@@ -161,25 +176,35 @@ class Rosbag1File:
                 progress(min(1.0, after / self.size))
             at = after
 
-    def _chunk(self, record: Record, index: dict[int, np.ndarray] | None, wanted: set[int] | None) -> list[tuple]:
-        self.file.seek(record.begin)
-        raw = self.file.read(min(record.end, self.size) - record.begin)
-        compression = record.fields.get(b'compression', b'none').decode('latin-1')
-        size = _number(record.fields, b'size')
+    @staticmethod
+    def compression(part: Chunk) -> str:
+        """Return how a chunk is compressed."""
+        return part.record.fields.get(b'compression', b'none').decode('latin-1')
+
+    def content(self, part: Chunk) -> bytes:
+        """Return what a chunk holds, as far as it goes; raise Damaged where that is nothing."""
+        self.file.seek(part.record.begin)
+        raw = self.file.read(min(part.record.end, self.size) - part.record.begin)
+        compression, size = self.compression(part), _number(part.record.fields, b'size')
+        if part.record.end <= self.size:
+            return decompress(compression, raw, size)
         try:
-            if record.end > self.size:
-                raw = partly(compression, raw, min(size, AT_LEAST))
-            else:
-                raw = decompress(compression, raw, size)
-        except (Damaged, ValueError, OSError, EOFError, RuntimeError):
+            return partly(compression, raw, min(size, AT_LEAST))
+        except (ValueError, OSError, EOFError, RuntimeError) as error:
+            raise Damaged(str(error)) from error
+
+    def _groups(self, part: Chunk, wanted: set[int] | None) -> list[tuple]:
+        try:
+            raw = self.content(part)
+        except Damaged:
             self.problems.bad_chunks += 1
             return []
         data = np.frombuffer(raw, np.uint8)
-        if index is not None and wanted is not None:
-            found = indexed(data, index, wanted)
+        if part.index is not None and wanted is not None:
+            found = indexed(data, part.index, wanted)
             if found is not None:
                 return found
-        return self._walk(raw, data)
+        return [(id, times, data, begin, length) for id, (_, times, begin, length) in self.walk(raw)[0].items()]
 
     def _read_index(self, at: int) -> tuple[dict[int, np.ndarray] | None, int]:
         """Return the index records behind a chunk, by connection, and where they end."""
@@ -196,9 +221,19 @@ class Rosbag1File:
             at = record.end
         return index or None, at
 
-    def _walk(self, raw: bytes, data: np.ndarray) -> list[tuple]:
-        """Return the messages of a chunk, record by record, and learn the connections in it."""
-        found: dict[int, list[tuple[int, int, int]]] = {}
+    def walk(self, raw: bytes) -> tuple[dict[int, np.ndarray], int]:
+        """
+        Go through a chunk record by record, and learn the connections in it.
+
+        Returns
+        -------
+        dict of int to ndarray (4, n)
+            Place of the record, time (ns), place and length of the message, by connection.
+        int
+            Where the last whole record ends.
+
+        """
+        found: dict[int, list[tuple[int, int, int, int]]] = {}
         at, n = 0, len(raw)
         while at + 8 <= n:
             head = int.from_bytes(raw[at:at + 4], 'little')
@@ -212,23 +247,19 @@ class Rosbag1File:
             op = (fields.get(b'op') or b'\0')[0]
             if op == MESSAGE:
                 id = _number(fields, b'conn')
-                found.setdefault(id, []).append((_time(fields.get(b'time', b'')), begin, length))
+                found.setdefault(id, []).append((at, _time(fields.get(b'time', b'')), begin, length))
             elif op == CONNECTION:
                 self._learn(fields, raw[begin:begin + length])
             elif op == 0:
                 break
             at = begin + length
-        groups = []
-        for id, places in found.items():
-            time, begin, length = np.array(places, np.int64).T
-            groups.append((id, time, data, begin, length))
-        return groups
+        return {id: np.array(places, np.int64).T for id, places in found.items()}, at
 
 
 def indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) -> list[tuple] | None:
     """Return the messages where the index says that they are; None where it is not so, or not regular."""
     found = []
-    for id in index.keys() & wanted:
+    for id in sorted(index.keys() & wanted):
         at = index[id][:, 2].astype(np.int64)
         if not len(at):
             continue

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import bz2
 from collections.abc import Mapping
 import struct
 from typing import BinaryIO
 
+import lz4.frame
 import numpy as np
 
 from .encode import definition, split_stamp
 from .rosbag1 import BAG, CHUNK, CHUNK_INFO, CONNECTION, INDEX, MAGIC, MESSAGE
+
+
+PACK = {'none': lambda raw: raw, 'lz4': lz4.frame.compress, 'bz2': bz2.compress}
 
 
 def header(**fields: bytes) -> bytes:
@@ -67,11 +72,27 @@ class Rosbag1Writer:
         self.add_connection(id, record(data, op=bytes([CONNECTION]), conn=u32(id), topic=name.encode()))
         return id
 
-    def messages(self, parts: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> None:
-        """Write one chunk; ``parts`` are receive times (ns) and messages (n, length) uint8 by connection."""
-        content = [b''.join(self._new)]
+    def messages(self, parts: Mapping[int, tuple[np.ndarray, np.ndarray]], before: bytes = b'',
+                 index: Mapping[int, np.ndarray] | None = None, compression: str = 'none') -> None:
+        """
+        Write one chunk.
+
+        Parameters
+        ----------
+        parts : mapping of int to (ndarray (n,), ndarray (n, length) uint8)
+            Receive times (ns) and messages by connection.
+        before : bytes
+            Records that the chunk begins with.
+        index : mapping of int to ndarray (n, 3), optional
+            Where the messages in ``before`` are, as :meth:`chunk` takes it.
+        compression : str
+            ``none``, ``lz4`` or ``bz2``.
+
+        """
+        content = [before, *self._new]
         self._new = []
-        index, at = {}, len(content[0])
+        found = dict(index or {})
+        at = sum(map(len, content))
         for id, (times, rows) in parts.items():
             if not len(times):
                 continue
@@ -85,11 +106,12 @@ class Rosbag1Writer:
             raw[:, len(one):] = rows
             content.append(raw.tobytes())
             places = (at + np.arange(n) * raw.shape[1]).astype('<u4')
-            index[id] = np.concatenate([split.view('<u4'), places[:, None]], axis=1)
+            entries = np.concatenate([split.view('<u4'), places[:, None]], axis=1)
+            found[id] = np.concatenate([found[id], entries]) if id in found else entries
             at += raw.size
         raw = b''.join(content)
         if raw:
-            self.chunk(raw, 'none', len(raw), index)
+            self.chunk(PACK[compression](raw), compression, len(raw), found)
 
     def chunk(self, packed: bytes, compression: str, size: int, index: Mapping[int, np.ndarray]) -> None:
         """Write a chunk as it is, and the index (s, ns, offset; (n, 3)) of its messages by connection."""

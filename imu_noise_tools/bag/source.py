@@ -33,6 +33,7 @@ class Bag:
     def __init__(self, path):
         self.path = Path(path)
         self.files: list[BagFile] = []
+        self.origins: list[Path] = []       # of each file, before it was unpacked
         self._said: list[str] = []
         self._scratch: tempfile.TemporaryDirectory | None = None
         _refuse_what_cannot_be_read(self.path)
@@ -62,18 +63,22 @@ class Bag:
     def _open(self) -> None:
         if not self.path.is_dir():
             try:
-                self.files.append(self._file(self.path))
+                self._add(self.path)
             except Damaged as error:
                 raise _nothing(self.path, str(error)) from error
             return
         for part in self._folder():
             try:
                 _refuse_what_cannot_be_read(part)
-                self.files.append(self._file(part))
+                self._add(part)
             except (Damaged, InputError) as error:
                 self._said.append(f'{part.name}: left out ({str(error).partition(": give")[0]})')
         if not self.files:
             raise _nothing(self.path, '; '.join(self._said))
+
+    def _add(self, path: Path) -> None:
+        self.files.append(self._file(path))
+        self.origins.append(path)
 
     def _folder(self) -> list[Path]:
         """Return the files of a rosbag2 folder in order."""
@@ -81,7 +86,7 @@ class Bag:
             held = sorted(p for p in self.path.iterdir() if _kind_of_name(p))
         except OSError as error:
             raise InputError(f'{self.path}: cannot be read ({(error.strerror or "").lower()})') from error
-        about = self._metadata()
+        about = self.metadata()
         names = about.get('relative_file_paths')
         listed = [self.path / PurePath(str(n)).name for n in names] if isinstance(names, list) else []
         parts = [p for p in listed if p.exists()]
@@ -96,7 +101,8 @@ class Bag:
             raise InputError(f'{self.path}: not a bag, there is no .mcap or .db3 file in the folder', NO_BAG)
         return parts
 
-    def _metadata(self) -> dict:
+    def metadata(self) -> dict:
+        """Return what the folder's metadata.yaml says, or nothing where it cannot be used."""
         path = self.path / 'metadata.yaml'
         try:
             if not path.is_file() or path.stat().st_size > 1 << 22:
@@ -179,7 +185,13 @@ class Bag:
             if ids:
                 part = _part_of(progress, k, len(self.files))
                 for batch in file.batches(ids, part):
-                    yield _unpacked(batch) if _is_compressed(batch) else batch
+                    yield self.unpacked(batch)[0]
+
+    @staticmethod
+    def unpacked(batch: Batch) -> tuple[Batch, bool]:
+        """Return a batch whose messages are not compressed one by one, and whether they were."""
+        packed = _is_compressed(batch)
+        return (_unpacked(batch) if packed else batch), packed
 
 
 def _part_of(progress: Progress, k: int, n: int) -> Progress:

@@ -80,6 +80,9 @@ class SqliteFile:
                 text = dict(ask('SELECT topic_type, encoded_message_definition FROM message_definitions'))
             except sqlite3.DatabaseError:
                 pass
+        self.qos: dict[int, str] = {}
+        if 'offered_qos_profiles' in [r[1] for r in ask('PRAGMA table_info(topics)')]:
+            self.qos = {id: str(q) for id, q in ask('SELECT id, offered_qos_profiles FROM topics')}
         self.connections = [
             Connection(int(id), str(topic), normal_type(str(type)), str(form), str(text.get(type, '')))
             for id, topic, type, form in ask('SELECT id, name, type, serialization_format FROM topics ORDER BY id')]

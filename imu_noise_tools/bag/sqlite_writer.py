@@ -53,6 +53,12 @@ class SqliteWriter:
                 'type_description_hash) VALUES (?, ?, ?, ?)', (type, 'ros2msg', text, digest))
         return int(id or 0)
 
+    def plain_topic(self, name: str, type: str, encoding: str, qos: str) -> int:
+        """Add a topic whose definition is not known; return its id."""
+        return int(self.database.execute('INSERT INTO topics(name, type, serialization_format, offered_qos_profiles, '
+                                         "type_description_hash) VALUES (?, ?, ?, ?, '')",
+                                         (name, type, encoding, qos)).lastrowid or 0)
+
     def messages(self, parts: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> None:
         """Write rows; ``parts`` are receive times (ns) and messages (n, length) uint8 by topic, put in order of time."""
         for id, (times, rows) in parts.items():

@@ -26,12 +26,20 @@ def table_kind(path) -> str:
 
 def read_table(path: Path, rate_hz: float | None) -> ImuRecord:
     """Read a table; ``rate_hz`` goes before stamps and labels. Raise InputError where it cannot be used."""
+    said: list[str] = []
+    return _record(path, table_arrays(path, said), rate_hz, said)
+
+
+def table_arrays(path: Path, said: list[str] | None = None) -> dict[str, np.ndarray]:
+    """Return all arrays of numbers of a table, gyro and accel as (n, 3); doubts are added to ``said``."""
     _refuse_what_cannot_be_read(path)
     try:
-        arrays, said = (_read_npz if table_kind(path) == 'npz' else _read_csv)(path)
+        arrays, doubts = (_read_npz if table_kind(path) == 'npz' else _read_csv)(path)
     except OSError as error:
         raise InputError(f'{path}: cannot be read ({(error.strerror or str(error)).lower()})') from error
-    return _record(path, arrays, rate_hz, said)
+    if said is not None:
+        said += doubts
+    return arrays
 
 
 def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, said: list[str]) -> ImuRecord:

@@ -238,7 +238,7 @@ def write_table(path: Path, kind: str, arrays: dict[str, np.ndarray]) -> None:
             np.savez(file, **arrays)
         return
     columns: dict[str, np.ndarray] = {}
-    for name, x in arrays.items():
+    for name, x in sorted(arrays.items(), key=lambda item: item[0] != 't'):
         if x.ndim == 2:
             prefix, _, suffix = name.partition('_')
             suffix = f'_{suffix}' if suffix else ''
