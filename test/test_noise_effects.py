@@ -1,0 +1,387 @@
+"""
+One contract for every registered noise effect, by capability.
+
+A new effect is tested before its author thinks of it: no test here is about one effect.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+
+from imu_noise_tools import allan, record, spectrum, store, units
+from imu_noise_tools.effect import find_effect, Model, registry
+from imu_noise_tools.errors import ImuNoiseError
+from imu_noise_tools.noise import (Coupling, Defect, Inputs, Line, Mean, Modulation,
+                                   NoiseEffect, Response, Spectrum)
+from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.fit import fit
+
+DT = 0.02
+VIEWS = {'frequency', 'time', 'variance', 'distribution', 'repeats', 'coherence'}
+EFFECTS = dict(registry('noise'))
+# Where another value of one parameter asks for another value of a second one as well.
+MORE = {'duplicates': [{'fraction': 0.5, 'regular': 1.0}]}
+
+
+def variants(cls) -> list[NoiseEffect]:
+    """Return the example, and one for each value of a parameter that takes few."""
+    out = [cls.example(), *(cls(v) for v in MORE.get(cls.name, ()))]
+    for p in cls.parameters if len(out) == 1 else ():
+        if getattr(p, 'discrete', False) and p.upper - p.lower <= 5 and p.unit == '1':
+            out += [cls.example().with_values(**{p.name: float(v)})
+                    for v in np.arange(p.lower, p.upper + 1) if v != cls.example()[p.name]]
+    return out
+
+
+def of_kind(*kinds, without=()):
+    """Parametrise over the variants of all effects of a kind."""
+    found = [pytest.param(e, id=' '.join([n, *(f'{e[p.name]:g}' for p in c.parameters)]))
+             for n, c in EFFECTS.items() if issubclass(c, kinds) and not issubclass(c, without)
+             for e in variants(c)]
+    return pytest.mark.parametrize('effect', found)
+
+
+every = pytest.mark.parametrize('cls', EFFECTS.values(), ids=EFFECTS)
+
+
+def inputs(n, seed=0) -> Inputs:
+    """Return times, a temperature that rises and sways, and the axes of a shaken sensor."""
+    rng = np.random.default_rng([seed, 99])
+    t = np.arange(n) * DT
+    temperature = 25 + 4 * (1 - np.exp(-3 * t / t[-1])) + np.sin(2 * np.pi * t / t[-1] * 5)
+    axes = {a: rng.standard_normal(n) * (6e-4 if a.startswith('gyro') else 0.5)
+            for a in record.AXES}
+    return Inputs(t, DT, {'temperature': temperature}, axes)
+
+
+def test_the_known_effects_are_there():
+    assert {'white', 'flicker', 'random_walk', 'quantization', 'ramp', 'gauss_markov', 'sinusoid',
+            'rate_quantization'} <= set(EFFECTS)
+
+
+# --- what people read ----------------------------------------------------------------------------
+
+@every
+def test_documentation(cls):
+    for text in (cls.title, cls.equation, cls.signature, cls.hint, cls.reference, cls.symbol):
+        assert text.strip() and text == text.strip()
+    assert cls.__doc__ and cls.domain == 'noise'
+    assert len(cls.hint) > 60, 'say the cause and what to check on the bench'
+    assert set(cls.views) <= VIEWS
+    assert len(cls.title) < 60
+
+
+@every
+def test_parameters(cls):
+    assert cls.parameters
+    names = [p.name for p in cls.parameters]
+    assert len(set(names)) == len(names) and all(n.isidentifier() for n in names)
+    for p in cls.parameters:
+        assert p.title and p.unit and p.lower < p.upper
+        assert '{' not in units.si(p.unit, 'gyro') and '{' not in units.si(p.unit, 'accel')
+        assert p.lower > 0 or not p.log
+        assert not (p.linear and p.log), 'what is solved for may be negative'
+
+
+@every
+def test_example_is_complete_and_within_bounds(cls):
+    for e in variants(cls):
+        assert e.fitted
+        for p in cls.parameters:
+            assert p.lower <= e[p.name] <= p.upper, p.name
+
+
+@every
+def test_has_a_simulation(cls):
+    e = cls.example()
+    x = 6e-4 * np.random.default_rng(1).standard_normal(8000)
+    before = x.copy()
+    out = e.apply(x, inputs(8000), np.random.default_rng(2))
+    np.testing.assert_array_equal(x, before, err_msg='apply changed its argument')
+    assert out.shape == x.shape and np.all(np.isfinite(out)) and not np.array_equal(out, x)
+    again = e.apply(x, inputs(8000), np.random.default_rng(2))
+    np.testing.assert_array_equal(out, again, err_msg='drew from somewhere else than rng')
+
+
+@every
+def test_values_survive_yaml(cls):
+    e = cls({p.name: v for p, v in zip(cls.parameters, (1 / 3 * 1e-5, 2e-5, 3.0, 1e22))})
+    data = yaml.safe_load(store.dump_yaml({e.label: {'effect': e.name, **e.values}}))[e.label]
+    back = find_effect('noise', data.pop('effect'))(data)
+    assert back == e and back.values == e.values
+
+
+# --- kinds ---------------------------------------------------------------------------------------
+
+F = np.geomspace(1e-6, 0.5 / DT, 300)
+
+
+@of_kind(Spectrum)
+def test_density_is_positive_and_finite(effect):
+    s = effect.psd(F, DT)
+    assert s.shape == F.shape and np.all(np.isfinite(s)) and np.all(s >= 0) and np.any(s > 0)
+    np.testing.assert_allclose(effect.psd(F[::7], DT), s[::7], rtol=1e-12)
+
+
+@of_kind(Spectrum)
+def test_variance_is_the_quadrature_of_the_density(effect):
+    m = np.unique(np.round(np.geomspace(1, 20_000, 50)))
+    quadrature = spectrum.quadrature_avar(lambda f: effect.psd(f, DT), m, DT)
+    np.testing.assert_allclose(effect.avar(m, DT), quadrature, rtol=0.006)
+
+
+@of_kind(Spectrum)
+@pytest.mark.parametrize('factor', [1e-3, 2.0])
+def test_power_goes_with_the_square_of_the_amplitude(effect, factor):
+    some = [p.name for p in effect.parameters if p.amplitude]
+    assert some, 'a spectrum has an amplitude that may be null'
+    other = effect.with_values(**{k: factor * effect[k] for k in some})
+    np.testing.assert_allclose(other.psd(F, DT), factor ** 2 * effect.psd(F, DT), rtol=1e-9)
+    m = np.array([1, 10, 1000])
+    np.testing.assert_allclose(other.avar(m, DT), factor ** 2 * effect.avar(m, DT), rtol=1e-9)
+
+
+@of_kind(Spectrum)
+def test_state_space_has_the_density(effect):
+    """S(f) = 2 dt H (z - Phi)^-1 Q (z - Phi)^-* H^T at z = e^{i 2 pi f dt}."""
+    parts = effect.state_space(DT)
+    if parts is None:
+        pytest.skip('no finite state space')
+    phi, q, h = parts
+    k = len(phi)
+    assert phi.shape == q.shape == (k, k) and h.shape == (1, k)
+    np.testing.assert_allclose(q, q.T)
+    assert np.all(np.linalg.eigvalsh(q) >= -1e-15 * np.max(np.abs(q)))
+    assert np.all(np.abs(np.linalg.eigvals(phi)) <= 1 + 1e-12)
+    s = []
+    for f in F[F > 1e-3]:
+        g = h @ np.linalg.inv(np.exp(2j * np.pi * f * DT) * np.eye(k) - phi)
+        s.append(2 * DT * (g @ q @ g.conj().T).real.item())
+    np.testing.assert_allclose(s, effect.psd(F[F > 1e-3], DT), rtol=1e-6)
+
+
+@of_kind(Spectrum)
+def test_simulation_follows_density_and_variance(effect):
+    """The mean over many draws, within five standard errors of the draws themselves and 1 %."""
+    n, draws = 4096, 120
+    b = spectrum.bins_of(n, DT)
+    variance = np.sum(effect.psd(b.f, DT) * b.count) / (2 * n * DT)
+    given, rng = inputs(n), np.random.default_rng(7)
+    m = np.unique(np.round(np.geomspace(1, n // 8, 12)).astype(int))
+    power, avar = [], []
+    for _ in range(draws):
+        # some effects act on samples: what they add is looked at, on top of noise of their size
+        x = 3 * np.sqrt(variance) * rng.standard_normal(n)
+        added = effect.apply(x, given, rng) - x
+        power.append(spectrum.power(spectrum.cosine_transform(added), DT, b))
+        avar.append(allan.overlapping_variance(added, m))
+    for seen, truth, spread in (
+            (power, spectrum.expected(lambda f: effect.psd(f, DT), b), np.sqrt(2 / b.count)),
+            (avar, effect.avar(m, DT), np.zeros(len(m)))):
+        ratio = np.array(seen) / truth
+        if truth[-1] > 100 * truth[0]:
+            # the ends of a record leak a floor into the lowest coefficients of a rising spectrum
+            ratio, spread = ratio[:, truth > 0.01 * truth[-1]], spread[truth > 0.01 * truth[-1]]
+        # the scatter of the draws themselves, or that of a normal process if larger
+        error = np.maximum(ratio.std(axis=0), spread) / np.sqrt(draws)
+        pull = (np.abs(ratio.mean(axis=0) - 1) - 0.01) / error
+        assert np.max(pull) < 5, f'at {np.argmax(pull)}'
+        # and on the whole, much closer than any one bin can tell
+        whole = ratio.mean(axis=1)
+        assert abs(whole.mean() - 1) < 5 * whole.std() / np.sqrt(draws) + 0.01
+
+
+@of_kind(Mean)
+def test_mean(effect):
+    n = 20_000
+    given = inputs(n)
+    linear = [p.name for p in effect.parameters if p.linear]
+    rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
+    columns = effect.columns(given, **rest)
+    assert columns.shape == (n, len(linear)) and np.all(np.isfinite(columns))
+    assert np.linalg.matrix_rank(np.column_stack([np.ones(n), columns])) == 1 + len(linear)
+    added = effect.apply(np.zeros(n), given, np.random.default_rng(0))
+    np.testing.assert_allclose(added, columns @ [effect[k] for k in linear], rtol=1e-12)
+    if type(effect).avar is not Mean.avar:
+        m = np.array([1, 10, 500])
+        np.testing.assert_allclose(allan.overlapping_variance(added, m), effect.avar(m, DT),
+                                   rtol=1e-6)
+
+
+@of_kind(Line)
+def test_line(effect):
+    """Its Allan variance is that of the samples, the phase averaged away."""
+    given, rng = inputs(20_000), np.random.default_rng(1)
+    m = np.unique(np.round(np.geomspace(1, 2000, 20)).astype(int))
+    seen = np.mean([allan.overlapping_variance(effect.apply(np.zeros(20_000), given, rng), m)
+                    for _ in range(20)], axis=0)
+    np.testing.assert_allclose(seen, effect.avar(m, DT), rtol=0.03,
+                               atol=1e-3 * np.max(effect.avar(m, DT)))
+
+
+@of_kind(Response)
+def test_response(effect):
+    """White noise behind it has its shape; a defect may change the level as well."""
+    gain = effect.gain2(F, DT)
+    assert gain.shape == F.shape and np.all(np.isfinite(gain)) and np.all(gain >= 0)
+    assert gain[0] == pytest.approx(1, abs=1e-6), 'N is what it was at low frequencies'
+    n, draws = 4096, 150
+    b, given, rng = spectrum.bins_of(n, DT), inputs(n), np.random.default_rng(3)
+    seen = np.mean([spectrum.power(spectrum.cosine_transform(
+        effect.apply(rng.standard_normal(n), given, rng)), DT, b) for _ in range(draws)], axis=0)
+    seen = seen / (2 * DT)
+    expected = effect.gain2(b.f, DT)
+    some = expected > 1e-4
+    error = np.sqrt(2 / (draws * b.count))[some]
+    ratio = seen[some] / expected[some]
+    level = np.average(ratio, weights=1 / error ** 2) if isinstance(effect, Defect) else 1.0
+    # a narrow null of the gain is not resolved by a bin that holds it
+    slack = 0.02 + 3 * np.abs(np.gradient(np.log(expected[some])))
+    assert np.all(np.abs(ratio / level - 1) < 5 * error + slack)
+
+
+@of_kind(Modulation)
+def test_modulation(effect):
+    n, draws = 20_000, 60
+    given, rng = inputs(n), np.random.default_rng(4)
+    factor = effect.variance(given.t)
+    assert factor.shape == (n,) and np.all(np.isfinite(factor)) and np.all(factor > 0)
+    seen = np.mean([(effect.apply(rng.standard_normal(n), given, rng)) ** 2
+                    for _ in range(draws)], axis=0).reshape(40, -1).mean(axis=1)
+    np.testing.assert_allclose(seen, factor.reshape(40, -1).mean(axis=1),
+                               rtol=5 * np.sqrt(2 / (draws * n / 40)))
+
+
+# --- the samples ---------------------------------------------------------------------------------
+
+SAMPLES = {
+    'noise': lambda rng: rng.standard_normal(3000),
+    'a hundred': lambda rng: rng.standard_normal(100),
+    'two levels': lambda rng: np.where(rng.random(3000) < 0.5, 0.0, 1.0),
+    'constant but for one': lambda rng: np.where(np.arange(3000) == 1500, 1.0, 0.0),
+    'counts': lambda rng: np.round(3 * rng.standard_normal(3000)),
+    'at 9.8, small': lambda rng: 9.80665 + 1e-6 * rng.standard_normal(3000),
+    'single precision': lambda rng: rng.standard_normal(3000).astype(np.float32).astype(float),
+}
+
+
+@every
+@pytest.mark.parametrize('samples', SAMPLES.values(), ids=SAMPLES)
+@pytest.mark.filterwarnings('error')
+def test_statistics_are_plain_arrays(cls, samples):
+    y = samples(np.random.default_rng(5))
+    before = y.copy()
+    kept = cls.statistics(y, inputs(len(y)))
+    np.testing.assert_array_equal(y, before)
+    for name, value in kept.items():
+        value = np.asarray(value)
+        assert name.isidentifier() and value.dtype.kind in 'fiub' and np.all(np.isfinite(value))
+        assert value.size < 200_000
+    if issubclass(cls, Defect) and kept:
+        screened = cls.screen(y, kept, inputs(len(y)))
+        assert screened.shape == y.shape and np.all(np.isfinite(screened))
+
+
+def the_record(effect=None, minutes=40, seed=0):
+    """Return a record of white noise with an effect on gyro_x, on a shaken mount that warms up."""
+    n = int(minutes * 60 / DT)
+    given, rng = inputs(n, seed), np.random.default_rng([seed, 5])
+    axes = dict(given.axes)
+    if effect is not None:
+        base = axes['gyro_x'] if effect.name != 'white' else np.zeros(n)
+        axes['gyro_x'] = effect.apply(base, given, rng)
+    gyro, accel = (np.column_stack([axes[f'{s}_{c}'] for c in 'xyz']) for s in ('gyro', 'accel'))
+    return record.ImuRecord(gyro, accel, given.t, 1 / DT, covariates=dict(given.covariates))
+
+
+def evidence_of(effect=None, **kwargs):
+    """Return what is kept of gyro_x; of the other axes too where the effect needs them."""
+    axes = record.AXES if effect is None or isinstance(effect, Coupling) else ['gyro_x']
+    return gather(the_record(effect, **kwargs), axes)['gyro_x']
+
+
+N_WHITE = 6e-4 * np.sqrt(DT)
+
+
+@pytest.fixture(scope='module')
+def plain_evidence():
+    """Return the evidence of a record with nothing but white noise."""
+    return evidence_of()
+
+
+@every
+def test_starts_are_complete(cls, plain_evidence):
+    measured = issubclass(cls, (Line, Defect, Modulation))
+    for e in cls().starts(plain_evidence):
+        assert e.name == cls.name
+        for p in cls.parameters:
+            if not (p.amplitude or p.linear or measured):
+                assert p.name in e.values, f'{p.name} has no start'
+            if p.name in e.values:
+                assert p.lower <= e[p.name] <= p.upper
+    kept = cls({p.name: cls.example()[p.name] for p in cls.parameters if not p.amplitude})
+    for e in kept.starts(plain_evidence):
+        assert all(e[k] == v for k, v in kept.values.items()) or not issubclass(cls, Spectrum)
+
+
+@of_kind(Defect)
+def test_nothing_is_found_where_there_is_nothing(effect, plain_evidence):
+    found = type(effect)().find(plain_evidence)
+    assert found is None or found.gain < 10
+
+
+def _model(effect):
+    return Model([find_effect('noise', 'white')()] * (effect.name != 'white') + [type(effect)()])
+
+
+@pytest.mark.parametrize('effect', [pytest.param(c.example(), id=n) for n, c in EFFECTS.items()])
+def test_what_simulation_puts_in_the_fit_finds(effect):
+    """Every value within five standard deviations of the truth (1 % where it has none)."""
+    evidence = evidence_of(effect)
+    found = fit(evidence, _model(effect))
+    estimates = found.estimates[effect.label]
+    assert set(estimates) == {p.name for p in effect.parameters}
+    for p in effect.parameters:
+        e, truth = estimates[p.name], effect[p.name]
+        assert e.unit == units.si(p.unit, 'gyro')
+        if p.discrete:
+            # one of the values tried: a kind (a whole number) must be right, a time near
+            assert abs(e.value - truth) < (1e-9 if p.unit == '1' else 0.01 * evidence.duration)
+        elif truth == 0:
+            assert e.value is None or abs(e.value) <= 5 * (e.std or 0)
+        else:
+            assert e.value is not None, f'{p.name}: {e.note}'
+            assert abs(e.value - truth) < 5 * (e.std or 0) + 0.01 * abs(truth), \
+                f'{p.name}: {e.value:.4g} +- {e.std or 0:.2g}, truth {truth:.4g}'
+            if e.std:
+                assert e.std < 0.5 * abs(truth), f'{p.name}: too uncertain to mean much'
+    if effect.name != 'white' and isinstance(effect, (Line, Mean, Coupling)):
+        white = found.estimates['white']['N']
+        assert abs(white.value - N_WHITE) < 5 * white.std
+
+
+@of_kind(Defect, Modulation)
+def test_what_simulation_puts_in_is_found_in_the_samples(effect):
+    evidence = evidence_of(effect, seed=1)
+    look = type(effect)().find if isinstance(effect, Defect) else type(effect)().measure
+    finding = look(evidence)
+    assert finding is not None and finding.gain > 50 and finding.evidence
+    assert finding.effect.name == effect.name and finding.effect.fitted
+    for k, e in finding.estimates.items():
+        assert e.value == pytest.approx(finding.effect[k])
+
+
+@every
+def test_what_does_not_apply_is_refused_in_words(cls):
+    """An accelerometer axis alone, no temperature: an effect that needs more says so."""
+    alone = the_record(minutes=2)
+    alone = record.ImuRecord(None, alone.accel, alone.t, 1 / DT)
+    evidence = gather(alone, ['accel_x'])['accel_x']
+    if cls().starts(evidence):
+        assert set(fit(evidence, _model(cls.example())).estimates) == {'white', cls.name}
+    else:
+        with pytest.raises(ImuNoiseError) as error:
+            fit(evidence, _model(cls.example()))
+        assert cls.name in error.value.message and error.value.remedy
