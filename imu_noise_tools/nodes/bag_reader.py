@@ -160,7 +160,7 @@ class BagReader(Node):
             'state': p.state, 'samples': p.sent, 'samples in the bag': self._total,
             'progress [%]': done, 'position [s]': p.position_s, 'passes': p.passes,
             'bag': self._settings['bag']}, level)
-        self._status.publish(messages.diagnostics(self.get_clock().now().to_msg(), [status]))
+        self._status.publish(messages.diagnostics(self, [status]))
 
     def finish(self) -> None:
         """Stop playing."""

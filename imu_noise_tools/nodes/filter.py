@@ -2,21 +2,184 @@
 
 from __future__ import annotations
 
+import math
 import sys
+import threading
 
 from diagnostic_msgs.msg import DiagnosticArray
-import numpy as np
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu
 
 from . import messages
+from .aside import Aside
+from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
 from .params import Setting, Settings
-from .run import events_executor, run
+from .run import run
 from .topics import ImuInput, live, overridable, result, STEADY
+from .. import units
+from ..denoise.design import AUTO, design
 from ..denoise.engine import Engine
 from ..denoise.evaluate import Innovations
-from ..errors import InputError
-from ..record import AXES
+from ..denoise.statespace import DOMAIN
+from ..effect import registry
+from ..study import Study
+from ..tasks.denoise import BIAS, CORRELATED, from_study
 
 _SHOWN = 4096           # latest innovations of which the figures are published
+_JUDGED = 16384         # latest samples that a diagnosis looks at
+
+
+def value_settings() -> list[Setting]:
+    """Return a setting for every parameter of every effect; NaN stands for a typical value."""
+    return [Setting(f'{name}.{p.name}', math.nan, f'{effect.title}: {p.title}; NaN: typical',
+                    units.si(p.unit, 'gyro'), p.lower, p.upper, optional=True)
+            for name, effect in registry(DOMAIN).items() for p in effect.parameters]
+
+
+class Filter(Node):
+    """Every message is filtered in its own callback; services and figures run aside."""
+
+    def __init__(self):
+        super().__init__('filter')
+        values = value_settings()
+        self._settings = p = Settings(
+            self,
+            Setting('model', '', 'folder of an analysed study, for the noise'),
+            Setting('motion', [AUTO], 'what drives the rate; auto: a bank for any motion'),
+            Setting('noise', ['white'], 'what adds to the output'),
+            Setting('alpha', 1.0, 'fading memory; 1: none', '1', 0.01, 1.0),
+            Setting('rate_hz', 0.0, 'nominal rate; 0: by the first stamps', 'Hz', 0.0, 1e5,
+                    fixed=True),
+            *values)
+        self._values = [s.name for s in values]
+        self._engine = Engine(rate_hz=p['rate_hz'] or None, **self._chosen(p))
+        self._lock = threading.Lock()           # of the engine: it is switched from two threads
+        self._adopting = False
+        p.together = lambda new: design(**self._chosen(new))
+        p.changed = self._changed
+        self._first: int | None = None
+        self._study: Study | None = None
+        self._output = self.create_publisher(
+            Imu, 'imu/data_filtered', live(), qos_overriding_options=overridable())
+        self._innovations = self.create_publisher(DiagnosticArray, '~/innovations', result())
+        self._topic = ImuInput(self, self._take, live, drain=False).topic
+        self._aside = Aside(self)
+        Loop(self._aside, self._the_study, self._adopt, fresh=self._begin)
+        serve(self._aside, 'reset', self.reset)
+        self._aside.create_timer(1.0, self._tell, clock=STEADY)
+        self._aside.begin()
+        self.get_logger().info(f'{BIAS}; {CORRELATED}')
+
+    def _given(self, parameters) -> dict:
+        """Return the values that parameters state, by label."""
+        values: dict = {}
+        for name in self._values:
+            if not math.isnan(parameters[name]):
+                label, _, parameter = name.rpartition('.')
+                values.setdefault(label, {})[parameter] = parameters[name]
+        return values
+
+    def _chosen(self, p) -> dict:
+        """Return what the engine is to be, from parameters or a mapping of them."""
+        motion, noise = p['motion'], p['noise']
+        if p['model']:
+            dt = 1 / p['rate_hz'] if p['rate_hz'] else None
+            motion, noise, _, _ = from_study(p['model'], motion, noise, dt)
+        return {'motion': motion, 'noise': noise, 'alpha': p['alpha'], 'values': self._given(p)}
+
+    def _changed(self, values) -> None:
+        if not self._adopting:
+            # what the loop has put into the model stays when only the memory changes
+            new = values if set(values) == {'alpha'} else self._chosen(self._settings)
+            with self._lock:
+                self._engine.switch(**new)
+
+    def _take(self, batch: list[bytes]) -> None:
+        """Filter a message and publish it; one that is not finite is refused, and counted."""
+        raw = messages.plain(batch[0])
+        stamp, rate, there = messages.rate_of(raw)
+        if there:
+            if self._first is None:
+                self._first = stamp
+            with self._lock:
+                filtered = self._engine.step((stamp - self._first) * 1e-9, rate)
+            if filtered is None:
+                return
+            raw = messages.with_rate(raw, *filtered)
+        self._output.publish(raw)
+
+    # Aside: the loop, reset, figures.
+
+    def reset(self) -> dict:
+        """Forget the stream; the settings stay."""
+        with self._lock:
+            self._engine.reset()
+        self._study = None
+        return {'reset': True}
+
+    def _the_study(self) -> Study:
+        return self._study or self._begin()
+
+    def _begin(self) -> Study:
+        """Return the study of the running model on the latest samples; the ladder goes on."""
+        p = self._settings
+        with self._lock:
+            t, z, _ = self._engine.history.latest(_JUDGED)
+            design, counts = self._engine.design, self._engine.counts
+        stated = dict.fromkeys(GYRO, {})
+        if p['model']:
+            stated = {**stated, **from_study(p['model'], p['motion'], p['noise'])[2]}
+        stated = {axis: {**stated[axis], **self._given(p)} for axis in GYRO}
+        study = begin_study(t, z, design, stated, {
+            'path': self._topic, 'topic': self._topic, 'samples': counts.samples,
+            'rate_hz': self._engine.rate_hz, 'judged': len(t), **design.names})
+        if self._study:
+            study.history = [*self._study.history, *study.history]
+        self._study = study
+        return study
+
+    def _adopt(self, study: Study) -> None:
+        """Let what the loop has come to run, where that is something else."""
+        self._study = study
+        before = self._engine.design.names
+        new = running(study, automatic=self._engine.design.motion is None)
+        names = {'motion': new['motion'], 'noise': [e.name for e in new['noise'][0]]}
+        if names != before:
+            with self._lock:
+                self._engine.switch(**new)
+            self._adopting = True
+            self.set_parameters([Parameter(k, value=v) for k, v in names.items()])
+            self._adopting = False
+        self._tell()
+
+    def _tell(self) -> None:
+        """Publish how the innovations look, axis by axis."""
+        _, _, scores = self._engine.history.latest(_SHOWN)
+        counts, names = self._engine.counts, self._engine.design.names
+        about = {**vars(counts), 'rate [Hz]': self._engine.rate_hz,
+                 **{k: ' '.join(v) for k, v in names.items()}}
+        level = messages.WARN if counts.refused else messages.OK
+        statuses = [messages.status('stream', f'{counts.samples} samples', about, level)]
+        for k, axis in enumerate(GYRO):
+            found = Innovations.of(scores[:, k])
+            judged = self._study.diagnosis.get(axis) if self._study else None
+            verdict = judged.verdict if judged else 'not judged'
+            statuses.append(messages.status(axis, verdict, {
+                'nis [1]': found.nis, 'mean [1]': found.mean, 'autocorrelation [1]': found.lag1,
+                'kurtosis [1]': found.kurtosis, 'samples': found.n, 'verdict': verdict}))
+        self._innovations.publish(messages.diagnostics(self, statuses))
+
+    def finish(self) -> bool:
+        """Let a diagnosis under way go; return whether there was none."""
+        return self._aside.end()
+
+
+def main(args=None) -> int:
+    """Run the node."""
+    return run(Filter, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -49,14 +49,16 @@ class Loop:
         Returns the study, or raises an ImuNoiseError that says what must come first.
     changed : callable
         Called with the study when its models or its diagnosis have changed.
+    fresh : callable or None
+        Returns the study that is diagnosed, where that is not the one at hand.
     group : rclpy.callback_groups.CallbackGroup
         Of the services, so that data go on arriving while they work.
 
     """
 
     def __init__(self, node, study: Callable[[], Study], changed: Callable[[Study], None],
-                 group=None):
-        self._study, self._changed = study, changed
+                 group=None, fresh: Callable[[], Study] | None = None):
+        self._study, self._changed, self._fresh = study, changed, fresh or study
         for name in ('compare', 'diagnose', 'add_best', 'remove_last', 'history'):
             serve(node, name, getattr(self, name), group)
 
@@ -70,7 +72,7 @@ class Loop:
 
     def diagnose(self) -> dict:
         """Find out what is missing."""
-        study = self._study()
+        study = self._fresh()
         found = study.diagnose()
         self._changed(study)
         return {'diagnosis': {t: diagnosis_to_dict(study.domain, t, d) for t, d in found.items()}}

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import struct
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
@@ -21,12 +20,6 @@ from ..store import dump_yaml
 BLOCK_COLUMNS = ('stamp', *AXES)
 CURVE_COLUMNS = ('tau', 'adev', 'lo', 'hi', 'model', 'log10_tau', 'log10_adev')
 _LIVE = Connection(0, 'imu/data_raw', IMU, 'cdr')
-
-
-def stamp_of(ns: int) -> Time:
-    """Return nanoseconds since the epoch as a stamp."""
-    sec, nanosec = divmod(int(ns), 10 ** 9)
-    return Time(sec=sec, nanosec=nanosec)
 
 
 # ---- sensor_msgs/Imu, serialised ----
@@ -49,17 +42,27 @@ def plain(raw: bytes) -> bytes:
 
 @dataclass(frozen=True)
 class Samples:
-    """Imu messages as arrays: stamps (n,) ns, gyro and accel (n, 3); ``refused`` were none."""
+    """
+    Imu messages as arrays: stamps (n,) ns, gyro and accel (n, 3), SI.
+
+    ``readable`` (of the batch,) says which messages they are from.
+
+    """
 
     stamps: np.ndarray
     gyro: np.ndarray
     accel: np.ndarray
     frame_id: str = ''
-    refused: int = 0
+    readable: np.ndarray = field(default_factory=lambda: np.ones(0, bool))
 
     def __len__(self):
         """Return how many there are."""
         return len(self.stamps)
+
+    @property
+    def refused(self) -> int:
+        """How many messages could not be read."""
+        return int(np.sum(~self.readable))
 
 
 def samples(batch: Sequence[bytes]) -> Samples:
@@ -69,7 +72,7 @@ def samples(batch: Sequence[bytes]) -> Samples:
     unknown = np.zeros(len(batch), np.int64)            # receive times
     found = decode(Batch(_LIVE, unknown, data, length.cumsum() - length, length))
     return Samples(found.stamp, found.values[:, GYRO].copy(), found.values[:, ACCEL].copy(),
-                   found.frame_id, len(batch) - len(found.stamp))
+                   found.frame_id, found.readable)
 
 
 def rate_of(raw: bytes) -> tuple[int, tuple[float, float, float], bool]:
@@ -161,16 +164,16 @@ def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
-def status(name: str, message: str, values: Mapping[str, object] | Iterable = (), level=OK,
-           hardware_id: str = '') -> DiagnosticStatus:
+def status(name: str, message: str, values: Mapping[str, object] | Iterable = (),
+           level=OK) -> DiagnosticStatus:
     """Return one status; numbers are written so that they can be plotted (units are in keys)."""
     pairs = values.items() if isinstance(values, Mapping) else values
     return DiagnosticStatus(
-        level=level, name=name, message=message, hardware_id=hardware_id,
+        level=level, name=name, message=message,
         values=[KeyValue(key=str(k), value=_number(v)) for k, v in pairs if v is not None])
 
 
-def coefficients(target: str, entry: Mapping, hardware_id: str = '') -> DiagnosticStatus:
+def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
     """
     Return one target of study.yaml as a status: values and intervals with their unit in the key.
 
@@ -189,10 +192,10 @@ def coefficients(target: str, entry: Mapping, hardware_id: str = '') -> Diagnost
                 ('', e.get('value')), ('_std', e.get('std')), ('_lo', lo), ('_hi', hi),
                 ('_upper95', e.get('upper95')))]
     values += [(k, v) for k, v in entry['error'].items() if isinstance(v, (int, float))]
-    return status(target, ' + '.join(entry['effects']), values, OK, hardware_id)
+    return status(target, ' + '.join(entry['effects']), values)
 
 
-def diagnosis(target: str, entry: Mapping, hardware_id: str = '') -> DiagnosticStatus:
+def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
     """Return one target's diagnosis as a status; a missing or unknown effect is a warning."""
     best = next(iter(entry.get('ranked') or ()), {})
     named = entry['verdict'] in ('missing', 'undecidable') and best
@@ -201,7 +204,7 @@ def diagnosis(target: str, entry: Mapping, hardware_id: str = '') -> DiagnosticS
               'gain [nat]': best.get('gain'), 'probability [1]': best.get('probability'),
               'evidence': best.get('evidence'), 'advice': entry.get('advice') or None}
     level = WARN if entry['verdict'] in ('missing', 'unknown') else OK
-    return status(target, text, values, level, hardware_id)
+    return status(target, text, values, level)
 
 
 def _number(value) -> str:
@@ -210,19 +213,19 @@ def _number(value) -> str:
     return repr(float(value)) if isinstance(value, (float, np.floating)) else str(value)
 
 
-def diagnostics(now: Time, statuses: Iterable[DiagnosticStatus]) -> DiagnosticArray:
-    """Return an array of statuses."""
+def diagnostics(node, statuses: Iterable[DiagnosticStatus], frame_id='') -> DiagnosticArray:
+    """Return an array of statuses, stamped with the time of a node."""
     out = DiagnosticArray(status=list(statuses))
-    out.header.stamp = now
+    out.header.stamp, out.header.frame_id = node.get_clock().now().to_msg(), frame_id
     return out
 
 
-def image(pixels: np.ndarray, now: Time, frame_id: str = '') -> Image:
-    """Return an rgb8 image of pixels (height, width, 3), uint8."""
+def image(node, pixels: np.ndarray) -> Image:
+    """Return an image of RGB pixels (height, width, 3), uint8, stamped with the node's time."""
     pixels = np.ascontiguousarray(pixels, np.uint8)
     out = Image(height=pixels.shape[0], width=pixels.shape[1], encoding='rgb8',
                 step=3 * pixels.shape[1])
-    out.header.stamp, out.header.frame_id = now, frame_id
+    out.header.stamp = node.get_clock().now().to_msg()
     out.data.frombytes(pixels.tobytes())
     return out
 

@@ -28,8 +28,8 @@ class Results:
         self._outputs = {n: node.create_publisher(k, f'~/{n}', result()) for n, k in kinds.items()}
 
     def _publish(self, name: str, statuses) -> None:
-        now = self._node.get_clock().now().to_msg()
-        self._outputs[name].publish(messages.diagnostics(now, statuses))
+        frame = self._stream.frame_id
+        self._outputs[name].publish(messages.diagnostics(self._node, statuses, frame))
 
     def _counts(self) -> dict:
         s = self._stream
@@ -47,15 +47,15 @@ class Results:
     def show(self, study: Study) -> None:
         """Publish a study: coefficients, diagnosis, and curves with the model beside them."""
         data = store.study_to_dict(study)
-        source, frame = data['source'], self._stream.frame_id
+        source = data['source']
         about = messages.status(
             'record', f'{source["samples"]} samples at {source["rate_hz"]:g} Hz', {
                 'samples': source['samples'], 'rate [Hz]': source['rate_hz'],
                 'duration [s]': source['duration_s'], **self._counts()})
         self._publish('coefficients', [about, *(
-            messages.coefficients(t, e, frame) for t, e in data['targets'].items())])
+            messages.coefficients(t, e) for t, e in data['targets'].items())])
         self._publish('diagnosis', [
-            messages.diagnosis(t, d, frame) for t, d in data['diagnosis'].items()])
+            messages.diagnosis(t, d) for t, d in data['diagnosis'].items()])
         self._drawn = self._stream.received
         for axis, state in study.states.items():
             c = state.problem.evidence.curve
@@ -66,9 +66,7 @@ class Results:
         """Publish the picture of a study."""
         from ..plots.figures import allan_figure
         from ..plots.style import pixels
-        now = self._node.get_clock().now().to_msg()
-        picture = messages.image(pixels(allan_figure(study)), now)
-        self._outputs['plot'].publish(picture)
+        self._outputs['plot'].publish(messages.image(self._node, pixels(allan_figure(study))))
 
     def refresh(self, study: Study | None) -> None:
         """Publish the live curves where samples have come since, with the model there is."""

@@ -38,7 +38,8 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
 
     ``rclpy.spin`` with rclpy's own handlers hangs or ends with status 1 on SIGTERM, hence handlers
     that only set an event. A node may have ``finish()``, called once before it is destroyed, to
-    save what was gathered. A computation still under way then is dropped.
+    save what was gathered; it returns False where something is still under way. A computation
+    that is not done by then is dropped.
 
     Parameters
     ----------
@@ -85,10 +86,12 @@ def _close(node, executor) -> bool:
     idle = True
     try:
         if node is not None and hasattr(node, 'finish'):
-            node.finish()
+            idle = node.finish() is not False
+    except ImuNoiseError as error:
+        print(f'error: {error}', file=sys.stderr)
     finally:
         if isinstance(executor, MultiThreadedExecutor):
-            idle = executor.shutdown(timeout_sec=_PATIENCE)
+            idle &= executor.shutdown(timeout_sec=_PATIENCE)
         elif executor is not None:
             executor.remove_node(node)
         if node is not None:

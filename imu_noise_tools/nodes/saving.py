@@ -35,14 +35,20 @@ class Folder:
         if self._made is not None and self._made.is_dir():
             files.replace_files(self._made, content)
             return self._made
-        path, number = Path(wanted), 2
-        while path.exists():
-            path, number = Path(f'{wanted}.{number}'), number + 1
+        path = free(Path(wanted))
         with files.new_folder(path) as new:
             for name, data in content.items():
                 files.atomic_write(new / name, data)
         self._made = path.resolve()
         return self._made
+
+
+def free(path: Path) -> Path:
+    """Return the path, or the first of ``name.2``, ``name.3`` ... that is not there yet."""
+    taken, number = path, 2
+    while taken.exists():
+        taken, number = path.with_name(f'{path.stem}.{number}{path.suffix}'), number + 1
+    return taken
 
 
 def npz(**arrays: np.ndarray) -> bytes:

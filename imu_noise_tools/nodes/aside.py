@@ -1,0 +1,68 @@
+"""Services in a node and a thread of their own, beside a node that must not wait for them."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+_SWITCH = 5e-4          # s that a thread computes before another has its turn (Python: 5e-3)
+
+
+class Aside:
+    """
+    Offers the services and timers of a node whose own executor takes messages one by one.
+
+    The events executor runs one callback at a time, and coroutine callbacks do not work in it: a
+    service that computes for seconds would hold the stream. The node here is hidden; its services
+    bear the names of the other.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose services these look like.
+
+    """
+
+    def __init__(self, node: Node):
+        self._of, self._stop = node, threading.Event()
+        self._node = Node(f'_{node.get_name()}_aside', namespace=node.get_namespace(),
+                          use_global_arguments=False, start_parameter_services=False,
+                          enable_rosout=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        sys.setswitchinterval(_SWITCH)
+
+    def begin(self) -> None:
+        """Start, once everything is there."""
+        self._thread.start()
+
+    def end(self) -> bool:
+        """Stop; return whether nothing was under way."""
+        self._stop.set()
+        self._thread.join(0.5)
+        if self._thread.is_alive():
+            return False
+        self._executor.shutdown()
+        self._node.destroy_node()
+        return True
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.2)
+
+    def get_logger(self):
+        """Return the logger of the other node."""
+        return self._of.get_logger()
+
+    def create_service(self, kind, name: str, callback, callback_group=None):
+        """Create a service; ``~`` stands for the other node."""
+        full = self._of.resolve_service_name(name)
+        return self._node.create_service(kind, full, callback, callback_group=callback_group)
+
+    def create_timer(self, period: float, callback, clock=None):
+        """Create a timer."""
+        return self._node.create_timer(period, callback, clock=clock)

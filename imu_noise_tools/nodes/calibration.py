@@ -1,0 +1,160 @@
+"""The calibration node: captures poses when asked, solves them, and corrects the stream."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+import threading
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from sensor_msgs.msg import Imu
+
+from . import messages
+from .loop import Loop, serve
+from .params import Setting, Settings
+from .run import run, threads_executor
+from .saving import free
+from .topics import ImuInput, live, overridable, result
+from ..calibration import STILL_S
+from ..study import Study
+from ..tasks.calibration import as_dict, FILE, Session
+from ..units import DEG, G0
+
+
+class Calibration(Node):
+    """The stream is fed and corrected in one group of callbacks, services work in another."""
+
+    def __init__(self):
+        super().__init__('calibration')
+        self._settings = p = Settings(
+            self,
+            Setting('sensor', 'accel', 'what is calibrated', choices=('accel', 'gyro'),
+                    fixed=True),
+            Setting('gravity', G0, 'local gravity', 'm/s^2', 0.1, 30.0, fixed=True),
+            Setting('rate_deg_s', 0.0, 'rate of the turntable, for the gyro; 0: none', 'deg/s',
+                    0.0, 1e4, fixed=True),
+            Setting('turn_deg', 0.0, 'angle of turns by hand, for the gyro; 0: none', 'deg',
+                    0.0, 1e5, fixed=True),
+            Setting('still_seconds', STILL_S, 'how long a pose is still before it counts', 's',
+                    0.2, 60.0),
+            Setting('tilt_deg', 1.0, 'how well faces are level, rms', 'deg', 0.0, 10.0),
+            Setting('method', 'auto', 'how poses are solved',
+                    choices=('auto', 'wls', 'ols', 'norm')),
+            Setting('file', '', f'loaded at the start if there, written by ~/save (else {FILE})',
+                    fixed=True))
+        self._session = Session(
+            p['sensor'], p['gravity'], p['rate_deg_s'] * DEG or None, p['turn_deg'] * DEG or None)
+        self._lock = threading.Lock()           # samples come while a capture looks at them
+        self._saved = True
+        self._start = 0
+        self._status = self.create_publisher(DiagnosticArray, '~/calibration', result())
+        self._output = self.create_publisher(
+            Imu, 'imu/data_calibrated', live(), qos_overriding_options=overridable())
+        ImuInput(self, self._take)
+        group = MutuallyExclusiveCallbackGroup()
+        Loop(self, lambda: self._session.study, self._adopt, group)
+        for name in ('capture', 'solve', 'save', 'reset'):
+            serve(self, name, getattr(self, name), group)
+        p.changed = self._changed
+        self._changed({})
+        if p['file'] and Path(p['file']).exists():
+            self._session.load(p['file'])
+            self.get_logger().info(f'{p["file"]} is applied until something is solved')
+        self._tell()
+
+    def _changed(self, _) -> None:
+        p, method = self._settings, self._settings['method']
+        self._session.still_seconds = p['still_seconds']
+        self._session.tilt = p['tilt_deg'] * DEG
+        self._session.method = None if method == 'auto' else method
+
+    def _take(self, batch: list[bytes]) -> None:
+        samples = messages.samples(batch)
+        if not len(samples):
+            return
+        self._start = self._start or int(samples.stamps[0])
+        with self._lock:
+            for stamp, gyro, accel in zip(
+                    ((samples.stamps - self._start) * 1e-9).tolist(), samples.gyro, samples.accel):
+                self._session.feed(stamp, gyro, accel)
+        correction = self._session.correction
+        if correction is None:
+            return
+        if correction.sensor == 'accel':
+            changes = {'accel': correction.apply(samples.accel)}
+        else:
+            changes = {'gyro': correction.apply(samples.gyro, None, samples.accel)}
+        for k, index in enumerate(samples.readable.nonzero()[0]):
+            self._output.publish(messages.with_vectors(
+                messages.plain(batch[index]), **{name: x[k] for name, x in changes.items()}))
+
+    def capture(self) -> dict:
+        """Average the still window that ends now; say which face it was and which are left."""
+        with self._lock:
+            seen = self._session.capture()
+        self._tell()
+        return {'held': seen.name, 'done': seen.done, 'of': seen.of, 'left': list(seen.left),
+                'note': seen.note}
+
+    def solve(self) -> dict:
+        """Solve the poses captured so far; from now on the stream is corrected."""
+        self._session.solve()
+        return self._solved()
+
+    def save(self) -> dict:
+        """Write calibration.yaml."""
+        path = self._session.save(self._settings['file'] or FILE)
+        self._saved = True
+        return {'file': str(path.resolve())}
+
+    def reset(self) -> dict:
+        """Forget poses, solution and what was loaded."""
+        with self._lock:
+            self._session.reset()
+        self._saved = True
+        self._tell()
+        return {'reset': True}
+
+    def finish(self) -> None:
+        """Save a solution that was not, beside what is there."""
+        if not self._saved:
+            path = self._session.save(free(Path(self._settings['file'] or FILE)))
+            self.get_logger().info(f'saved {path}')
+
+    def _adopt(self, study: Study) -> None:
+        self._session.adopt(study)
+        self._solved()
+
+    def _solved(self) -> dict:
+        self._saved = False
+        self._tell()
+        return as_dict(self._session.study)
+
+    def _tell(self) -> None:
+        """Publish what is captured, and what corrects the stream."""
+        session, correction = self._session, self._session.correction
+        wanted, left = session.wanted, session.left
+        text = f'left: {", ".join(left)}' if left else 'every face captured'
+        statuses = [messages.status('session', text, {
+            'captured': len(wanted) - len(left), 'of': len(wanted), 'left': ' '.join(left),
+            'solved': session.calibration is not None})]
+        if correction is not None:
+            unit = 'm/s^2' if correction.sensor == 'accel' else 'rad/s'
+            matrix = {f'S_{"xyz"[i]}{"xyz"[j]} [1]': v
+                      for (i, j), v in np.ndenumerate(correction.S)}
+            bias = {f'bias_{axis} [{unit}]': v for axis, v in zip('xyz', correction.bias)}
+            solved = 'solved' if session.calibration is not None else 'loaded'
+            statuses.append(messages.status(correction.sensor, solved, {**matrix, **bias}))
+        self._status.publish(messages.diagnostics(self, statuses))
+
+
+def main(args=None) -> int:
+    """Run the node."""
+    return run(Calibration, args, threads_executor)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""From a running filter to a study of its innovations, and from the study back to what runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..denoise.design import aligned, AUTO, Design
+from ..denoise.problem import problem_of, START
+from ..denoise.statespace import DOMAIN
+from ..effect import Model, model_of
+from ..record import AXES
+from ..study import Study
+
+GYRO = AXES[:3]
+
+
+def begin_study(t, z, design: Design, stated: Mapping[str, Mapping], source: Mapping) -> Study:
+    """
+    Return the study of a running design on its latest samples.
+
+    Parameters
+    ----------
+    t, z : ndarray (n,), (n, 3)
+        Stamps, s, and rates, rad/s.
+    design : Design
+        What runs. Its bank for any motion is no sum of effects: then the study starts from
+        constant_rate + ar_increment.
+    stated : mapping of axis to mapping of label to values
+        What was given; the rest is fitted.
+
+    Raises
+    ------
+    InputError
+        Too few samples, or a constant axis.
+
+    """
+    motion = START[:2] if design.motion is None else [e.name for e in design.motion[0]]
+    model = model_of(DOMAIN, [*motion, *(e.name for e in design.noise[0])])
+    problems = {axis: problem_of(t, z[:, k], axis, stated[axis], design.alpha)
+                for k, axis in enumerate(GYRO)}
+    return Study.begin(problems, model, source)
+
+
+def running(study: Study, automatic: bool) -> dict:
+    """Return what is to run by a study: motion, noise, and the values of each axis."""
+    whole = aligned([study.states[axis].model for axis in GYRO])
+    motion = [e.name for e in whole[0] if e.kind == 'motion']
+    return {'motion': [AUTO] if automatic else motion,
+            'noise': [Model(e for e in m if e.kind == 'noise') for m in whole],
+            'values': [{e.label: dict(e.values) for e in m} for m in whole]}
