@@ -43,6 +43,8 @@ class Parameter:
         Whether the effect vanishes as it goes to zero: only such a parameter can be null.
     linear : bool
         Whether it multiplies a column of a regressor: then it is solved for, not searched for.
+    discrete : bool
+        Whether only the values that ``starts`` proposes are tried.
     title : str
         What it is, in a few words.
 
@@ -55,6 +57,7 @@ class Parameter:
     log: bool = True
     amplitude: bool = False
     linear: bool = False
+    discrete: bool = False
     title: str = ''
 
 
@@ -312,7 +315,8 @@ class View:
     """
     One way to look at the data: pulls (standard normal under a true model) at x, and their excess deviance per bin.
 
-    ``excess`` is 0 in expectation for the true model, with scatter ``std``.
+    ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where given, is the total
+    -2 ln p of the data under the prediction, up to what the data alone decide: it also rewards a sharper prediction.
 
     """
 
@@ -322,6 +326,12 @@ class View:
     excess: float
     std: float
     unit: str = ''
+    log_score: float | None = None
+
+    @property
+    def deviance(self) -> float:
+        """Total over the bins, for the comparison of two models on the same data."""
+        return self.excess * len(self.pull) if self.log_score is None else self.log_score
 
 
 @dataclass(frozen=True)

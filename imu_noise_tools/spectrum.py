@@ -123,9 +123,13 @@ def expected(psd, bins: Bins) -> np.ndarray:
     t = bins.n * bins.dt
     nyquist = 0.5 / bins.dt
     low = min(CORRECTED, len(bins.first))
-    f = np.concatenate([np.minimum(x / t, nyquist), bins.f[low:]])
-    s = psd(f)
-    return np.concatenate([weight[:low] @ s[:len(x)], s[len(x):]])
+    single = int(np.searchsorted(bins.count, 2))                     # the bins that hold one coefficient come first
+    # wide bins by Gauss' two points: a filter may go to zero at Nyquist within one of them
+    reach = bins.count[single:] / (2 * bins.n * bins.dt) / np.sqrt(12)
+    centre = bins.f[single:]
+    s = psd(np.concatenate([np.minimum(x / t, nyquist), bins.f[low:single], centre - reach, centre + reach]))
+    near, alone, pairs = np.split(s, [len(x), len(x) + single - low])
+    return np.concatenate([weight[:low] @ near, alone, 0.5 * (pairs[:len(centre)] + pairs[len(centre):])])
 
 
 def line_coefficients(frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float) -> np.ndarray:

@@ -76,12 +76,13 @@ def _merged(views: list[View]) -> View:
     x, pull = np.concatenate([v.x for v in views]), np.concatenate([v.pull for v in views])
     order = np.argsort(x, kind='stable')
     return View(views[0].name, x[order], pull[order], float(np.mean([v.excess for v in views])),
-                float(np.sqrt(sum(v.std ** 2 for v in views)) / k), views[0].unit)
+                float(np.sqrt(sum(v.std ** 2 for v in views)) / k), views[0].unit,
+                None if views[0].log_score is None else float(sum(v.log_score for v in views)))
 
 
 def deviance(score: Score, names=()) -> float:
-    """Return the total excess deviance over views and their bins; over all views where none is named."""
-    return float(sum(v.excess * len(v.pull) for k, v in score.views.items() if not names or k in names))
+    """Return the total deviance over views; over all of them where none is named."""
+    return float(sum(v.deviance for k, v in score.views.items() if not names or k in names))
 
 
 def fall_of(before: Score, after: Score, effects) -> float:

@@ -199,7 +199,8 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
     dt, n = record.dt, record.n
     half = n // 2 if n < 1 << 15 else smooth_length(n // 2)
     used = 2 * half
-    inputs = Inputs(np.arange(n) * dt, dt, record.covariates, {a: record.column(a) for a in record.axes})
+    covariates = _covariates(record, axes)
+    inputs = Inputs(np.arange(n) * dt, dt, covariates, {a: record.column(a) for a in record.axes})
     own: dict[str, dict] = {a: {} for a in axes}
     kept, clean = {}, {}
     for axis in axes:
@@ -226,7 +227,7 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
             lines = _take_lines_out(c, own[axis]['line_table'], begin, dt)
             coefficients[axis] = c
             own[axis][name] = Part(length, dt, power(c, dt, bins), lines, c[1:LOW + 1].copy())
-        for other, values in record.covariates.items():
+        for other, values in covariates.items():
             coefficients[other] = cosine_transform(np.array(values[begin:begin + length], float))
         for a, b in combinations_with_replacement(sorted(coefficients), 2):
             if a != b or a not in own:
@@ -236,8 +237,18 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
     step('halves and cross-spectra')
     slow_length = max(1, used // SLOW)
     common = Common(slow_length, _block_means(inputs.t[:used], slow_length),
-                    {k: _block_means(v[:used], slow_length) for k, v in {**clean, **record.covariates}.items()}, cross)
+                    {k: _block_means(v[:used], slow_length) for k, v in {**clean, **covariates}.items()}, cross)
     return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
+
+
+def _covariates(record: ImuRecord, axes) -> dict[str, np.ndarray]:
+    """Return all that varies beside the axes that are asked for: other axes, covariates, the squared vibration."""
+    out = {**{a: record.column(a) for a in record.axes if a not in axes}, **record.covariates}
+    out = {k: v for k, v in out.items() if np.all(np.isfinite(v)) and np.ptp(v) > 0}
+    if record.accel is not None:
+        a = record.accel - np.mean(record.accel, axis=0)
+        out['accel_square'] = np.einsum('ij,ij->i', a, a)
+    return out
 
 
 class _Steps:

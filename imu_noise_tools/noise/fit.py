@@ -33,6 +33,7 @@ class Slot:
 
     label: str
     parameter: Parameter
+    limits: tuple[float, float] | None = None
 
     def to_search(self, value: float) -> float:
         """Value -> search scale."""
@@ -45,7 +46,8 @@ class Slot:
     @property
     def bounds(self):
         """On the search scale."""
-        return self.to_search(self.parameter.lower), self.to_search(self.parameter.upper)
+        low, high = self.limits or (self.parameter.lower, self.parameter.upper)
+        return self.to_search(max(low, self.parameter.lower)), self.to_search(min(high, self.parameter.upper))
 
 
 @dataclass(frozen=True)
@@ -80,9 +82,8 @@ class Likelihood:
         self.bins: Bins = self.part.bins
         self.dt = evidence.dt
         self.means, self.couplings = model.of(Mean), model.of(Coupling)
-        self.slots = [Slot(e.label, p) for e in model.effects if not isinstance(e, MEASURED)
-                      for p in e.parameters if not p.linear and not (mean and isinstance(e, Mean))]
-        self.slots = [s for s in self.slots if self._matters(s)]
+        self.slots = [Slot(e.label, p, e.bounds(evidence).get(p.name)) for e in model.effects if not isinstance(e, MEASURED)
+                      for p in e.parameters if not (p.linear or p.discrete) and not (mean and isinstance(e, Mean))]
         self.linear_slots = [Slot(e.label, p) for e in (*self.couplings, *(() if mean else self.means))
                              for p in e.parameters if p.linear]
         self.power = np.maximum(self.part.power, 1e-300)
@@ -93,10 +94,6 @@ class Likelihood:
         self._slow = None
         if self.means:
             self._prepare_slow(mean)
-
-    def _matters(self, slot):
-        """A nonlinear parameter of a mean or a spectrum; what the user fixed stays out."""
-        return slot.parameter.name not in getattr(self.model[slot.label], 'held', ())
 
     # --- the mean ---------------------------------------------------------------------------------------------
 
@@ -345,18 +342,20 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
     if mean is not None:
         for e in model.of(Mean):
             model = model.with_effect(mean.model[e.label])
-    likelihood = Likelihood(evidence, part, model, mean)
-    starts = _starts(likelihood, start)
+    plain = Likelihood(evidence, part, model, mean)
+    starts = _starts(plain, start)
     best = None
-    for x0 in starts:
+    for candidate, x0 in starts:
+        likelihood = Likelihood(evidence, part, candidate, mean) if candidate != model else plain
         # a half serves prediction only: there the most likely value is better than one kept away from zero
         reddest = _reddest(likelihood, x0) if intervals else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=reddest)
+        found = _revived(likelihood, found, reddest)
         if np.isfinite(found[1]) and (best is None or found[1] < best[0][1] - 1e-9):
-            best = found, reddest
+            best = found, reddest, likelihood
     if best is None:
         raise FitError(f'{evidence.axis}: {model} has no finite likelihood', 'remove an effect, or look at the data')
-    (x, _, information), reddest = best
+    (x, _, information), reddest, likelihood = best
     nll, linear, v, each = likelihood.value(x)
     fitted = _with_linear(likelihood, likelihood.with_search(x), linear)
     estimates = dict(measured)
@@ -365,13 +364,20 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
         flags += hit
     else:
         more = _plain_estimates(likelihood, x, information, linear)
-    for label, values in more.items():
-        estimates[label] = {**estimates.get(label, {}), **values}
+    for found in (more, _chosen_estimates(likelihood)):
+        for label, values in found.items():
+            estimates[label] = {**estimates.get(label, {}), **values}
     order = {e.label: e for e in fitted.effects}
     estimates = {k: estimates[k] for k in order if k in estimates}
     return Fit(fitted, estimates, -nll, tuple(flags), {
         'information': information, 'v': v, 'each': each, 'power': linear.power, 'weight': linear.weight,
-        'slots': tuple((s.label, s.parameter.name) for s in likelihood.slots)})
+        'ml': _maximum_likelihood(likelihood, linear, v), 'slots': tuple((s.label, s.parameter.name) for s in likelihood.slots)})
+
+
+def _maximum_likelihood(likelihood, linear, v):
+    """Return ln L without the REML terms, which makes models with other means comparable."""
+    w = likelihood.weight
+    return -0.5 * float(np.sum(w * np.log(v) + linear.power * linear.weight / v))
 
 
 def _measured(evidence, model, mean):
@@ -395,7 +401,8 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
         return _measure_line(evidence, effect, claimed)
     finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
     if finding is None or finding.effect is None:
-        values = {p.name: (0.0 if p.amplitude else (np.sqrt(p.lower * p.upper) if p.log else 0.0)) for p in effect.parameters}
+        values = {p.name: effect.neutral.get(p.name, 0.0 if p.amplitude or not p.log else float(np.sqrt(p.lower * p.upper)))
+                  for p in effect.parameters}
         found = {p.name: Estimate(None, None, (0.0, 0.0) if p.amplitude else None, units.si(p.unit, evidence.sensor),
                                   upper95=0.0 if p.amplitude else None, note='nothing of the kind in the samples', point=values[p.name])
                  for p in effect.parameters}
@@ -461,13 +468,42 @@ def _starts(likelihood: Likelihood, given: Model | None):
             options = [e.with_values(**{s: known[s] for s in shapes})]
         else:
             options = e.starts(likelihood.evidence) or [e]
+        if isinstance(e, Mean) and len(options) > 2:
+            options = _best_columns(likelihood, e, options)
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
-        out += [_with_amplitudes(likelihood, candidate, share) for share in (0.02, 0.3)]
-        if not likelihood.model.of(Spectrum):
-            break
-    return out or [np.zeros(0)]
+        out += [(candidate, _with_amplitudes(likelihood, candidate, share)) for share in (0.02, 0.3)]
+    return out
+
+
+def _revived(likelihood, found, reddest):
+    """Return the better of a minimum and what follows when amplitudes that died on the way are brought back to life."""
+    x = found[0]
+    v, each = likelihood.spectra(likelihood.with_search(x))
+    again = x.copy()
+    for j, slot in enumerate(likelihood.slots):
+        share = np.max(each[slot.label] / v) if slot.label in each else 1.0
+        if slot.parameter.amplitude and slot.parameter.log and share < 1e-3:
+            again[j] += 0.5 * np.log(0.3 / max(share, 1e-300))
+    if np.array_equal(again, x):
+        return found
+    other = likelihood.minimise(again, penalty=_REDDEST, reddest=reddest)
+    return other if other[1] < found[1] - 1e-6 else found
+
+
+def _best_columns(likelihood, effect, options, keep=2):
+    """Return the options whose columns explain most of the slow part, against the smoothed measured spectrum."""
+    root = np.sqrt(2 * likelihood.dt / likelihood._fine(_smooth(likelihood.power)))
+    y = likelihood._slow * root
+    gains = []
+    for o in options:
+        rest = {p.name: o[p.name] for p in o.parameters if not p.linear}
+        x = likelihood._slow_transform(o.columns(likelihood.inputs, **rest)) * root[:, None]
+        scale = np.sqrt(np.sum(x ** 2, axis=0))
+        q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
+        gains.append(float(np.sum((q.T @ y)[np.abs(np.diag(r)) > 1e-9] ** 2)))
+    return [options[i] for i in np.argsort(gains)[::-1][:keep]]
 
 
 def _with_amplitudes(likelihood, model, share):
@@ -489,8 +525,11 @@ def _with_amplitudes(likelihood, model, share):
         target = np.maximum(likelihood.power - fixed, 0)
         floor = np.maximum(_smooth(likelihood.power), 1e-300)
         level = floor
+        # behind a filter only the band that passes says something of the amplitudes
+        gain = np.prod([r.gain2(likelihood.bins.f, likelihood.dt) for r in model.of(Response)] or [np.ones(len(floor))], axis=0)
+        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * gain.max())
         for _ in range(3):
-            w = np.sqrt(likelihood.weight) / level
+            w = passes / level
             scale = np.max(shape * w[:, None], axis=0)
             a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
             level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
@@ -532,6 +571,14 @@ def _with_linear(likelihood, model, linear):
     for slot, value in zip(likelihood.linear_slots, linear.beta):
         model = model.with_effect(model[slot.label].with_values(**{slot.parameter.name: float(value)}))
     return model
+
+
+def _chosen_estimates(likelihood):
+    """Return what was chosen among the proposed values."""
+    return {e.label: {p.name: Estimate(e[p.name], None, None, units.si(p.unit, likelihood.evidence.sensor), point=e[p.name],
+                                       note='the best of the values tried')
+                      for p in e.parameters if p.discrete and p.name in e.values}
+            for e in likelihood.model.effects if not isinstance(e, MEASURED)}
 
 
 def _covariance(information):

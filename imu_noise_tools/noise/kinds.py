@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,6 +42,13 @@ class NoiseEffect(Effect):
 
     domain = 'noise'
 
+    #: values that leave a record as it is, where a zero amplitude does not
+    neutral: ClassVar[Mapping[str, float]] = {}
+    #: views that can say nothing while it is in the model
+    hides: ClassVar[tuple[str, ...]] = ()
+    #: what to record to tell it from its rivals
+    decide: ClassVar[str] = ''
+
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Return what it must keep of the samples of one axis: small arrays, stored in evidence.npz."""
@@ -66,6 +74,10 @@ class NoiseEffect(Effect):
                 spread = np.linspace(p.lower, p.upper, 5)[1:-1]
             grid = [{**g, p.name: float(s)} for g in grid for s in spread]
         return [self.with_values(**g) for g in grid]
+
+    def bounds(self, evidence) -> dict[str, tuple[float, float]]:
+        """Return bounds narrower than the parameters' own, for what this record can tell from other effects."""
+        return {}
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Return x (n,) with the effect in it: its simulation."""
@@ -171,6 +183,10 @@ class Modulation(NoiseEffect):
     def variance(self, t: np.ndarray) -> np.ndarray:
         """Return the factor of the variance at t (s)."""
         raise NotImplementedError
+
+    def measure(self, evidence):
+        """Return a Finding (gain, effect with values, estimates) from the power in time, or None."""
+        return None
 
     def apply(self, x, inputs, rng):
         """Scale the deviations from the mean."""

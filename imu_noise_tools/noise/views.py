@@ -9,7 +9,7 @@ of their stationarity, shape, repetition and independence.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import digamma, polygamma
@@ -23,6 +23,7 @@ from .kinds import Coupling, Inputs, Mean, Modulation, Spectrum, model_psd
 
 TIME_BLOCKS = 256
 GROUP = 4                 # block means to a bin of the time view
+SEGMENTS = 8              # stretches of the record, predicted in turn from the others
 
 
 def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -166,8 +167,8 @@ def _covariance_of_means(psd, count, n, dt):
     return (basis * v) @ basis.T
 
 
-def predicted(means: BlockMeans, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return standard normal residuals of the wanted blocks predicted from the known ones (universal kriging)."""
+def predicted(means: BlockMeans, known: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return (standard normal residuals, -2 ln p) of the wanted blocks predicted from the known ones (universal kriging)."""
     c_kk = means.covariance[np.ix_(known, known)]
     c_wk = means.covariance[np.ix_(wanted, known)]
     x_k, x_w = means.columns[known], means.columns[wanted]
@@ -181,20 +182,23 @@ def predicted(means: BlockMeans, known: np.ndarray, wanted: np.ndarray) -> np.nd
     spread = means.covariance[np.ix_(wanted, wanted)] - gain @ c_wk.T + lever @ gram @ lever.T
     spread = 0.5 * (spread + spread.T)
     spread += np.eye(len(spread)) * 1e-12 * np.trace(spread) / len(spread)
-    return np.linalg.solve(np.linalg.cholesky(spread), rest)
+    root = np.linalg.cholesky(spread)
+    z = np.linalg.solve(root, rest)
+    return z, float(z @ z + 2 * np.sum(np.log(np.diag(root))))
 
 
 def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
-    """Return the block means of one parity predicted from the other; pulls in time order."""
+    """Return the block means of the stretches of one parity predicted from the other's; pulls in time order."""
     means = block_means(evidence, fit)
     index = np.arange(len(means.y))
-    odd, even = index[1::2], index[::2]
+    stretch = index * SEGMENTS // len(index)
+    odd, even = index[stretch % 2 == 1], index[stretch % 2 == 0]
     a, b = (odd, even) if known == 'odd' else (even, odd)
-    z = predicted(means, a, b)
+    z, log_score = predicted(means, a, b)
     count = len(z) // GROUP
     x = np.mean(z[:count * GROUP].reshape(count, GROUP) ** 2, axis=1)
     excess, variance = gamma_excess(x, np.full(count, float(GROUP)))
-    return _view('time', means.t[b], z, excess, variance, 's')
+    return replace(_view('time', means.t[b], z, excess, variance, 's'), log_score=log_score)
 
 
 def _hann_degrees(count):
@@ -231,6 +235,8 @@ def variance(evidence: Evidence, fit: Fit) -> View:
 
 def distribution(evidence: Evidence, fit: Fit) -> View:
     """Return the whitened samples in equiprobable cells beside the normal distribution."""
+    if any('distribution' in e.hides for e in fit.model):
+        return View('distribution', np.zeros(0), np.zeros(0), float('nan'), float('nan'), 'quantile')
     cells = evidence.cells_of(fit.model).astype(float)
     total, k = cells.sum(), len(cells)
     share = total / k

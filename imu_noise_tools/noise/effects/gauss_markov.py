@@ -32,6 +32,10 @@ class GaussMarkov(Spectrum):
         shortest, longest = 2 * evidence.dt, evidence.n * evidence.dt / 5
         return [self.with_values(sigma=1.0, tc=float(tc)) for tc in np.geomspace(shortest, longest, 7)]
 
+    def bounds(self, evidence):
+        """Below a third of the interval it is white, beyond the record a random walk."""
+        return {'tc': (evidence.dt / 3, evidence.duration)}
+
     def psd(self, f, dt):
         """The AR(1) spectrum."""
         return ar1.psd(f, self['sigma'], self['tc'], dt)

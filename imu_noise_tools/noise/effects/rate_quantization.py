@@ -19,6 +19,8 @@ class RateQuantization(Spectrum, Defect):
     reference = 'Widrow and Kollar, Quantization Noise, 2008'
     parameters = (Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),)
     filtered = False
+    views = ()
+    hides = ('distribution',)        # samples on a coarse grid are not normal
 
     @classmethod
     def statistics(cls, y, inputs):

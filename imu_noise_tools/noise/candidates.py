@@ -1,0 +1,141 @@
+"""What could be missing from a model: every registered effect, tried, with the log-likelihood it gains."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.resources import files as resources
+
+import numpy as np
+import yaml
+
+from ..effect import Finding, Fit, Model, registry, unfitted
+from . import views
+from .evidence import Evidence
+from .fit import fit as fit_part, measure, MEASURED
+from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
+
+
+def candidates(problem, fit: Fit) -> list[Finding]:
+    """
+    Return, best first, a finding for each registered effect that is not in the model and applies to the record.
+
+    ``gain`` is the log-likelihood gained over the model as it is, summed over the views the effect acts on; ``penalty`` what
+    chance reaches on records in which nothing is hidden (:func:`penalty`).
+    """
+    evidence: Evidence = problem.evidence
+    if problem.method != 'likelihood':
+        fit = fit_part(evidence, unfitted(fit.model), intervals=False)
+    found = []
+    for name, cls in registry('noise').items():
+        if name in fit.model and not cls.several:
+            continue
+        finding = _one(evidence, fit, cls())
+        if finding is not None and np.isfinite(finding.gain):
+            found.append(finding)
+    return sorted(found, key=lambda f: f.penalty - f.gain)
+
+
+def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
+    if isinstance(effect, Line):
+        return _line(evidence, fit, effect)
+    if isinstance(effect, MEASURED):
+        return _measured(evidence, fit, effect)
+    if not effect.starts(evidence):
+        return None
+    more = _refitted(evidence, fit, effect)
+    label = more.model.labels[-1]
+    gain = more.details['ml'] - fit.details['ml']
+    return Finding(effect.name, float(gain), more.model[label], more.estimates[label], penalty(effect.name, evidence),
+                   _view_of(effect), _where(evidence, fit, more, effect))
+
+
+def _refitted(evidence, fit, effect):
+    model = Model((*unfitted(fit.model), effect))
+    return fit_part(evidence, model, intervals=False, start=fit.model)
+
+
+def _line(evidence, fit, effect):
+    left = views.lines_left(evidence, fit.model)
+    if not left:
+        return None
+    i = left[0]
+    frequency, a, b, z = evidence.line_table[i]
+    # claimed lines are found by frequency: the one that is left must not be one of those in the model
+    claimed = set(range(len(evidence.line_table))) - set(left)
+    values, estimates, _ = measure(evidence, effect.with_values(frequency=float(frequency)), claimed)
+    v = fit.details['v']
+    gain = 0.5 * float(np.sum(evidence.whole.bins.count * evidence.whole.lines[i] / v))
+    harmonic = _harmonic(evidence, fit, frequency)
+    return Finding(effect.name, gain, effect.with_values(**values), estimates, penalty(effect.name, evidence), 'frequency',
+                   f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around it, coherent through the '
+                   f'record{harmonic}{_as_rpm(frequency)}')
+
+
+def _as_rpm(frequency):
+    return f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
+
+
+def _harmonic(evidence, fit, frequency):
+    for e in fit.model.of(Line):
+        base = e.values.get('frequency', 0)
+        if base > 0 and e.values.get('amplitude', 0) > 0:
+            k = round(frequency / base)
+            if k > 1 and abs(frequency - k * base) < 4 / evidence.duration * k:
+                return f', harmonic {k} of {e.label}'
+    return ''
+
+
+def _measured(evidence, fit, effect):
+    finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
+    if finding is None or finding.effect is None:
+        return None
+    gain = finding.gain
+    if isinstance(effect, (Spectrum, Response)):
+        more = _refitted(evidence, fit, effect)
+        gain += more.details['ml'] - fit.details['ml']
+    return Finding(effect.name, float(gain), finding.effect, finding.estimates, penalty(effect.name, evidence),
+                   finding.view, finding.evidence)
+
+
+def _view_of(effect):
+    if isinstance(effect, Mean):
+        return 'time'
+    return 'coherence' if isinstance(effect, Coupling) else 'frequency'
+
+
+def _where(evidence, before: Fit, after: Fit, effect) -> str:
+    """Say in words where the likelihood is gained."""
+    if isinstance(effect, Mean):
+        estimates = after.estimates[after.model.labels[-1]]
+        parts = [f'{k} {e.point:.3g}' + (f' +- {e.std:.2g}' if e.std else '') + f' {e.unit}' for k, e in estimates.items()]
+        return f'the mean of the record follows it: {", ".join(parts)}'
+    if isinstance(effect, Coupling):
+        estimates = after.estimates[after.model.labels[-1]]
+        parts = [f'{k} {e.point:.3g} +- {e.std:.2g}' for k, e in estimates.items() if e.std and abs(e.point) > 2 * e.std]
+        return f'coherent with {", ".join(effect.channels(evidence))}: {", ".join(parts) or "nothing significant"}'
+    w, f = evidence.whole.bins.count, evidence.whole.bins.f
+
+    def minus_log(x):
+        return 0.5 * w * (np.log(x.details['v']) + evidence.whole.power / x.details['v'])
+
+    gain = np.cumsum(minus_log(before) - minus_log(after))
+    if gain[-1] <= 0:
+        return 'no part of the spectrum asks for it'
+    f0 = f[np.searchsorted(np.maximum.accumulate(gain), 0.1 * gain[-1])]
+    f1 = f[min(np.searchsorted(np.maximum.accumulate(gain), 0.9 * gain[-1]), len(f) - 1)]
+    return f'the spectrum asks for it between {f0:.3g} and {f1:.3g} Hz'
+
+
+@lru_cache(maxsize=1)
+def _null_table() -> dict:
+    """Return the thresholds that records with nothing hidden gave (``bench/null.py`` writes the file)."""
+    try:
+        return yaml.safe_load((resources(__package__) / 'null.yaml').read_text()) or {}
+    except FileNotFoundError:
+        return {}
+
+
+def penalty(name: str, evidence: Evidence) -> float:
+    """Return the gain (nats) that one in a thousand records with nothing hidden reaches by chance."""
+    table = _null_table().get('penalty', {})
+    return float(table.get(name, _null_table().get('default', 9.0)))

@@ -1,0 +1,88 @@
+"""Held samples: the same value is sent again."""
+
+import numpy as np
+
+from ...effect import Estimate, Finding
+from ..kinds import Defect, Parameter, Response
+from .rate_quantization import grid_step, robust_sigma
+
+
+class Duplicates(Defect, Response):
+    """A share of the samples repeats the one before: the sensor is read faster than it measures, or a message is sent twice."""
+
+    name = 'duplicates'
+    symbol = 'fraction'
+    title = 'repeated samples'
+    equation = ('gain^2, scaled to 1 at f = 0: held at random (1-p)^2/(1-2p cos w+p^2); always r times the squared Dirichlet kernel '
+                'of r = 1/(1-p) samples')
+    signature = 'neighbours are exactly equal more often than noise and resolution allow; power falls towards Nyquist'
+    hint = ('The bus or the driver is read faster than the sensor updates: lower the publishing rate to the sensor\'s, or read on its '
+            'data-ready interrupt. N as fitted here holds at low frequencies.')
+    reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
+    views = ('frequency', 'time', 'distribution', 'variance')
+    parameters = (
+        Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
+        Parameter('regular', '1', 0, 1, log=False, discrete=True, title='1: always the same number of repeats; 0: at random'),
+    )
+
+    @classmethod
+    def statistics(cls, y, inputs):
+        """Keep the share of equal neighbours, what chance gives, and whether the runs have one length."""
+        same = np.diff(y) == 0
+        fraction = float(np.mean(same))
+        out = {'fraction': np.array(fraction), 'expected': np.array(0.0), 'regular': np.array(0.0), 'n': np.array(len(y))}
+        if fraction == 0:
+            return out
+        step, _ = grid_step(y)
+        sigma = robust_sigma(y) * (1 / np.sqrt(max(1 - fraction, 1e-3)))
+        # equal by rounding: density of the difference of two neighbours at zero times the step
+        out['expected'] = np.array(min(1.0, step / (2 * np.sqrt(np.pi) * max(sigma, 1e-300))) if step > 0 else 0.0)
+        edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
+        runs = np.diff(edges)[1:-1]
+        if len(runs) > 10:
+            counts = np.bincount(np.minimum(runs, 50))
+            out['regular'] = np.array(float(counts.argmax() > 1 and counts.max() > 0.9 * len(runs)))
+        return out
+
+    def find(self, evidence):
+        """More equal neighbours than a Poisson count of the expected ones allows."""
+        kept = evidence.kept(self.name)
+        if not kept or float(kept['fraction']) == 0:
+            return None
+        n, seen, chance = int(kept['n']), float(kept['fraction']), float(kept['expected'])
+        if seen < 2 * chance + 10 / n or chance > 0.2:
+            return None
+        share = (seen - chance) / (1 - chance)
+        # likelihood ratio of the binomial count of equal neighbours
+        q = min(max(chance, 0.5 / n), 0.999)
+        gain = n * (seen * np.log(seen / q) + (1 - seen) * np.log(max(1 - seen, 1e-12) / (1 - q)))
+        std = float(np.sqrt(seen * (1 - seen) / n))
+        regular = float(kept['regular'])
+        effect = self.with_values(fraction=share, regular=regular)
+        return Finding(self.name, float(gain), effect, {
+            'fraction': Estimate(share, std, (max(share - 1.96 * std, 0), share + 1.96 * std)),
+            'regular': Estimate(regular, None, None)}, view='repeats',
+            evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % would be by rounding')
+
+    def gain2(self, f, dt):
+        """Return the squared gain on white noise, scaled to 1 at zero frequency."""
+        p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
+        if self['regular'] >= 0.5:
+            r = 1 / max(1 - p, 1e-6)
+            return np.maximum((np.sin(r * w / 2) / (r * np.sin(w / 2))) ** 2, 1e-9)
+        return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
+
+    def apply(self, x, inputs, rng):
+        """Hold samples, at random or always the same number of times."""
+        n = len(x)
+        if self['regular'] >= 0.5:
+            r = int(round(1 / (1 - self['fraction'])))
+            return x[np.arange(n) // r * r]
+        fresh = rng.random(n) >= self['fraction']
+        fresh[0] = True
+        return x[np.maximum.accumulate(np.where(fresh, np.arange(n), 0))]
+
+    @classmethod
+    def example(cls):
+        """Every fifth sample is a repeat."""
+        return cls({'fraction': 0.2, 'regular': 0.0})

@@ -1,0 +1,62 @@
+"""The sensor's own low-pass filter."""
+
+import numpy as np
+
+from ..kinds import Parameter, Response
+
+FORMS = ('first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average')
+
+
+class LowPass(Response):
+    """Power falls towards Nyquist: the sensor's bandwidth is below half the sample rate."""
+
+    name = 'low_pass'
+    symbol = 'cutoff'
+    title = "the sensor's own low-pass"
+    equation = ('gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth 1/(1+(tan(w/2)/tan(wc/2))^4) or '
+                '1/(1+(f/cutoff)^4); moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)')
+    signature = 'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no repeated samples'
+    hint = ('The digital low-pass of the sensor is set below half the output rate. Harmless: N holds below the cutoff. Ask for a lower '
+            'output rate, or a wider filter, if neighbouring samples must be independent.')
+    reference = 'IEEE 1554, bandwidth'
+    parameters = (
+        Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
+        Parameter('form', '1', 0, 3, log=False, discrete=True,
+                  title='0 first order, 1 Butterworth 2 (digital), 2 Butterworth 2 (analogue), 3 moving average'),
+    )
+
+    def starts(self, evidence):
+        """Each form at three cutoffs below Nyquist."""
+        nyquist = 0.5 / evidence.dt
+        return [self.with_values(cutoff=float(c * nyquist), form=float(k)) for k in range(len(FORMS)) for c in (0.1, 0.35, 0.8)]
+
+    def bounds(self, evidence):
+        """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
+        return {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
+
+    def gain2(self, f, dt):
+        """Return the squared gain."""
+        f, c, form = np.asarray(f, float), self['cutoff'], int(self['form'])
+        if form == 0:
+            p = np.exp(-2 * np.pi * c * dt)
+            return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(np.pi * f * dt)) ** 2)
+        if form == 1:
+            top = np.tan(np.pi * min(c * dt, 0.499))
+            return 1 / (1 + (np.tan(np.pi * np.minimum(f * dt, 0.49999)) / top) ** 4)
+        if form == 2:
+            return 1 / (1 + (f / c) ** 4)
+        r = max(0.443 / (c * dt), 1.0)
+        return np.maximum((np.sin(np.pi * f * dt * r) / (r * np.sin(np.pi * f * dt))) ** 2, 1e-9)
+
+    def apply(self, x, inputs, rng):
+        """Filter through the DCT: the even extension has no transient at the ends."""
+        from scipy.fft import dct, idct
+        c = dct(x, type=2, norm='ortho')
+        k = np.arange(1, len(x))
+        c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))
+        return idct(c, type=2, norm='ortho')
+
+    @classmethod
+    def example(cls):
+        """A quarter of Nyquist at 100 Hz."""
+        return cls({'cutoff': 12.0, 'form': 0.0})

@@ -1,0 +1,43 @@
+"""A disturbance that axes share."""
+
+import numpy as np
+
+from ...record import AXES
+from ..kinds import Coupling, Parameter
+
+
+class SharedNoise(Coupling):
+    """This axis holds a share of what another axis of the same sensor measures."""
+
+    name = 'shared_noise'
+    symbol = 'gain, source'
+    title = 'noise shared with another axis'
+    equation = 'y = ... + gain * y_source'
+    signature = 'coherence between axes of one sensor at rest'
+    hint = ('Common supply or reference noise, real motion of the mount, or cross-talk. At rest on a heavy base true motion should be '
+            'gone: record there; if it stays it is electrical.')
+    reference = 'Bendat and Piersol, Random Data, coherence functions'
+    parameters = (
+        Parameter('gain', '1', -1e3, 1e3, log=False, amplitude=True, linear=True, title='share of the other axis'),
+        Parameter('source', '1', 0, 5, log=False, discrete=True, title='which axis, 0 gyro_x ... 5 accel_z'),
+    )
+
+    def starts(self, evidence):
+        """Each other axis of the same sensor."""
+        return [self.with_values(source=float(AXES.index(a))) for a in evidence.channels
+                if a in AXES and a.split('_')[0] == evidence.sensor]
+
+    def channels(self, evidence):
+        """The source."""
+        name = AXES[int(self.values.get('source', 0))]
+        return (name,) if name in evidence.channels else ()
+
+    def apply(self, x, inputs, rng):
+        """Add the share of the other axis."""
+        other = inputs.axes[AXES[int(self['source'])]]
+        return x + self['gain'] * (other - np.mean(other))
+
+    @classmethod
+    def example(cls):
+        """Half of gyro_y."""
+        return cls({'gain': 0.5, 'source': 1.0})

@@ -1,0 +1,44 @@
+"""A step of the bias."""
+
+import numpy as np
+
+from ..kinds import Mean, Parameter
+
+
+class Step(Mean):
+    """The bias jumps once and stays."""
+
+    name = 'step'
+    symbol = 'size, time'
+    title = 'step of the bias'
+    equation = 'mean = size for t >= time'
+    signature = 'two flat parts of the time series with a jump between them; once, not back and forth (that is rts)'
+    hint = ('A knock, a change of supply or range, a thermal stress released. Look at what happened at that time; record again, and '
+            'analyse the stretches before and after by themselves.')
+    reference = 'Basseville and Nikiforov, Detection of Abrupt Changes, 1993'
+    several = True
+    parameters = (
+        Parameter('size', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='height of the step'),
+        Parameter('time', 's', 0.0, 1e7, log=False, discrete=True, title='when, from the beginning of the record'),
+    )
+
+    def starts(self, evidence):
+        """Every 256th part of the record, and finer around the largest contrast of neighbouring means."""
+        t = evidence.slow_t
+        grid = np.linspace(t[0], t[-1], 258)[2:-2]
+        y = np.concatenate([[0.0], np.cumsum(evidence.slow_y)])
+        reach = max(4, len(t) // 64)
+        i = np.arange(reach, len(t) - reach)
+        contrast = np.abs(y[i + reach] - 2 * y[i] + y[i - reach])
+        best = i[np.argsort(contrast)[::-1][:200]]
+        fine = t[best] - 0.5 * (t[1] - t[0])
+        return [self.with_values(time=float(x)) for x in np.concatenate([grid, fine])]
+
+    def columns(self, inputs, time):
+        """0 before, 1 after."""
+        return (inputs.t >= time).astype(float)[:, None]
+
+    @classmethod
+    def example(cls):
+        """20 deg/h after ten minutes."""
+        return cls({'size': 1e-4, 'time': 100.0})

@@ -1,0 +1,40 @@
+"""Warm-up transient: the bias settles exponentially."""
+
+import numpy as np
+
+from ..kinds import Mean, Parameter
+
+
+class Transient(Mean):
+    """An exponential that dies out: amplitude e^(-t/tc)."""
+
+    name = 'transient'
+    symbol = 'A, tc'
+    title = 'warm-up transient'
+    equation = 'mean = amplitude e^(-t/tc), t from the beginning of the record'
+    signature = 'the mean moves fast at first, then settles; the Allan deviation rises towards slope +1 at the long end'
+    hint = ('The sensor was warming up after power-on. Wait a few tc before recording, or record the temperature as well: '
+            'then it may turn out to be a temperature effect.')
+    reference = 'IEEE 1554, warm-up time'
+    parameters = (
+        Parameter('amplitude', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='excess at the beginning'),
+        Parameter('tc', 's', 1e-2, 1e6, title='time constant'),
+    )
+
+    def starts(self, evidence):
+        """Time constants that settle within the record, but not within a few blocks."""
+        t = evidence.duration
+        return [self.with_values(tc=float(c)) for c in np.geomspace(t / 200, t / 3, 8)]
+
+    def bounds(self, evidence):
+        """What takes longer than half the record to settle is a ramp to it."""
+        return {'tc': (5 * evidence.dt, evidence.duration / 2)}
+
+    def columns(self, inputs, tc):
+        """e^(-t/tc)."""
+        return np.exp(-inputs.t / tc)[:, None]
+
+    @classmethod
+    def example(cls):
+        """20 deg/h gone in five minutes."""
+        return cls({'amplitude': 1e-4, 'tc': 300.0})
