@@ -67,7 +67,7 @@ def design(motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes:
 
     Parameters
     ----------
-    motion : 'auto', sequence of str or Model
+    motion : 'auto', sequence of str, Model or one Model for each axis
         ``'auto'`` (also ``['auto']``) is the default bank of :mod:`imm`.
     noise : sequence of str, Model or one Model for each axis
         ``white`` is added where it is missing; where it has no value, R is read from the samples.
@@ -85,12 +85,14 @@ def design(motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes:
     if not (np.isscalar(alpha) and np.isfinite(alpha) and 0 < alpha <= 1):
         raise UsageError(f'alpha is {alpha}', 'it must be above 0 and at most 1')
     values = [values or {}] * axes if values is None or isinstance(values, Mapping) else list(values)
-    automatic = motion == AUTO or (not isinstance(motion, Model) and list(motion) == [AUTO])
-    moving = None if automatic else tuple(_valued(_named(motion, 'motion'), v) for v in values)
+    automatic = not isinstance(motion, Model) and (motion == AUTO or list(motion) == [AUTO])
+    motions = aligned([_named(m, 'motion') for m in motion]) if _by_axis(motion) else \
+        [] if automatic else [_named(motion, 'motion')] * axes
+    moving = None if automatic else tuple(_valued(m, v) for m, v in zip(motions, values))
     if moving is not None and not len(moving[0]):
         raise UsageError('no motion is named', f"name one, or '{AUTO}'")
-    if isinstance(noise, (list, tuple)) and noise and isinstance(noise[0], Model):
-        noises = list(noise)
+    if _by_axis(noise):
+        noises = aligned([_named(m, 'noise') for m in noise])
     else:
         noises = [_named(noise, 'noise')] * axes
     noises = [m if 'white' in m else m + White() for m in noises]
@@ -112,6 +114,27 @@ def _named(names, kind: str) -> Model:
         if e.kind != kind:
             raise UsageError(f'{e.name} is a {e.kind} effect, not a {kind} effect', f'name it under {e.kind}')
     return model
+
+
+def _by_axis(models) -> bool:
+    return isinstance(models, (list, tuple)) and bool(models) and isinstance(models[0], Model)
+
+
+def aligned(models: list[Model]) -> list[Model]:
+    """
+    Return the models with the same labels in each, since the axes share their states.
+
+    What one axis lacks it gets from another, its amplitudes as small as may be.
+
+    """
+    every = {e.label: e for m in reversed(models) for e in reversed(m.effects)}
+    order = list(dict.fromkeys(label for m in models for label in m.labels))
+    out = []
+    for m in models:
+        lacking = {x: every[x].with_values(**{p.name: p.lower for p in every[x].parameters if p.amplitude})
+                   for x in order if x not in m}
+        out.append(Model(m[x] if x in m else lacking[x] for x in order))
+    return out
 
 
 def _valued(model: Model, values: Mapping) -> Model:

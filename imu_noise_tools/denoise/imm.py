@@ -275,25 +275,16 @@ class Bank:
         return self.update(z, self.table.at(0) if e is None else e)
 
     def score(self, nu, s, e: Entries) -> np.ndarray:
-        """
-        Return the normalised innovation, (lanes,): standard normal if the model is right.
-
-        Of a mixture, by the mean and variance of its modes; with outliers by :meth:`transform`.
-
-        """
-        if self.mixture is not None:
-            return self.transform(nu, s, e)
-        if self.table.modes == 1:
+        """Return the normalised innovation, (lanes,), of a mixture its transform: standard normal if the model is right."""
+        if self.table.modes == 1 and self.mixture is None:
             return (nu / np.sqrt(s))[0]
-        mean = (self.prior * nu).sum(0)
-        return mean / np.sqrt((self.prior * (s + (nu - mean) ** 2)).sum(0))
+        return self.transform(nu, s, e)
 
     def transform(self, nu, s, e: Entries) -> np.ndarray:
         """
         Return the standard normal value at the sample's place in its predictive distribution, (lanes,).
 
-        The probability integral transform of the mixture (Rosenblatt 1952): exact where :meth:`score` keeps two
-        moments, and as much work again.
+        The probability integral transform of the mixture (Rosenblatt 1952).
 
         """
         parts = [(self.prior, nu / np.sqrt(s))]

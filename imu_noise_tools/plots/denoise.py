@@ -28,7 +28,7 @@ def before_after(ax, t, raw, filtered, truth=None, variance=None, title: str = '
     if truth is not None:
         ax.plot(t[some], truth[some] / DEG, color=GOOD, linewidth=1.4, label='true')
     ax.plot(t[some], filtered[some] / DEG, color=MODEL, linewidth=1.0, label='filtered')
-    ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncols=3)
+    ax.legend(fontsize=SMALL, frameon=False, loc='lower right', bbox_to_anchor=(1, 1), ncols=3, borderpad=0)
     return ax
 
 
@@ -39,7 +39,7 @@ def error_before_after(ax, t, raw, filtered, title: str = ''):
     ax.plot(t[some], raw[some] / DEG, color=FAINT, linewidth=0.5, alpha=0.7,
             label=f'before: std {np.std(raw) / DEG:.3g}')
     ax.plot(t[some], filtered[some] / DEG, color=MODEL, linewidth=1.0, label=f'after: std {np.std(filtered) / DEG:.3g}')
-    ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncols=2)
+    ax.legend(fontsize=SMALL, frameon=False, loc='lower right', bbox_to_anchor=(1, 1), ncols=2, borderpad=0)
     return ax
 
 
