@@ -11,7 +11,7 @@ import yaml
 from ..effect import Finding, Fit, Model, registry, unfitted
 from . import views
 from .evidence import Evidence
-from .fit import fit as fit_part, measure, MEASURED
+from .fit import fit as fit_part, measure, MEASURED, with_units
 from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
 
 
@@ -89,6 +89,7 @@ def _measured(evidence, fit, effect):
     finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
     if finding is None or finding.effect is None:
         return None
+    finding = with_units(finding, evidence)
     gain = finding.gain
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)

@@ -23,6 +23,7 @@ from .. import allan
 from ..effect import registry
 from ..record import ImuRecord, sensor_of
 from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients, power
+from .grid import grid_step
 from .kinds import Defect, Inputs
 
 SLOW = 1 << 14           # block means kept (up to twice as many)
@@ -88,7 +89,7 @@ class Evidence:
     """
     All that is kept of one axis.
 
-    ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or 2, blocks, bands) is the
+    ``resolution`` is the step of the grid that the samples stand on, 0 where there is none. ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or 2, blocks, bands) is the
     power in time, ``block_count`` its coefficients, ``block_f`` the bands' centres, Hz. ``cells`` (1 or 2, cells) counts the
     whitened samples in equiprobable cells; a second row of either is without defects. ``envelope`` (columns, 3) is time,
     minimum, maximum. ``statistics`` maps an effect's name to what it kept.
@@ -98,6 +99,7 @@ class Evidence:
     axis: str
     dt: float
     n: int
+    resolution: float
     whole: Part
     first: Part
     second: Part
@@ -212,7 +214,8 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
         own[axis]['curve'] = allan.curve(y, dt, deviation=deviation, points=points, octaves=octaves)
         step(f'{axis}: Allan curve')
         looks = [y[:used]] if clean[axis] is y else [y[:used], clean[axis][:used]]
-        own[axis].update(_samples_in_time(looks, dt, float(kept[axis].get('rate_quantization', {}).get('step', 0.0))))
+        own[axis]['resolution'] = grid_step(y)[0]
+        own[axis].update(_samples_in_time(looks, dt, own[axis]['resolution']))
         own[axis]['envelope'] = _envelope(y, dt)
         step(f'{axis}: distribution')
     cross = {}
@@ -454,4 +457,4 @@ def _one_from_arrays(axis, flat, common):
         name, _, what = key.partition('/')
         statistics.setdefault(name, {})[what] = value
     plain = {k: flat[k] for k in ('line_table', 'block_power', 'block_count', 'block_f', 'cells', 'envelope')}
-    return Evidence(axis, dt, int(flat['n']), **parts, common=common, **plain, curve=curve, statistics=statistics)
+    return Evidence(axis, dt, int(flat['n']), float(flat['resolution']), **parts, common=common, **plain, curve=curve, statistics=statistics)

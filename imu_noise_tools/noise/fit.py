@@ -16,7 +16,7 @@ from scipy.fft import dct
 from scipy.optimize import nnls
 
 from .. import units
-from ..effect import Estimate, Fit, Model, Parameter
+from ..effect import Estimate, Finding, Fit, Model, Parameter
 from ..errors import FitError
 from ..spectrum import Bins, expected
 from .evidence import Evidence
@@ -230,7 +230,11 @@ class Likelihood:
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
-        return np.maximum(sum(each.values()), 1e-290), each
+        total = sum(each.values())
+        if responses:
+            # rounding happens behind the filter: where that leaves nothing, the output's own step is what is measured
+            total = total + self.evidence.resolution ** 2 * self.dt / 6
+        return np.maximum(total, 1e-290), each
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
@@ -407,10 +411,15 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
                                   upper95=0.0 if p.amplitude else None, note='nothing of the kind in the samples', point=values[p.name])
                  for p in effect.parameters}
         return values, found, 'nothing of the kind in the samples'
-    known = {p.name: p for p in effect.parameters}
-    found = {k: replace(v, unit=units.si(known[k].unit, evidence.sensor), fixed=True, point=finding.effect.values[k])
-             for k, v in finding.estimates.items()}
-    return dict(finding.effect.values), found, ''
+    return dict(finding.effect.values), with_units(finding, evidence).estimates, ''
+
+
+def with_units(finding: Finding, evidence: Evidence) -> Finding:
+    """Return a finding whose estimates have units and points, marked as measured on the samples."""
+    known = {p.name: p for p in finding.effect.parameters}
+    return replace(finding, estimates={
+        k: replace(v, unit=units.si(known[k].unit, evidence.sensor), fixed=True, point=float(finding.effect.values[k]))
+        for k, v in finding.estimates.items()})
 
 
 def _measure_line(evidence, effect, claimed):
@@ -467,7 +476,9 @@ def _starts(likelihood: Likelihood, given: Model | None):
         if shapes and all(s in known.values for s in shapes):
             options = [e.with_values(**{s: known[s] for s in shapes})]
         else:
-            options = e.starts(likelihood.evidence) or [e]
+            options = e.starts(likelihood.evidence)
+            if not options:
+                raise FitError(f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs)
         if isinstance(e, Mean) and len(options) > 2:
             options = _best_columns(likelihood, e, options)
         grid = [g.with_effect(o) for g in grid for o in options]

@@ -46,6 +46,8 @@ class NoiseEffect(Effect):
     neutral: ClassVar[Mapping[str, float]] = {}
     #: views that can say nothing while it is in the model
     hides: ClassVar[tuple[str, ...]] = ()
+    #: what a record must hold for it to apply
+    needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
 

@@ -12,10 +12,10 @@ import numpy as np
 from .. import export, files, store
 from ..effect import model_of
 from ..errors import InputError, UsageError
-from ..health import prepare
 from ..noise.evidence import gather
 from ..noise.kinds import model_avar
 from ..noise.problem import METHODS, NoiseProblem
+from ..prepare import prepare
 from ..record import ImuRecord, sensor_of
 from ..study import Study
 

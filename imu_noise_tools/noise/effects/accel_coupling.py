@@ -14,6 +14,7 @@ class AccelCoupling(Coupling):
     hint = ('Acceleration and vibration leak into the gyroscope. Damp the mount, move the sensor away from the source; calibrate '
             'g-sensitivity on several poses.')
     reference = 'IEEE 1554, g-sensitivity and vibration rectification error'
+    needs = 'record the accelerometer along with the gyroscope; it applies to gyroscope axes'
     parameters = tuple(
         Parameter(name, unit, -1e6, 1e6, log=False, amplitude=True, linear=True, title=title) for name, unit, title in (
             ('gain_x', '{rate}/(m/s^2)', 'share of x'), ('gain_y', '{rate}/(m/s^2)', 'share of y'),

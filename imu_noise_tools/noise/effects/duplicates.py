@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...effect import Estimate, Finding
+from ..grid import grid_step, robust_sigma
 from ..kinds import Defect, Parameter, Response
-from .rate_quantization import grid_step, robust_sigma
 
 
 class Duplicates(Defect, Response):

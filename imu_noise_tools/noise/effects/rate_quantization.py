@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...effect import Estimate, Finding
+from ..grid import grid_step, robust_sigma
 from ..kinds import Defect, Parameter, Spectrum
 
 
@@ -58,30 +59,3 @@ class RateQuantization(Spectrum, Defect):
     def example(cls):
         """0.05 deg/s."""
         return cls({'step': 8.7e-4})
-
-
-def robust_sigma(y) -> float:
-    """Return the standard deviation of the fast part of y: of neighbouring differences, over sqrt(2)."""
-    return float(np.std(np.diff(y))) / np.sqrt(2)
-
-
-def grid_step(y, most: int = 4096) -> tuple[float, int]:
-    """
-    Return (step, levels): the spacing of the grid that all of y lies on, 0 where there is none.
-
-    Levels that differ by less than a millionth of their spread are one (float32 storage).
-    """
-    some = y[:200_000]
-    levels = np.unique(some)
-    spread = levels[-1] - levels[0] if len(levels) else 0.0
-    if not spread > 0:
-        return 0.0, len(levels)
-    levels = levels[np.concatenate([[True], np.diff(levels) > 1e-6 * spread + 4e-7 * np.max(np.abs(levels))])]
-    if not 2 <= len(levels) <= min(most, len(some) // 4):
-        return 0.0, len(levels)
-    gaps = np.diff(levels)
-    step = float(np.min(gaps))
-    multiples = gaps / step
-    step = float(np.sum(gaps) / np.sum(np.round(multiples)))
-    on_grid = np.abs(gaps / step - np.round(gaps / step))
-    return (step, len(levels)) if np.max(on_grid) < 0.05 else (0.0, len(levels))

@@ -17,6 +17,7 @@ class SharedNoise(Coupling):
     hint = ('Common supply or reference noise, real motion of the mount, or cross-talk. At rest on a heavy base true motion should be '
             'gone: record there; if it stays it is electrical.')
     reference = 'Bendat and Piersol, Random Data, coherence functions'
+    needs = 'analyse a record with all axes of the sensor'
     parameters = (
         Parameter('gain', '1', -1e3, 1e3, log=False, amplitude=True, linear=True, title='share of the other axis'),
         Parameter('source', '1', 0, 5, log=False, discrete=True, title='which axis, 0 gyro_x ... 5 accel_z'),

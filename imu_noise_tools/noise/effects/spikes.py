@@ -6,6 +6,8 @@ from scipy.special import log_ndtr, ndtri
 from ...effect import Estimate, Finding
 from ..kinds import Defect, Parameter
 
+SURE = 15.0          # nats from which outliers are taken out of the samples that the spectrum is made of
+
 
 class Spikes(Defect):
     """Single samples far outside the noise: transmission errors, knocks."""
@@ -41,7 +43,8 @@ class Spikes(Defect):
     def screen(cls, y, kept, inputs):
         """Put the mean of the nearest samples that are no spikes in place of each."""
         index = kept['index']
-        if not 0 < len(index) <= 0.05 * len(y):
+        found = _gain(kept)
+        if found is None or found[0] < SURE:
             return y
         good = np.ones(len(y), bool)
         good[index] = False
@@ -53,13 +56,12 @@ class Spikes(Defect):
     def find(self, evidence):
         """Each outlier's likelihood as a spike of the fitted size, over that of a normal sample."""
         kept = evidence.kept(self.name)
-        if not kept or not 0 < len(kept['index']) <= 0.05 * int(kept['n']):
+        found = _gain(kept) if kept else None
+        if found is None:
             return None
+        gain, spread, wide = found
         size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])
         k = len(size)
-        spread = float(np.sqrt(max(np.mean(size ** 2) - sigma ** 2, sigma ** 2)))
-        wide = np.hypot(sigma, spread)
-        gain = np.sum(0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)) - k * (np.log(n / k) + 1)
         # spikes too small to be told from noise are missing: scale by the share beyond the threshold
         seen = max(2 * float(np.exp(log_ndtr(-float(kept['threshold']) / wide))), 0.05)
         duration = n * float(kept['dt'])
@@ -81,6 +83,18 @@ class Spikes(Defect):
     def example(cls):
         """One in twenty seconds."""
         return cls({'rate': 0.05, 'sigma': 0.05})
+
+
+def _gain(kept):
+    """Return (nats, standard deviation of the spikes, of spike and noise together); None where there are none, or too many."""
+    size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])
+    k = len(size)
+    if not 0 < k <= 0.05 * n:
+        return None
+    spread = float(np.sqrt(max(np.mean(size ** 2) - sigma ** 2, sigma ** 2)))
+    wide = float(np.hypot(sigma, spread))
+    gain = np.sum(0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)) - k * (np.log(n / k) + 1)
+    return float(gain), spread, wide
 
 
 def _against_neighbours(y):

@@ -17,6 +17,7 @@ class Temperature(Mean):
     hint = ('The bias drifts with the temperature of the die. Calibrate it over temperature, keep the temperature constant, or feed the '
             'temperature to the estimator.')
     reference = 'IEEE 1554, bias temperature sensitivity'
+    needs = 'record a temperature topic (sensor_msgs/Temperature) or column along with the IMU'
     parameters = (
         Parameter('slope', '{rate}/degC', -1e3, 1e3, log=False, amplitude=True, linear=True, title='change a degree'),
         Parameter('curvature', '{rate}/degC^2', -1e3, 1e3, log=False, amplitude=True, linear=True, title='change a degree squared'),
