@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from matplotlib.lines import Line2D
-
 from .curves import curves, runs
 from .ladder import ladder, ladder_figure
 from .panels import allan, distribution, in_time, psd, pulls, series, shade, suspected, TAU
@@ -78,6 +76,7 @@ def _together(ax, study, row):
 
 def _key(figure):
     """Say once what the lines of all panels are."""
+    from matplotlib.lines import Line2D
     circle = {'marker': 'o', 'markerfacecolor': 'white', 'linestyle': 'none'}
     dashes = {'linestyle': '--', 'linewidth': 1.1}
     entries = [('measured, with 95 % band', {'color': MEASURED, 'linewidth': 1.6}),

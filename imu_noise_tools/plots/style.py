@@ -11,9 +11,7 @@ from __future__ import annotations
 import io
 import math
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
+
 import numpy as np
 
 MEASURED, MODEL, FAIL, GOOD, FAINT = '#1f2d3d', '#d55e00', '#c0392b', '#1a7f4b', '#7a8793'
@@ -25,25 +23,26 @@ SMALL, NORMAL, LARGE = 8, 9, 12
 _RAISED = str.maketrans('-0123456789.', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹·')
 
 
-def new_figure(width: float, height: float, dpi: float = 100) -> Figure:
+def new_figure(width: float, height: float, dpi: float = 100):
     """Return an empty figure of a size in inches, on a canvas of its own."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor='white')
     FigureCanvasAgg(figure)
     return figure
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as PNG bytes, the same for the same figure."""
+def png(figure) -> bytes:
+    """Return a figure that :func:`new_figure` made as PNG bytes, the same for the same figure."""
     out = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(out, metadata={'Software': None})
+    figure.canvas.print_png(out, metadata={'Software': None})
     return out.getvalue()
 
 
-def pixels(figure: Figure) -> np.ndarray:
+def pixels(figure) -> np.ndarray:
     """Return a figure as RGB pixels, (height, width, 3) uint8: what an image message wants."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    figure.canvas.draw()
+    return np.ascontiguousarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])
 
 
 def readable(unit: str) -> str:
@@ -109,6 +108,7 @@ def signed_log_scale(axis, linear: float, low: float, high: float):
 
 
 def _scale(axis, ticks, kind, low, high, **options):
+    from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
     ax, name = axis.axes, axis.axis_name
     (ax.set_xscale if name == 'x' else ax.set_yscale)(kind, **options)
     (ax.set_xlim if name == 'x' else ax.set_ylim)(low, high)

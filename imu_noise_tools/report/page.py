@@ -64,8 +64,8 @@ def _summary(study: Study) -> str:
         d = study.diagnosis.get(t)
         verdict = badge(words.diagnosis_in_words(d), _COLOURS.get(d.verdict, 'faint')) if d else \
             badge('not asked yet', 'faint')
-        rows.append((_bold(t), escape(repr(state.model)), _error(state.error), verdict))
-    return table(('', 'model', 'error on data not fitted', 'diagnosis'), rows)
+        rows.append((_bold(t), _error(state.error), verdict, escape(repr(state.model))))
+    return table(('', 'error on data not fitted', 'diagnosis', 'model'), rows)
 
 
 def _bold(text: str) -> str:
@@ -182,8 +182,9 @@ def _ladder(study: Study, shown) -> str:
     out = ['<h2>What happened when effects were added</h2>']
     if 'ladder' in shown:
         out.append(image(shown['ladder'], 'error against effects added', _CAPTIONS['ladder']))
+    order = {t: i for i, t in enumerate(study.targets)}
     rows = []
-    for s in study.history:
+    for s in sorted(study.history, key=lambda s: order.get(s.target, 0)):
         change = f'+ {s.added}' if s.added else f'− {s.removed}' if s.removed else 'start'
         inside = s.held_out <= 2 * s.held_out_std
         error = badge(f'{s.held_out:.3g}', 'good' if inside else 'bad')

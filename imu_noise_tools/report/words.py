@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import units
 from ..effect import Effect, Estimate, Finding, Parameter, Score, View
-from ..record import SENSORS
+from ..record import sensor_of
 from ..study import Diagnosis, State, Study
 
 DOUBT = 3.0          # standard deviations from which one view alone is said to fail
@@ -51,12 +51,6 @@ class Row:
     note: str
 
 
-def sensor_of(target: str) -> str:
-    """Return ``gyro`` or ``accel`` for a target of any domain; empty for anything else."""
-    sensor = target.partition('_')[0]
-    return sensor if sensor in SENSORS else ''
-
-
 def significant(value: float, std: float | None = None, least: int = 3) -> str:
     """Return a number to two digits of its standard deviation; to ``least`` digits without one."""
     if not math.isfinite(value):
@@ -66,26 +60,29 @@ def significant(value: float, std: float | None = None, least: int = 3) -> str:
     if std and math.isfinite(std):
         least = min(max(math.floor(math.log10(abs(value) / std)) + 2, 2), 9)
     power = math.floor(math.log10(abs(value)))
-    if -4 < power < 6:
+    if -5 < power < 6:
         return f'{value:.{max(0, least - 1 - power)}f}'
     return f'{value:.{least - 1}e}'
 
 
 def rows(state: State, target: str) -> list[Row]:
     """Return the coefficients of one target."""
-    return [_row(effect, p, state.fit.estimates[effect.label][p.name], sensor_of(target))
+    return [_row(effect, p, state.fit.estimates[effect.label][p.name], target)
             for effect in state.model for p in effect.parameters
             if p.name in state.fit.estimates.get(effect.label, {})]
 
 
-def _row(effect: Effect, parameter: Parameter, e: Estimate, sensor: str) -> Row:
-    factor, unit = units.field(parameter.unit, sensor) if sensor else (1.0, e.unit)
+def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
+    factor, unit = 1.0, e.unit
+    if effect.domain == 'noise':            # the field's units are those of noise
+        factor, unit = units.field(parameter.unit, sensor_of(target))
     unit, si_unit = ('' if u == '1' else f' {u}' for u in (unit, e.unit))
     shown, interval, si = 'not observable', '', ''
     if e.value is not None:
         std = None if e.std is None else e.std / factor
         shown = significant(e.value / factor, std) + unit
-        si = significant(e.value, e.std) + (f' ± {e.std:.2g}' if e.std else '') + si_unit
+        spread = f' ± {significant(e.std, least=2)}' if e.std else ''
+        si = f'{significant(e.value, e.std)}{spread}{si_unit}'
         if e.ci95 is not None:
             interval = ' ... '.join(significant(v / factor, std) for v in e.ci95)
     elif e.upper95 is not None:
@@ -100,7 +97,7 @@ def parameters_of(finding: Finding, target: str) -> str:
     """Return the values that a candidate would have, in the field's units."""
     if finding.effect is None:
         return ''
-    found = [_row(finding.effect, p, finding.estimates[p.name], sensor_of(target))
+    found = [_row(finding.effect, p, finding.estimates[p.name], target)
              for p in finding.effect.parameters if p.name in finding.estimates]
     return ', '.join(f'{r.symbol} {r.shown}' for r in found)
 
@@ -152,8 +149,8 @@ def _place(view, x):
     if view.unit == 's':
         return f'at {duration(x)}'
     if view.unit == 'quantile':
-        left = min(x, 1 - x)
-        return 'in the tails' if left < 0.05 else 'on the flanks' if left < 0.3 else 'near the mean'
+        out = min(x, 1 - x)
+        return 'in the tails' if out < 0.05 else 'on the flanks' if out < 0.3 else 'near the mean'
     return f'at {x:.3g} {view.unit}'.strip()
 
 

@@ -1,0 +1,399 @@
+"""Pictures show what they claim: numbers against oracles, artists against the numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import io
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+import warnings
+
+from matplotlib.colors import to_hex
+from matplotlib.image import imread
+import numpy as np
+import pytest
+
+from imu_noise_tools import allan
+from imu_noise_tools.effect import Finding, Model, model_of, registry
+from imu_noise_tools.errors import ImuNoiseError
+from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.kinds import Inputs, model_avar
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.plots import curves, noise, panels, style
+from imu_noise_tools.plots.ladder import ladder, ladder_figure
+from imu_noise_tools.record import ImuRecord
+from imu_noise_tools.study import assess, Diagnosis, Step, Study
+
+DT, N = 0.02, 60000
+KNOWN = registry('noise')
+BASE = (KNOWN['white']({'N': 1e-4}), KNOWN['flicker']({'B': 4e-5}),
+        KNOWN['random_walk']({'K': 2e-5}))
+
+
+def record(extra=(), seed=0, n=N):
+    """Return a record: the base model on all axes, more on gyro_y; temperature rises evenly."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) * DT
+    temperature = {'temperature': 20 + 10 * t / t[-1]}
+    data = np.zeros((n, 6))
+    for k in range(6):
+        for e in BASE:
+            data[:, k] = e.apply(data[:, k], Inputs(t, DT), rng)
+    axes = {f'{s}_{a}': data[:, 3 * i + j]
+            for i, s in enumerate(('gyro', 'accel')) for j, a in enumerate('xyz')}
+    for e in extra:
+        data[:, 1] = e.apply(data[:, 1], Inputs(t, DT, temperature, axes), rng)
+    return ImuRecord(data[:, :3], data[:, 3:], t, 1 / DT, covariates=temperature)
+
+
+@pytest.fixture(scope='module')
+def study():
+    """Return a study whose gyro_y hides a sinusoid."""
+    some = record([KNOWN['sinusoid']({'amplitude': 3e-4, 'frequency': 3.7})])
+    found = gather(some, some.axes)
+    return Study.begin({a: NoiseProblem(e) for a, e in found.items()},
+                       model_of('noise', ['white', 'flicker', 'random_walk']))
+
+
+def texts(ax):
+    """Return all that is written on an axes."""
+    return [t.get_text() for t in ax.texts]
+
+
+def an_axes():
+    """Return an empty axes."""
+    return style.new_figure(6, 4).add_subplot()
+
+
+def state_of(curve, model):
+    """Return what :func:`curves.curves` needs of a state."""
+    evidence = SimpleNamespace(curve=curve, dt=DT)
+    return SimpleNamespace(problem=SimpleNamespace(evidence=evidence), model=model)
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+def test_effects_sum_to_the_model(study):
+    state = study.states['gyro_x']
+    found = curves.curves(state)
+    c = state.problem.evidence.curve
+    assert set(found.each) == set(state.model.labels)
+    np.testing.assert_allclose(found.model, model_avar(state.model, c.m, c.dt), rtol=1e-12)
+
+
+def test_effects_sum_to_the_model_behind_a_response():
+    model = Model([*BASE, KNOWN['low_pass'].example()])
+    m = np.array([1, 3, 10, 100])
+    each = [curves.effect_avar(SimpleNamespace(dt=DT), model, e, m) for e in model]
+    assert each[-1] is None
+    np.testing.assert_allclose(sum(each[:-1]), model_avar(model, m, DT), rtol=1e-9)
+
+
+def test_pulls_of_a_true_model_are_standard_normal():
+    """At every tau: no systematic offset, never wider than chance, and beyond 2 in 5 % or less."""
+    model, rng = Model(BASE), np.random.default_rng(1)
+    inputs = Inputs(np.arange(20000) * DT, DT)
+    found = []
+    for _ in range(150):
+        y = np.zeros(20000)
+        for e in model:
+            y = e.apply(y, inputs, rng)
+        found.append(curves.curves(state_of(allan.curve(y, DT, points=30), model)).pull)
+    found = np.array(found)
+    assert np.all(np.abs(found.mean(axis=0)) < 0.4)
+    assert np.all((found.std(axis=0) > 0.6) & (found.std(axis=0) < 1.2))
+    assert np.mean(np.abs(found) > 2) < 0.06
+    # what is shaded in red is hardly ever chance
+    assert np.mean([bool(curves.runs(p)) for p in found]) < 0.08
+
+
+def test_pulls_see_what_the_model_lacks():
+    rng = np.random.default_rng(2)
+    inputs = Inputs(np.arange(20000) * DT, DT)
+    y = np.zeros(20000)
+    for e in BASE:
+        y = e.apply(y, inputs, rng)
+    state = state_of(allan.curve(y, DT), Model(BASE[:1]))
+    found = curves.curves(state)
+    (a, b), *_ = curves.runs(found.pull)[-1:]
+    assert b == len(found.pull) and found.tau[a] < 30
+    assert np.all(found.pull[a:b] > 2)
+
+
+@pytest.mark.parametrize('deviation', ['mdev', 'hdev', 'totdev'])
+def test_no_model_is_drawn_beside_a_deviation_it_does_not_predict(deviation):
+    y = np.random.default_rng(0).standard_normal(2000)
+    curve = allan.curve(y, DT, deviation=deviation, points=20)
+    assert curves.curves(state_of(curve, Model(BASE))) is None
+
+
+def test_runs():
+    pull = np.zeros(30)
+    pull[3:5] = 4.0            # too short
+    pull[8:12] = 2.5           # not striking
+    pull[15:18] = [2.1, 3.2, 2.1]
+    pull[20] = -5.5            # striking enough alone
+    pull[25:30] = -4.0         # to the end
+    assert curves.runs(pull) == [(15, 18), (20, 21), (25, 30)]
+    assert curves.runs(np.zeros(0)) == []
+
+
+def test_variance_of_a_drift():
+    """A temperature that rises evenly makes a ramp: R^2 tau^2 / 2."""
+    some = record(n=40000)
+    evidence = gather(some, ['gyro_x'])['gyro_x']
+    effect = KNOWN['temperature']({'slope': 1e-3, 'curvature': 0.0, 'lag': 0.0})
+    m = np.array([1, 10, 100, 1000, 10000])
+    rise = 1e-3 * 10 / some.t[-1]
+    np.testing.assert_allclose(curves.effect_avar(evidence, Model([effect]), effect, m),
+                               (rise * m * DT) ** 2 / 2, rtol=0.01)
+
+
+def test_variance_of_a_coupling():
+    """Half of another axis has a quarter of that axis' Allan variance."""
+    some = record(seed=5)
+    accel = some.accel[:, 0]
+    some = replace(some, gyro=some.gyro * 0.01 + 0.5 * accel[:, None])
+    evidence = gather(some, ['gyro_x', 'accel_x'])['gyro_x']
+    effect = KNOWN['accel_coupling']()
+    model = Model([KNOWN['white'](), effect])
+    fit = NoiseProblem(evidence).fit(model)
+    m = np.array([1, 10, 100])
+    got = curves.effect_avar(evidence, fit.model, fit.model['accel_coupling'], m)
+    np.testing.assert_allclose(got, 0.25 * allan.overlapping_variance(accel, m), rtol=0.1)
+
+
+def test_crests_of_a_line():
+    effect = KNOWN['sinusoid']({'amplitude': 1e-4, 'frequency': 1.3})
+    m = allan.cluster_sizes(100000)
+    crest, v = curves.line_envelope(effect, m, DT), effect.avar(m, DT)
+    assert np.all(crest >= v * (1 - 1e-9))
+    rising = m * DT < 0.5 / 1.3
+    np.testing.assert_array_equal(crest[rising], v[rising])
+    np.testing.assert_allclose(crest[~rising], (1e-4 / (np.pi * 1.3 * m[~rising] * DT)) ** 2,
+                               rtol=0.01)
+
+
+def test_coefficients_are_read_on_their_lines(study):
+    state = study.states['gyro_x']
+    found = curves.curves(state)
+    read = {r.symbol: r for r in curves.readings(state, found)}
+    assert set(read) == {'N', '0.664 B', 'K'}
+    assert (read['N'].tau, read['K'].tau) == (1.0, 3.0)
+    for r in read.values():
+        on_line = np.interp(r.tau, found.tau, np.sqrt(found.each[r.label]))
+        assert r.sigma == pytest.approx(on_line, rel=0.02)
+
+
+# --- what is drawn -------------------------------------------------------------------------------
+
+def test_allan_names_effects_and_marks_readings(study):
+    state = study.states['gyro_x']
+    ax = panels.allan(an_axes(), state)
+    said = texts(ax)
+    for label in state.model.labels:
+        shown = label if curves.observable(state, label) else f'({label})'
+        assert shown in said
+    assert 'N' in said
+    assert '°/h' in ax.get_ylabel()
+    measured = ax.lines[0]
+    factor = np.pi / 180 / 3600
+    np.testing.assert_allclose(measured.get_ydata() * factor, state.problem.evidence.curve.dev)
+
+
+def test_what_is_not_observable_is_in_parentheses_and_not_marked(study):
+    state = study.states['gyro_x']
+    estimates = {k: dict(v) for k, v in state.fit.estimates.items()}
+    estimates['random_walk']['K'] = replace(estimates['random_walk']['K'], value=None)
+    state = replace(state, fit=replace(state.fit, estimates=estimates))
+    said = texts(panels.allan(an_axes(), state))
+    assert '(random_walk)' in said and 'K' not in said and 'N' in said
+
+
+@pytest.mark.parametrize(('verdict', 'label'), [
+    ('missing', 'sinusoid'), ('unknown', 'something unknown'), ('complete', None), (None, None),
+    ('undecidable', 'sinusoid or gauss_markov?')])
+def test_failing_pulls_are_shaded_and_named(study, verdict, label):
+    found = curves.curves(study.states['gyro_y'])
+    ranked = (Finding('sinusoid', 90.0, penalty=5.0), Finding('gauss_markov', 60.0, penalty=5.0),
+              Finding('ramp', 1.0, penalty=5.0))
+    diagnosis = verdict and Diagnosis(verdict, ranked)
+    ax = panels.pulls(an_axes(), found.tau, found.pull, panels.suspected(diagnosis))
+    assert texts(ax) == ([label] if label else [])
+    red = [p for p in ax.patches if to_hex(p.get_facecolor()) == style.FAIL]
+    assert len(red) == len(curves.runs(found.pull)) > 0
+
+
+def test_nothing_is_shaded_where_nothing_fails(study):
+    found = curves.curves(study.states['gyro_x'])
+    ax = panels.pulls(an_axes(), found.tau, found.pull, 'sinusoid')
+    assert not texts(ax)
+    assert not [p for p in ax.patches if to_hex(p.get_facecolor()) == style.FAIL]
+
+
+def test_a_line_in_the_spectrum_is_named_until_it_is_in_the_model(study):
+    before = study.states['gyro_y']
+    assert '3.7 Hz' in texts(panels.psd(an_axes(), before))
+    after = assess(before.problem, before.model + KNOWN['sinusoid']())
+    assert '3.7 Hz' not in texts(panels.psd(an_axes(), after))
+
+
+def test_the_flat_part_of_the_spectrum_reads_n(study):
+    state = study.states['gyro_x']
+    ax = panels.psd(an_axes(), state)
+    white = next(x for x in ax.lines if x.get_linestyle() == '--')
+    assert white.get_ydata()[-1] * np.pi / 180 == pytest.approx(state.model['white']['N'])
+
+
+def test_series_shows_the_extremes_and_what_was_left_out(study):
+    state = study.states['accel_z']
+    ax = panels.series(an_axes(), state, [(60.0, 120.0, 'knock')])
+    _, lowest, highest = state.problem.evidence.envelope.T
+    path = ax.collections[0].get_paths()[0].vertices[:, 1]
+    mean = np.mean(state.problem.evidence.slow_y)
+    assert path.min() == pytest.approx(lowest.min() - mean)
+    assert path.max() == pytest.approx(highest.max() - mean)
+    grey = ax.patches[-1]
+    assert (grey.get_x(), grey.get_x() + grey.get_width()) == pytest.approx((1.0, 2.0))
+
+
+def _beyond(ax):
+    return len(ax.lines[-1].get_xdata())
+
+
+def test_loudness_and_distribution_mark_what_chance_does_not_explain(study):
+    quiet = study.states['gyro_x']
+    assert _beyond(panels.in_time(an_axes(), quiet)) <= 3
+    assert _beyond(panels.distribution(an_axes(), quiet)) <= 2
+    some = record()
+    gyro = some.gyro.copy()
+    gyro[N // 2:] *= 1.5
+    loud = assess(NoiseProblem(gather(replace(some, gyro=gyro), ['gyro_x'])['gyro_x']),
+                  model_of('noise', ['white']))
+    assert _beyond(panels.in_time(an_axes(), loud)) > 100
+    assert _beyond(panels.distribution(an_axes(), loud)) > 10
+
+
+@pytest.mark.parametrize('name', [n for n in KNOWN if n != 'white'])
+def test_every_effect_can_be_drawn(name):
+    """One that a record cannot show as well; without any warning."""
+    some = record([KNOWN[name].example()], n=20000)
+    axes = [a for a in some.axes if a[-1] == 'y'] + ['gyro_x']
+    problem = NoiseProblem(gather(some, axes)['gyro_y'])
+    try:
+        state = assess(problem, Model([KNOWN['white'](), KNOWN[name]()]))
+    except ImuNoiseError:
+        return                                      # refused in words
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert style.png(noise.target_figure(state, Diagnosis('unknown')))[:4] == b'\x89PNG'
+
+
+# --- the ladder ----------------------------------------------------------------------------------
+
+def test_ladder():
+    steps = [Step('accel', ('scale',), 50.0, 0.5, verdict='start'),
+             Step('accel', ('scale', 'bias'), 0.3, 0.5, added='bias', verdict='falls to chance'),
+             Step('accel', ('scale',), 50.0, 0.5, removed='bias', verdict='rises'),
+             Step('gyro', ('scale',), 7.0, 0.5)]
+    study = SimpleNamespace(history=steps, targets=['accel', 'gyro'])
+    ax = ladder(an_axes(), study, 'accel')
+    points = [x for x in ax.lines if x.get_marker() == 'o']
+    assert [x.get_ydata()[0] for x in points] == [50.0, 0.3, 50.0]
+    assert [x.get_color() for x in points] == [style.FAIL, style.GOOD, style.FAIL]
+    chance = next(x for x in ax.lines if x.get_linestyle() == '--')
+    np.testing.assert_allclose(chance.get_ydata(), 1.0)
+    said = [t.get_text().split('\n')[0] for t in ax.get_xticklabels()]
+    assert said == ['scale', '+ bias', '− bias']
+    assert style.png(ladder_figure(study))[:4] == b'\x89PNG'
+
+
+@pytest.mark.parametrize('error', [float('nan'), 0.0, -3.0, 1e9])
+def test_ladder_takes_any_error(error):
+    steps = [Step('accel', (), error, abs(error), verdict='start')]
+    study = SimpleNamespace(history=steps, targets=['accel'])
+    assert style.png(ladder_figure(study))[:4] == b'\x89PNG'
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+def test_figures_are_the_same_twice_and_of_the_stated_size(study):
+    first = style.png(noise.allan_figure(study))
+    assert first == style.png(noise.allan_figure(study))
+    assert imread(io.BytesIO(first)).shape[:2] == (1040, 1600)
+    assert b'Software' not in first
+
+
+def test_pixels_are_what_an_image_message_wants(study):
+    figure = noise.series_figure(study)
+    rgb = style.pixels(figure)
+    assert rgb.dtype == np.uint8 and rgb.flags.c_contiguous
+    shown = imread(io.BytesIO(style.png(figure)))[..., :3]
+    np.testing.assert_array_equal(rgb, np.round(255 * shown).astype(np.uint8))
+
+
+@pytest.mark.parametrize('axes', [['gyro_x'], ['accel_y', 'accel_z'], ['gyro_z', 'accel_x']])
+def test_figures_of_some_axes(study, axes):
+    some = Study('noise', {a: study.states[a] for a in axes})
+    panels_ = [ax.get_title(loc='left') for ax in noise.allan_figure(some).axes]
+    assert [t for t in panels_ if t in axes] == axes
+    assert style.png(noise.series_figure(some, [(1.0, 2.0, 'knock')]))
+
+
+def test_drawing_is_quick(study):
+    begin = time.process_time()
+    for figure in (noise.series_figure(study), noise.allan_figure(study),
+                   noise.target_figure(study.states['gyro_y'])):
+        style.png(figure)
+    assert time.process_time() - begin < 5.0
+
+
+def test_no_global_state_of_matplotlib_is_touched():
+    code = ('import sys, matplotlib; before = matplotlib.rcParams.copy()\n'
+            'from imu_noise_tools.plots import noise, style\n'
+            'figure = style.new_figure(3, 2)\n'
+            'style.log_scale(style.dress(figure.add_subplot()).xaxis, 1, 100)\n'
+            'style.png(figure)\n'
+            'assert "matplotlib.pyplot" not in sys.modules\n'
+            'assert matplotlib.rcParams.copy() == before\n')
+    subprocess.run([sys.executable, '-W', 'ignore', '-c', code], check=True)
+
+
+# --- small things --------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('unit', 'shown'), [
+    ('deg/sqrt(h)', '°/√h'), ('deg/h^1.5', '°/h¹·⁵'), ('ug/sqrt(Hz)', 'µg/√Hz'), ('m/s^2', 'm/s²'),
+    ('m/s^3/sqrt(Hz)', 'm/s³/√Hz'), ('rad', 'rad'), ('degC^-1', '°C⁻¹')])
+def test_units_as_people_write_them(unit, shown):
+    assert style.readable(unit) == shown
+
+
+@pytest.mark.parametrize(('value', 'shown'), [
+    (0, '0'), (1, '1'), (0.001, '0.001'), (1e-5, '10⁻⁵'), (1000, '1000'), (1e6, '10⁶'),
+    (-1e4, '−10⁴'), (20, '20')])
+def test_numbers_of_ticks(value, shown):
+    assert style.number(value) == shown
+
+
+@pytest.mark.parametrize(('low', 'high'),
+                         [(0.01, 1000), (3, 8), (0.9, 1.1), (1e-9, 1e9), (1, 10)])
+def test_a_logarithmic_scale_has_ticks_within(low, high):
+    ax = an_axes()
+    style.log_scale(ax.xaxis, low, high)
+    at = ax.get_xticks()
+    assert 1 <= len(at) <= 10 and low <= min(at) and max(at) <= high
+
+
+def test_names_on_lines_keep_clear_of_other_lines():
+    ax = an_axes()
+    style.log_scale(ax.xaxis, 1, 1000)
+    style.log_scale(ax.yaxis, 1, 1000)
+    x = np.geomspace(1, 1000, 100)
+    style.label_lines(ax, [(x, x, 'up', 'r'), (x, 1000 / x, 'down', 'b'),
+                           (x, x * 1e6, 'out', 'g')])
+    where = {t.get_text(): np.array(t.get_position()) for t in ax.texts}
+    assert set(where) == {'up', 'down'}
+    assert abs(where['up'][0] - where['up'][1]) < 0.03              # on its own line
+    assert abs(where['up'].sum() - 1) > 0.1                         # away from the other
