@@ -1,0 +1,514 @@
+"""
+Records with something hidden in them, made without a formula of the package.
+
+Base noise and effects are drawn in the time domain (recursions, rounding, dwell times, filters),
+so that a wrong spectrum or closed form in ``noise/`` cannot hide behind a simulation that shares it.
+One gyroscope axis holds the hidden effects; the others are plain.
+
+Strength is the largest ratio over tau <= T/10 of the effect's Allan deviation to the base model's;
+for what does not add, sqrt |variance with / variance without - 1|. ``nats`` is what a perfect
+method, told the true model, would gain in log-likelihood over the base model fitted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.fft import dct
+from scipy.optimize import minimize
+from scipy.signal import butter, lfilter
+
+from imu_noise_tools.record import ImuRecord
+
+DEG = np.pi / 180
+GYRO, ACCEL = (tuple(f'{sensor}_{c}' for c in 'xyz') for sensor in ('gyro', 'accel'))
+# What flicker noise and a random walk can imitate needs twice the evidence.
+IMITABLE = {'ramp', 'temperature', 'transient', 'gauss_markov', 'rts', 'step'}
+ENOUGH = 18.0
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One effect that was put in: its name and values as the package calls them, how strong."""
+
+    name: str
+    values: Mapping[str, float]
+    strength: float
+    nats: float
+    known: bool = True
+
+    @property
+    def clear(self) -> bool:
+        """Whether a verdict on it counts among those of strength 1 and more."""
+        enough = ENOUGH * (2 if self.name in IMITABLE else 1)
+        return self.strength >= 1 and self.nats >= enough
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is in a record: base noise (N, B, K) and hidden effects of each axis."""
+
+    base: Mapping[str, Mapping[str, float]]
+    hidden: Mapping[str, tuple[Hidden, ...]]
+    bystanders: Mapping[str, str] = field(default_factory=dict)    # axes in which it shows as well
+
+
+@dataclass
+class Scene:
+    """A record in the making."""
+
+    t: np.ndarray
+    dt: float
+    rng: np.random.Generator
+    base: dict[str, dict[str, float]]
+    axes: dict[str, np.ndarray]
+    target: str
+    covariates: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.t)
+
+    @property
+    def span(self) -> float:
+        """Length, s."""
+        return self.n * self.dt
+
+    @property
+    def y(self) -> np.ndarray:
+        """The axis that is to hold the effect."""
+        return self.axes[self.target]
+
+    def log_uniform(self, low, high) -> float:
+        """Draw a number, all decades alike."""
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def sign(self) -> float:
+        """Draw a sign."""
+        return float(self.rng.choice([-1, 1]))
+
+
+# --- base noise ----------------------------------------------------------------------------------
+
+def white(n, dt, density, rng):
+    """Return white noise of a two-sided density N."""
+    return density / np.sqrt(dt) * rng.standard_normal(n)
+
+
+def decay(n, dt, sigma, tc, rng):
+    """Return a stationary first-order Gauss-Markov process: x_k = e^(-dt/tc) x_(k-1) + w_k."""
+    p = np.exp(-dt / tc)
+    w = sigma * np.sqrt(1 - p * p) * rng.standard_normal(n)
+    w[0] = sigma * rng.standard_normal()
+    return lfilter([1.0], [1.0, -p], w)
+
+
+def flicker(n, dt, b, rng, ratio=3.0):
+    """
+    Return flicker noise of bias instability B: a sum of decays, time constants in a ratio of 3.
+
+    The sum over ln(tc) of 2 s^2 tc/(1 + (2 pi f tc)^2) is s^2/(2 f ln ratio), so that
+    s^2 = B^2 ln(ratio)/pi makes B^2/(2 pi f). It is flat below 1/(60 T), which no record of length
+    T sees, and within 3 % of 1/sin(pi f dt) up to Nyquist by the choice of the shortest.
+    """
+    sigma = b * np.sqrt(np.log(ratio) / np.pi)
+    out, tc = np.zeros(n), 0.4 * dt
+    while tc < 30 * n * dt:
+        out += decay(n, dt, sigma, tc, rng)
+        tc *= ratio
+    return out - out[0]
+
+
+def random_walk(n, dt, k, rng):
+    """Return the running sum of N(0, K^2 dt)."""
+    return np.cumsum(k * np.sqrt(dt) * rng.standard_normal(n))
+
+
+def base_noise(n, dt, base, rng):
+    """Return the sum of the three."""
+    return (white(n, dt, base['N'], rng) + flicker(n, dt, base['B'], rng)
+            + random_walk(n, dt, base['K'], rng))
+
+
+def draw_sensor(rng, size=DEG) -> dict[str, float]:
+    """Return N, B, K of a MEMS: flat from 10-200 s on, rising from 10-40 times as long."""
+    n = size * np.exp(rng.uniform(np.log(0.002), np.log(0.02)))
+    flat = np.exp(rng.uniform(np.log(10), np.log(200)))
+    b = n / (0.664 * np.sqrt(flat))
+    rise = flat * np.exp(rng.uniform(np.log(10), np.log(40)))
+    return {'N': float(n), 'B': float(b), 'K': float(0.664 * b * np.sqrt(3 / rise))}
+
+
+def base_variance(base, tau):
+    """Return the Allan variance of the base model (IEEE 952)."""
+    flat = 2 * np.log(2) / np.pi * base['B'] ** 2
+    return base['N'] ** 2 / tau + flat + base['K'] ** 2 * tau / 3
+
+
+def base_density(base, f):
+    """Return its one-sided density."""
+    return (2 * base['N'] ** 2 + base['B'] ** 2 / (np.pi * f)
+            + 2 * (base['K'] / (2 * np.pi * f)) ** 2)
+
+
+# --- how strong ----------------------------------------------------------------------------------
+
+def clusters(n):
+    """Return some 40 cluster sizes up to a tenth of a record."""
+    return np.unique(np.round(np.geomspace(1, n // 10, 40)).astype(int))
+
+
+def allan_variance(x, m):
+    """Return the overlapping Allan variance: mean squared second differences of the integral."""
+    s = np.concatenate([[0.0], np.cumsum(x - x[0])])
+    return np.array([np.mean((s[2 * k:] - 2 * s[k:-k] + s[:-2 * k]) ** 2) / (2.0 * k * k)
+                     for k in m])
+
+
+def added_strength(added, base, dt) -> float:
+    """Return the strength of what adds."""
+    m = clusters(len(added))
+    return float(np.sqrt(np.max(allan_variance(added, m) / base_variance(base, m * dt))))
+
+
+def changed_strength(before, after) -> float:
+    """Return the strength of what does not add."""
+    m = clusters(len(before))
+    ratio = allan_variance(after, m) / allan_variance(before, m)
+    return float(np.sqrt(np.max(np.abs(ratio - 1))))
+
+
+def _binned(x):
+    """Return (first, count, mean square of the cosine coefficients in each bin), k >= 1."""
+    n = len(x)
+    more = np.round(np.geomspace(41, n, 300)).astype(int)
+    edges = np.unique(np.concatenate([np.arange(1, 41), more]))
+    first, count = edges[:-1], np.diff(edges)
+    square = dct(x - x.mean(), type=2, norm='ortho') ** 2
+    return first, count, np.add.reduceat(square, first) / count
+
+
+def nats_of(added, base, dt, deterministic=False) -> float:
+    """
+    Return the expected gain of knowing an added effect over the base model fitted again, nats.
+
+    In the cosine domain: what is deterministic adds its square to the mean power, and a model that
+    knows it takes it out; what is random adds its (smoothed) power to the true density.
+    """
+    first, count, extra = _binned(added)
+    f = (2 * first + count - 1) / (4 * len(added) * dt)
+    extra = 2 * dt * extra
+    if not deterministic:
+        padded = np.pad(np.log(extra + 1e-12 * extra.max()), 3, mode='edge')
+        extra = np.exp(np.convolve(padded, np.ones(7) / 7, mode='valid'))
+    v = base_density(base, f)
+    seen = v + extra
+    told = np.sum(count * (np.log(v if deterministic else seen) + 1))
+    start = np.log([base['N'], base['B'], base['K']])
+
+    def misfit(x):
+        w = base_density(dict(zip('NBK', np.exp(x))), f)
+        return np.sum(count * (np.log(w) + seen / w))
+
+    best = min(minimize(misfit, start + d, method='Nelder-Mead', options={'maxiter': 600}).fun
+               for d in ((0, 0, 0), (0, 1, 1), (0, -1, 2)))
+    return float(max(0.5 * (best - told), 0.0))
+
+
+# --- effects that add: (samples at amplitude 1, values) ------------------------------------------
+
+def _sinusoid(s):
+    f = s.log_uniform(20 / s.span, 0.4 / s.dt)
+    wave = np.sin(2 * np.pi * f * s.t + s.rng.uniform(0, 2 * np.pi))
+    return wave, {'amplitude': 1.0, 'frequency': f}
+
+
+def _gauss_markov(s):
+    tc = s.log_uniform(0.3, s.span / 60)
+    return decay(s.n, s.dt, 1.0, tc, s.rng), {'sigma': 1.0, 'tc': tc}
+
+
+def _ramp(s):
+    sign = s.sign()
+    return sign * s.t, {'R': sign}
+
+
+def _transient(s):
+    tc, sign = s.log_uniform(s.span / 50, s.span / 6), s.sign()
+    return sign * np.exp(-s.t / tc), {'amplitude': sign, 'tc': tc}
+
+
+def _temperature(s):
+    """The die warms up and follows the room; the bias may lag behind the thermometer."""
+    u = s.t / s.t[-1]
+    sway = np.sin(2 * np.pi * (s.rng.uniform(0.7, 3) * u + s.rng.uniform()))
+    warm = 1 - np.exp(-u / s.rng.uniform(0.03, 0.2))
+    wander = np.cumsum(s.rng.standard_normal(s.n)) * 0.3 / np.sqrt(s.n)
+    true = 25 + s.rng.uniform(0.5, 3) * sway + s.rng.uniform(2, 10) * warm + wander
+    s.covariates['temperature'] = np.round(true + 0.01 * s.rng.standard_normal(s.n), 2)
+    lag, sign, felt = float(s.rng.choice([0.0, s.span / 60])), s.sign(), true
+    if lag:
+        a = np.exp(-s.dt / lag)
+        felt = true[0] + lfilter([1 - a], [1, -a], true - true[0])
+    return sign * (felt - felt.mean()), {'slope': sign, 'curvature': 0.0, 'lag': lag}
+
+
+def _rts(s):
+    """Dwell times are exponential with mean tau."""
+    tau = s.log_uniform(1.0, s.span / 60)
+    switches = np.cumsum(s.rng.exponential(tau, int(3 * s.span / tau) + 50))
+    return np.searchsorted(switches, s.t) % 2 - 0.5, {'step': 1.0, 'tau': tau}
+
+
+def _step(s):
+    time, sign = s.span * s.rng.uniform(0.15, 0.85), s.sign()
+    return np.where(s.t < time, 0.0, sign), {'size': sign, 'time': time}
+
+
+def _spikes(s):
+    at = s.rng.integers(0, s.n, s.rng.poisson(s.log_uniform(0.01, 0.3) * s.span) + 3)
+    out = np.zeros(s.n)
+    out[at] = s.rng.standard_normal(len(at))
+    return out, {'rate': len(at) / s.span, 'sigma': 1.0}
+
+
+def _accel_coupling(s):
+    """The mount shakes in a band; the gyroscope feels one axis of it."""
+    centre, axis, sign = s.rng.uniform(0.05, 0.3) / s.dt, s.rng.choice(list('xyz')), s.sign()
+    for a in ACCEL:
+        s.axes[a] = s.axes[a] + 0.3 * resonance(s, centre, 4.0)
+    felt = s.axes[f'accel_{axis}']
+    gains = {f'gain_{c}': sign * (c == axis) for c in 'xyz'}
+    return sign * (felt - felt.mean()), {**gains, 'rectification': 0.0}
+
+
+def _shared_noise(s):
+    """Another axis of the gyroscope leaks in."""
+    source = int(s.rng.choice([i for i, a in enumerate(GYRO) if a != s.target]))
+    other = s.axes[GYRO[source]]
+    return other - other.mean(), {'gain': 1.0, 'source': float(source)}
+
+
+def resonance(s, centre, quality):
+    """Return a second-order resonance driven by white noise, of variance 1."""
+    w = 2 * np.pi * centre * s.dt
+    r = np.exp(-w / (2 * quality))
+    x = lfilter([1.0], [1, -2 * r * np.cos(w), r * r], s.rng.standard_normal(s.n + 2000))[2000:]
+    return x / np.std(x)
+
+
+def _resonance(s):
+    centre = s.log_uniform(0.02, 0.25) / s.dt
+    return resonance(s, centre, s.rng.uniform(2.5, 8)), {'centre': centre}
+
+
+def _chirp(s):
+    low = s.log_uniform(0.02, 0.15) / s.dt
+    high = low * s.rng.uniform(1.3, 2.5)
+    phase = low * s.t + 0.5 * (high - low) * s.t ** 2 / s.span
+    return np.sin(2 * np.pi * phase), {'from': low, 'to': high}
+
+
+def _intermittent_line(s):
+    """A line that comes and goes at random, its phase new each time."""
+    f, dwell = s.log_uniform(0.05, 0.3) / s.dt, s.span / s.rng.uniform(15, 60)
+    at = np.searchsorted(np.cumsum(s.rng.exponential(dwell, 500)), s.t)
+    phase = s.rng.uniform(0, 2 * np.pi, 600)
+    return (at % 2) * np.sin(2 * np.pi * f * s.t + phase[at]), {'frequency': f}
+
+
+# --- effects that act on the samples: (samples, values, nats) ------------------------------------
+
+def _quantization(s, strength):
+    """The angle is read to a finite step; sqrt(3) Q/dt = strength N/sqrt(dt) at the first tau."""
+    q = strength * s.base[s.target]['N'] * np.sqrt(s.dt / 3)
+    step = q * np.sqrt(12)
+    # a bias of many steps a sample, as every sensor has, makes the rounding errors independent
+    angle = np.cumsum(np.append(0.0, (s.y + 37.7 * step / s.dt) * s.dt))
+    after = np.diff(step * np.round(angle / step)) / s.dt
+    return after, {'Q': q}, nats_of(after - s.y, s.base[s.target], s.dt)
+
+
+def _rate_quantization(s, strength):
+    """Rounded to steps of half to four standard deviations; each sample on the grid tells it."""
+    sigma = s.base[s.target]['N'] / np.sqrt(s.dt)
+    step = sigma * float(np.clip(np.sqrt(12) * strength, 0.5, 4.0))
+    return step * np.round((s.y + s.rng.uniform(-10, 10) * step) / step), {'step': step}, np.inf
+
+
+def _duplicates(s, strength):
+    """Held samples, at random or every second one; each tells it."""
+    if s.rng.random() < 0.3:
+        return s.y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'regular': 1.0}, np.inf
+    # the level at low frequencies grows by (1 + p)/(1 - p)
+    share = float(np.clip(strength ** 2 / (2 + strength ** 2), 0.01, 0.8))
+    fresh = s.rng.random(s.n) >= share
+    fresh[0] = True
+    held = s.y[np.maximum.accumulate(np.where(fresh, np.arange(s.n), 0))]
+    return held, {'fraction': share, 'regular': 0.0}, np.inf
+
+
+def _low_pass(s, strength):
+    """The sensor's own filter; the first tau loses a share strength^2 (at most .9) by it."""
+    form, keep, nyquist = int(s.rng.integers(0, 3)), 1 - min(strength, 0.95) ** 2, 0.5 / s.dt
+    x, one = s.y - s.y[0], allan_variance(s.y, [1])[0]
+
+    def filtered(share):
+        if form == 0:
+            p = np.exp(-2 * np.pi * share * nyquist * s.dt)
+            return lfilter([1 - p], [1, -p], x), {'cutoff': share * nyquist, 'form': 0.0}
+        if form == 1:
+            return lfilter(*butter(2, share), x), {'cutoff': share * nyquist, 'form': 1.0}
+        r = max(2, int(round(0.886 / share)))
+        return lfilter(np.ones(r) / r, [1.0], x), {'cutoff': 0.443 / (r * s.dt), 'form': 3.0}
+
+    grid = np.geomspace(0.02, 0.98, 24)
+    off = [abs(np.log(allan_variance(filtered(g)[0], [1])[0] / one / keep)) for g in grid]
+    after, values = filtered(grid[int(np.argmin(off))])
+    _, count, power = _binned(after)
+    ratio = power / _binned(x)[2]
+    ratio = ratio / np.exp(np.average(np.log(ratio), weights=count))
+    return after + s.y[0], values, float(0.5 * np.sum(count * (ratio - np.log(ratio) - 1)))
+
+
+def _louder(s, shape, strength):
+    """Return the axis with white noise of a variance that follows a shape, and its nats."""
+    factor = 1 + strength ** 2 / shape.mean() * shape
+    extra = np.sqrt(factor - 1) * white(s.n, s.dt, s.base[s.target]['N'], s.rng)
+    gain = 0.5 * s.n * (np.log(np.mean(factor)) - np.mean(np.log(factor)))
+    return s.y + extra, float(factor.max()), float(gain)
+
+
+def _variance_change(s, strength):
+    """The white noise grows once, or drifts, or swings; its mean variance by 1 + strength^2."""
+    kind = s.rng.choice(['step', 'drift', 'period'])
+    values = {'time': 0.0, 'period': 0.0}
+    if kind == 'step':
+        values['time'] = s.span * s.rng.uniform(0.2, 0.8)
+        shape = (s.t >= values['time']).astype(float)
+    elif kind == 'drift':
+        shape = s.t / s.span
+    else:
+        values['period'] = s.span / s.rng.uniform(3, 20)
+        values['time'] = values['period'] * s.rng.uniform(0.01, 1)
+        shape = 0.5 + 0.5 * np.cos(2 * np.pi * (s.t - values['time']) / values['period'])
+    after, factor, gain = _louder(s, shape, strength)
+    return after, {'factor': factor, **values}, gain
+
+
+def _random_modulation(s, strength):
+    """The variance wanders without a shape: its logarithm is a slow Gauss-Markov process."""
+    slow = decay(s.n, s.dt, 1.0, s.span / s.rng.uniform(15, 40), s.rng)
+    after, factor, gain = _louder(s, np.exp(1.2 * slow), strength)
+    return after, {'factor': factor}, gain
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How an effect is made: by ``unit`` samples that are scaled and added, or by a ``change``."""
+
+    unit: Callable | None = None
+    change: Callable | None = None
+    deterministic: bool = False
+    known: bool = True
+    scaled: tuple[str, ...] = ()              # the values that are amplitudes
+
+
+RECIPES: dict[str, Recipe] = {
+    'sinusoid': Recipe(_sinusoid, deterministic=True, scaled=('amplitude',)),
+    'gauss_markov': Recipe(_gauss_markov, scaled=('sigma',)),
+    'temperature': Recipe(_temperature, deterministic=True, scaled=('slope',)),
+    'ramp': Recipe(_ramp, deterministic=True, scaled=('R',)),
+    'transient': Recipe(_transient, deterministic=True, scaled=('amplitude',)),
+    'rate_quantization': Recipe(change=_rate_quantization),
+    'quantization': Recipe(change=_quantization),
+    'low_pass': Recipe(change=_low_pass),
+    'duplicates': Recipe(change=_duplicates),
+    'spikes': Recipe(_spikes, scaled=('sigma',)),
+    'rts': Recipe(_rts, scaled=('step',)),
+    'accel_coupling': Recipe(_accel_coupling, deterministic=True,
+                             scaled=('gain_x', 'gain_y', 'gain_z')),
+    'shared_noise': Recipe(_shared_noise, deterministic=True, scaled=('gain',)),
+    'step': Recipe(_step, deterministic=True, scaled=('size',)),
+    'variance_change': Recipe(change=_variance_change),
+    # what nothing in the library explains
+    'resonance': Recipe(_resonance, known=False),
+    'chirp': Recipe(_chirp, deterministic=True, known=False),
+    'intermittent_line': Recipe(_intermittent_line, deterministic=True, known=False),
+    'random_modulation': Recipe(change=_random_modulation, known=False),
+}
+KNOWN = tuple(k for k, r in RECIPES.items() if r.known)
+UNKNOWN = tuple(k for k, r in RECIPES.items() if not r.known)
+# What the electronics do to the samples comes after what the sensor feels, in this order.
+LAST = {k: i for i, k in enumerate(
+    ('low_pass', 'duplicates', 'rate_quantization', 'quantization', 'spikes'), 1)}
+
+
+def _spike_nats(added, base, dt) -> float:
+    """Return what telling each spike from a normal sample brings, less what their places cost."""
+    size = added[added != 0]
+    sigma2 = base['N'] ** 2 / dt
+    wide2 = sigma2 + np.mean(size ** 2)
+    each = 0.5 * (size ** 2 + sigma2) * (1 / sigma2 - 1 / wide2) - 0.5 * np.log(wide2 / sigma2)
+    return float(max(np.sum(np.maximum(each - np.log(len(added) / len(size)), 0)), 0.0))
+
+
+def _hide(s: Scene, name: str, strength: float) -> Hidden:
+    """Put one effect into the target axis of a scene."""
+    recipe, base, before = RECIPES[name], s.base[s.target], s.y
+    if recipe.change:
+        s.axes[s.target], values, nats = recipe.change(s, strength)
+        return Hidden(name, values, changed_strength(before, s.y), nats, recipe.known)
+    unit, values = recipe.unit(s)
+    scale = strength / added_strength(unit, base, s.dt)
+    s.axes[s.target] = before + scale * unit
+    values = {k: v * scale if k in recipe.scaled else v for k, v in values.items()}
+    nats = _spike_nats(scale * unit, base, s.dt) if name == 'spikes' else \
+        nats_of(scale * unit, base, s.dt, recipe.deterministic)
+    return Hidden(name, values, strength, nats, recipe.known)
+
+
+def draw(rng: np.random.Generator, effects=(), *, strength=(1.0, 10.0), hours=1.0, rate_hz=50.0,
+         target='gyro_x', sensor=None, accel=False) -> tuple[ImuRecord, Truth]:
+    """
+    Return a record at rest and what is in it.
+
+    Parameters
+    ----------
+    rng : Generator
+    effects : sequence of str
+        Of :data:`RECIPES`; none: nothing hidden.
+    strength : float or (float, float)
+        Of each effect, or the range from which it is drawn, all decades alike. What cannot be as
+        strong (a low-pass above 1) is as strong as it can be; the truth tells.
+    hours, rate_hz : float
+    target : str
+        The gyroscope axis that holds the effects.
+    sensor : mapping or None
+        N, B, K of all gyroscope axes; None: drawn for each.
+    accel : bool
+        Whether to make the accelerometer axes too (they are where an effect needs them).
+
+    """
+    n, dt = int(hours * 3600 * rate_hz), 1 / rate_hz
+    names = GYRO + (ACCEL if accel or 'accel_coupling' in effects else ())
+    base = {a: draw_sensor(rng, 0.1) if a in ACCEL else dict(sensor or draw_sensor(rng))
+            for a in names}
+    axes = {a: base_noise(n, dt, base[a], rng) + DEG * rng.uniform(-0.5, 0.5) for a in names}
+    if 'accel_z' in axes:
+        axes['accel_z'] += 9.80665
+    s = Scene(np.arange(n) * dt, dt, rng, base, axes, target)
+    hidden, bystanders = [], {}
+    for name in sorted(effects, key=lambda e: LAST.get(e, 0)):
+        size = float(strength) if np.isscalar(strength) else s.log_uniform(*strength)
+        hidden.append(_hide(s, name, size))
+        if name == 'shared_noise':
+            bystanders[GYRO[int(hidden[-1].values['source'])]] = name
+    gyro, felt = (np.column_stack([s.axes[a] for a in some]) if some[0] in s.axes else None
+                  for some in (GYRO, ACCEL))
+    record = ImuRecord(gyro, felt, s.t, rate_hz, covariates=s.covariates)
+    found = {a: tuple(hidden) if a == target else () for a in names}
+    return record, Truth(base, found, bystanders)
