@@ -40,15 +40,13 @@ class Aside:
         """Start, once everything is there."""
         self._thread.start()
 
-    def end(self) -> bool:
-        """Stop; return whether nothing was under way."""
+    def end(self) -> None:
+        """Stop; what is under way is left alone."""
         self._stop.set()
         self._thread.join(0.5)
-        if self._thread.is_alive():
-            return False
-        self._executor.shutdown()
-        self._node.destroy_node()
-        return True
+        if not self._thread.is_alive():
+            self._executor.shutdown()
+            self._node.destroy_node()
 
     def _spin(self) -> None:
         while not self._stop.is_set():

@@ -171,9 +171,9 @@ class Filter(Node):
                 'kurtosis [1]': found.kurtosis, 'samples': found.n, 'verdict': verdict}))
         self._innovations.publish(messages.diagnostics(self, statuses))
 
-    def finish(self) -> bool:
-        """Let a diagnosis under way go; return whether there was none."""
-        return self._aside.end()
+    def finish(self) -> None:
+        """Stop what runs aside."""
+        self._aside.end()
 
 
 def main(args=None) -> int:

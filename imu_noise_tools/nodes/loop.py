@@ -8,6 +8,7 @@ import traceback
 from std_srvs.srv import Trigger
 
 from . import messages
+from .run import under_way
 from ..errors import ImuNoiseError
 from ..store import diagnosis_to_dict, step_to_dict
 from ..study import Study
@@ -22,7 +23,8 @@ def guarded(node, work: Callable[[], dict | None]) -> tuple[dict, bool]:
 
     """
     try:
-        return work() or {}, True
+        with under_way():
+            return work() or {}, True
     except ImuNoiseError as error:
         return {'error': error.message, 'remedy': error.remedy}, False
     except Exception as error:

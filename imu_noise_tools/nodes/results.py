@@ -64,7 +64,7 @@ class Results:
 
     def draw(self, study: Study) -> None:
         """Publish the picture of a study."""
-        from ..plots.figures import allan_figure
+        from ..plots.noise import allan_figure
         from ..plots.style import pixels
         self._outputs['plot'].publish(messages.image(self._node, pixels(allan_figure(study))))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import os
 import signal
 import sys
@@ -15,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..errors import ImuNoiseError
 
-_PATIENCE = 0.3         # s that callbacks under way get to end
+_busy: list[object] = []
 
 
 def events_executor():
@@ -38,8 +40,7 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
 
     ``rclpy.spin`` with rclpy's own handlers hangs or ends with status 1 on SIGTERM, hence handlers
     that only set an event. A node may have ``finish()``, called once before it is destroyed, to
-    save what was gathered; it returns False where something is still under way. A computation
-    that is not done by then is dropped.
+    save what was gathered. A computation still :func:`under_way` then is dropped.
 
     Parameters
     ----------
@@ -72,29 +73,36 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
         print(f'error: {str(error).strip()}', file=sys.stderr)
         status = 1
     finally:
-        idle = _close(node, executor)
-    if not idle:
-        # A pool's threads are joined at exit, so one that computes would hold the process.
+        _close(node, executor)
+    if _busy:
+        # Threads of a pool are joined at exit, so one that computes would hold the process.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
     return status
 
 
-def _close(node, executor) -> bool:
-    """Save, destroy and shut down; return whether every callback has ended."""
-    idle = True
+def _close(node, executor) -> None:
+    """Save, destroy and shut down."""
     try:
-        if node is not None and hasattr(node, 'finish'):
-            idle = node.finish() is not False
+        if hasattr(node, 'finish'):
+            node.finish()
     except ImuNoiseError as error:
         print(f'error: {error}', file=sys.stderr)
     finally:
-        if isinstance(executor, MultiThreadedExecutor):
-            idle &= executor.shutdown(timeout_sec=_PATIENCE)
-        elif executor is not None:
+        if executor is not None:
             executor.remove_node(node)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return idle
+
+
+@contextmanager
+def under_way() -> Iterator[None]:
+    """Say that something is computed which a signal need not wait for."""
+    mark = object()
+    _busy.append(mark)
+    try:
+        yield
+    finally:
+        _busy.remove(mark)
