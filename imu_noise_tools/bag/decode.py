@@ -69,15 +69,16 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
             s, v, good = _bulk(batch.take(some), int(length), count)
             stamp[some[good]], values[some[good]] = s[good], v[good]
             readable[some[good]] = True
-    frame = ''
-    for k in np.flatnonzero(~readable):
+    seen = readable.copy()
+    frame: dict[int, str] = {}
+    for k in np.flatnonzero(~seen):
         found = _plain(batch.message(k), batch.connection, count)
         if found is not None:
-            stamp[k], frame, values[k] = found
+            stamp[k], frame[k], values[k] = found
             readable[k] = True
-    if not plain and readable.any():
-        frame = _frame(batch.take(np.flatnonzero(readable)[:1])) or frame
-    return Decoded(stamp[readable], values[readable], frame, readable)
+    first = np.flatnonzero(readable)[:1]
+    name = '' if not len(first) else frame.get(int(first[0]), '') if not seen[first[0]] else _frame(batch.take(first))
+    return Decoded(stamp[readable], values[readable], name, readable)
 
 
 def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

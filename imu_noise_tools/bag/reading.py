@@ -24,6 +24,7 @@ GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
 ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
 KINDS = ('rate', 'delta', 'integrated')
 NS = 1e-9
+EPOCH = 1_700_000_000_000_000_000
 
 
 def open_record(path, topic: str | None = None, *, gyro_unit: str | None = None, accel_unit: str | None = None,
@@ -310,7 +311,7 @@ def _resample(reader: _Reader, stamp: np.ndarray, receive: np.ndarray, covariate
 
 
 class Block(NamedTuple):
-    """Some thousand samples in a row: times in ns, rad/s and m/s^2 (n, 3), None or NaN where a part is absent."""
+    """Some thousand samples in a row: times in ns, rad/s and m/s^2 (n, 3); a part may be absent."""
 
     stamp: np.ndarray
     receive: np.ndarray
@@ -324,7 +325,7 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
     Yield the samples of a record block by block, in memory that does not grow with the bag.
 
     Messages are in order of receive time within each chunk of the file. Pairs of topics and tables are read
-    whole first. A part that is not there is NaN.
+    whole first. A part that is not there is NaN, or as the messages have it.
 
     Parameters
     ----------
@@ -340,12 +341,12 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
 
     """
     if table_kind(path):
-        yield from _blocks_of(read_table(Path(path), None), block)
+        yield from _whole(read_table(Path(path), None), block)
         return
     with Bag(path) as bag:
         choice = choose(bag, topic)
         if choice.type != IMU or choice.gyro != choice.accel:
-            yield from _blocks_of(_from_bag(bag, choice, None, None), block)
+            yield from _whole(_from_bag(bag, choice, None, None), block)
             return
         zero: bool | None = None
         for batch in bag.batches([choice.base], [IMU]):
@@ -380,7 +381,7 @@ def iter_raw(path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]
                 yield from _raw_of(bag, choice.base)
                 return
     for block in iter_blocks(path, topic):
-        values = imu_values(*(None if x is None or np.isnan(x).all() else x for x in (block.gyro, block.accel)))
+        values = imu_values(*(None if np.isnan(x).all() else x for x in (block.gyro, block.accel)))
         for row, receive, stamp in zip(serialise(block.stamp, values, block.frame_id or 'imu_link'),
                                        block.receive.tolist(), block.stamp.tolist()):
             yield receive, row.tobytes(), stamp
@@ -400,13 +401,22 @@ def _raw_of(bag: Bag, topic: str) -> Iterator[tuple[int, bytes, int]]:
             yield receive, batch.message(k) if made is None else made[k].tobytes(), receive if zero else stamp
 
 
-def _blocks_of(record: ImuRecord, block: int) -> Iterator[Block]:
-    start = int(round(record.start * 1e9))
+def _whole(record: ImuRecord, block: int) -> Iterator[Block]:
+    for b in blocks_of(record, block):
+        gap = np.full((len(b.stamp), 3), np.nan)
+        yield b._replace(gyro=gap if b.gyro is None else b.gyro, accel=gap if b.accel is None else b.accel)
+
+
+def start_ns(record: ImuRecord) -> int:
+    """Return when a record began, ns; where it does not know, some day, since stamps of zero mean "unset"."""
+    return round(record.start * 1e9) or EPOCH
+
+
+def blocks_of(record: ImuRecord, block: int) -> Iterator[Block]:
+    """Yield the samples of a record block by block."""
+    start = start_ns(record)
     for k in range(0, record.n, block):
         part = record.part(k, k + block)
         stamp = start + np.round(part.t * 1e9).astype(np.int64)
         receive = stamp if part.receive_t is None else start + np.round(part.receive_t * 1e9).astype(np.int64)
-        gap = np.full((part.n, 3), np.nan)
-        yield Block(stamp, receive, gap if part.gyro is None else part.gyro,
-                    gap if part.accel is None else part.accel, record.frame_id)
-
+        yield Block(stamp, receive, part.gyro, part.accel, record.frame_id)

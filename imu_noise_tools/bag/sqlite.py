@@ -95,7 +95,7 @@ class SqliteFile:
                 low, high = ask('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
                 return (dict(ask('SELECT topic_id, count(*) FROM messages GROUP BY topic_id')),
                         (int(low or 0), int(high or 0)))
-            except sqlite3.DatabaseError:
+            except (sqlite3.DatabaseError, ValueError, TypeError):      # a number may have become a text
                 self.problems.cut = True
         count: dict[int, int] = {}
         ends = []
@@ -169,4 +169,4 @@ class SqliteFile:
 
 def _columns(rows: list[tuple]) -> tuple:
     _, times, blobs = zip(*rows)
-    return times, [b if isinstance(b, bytes) else str(b).encode() for b in blobs]
+    return [t if isinstance(t, int) else 0 for t in times], [b if isinstance(b, bytes) else b'' for b in blobs]

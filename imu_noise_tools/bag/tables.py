@@ -134,7 +134,7 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | N
 
 
 def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return the columns of a .csv; a last line that was cut off is left out."""
+    """Return the columns of a .csv."""
     with open(path, encoding='utf-8', errors='replace', newline=None) as file:
         names = [n.strip().strip('"').lower() for n in file.readline(1 << 16).lstrip('#\ufeff ').strip().split(',')]
         present = [a for a in AXES if a in names]
@@ -160,13 +160,17 @@ def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
 
 
 def _numbers(path: Path, lines: list[str], width: int, first: int, said: list[str]) -> np.ndarray:
+    """Return the numbers of some lines; raise InputError for one that is not ``width`` of them."""
+    if _is_cut(lines):
+        lines = lines[:-1]
+        said.append('the file was cut short; its last line was left out')
     try:
         found = np.loadtxt(lines, delimiter=',', ndmin=2, comments=None)
         if found.shape[1] == width or not found.size:
             return found.reshape(-1, width)
     except ValueError:
         pass
-    rows = []
+    table = []
     for k, line in enumerate(lines):
         if not line.strip():
             continue
@@ -174,10 +178,17 @@ def _numbers(path: Path, lines: list[str], width: int, first: int, said: list[st
             row = [float(cell) if cell.strip() else float('nan') for cell in line.split(',')]
         except ValueError:
             row = []
-        if len(row) == width:
-            rows.append(row)
-        elif k == len(lines) - 1 and not line.endswith('\n'):
-            said.append('the last line was cut off; left out')
-        else:
+        if len(row) != width:
             raise InputError(f'{path}: line {first + k} is not {width} numbers: {line.strip()[:40]!r}', CSV_COLUMNS)
-    return np.array(rows, float).reshape(-1, width)
+        table.append(row)
+    return np.array(table, float).reshape(-1, width)
+
+
+def _is_cut(lines: list[str]) -> bool:
+    """Tell whether the last line is without its end: no newline, and fewer or shorter cells than those before."""
+    *before, last = lines
+    if last.endswith('\n') or not before:
+        return False
+    cells = [line.rstrip('\n').split(',') for line in before[-20:]]
+    mine = last.split(',')
+    return len(mine) < len(cells[-1]) or len(mine[-1]) < min(len(c[-1]) for c in cells)

@@ -92,6 +92,9 @@ def choose(bag: Bag, topic: str | None) -> Choice:
 
     """
     known = _names(bag)
+    if not known:
+        raise InputError(f'{bag.path}: nothing in it can be recovered, it names no topics',
+                         'record again, or repair the file')
     if topic:
         return _asked(bag, known, topic)
     imu = [t for t in known if t.type == IMU]
@@ -145,7 +148,7 @@ def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
 
 
 def _has(known: list[TopicInfo]) -> str:
-    return 'it has ' + (', '.join(f'{t.name} ({t.type})' for t in known) or 'no topics at all')
+    return 'it has ' + ', '.join(f'{t.name} ({t.type})' for t in known)
 
 
 def _no_imu(bag: Bag, known: list[TopicInfo]) -> InputError:

@@ -19,7 +19,7 @@ from .container import Progress
 from .decode import IMU, MAGNETIC, PRESSURE, TEMPERATURE
 from .encode import definition, imu_values, serialise
 from .mcap_writer import McapWriter
-from .reading import Block
+from .reading import Block, blocks_of, start_ns
 from .rosbag1_writer import Rosbag1Writer
 from .sqlite_writer import SqliteWriter
 
@@ -29,7 +29,6 @@ TOPIC = '/imu/data_raw'
 COVARIATE_TOPICS = {'temperature': ('/imu/temperature', TEMPERATURE), 'magnetic': ('/imu/mag', MAGNETIC),
                     'pressure': ('/imu/pressure', PRESSURE)}
 COVARIATE_HZ = 10.0         # what moves slower than a few hertz is written no faster
-EPOCH = 1_700_000_000       # for records that do not know when they began: stamps of zero mean "unset"
 BLOCK = 4096
 
 
@@ -112,7 +111,7 @@ def _write_one(path: Path, kind: str, name: str, record, topic: str, frame_id: s
     if isinstance(record, ImuRecord):
         beside = list(_covariates(record))
         topics |= {name: type for name, type, *_ in beside}
-        blocks: Iterable[Block] = _blocks(record)
+        blocks: Iterable[Block] = blocks_of(record, BLOCK)
         total = record.n
     else:
         beside, blocks, total = [], record, 0
@@ -178,18 +177,9 @@ def _present(x: np.ndarray | None) -> np.ndarray | None:
     return None if x is None or (len(x) and np.isnan(x).all()) else x
 
 
-def _blocks(record: ImuRecord) -> Iterator[Block]:
-    start = int(round(record.start * 1e9)) or EPOCH * 10 ** 9
-    for k in range(0, record.n, BLOCK):
-        part = record.part(k, k + BLOCK)
-        stamp = start + np.round(part.t * 1e9).astype(np.int64)
-        receive = stamp if part.receive_t is None else start + np.round(part.receive_t * 1e9).astype(np.int64)
-        yield Block(stamp, receive, part.gyro, part.accel, record.frame_id)
-
-
 def _covariates(record: ImuRecord) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
     """Yield topic, type, times (ns) and doubles of each covariate that a message type exists for."""
-    start = int(round(record.start * 1e9)) or EPOCH * 10 ** 9
+    start = start_ns(record)
     step = max(1, int(record.rate_hz / COVARIATE_HZ))
     some = np.unique(np.append(np.arange(0, record.n, step), max(record.n - 1, 0)))
     times = start + np.round(record.t[some] * 1e9).astype(np.int64)
@@ -238,6 +228,8 @@ def write_table(path: Path, kind: str, arrays: dict[str, np.ndarray]) -> None:
             np.savez(file, **arrays)
         return
     columns: dict[str, np.ndarray] = {}
+    if 't' in arrays and 'start' in arrays:
+        arrays = arrays | {'t': arrays['t'] + arrays['start']}
     for name, x in sorted(arrays.items(), key=lambda item: item[0] != 't'):
         if x.ndim == 2:
             prefix, _, suffix = name.partition('_')

@@ -1,0 +1,530 @@
+"""Reading and writing bags: the real ones, the bulk decoder against rosbags' own, separate topics, copies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+import sqlite3
+import struct
+
+import bad_input
+from hypothesis import given, settings, strategies as st
+from imu_noise_tools.bag import Block, Changed, copy_bag, iter_blocks, iter_raw, open_record, topics, write_bag
+from imu_noise_tools.bag.container import Batch, Connection
+from imu_noise_tools.bag.decode import decode, DOUBLES, IMU, TEMPERATURE, VECTOR
+from imu_noise_tools.bag.encode import imu_values, serialise
+from imu_noise_tools.bag.mcap_writer import McapWriter
+from imu_noise_tools.bag.rosbag1_writer import Rosbag1Writer
+from imu_noise_tools.bag.sqlite_writer import SqliteWriter
+from imu_noise_tools.errors import InputError, UsageError
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Writer2
+from rosbags.typesys import get_typestore, Stores
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+STORE1 = get_typestore(Stores.ROS1_NOETIC)
+START = bad_input.START * 10 ** 9
+STATIC = ('amr_imu_static_sqlite3', 'amr_imu_static_mcap', 'amr_imu_static_mcap_zstd',
+          'amr_imu_static_sqlite3_file_zstd', 'amr_imu_static_sqlite3_message_zstd')
+COUNTS = {'mpu6050_static_449s': 44930, 'imu_tools_phidgets_imu_upside_down.bag': 13964,
+          'robot_localization_test1.bag': 11865, 'xsens_mti_multipos': 51175, 'imucal_ferraris': 10376}
+
+
+def by_rosbags(path, topic=None):
+    """Return stamp, receive, gyro, accel of an Imu topic, message by message, as rosbags reads them."""
+    found = []
+    with AnyReader([Path(path)], default_typestore=STORE) as reader:
+        chosen = [c for c in reader.connections if c.msgtype == IMU and topic in (None, c.topic)]
+        for connection, receive, raw in reader.messages(chosen):
+            m = reader.deserialize(raw, connection.msgtype)
+            w, a = m.angular_velocity, m.linear_acceleration
+            found.append((m.header.stamp.sec * 10 ** 9 + m.header.stamp.nanosec, receive,
+                          (w.x, w.y, w.z), (a.x, a.y, a.z)))
+    stamp, receive, gyro, accel = zip(*found)
+    return np.array(stamp), np.array(receive), np.array(gyro), np.array(accel)
+
+
+def same(record, truth):
+    """Assert that a record holds exactly what rosbags read."""
+    stamp, receive, gyro, accel = truth
+    np.testing.assert_array_equal(record.gyro, gyro)
+    np.testing.assert_array_equal(record.accel, accel)
+    np.testing.assert_array_equal(record.t, (stamp - stamp[0]) * 1e-9)
+    np.testing.assert_array_equal(record.receive_t, (receive - stamp[0]) * 1e-9)
+
+
+# -- real bags
+
+@pytest.mark.parametrize('name', [*STATIC, *COUNTS])
+def test_real_bag(shared_data, name):
+    """Every real bag gives what rosbags reads from it, to the last bit, as a whole and block by block."""
+    path = shared_data / 'bags' / name
+    record = open_record(path)
+    assert record.n == COUNTS.get(name, 4894)
+    assert record.warnings == ()
+    same(record, by_rosbags(path))
+    assert [t.samples for t in topics(path) if t.name == record.topic] == [record.n]
+    blocks = list(iter_blocks(path, block=1000))
+    assert max(len(b.stamp) for b in blocks) <= 1000
+    np.testing.assert_array_equal(np.concatenate([b.gyro for b in blocks]), record.gyro)
+
+
+def test_containers_agree(shared_data):
+    """The five containers of one recording give one record."""
+    first, *others = [open_record(shared_data / 'bags' / n) for n in STATIC]
+    for other in others:
+        np.testing.assert_array_equal(other.gyro, first.gyro)
+        np.testing.assert_array_equal(other.t, first.t)
+
+
+@pytest.mark.parametrize('name, words', [('no_imu_topic_sqlite3', 'no Imu topic.*/odom'),
+                                         ('custom_imu_type_mcap', 'custom type.*/gpstopic')])
+def test_real_refusals(shared_data, name, words):
+    """What has no Imu topic is refused, and the topics are listed."""
+    with pytest.raises(InputError, match=words):
+        open_record(shared_data / 'bags' / name)
+
+
+@pytest.mark.parametrize('name, least', [('truncated_ros1.bag', 9000), ('truncated_db3', 3000)])
+def test_real_broken(shared_data, name, least):
+    """What is whole in a broken bag is read, and equals the beginning of the whole one."""
+    record = open_record(shared_data / 'bags' / 'broken' / name)
+    assert record.n >= least
+    assert any('cut short' in w for w in record.warnings)
+    whole = open_record(shared_data / 'bags' / {'truncated_db3': 'amr_imu_static_sqlite3'}.get(
+        name, 'imu_tools_phidgets_imu_upside_down.bag'))
+    np.testing.assert_array_equal(record.gyro[:least], whole.gyro[:least])
+    assert np.all(np.isin(record.t + record.start, whole.t + whole.start))
+
+
+# -- the bulk decoder against rosbags', over whatever may differ
+
+def imu_message(store, stamp, frame, numbers):
+    """Build one Imu message of rosbags."""
+    t = store.types
+    time = t['builtin_interfaces/msg/Time'](sec=stamp // 10 ** 9, nanosec=stamp % 10 ** 9)
+    seq = {'seq': 0} if store is STORE1 else {}
+    vector = t['geometry_msgs/msg/Vector3']
+    return t[IMU](
+        header=t['std_msgs/msg/Header'](stamp=time, frame_id=frame, **seq),
+        orientation=t['geometry_msgs/msg/Quaternion'](*numbers[:4]), orientation_covariance=numbers[4:13],
+        angular_velocity=vector(*numbers[13:16]), angular_velocity_covariance=numbers[16:25],
+        linear_acceleration=vector(*numbers[25:28]), linear_acceleration_covariance=numbers[28:37])
+
+
+FRAMES = st.text(st.characters(codec='utf-8', exclude_characters='\0'), max_size=20)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), frames=st.lists(FRAMES, min_size=1, max_size=3), ros1=st.booleans(), big=st.booleans(),
+       seed=st.integers(0, 2 ** 32 - 1))
+def test_bulk_equals_plain(data, frames, ros1, big, seed):
+    """Messages of any frame, endianness and encoding, NaN among the numbers, decode to rosbags' bits."""
+    rng = np.random.default_rng(seed)
+    n = data.draw(st.integers(1, 12))
+    numbers = rng.standard_normal((n, 37)) * 10.0 ** rng.integers(-300, 300, (n, 37))
+    numbers[rng.random((n, 37)) < 0.05] = np.nan
+    store = STORE1 if ros1 else STORE
+    stamps = START + rng.integers(0, 10 ** 12, n)
+    raw = []
+    for k in range(n):
+        message = imu_message(store, int(stamps[k]), data.draw(st.sampled_from(frames)), numbers[k])
+        if ros1:
+            raw.append(bytes(store.serialize_ros1(message, IMU)))
+        else:
+            raw.append(bytes(store.serialize_cdr(message, IMU, little_endian=not big)))
+    if data.draw(st.booleans()):
+        raw[data.draw(st.integers(0, n - 1))] += b'\0\0\0\0'       # one is longer than it should be
+    batch = batch_of(raw, IMU, 'ros1' if ros1 else 'cdr')
+    fast, slow = decode(batch), decode(batch, plain=True)
+    np.testing.assert_array_equal(fast.readable, slow.readable)
+    np.testing.assert_array_equal(fast.stamp, slow.stamp)
+    np.testing.assert_array_equal(np.array(fast.values, '=f8').view(np.int64), slow.values.view(np.int64))
+    assert fast.frame_id == slow.frame_id
+
+
+def batch_of(raw, type, encoding):
+    """Return raw messages as a batch with odd bytes between them."""
+    length = np.array([len(r) for r in raw])
+    begin = np.cumsum(length + 3) - length
+    return Batch(Connection(1, '/imu', type, encoding), np.arange(len(raw)),
+                 np.frombuffer(b''.join(b'\xaa\xbb\xcc' + r for r in raw), np.uint8), begin, length)
+
+
+@pytest.mark.parametrize('encoding', ['cdr', 'ros1'])
+@pytest.mark.parametrize('frame', ['', 'a', 'imu_link', 'base_imu_link_frame'])
+def test_padding_may_be_anything(frame, encoding):
+    """What pads a message before its doubles is not initialised by real writers."""
+    values = np.random.default_rng(0).standard_normal((5, 37))
+    rows = serialise(START + np.arange(5), values, frame, encoding)
+    body = rows.shape[1] - 37 * 8
+    used = 16 + len(frame) + (encoding == 'cdr')
+    rows[:, used:body] = 0xee
+    found = decode(batch_of([r.tobytes() for r in rows], IMU, encoding))
+    np.testing.assert_array_equal(found.values, values)
+    assert found.readable.all() and found.frame_id == frame
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'mcap_zstd', 'sqlite3', 'file', 'message', 'bag', 'bag_lz4', 'bag_bz2'])
+def test_written_by_rosbags(kind, tmp_path):
+    """Bags of rosbags' writers, with topics between and frames that change, are read to the last bit."""
+    rng = np.random.default_rng(2)
+    ros1 = kind.startswith('bag')
+    store = STORE1 if ros1 else STORE
+    path = tmp_path / ('x.bag' if ros1 else 'x')
+    if ros1:
+        writer = Writer1(path)
+        if kind != 'bag':
+            writer.set_compression({'lz4': Writer1.CompressionFormat.LZ4, 'bz2': Writer1.CompressionFormat.BZ2}[kind[4:]])
+    else:
+        plugin = StoragePlugin.MCAP if kind.startswith('mcap') else StoragePlugin.SQLITE3
+        writer = Writer2(path, version=9, storage_plugin=plugin)
+        mode = {'mcap_zstd': CompressionMode.STORAGE, 'file': CompressionMode.FILE,
+                'message': CompressionMode.MESSAGE}.get(kind)
+        if mode:
+            writer.set_compression(mode, CompressionFormat.ZSTD)
+    pack = store.serialize_ros1 if ros1 else store.serialize_cdr
+    text = store.types['std_msgs/msg/String']
+    with writer:
+        imu = writer.add_connection('/imu', IMU, typestore=store)
+        other = writer.add_connection('/talk', 'std_msgs/msg/String', typestore=store)
+        for k in range(3000):
+            stamp = START + k * 10 ** 7
+            frame = 'imu' if k < 2000 else 'imu_with_another_name'
+            writer.write(imu, stamp + 1000, pack(imu_message(store, stamp, frame, rng.standard_normal(37)), IMU))
+            for _ in range(rng.integers(0, 3)):
+                said = text('x' * int(rng.choice([1, 50, 9000], p=[0.6, 0.39, 0.01])))
+                writer.write(other, stamp + 2000, pack(said, 'std_msgs/msg/String'))
+    record = open_record(path)
+    assert record.n == 3000 and record.warnings == ()
+    if kind != 'message':
+        same(record, by_rosbags(path))
+    info = {t.name: t for t in topics(path)}
+    assert info['/imu'].samples == 3000 and info['/imu'].role == 'imu'
+    assert info['/imu'].rate_hz == pytest.approx(100, rel=1e-3)
+
+
+@pytest.mark.parametrize('chunked', [True, False])
+def test_mcap_without_summary_or_index(tmp_path, chunked):
+    """An MCAP of bare records, in chunks without an index or in none, is read as the indexed one is."""
+    record = bad_input.still(60)
+    whole = write_bag(tmp_path / 'whole.mcap', record).read_bytes()
+    out, at = [whole[:8]], 8
+    while at < len(whole) - 8:
+        op, length = whole[at], int.from_bytes(whole[at + 1:at + 9], 'little')
+        body = whole[at + 9:at + 9 + length]
+        if op == 6:
+            out.append(whole[at:at + 9 + length] if chunked else body[40:])     # compression is ''
+        elif op in (1, 15):
+            out.append(whole[at:at + 9 + length])
+        if op == 15:
+            break
+        at += 9 + length
+    (tmp_path / 'bare.mcap').write_bytes(
+        b''.join(out) + b'\x02' + struct.pack('<QQQI', 20, 0, 0, 0) + whole[:8])
+    bare = open_record(tmp_path / 'bare.mcap')
+    np.testing.assert_array_equal(bare.gyro, record.gyro)
+    assert bare.warnings == ()
+    assert [t.samples for t in topics(tmp_path / 'bare.mcap')] == [record.n]
+
+
+def test_log_times_out_of_order(tmp_path):
+    """Messages are in order of the times of receiving, as rosbags gives them."""
+    record = bad_input.still(30)
+    rng = np.random.default_rng(4)
+    receive = START + np.arange(record.n) * 10 ** 7 + rng.integers(0, 5 * 10 ** 7, record.n)
+    stamp = START + np.arange(record.n) * 10 ** 7
+    write_bag(tmp_path / 'x.mcap', [Block(stamp, receive, record.gyro, record.accel, 'f')])
+    same(open_record(tmp_path / 'x.mcap'), by_rosbags(tmp_path / 'x.mcap'))
+
+
+def test_sqlite_as_recorded_by_others(tmp_path):
+    """Small and large pages, a column more, rows that go on in other pages, topics by the hundred: all are read."""
+    record = bad_input.still(20)
+    for page, more in ((512, ''), (1024, ''), (65536, ''), (4096, ', note TEXT')):
+        path = write_bag(tmp_path / f'{page}{bool(more)}.db3', record)
+        database = sqlite3.connect(path)
+        database.execute(f'PRAGMA page_size = {page}')
+        if more:
+            database.execute('ALTER TABLE messages ADD COLUMN note TEXT')
+        database.execute("UPDATE topics SET id = 300 WHERE id = 1")
+        database.execute('UPDATE messages SET topic_id = 300')
+        database.commit()
+        database.execute('VACUUM')
+        database.close()
+        np.testing.assert_array_equal(open_record(path).gyro, record.gyro)
+
+
+def test_sqlite_write_ahead_log(tmp_path):
+    """What a recorder has not yet put into the file is read from the log beside it."""
+    record = bad_input.still(20)
+    path = write_bag(tmp_path / 'x.db3', record)
+    database = sqlite3.connect(path)
+    database.execute('PRAGMA journal_mode = WAL')
+    database.execute('DELETE FROM messages WHERE id > 1500')
+    database.commit()
+    try:
+        assert open_record(path).n == 1500
+    finally:
+        database.close()
+
+
+# -- writing and reading back
+
+@pytest.mark.parametrize('name', ['a', 'b.mcap', 'c.db3', 'd.bag', 'e.csv', 'f.npz'])
+def test_round_trip(name, tmp_path):
+    """What is written is read back to the last bit, covariates too, and rosbags reads the same."""
+    n = 6000
+    slow = np.linspace(20, 30, n)
+    record = replace(bad_input.still(60), covariates={
+        'temperature': slow, 'temperature_2': slow + 1, 'pressure': 1e5 + slow,
+        **{f'magnetic_{a}': slow * 1e-6 for a in 'xyz'}})
+    path = write_bag(tmp_path / name, record)
+    back = open_record(path)
+    np.testing.assert_array_equal(back.gyro, record.gyro)
+    np.testing.assert_array_equal(back.accel, record.accel)
+    np.testing.assert_allclose(back.t, record.t, atol=3e-7, rtol=0)
+    assert back.start == pytest.approx(record.start, abs=1e-6)
+    assert set(back.covariates) == set(record.covariates)
+    for key, value in record.covariates.items():
+        np.testing.assert_allclose(back.covariates[key], value, rtol=1e-12)
+    if path.suffix not in ('.csv', '.npz'):
+        same(back, by_rosbags(path))
+    with pytest.raises(InputError, match='already'):
+        write_bag(path, record)
+    write_bag(path, record, force=True)
+
+
+def test_zstd_sqlite3_and_rosbag1_by_storage(tmp_path):
+    """Storage and compression are chosen by name."""
+    record = bad_input.still(20)
+    small = write_bag(tmp_path / 'small', replace(record, gyro=np.round(record.gyro, 3)), compression='zstd')
+    assert open_record(small).n == record.n
+    assert (write_bag(tmp_path / 'lite', record, storage='sqlite3') / 'lite_0.db3').is_file()
+    with pytest.raises(UsageError, match='storages are'):
+        write_bag(tmp_path / 'x', record, storage='tape')
+
+
+def test_interrupted_writing_leaves_nothing(tmp_path):
+    """Ctrl-C half-way leaves no file and the old bag whole."""
+    record = bad_input.still(20)
+
+    def blocks():
+        yield Block(np.arange(10), np.arange(10), record.gyro[:10], record.accel[:10], 'f')
+        raise KeyboardInterrupt
+    for name in ('a', 'b.mcap', 'c.db3', 'd.bag'):
+        write_bag(tmp_path / name, record)
+        with pytest.raises(KeyboardInterrupt):
+            write_bag(tmp_path / name, blocks(), force=True)
+        assert open_record(tmp_path / name).n == record.n
+    assert sorted(p.name for p in tmp_path.iterdir()) == ['a', 'b.mcap', 'c.db3', 'd.bag']
+
+
+# -- which topics
+
+def bag_of(path, parts):
+    """Write an MCAP of topics: name -> (type, stamps, doubles)."""
+    with open(path, 'xb') as file:
+        writer = McapWriter(file)
+        writer.messages({writer.topic(name, type): (stamps, serialise(stamps, values, 'imu'))
+                         for name, (type, stamps, values) in parts.items()})
+        writer.finish()
+    return path
+
+
+def part(record, gyro, accel):
+    """Return the doubles of messages that hold one part or both."""
+    return imu_values(record.gyro if gyro else None, record.accel if accel else None)
+
+
+def test_separate_topics_of_one_clock(tmp_path):
+    """A gyroscope and an accelerometer topic with the same stamps, or nearly, are put together sample by sample."""
+    r = bad_input.still(30)
+    stamps = START + np.arange(r.n) * 10 ** 7
+    for shift in (0, 2 * 10 ** 6):
+        path = bag_of(tmp_path / f'{shift}.mcap', {'/camera/gyro/sample': (IMU, stamps, part(r, True, False)),
+                                                   '/camera/accel/sample': (IMU, stamps + shift, part(r, False, True))})
+        record = open_record(path)
+        np.testing.assert_array_equal(record.gyro, r.gyro)
+        np.testing.assert_array_equal(record.accel, r.accel)
+        assert record.warnings == ()
+        assert record.topic == '/camera/gyro/sample,/camera/accel/sample'
+        alone = open_record(path, '/camera/accel/sample')
+        assert alone.gyro is None and alone.axes == ('accel_x', 'accel_y', 'accel_z')
+
+
+def test_separate_topics_of_two_rates(tmp_path):
+    """Where the rates differ the accelerations are interpolated, and it is said."""
+    r = bad_input.still(30)
+    stamps = START + np.arange(r.n) * 10 ** 7
+    ramp = np.zeros((r.n // 2, 37))
+    ramp[:, 25] = np.arange(r.n // 2) * 2
+    ramp[:, 26:28] = 1.0
+    path = bag_of(tmp_path / 'x.mcap', {'/gyro': (IMU, stamps, part(r, True, False)),
+                                        '/accel': (IMU, stamps[::2], ramp)})
+    record = open_record(path)
+    np.testing.assert_allclose(record.accel[:-1, 0], np.arange(r.n - 1), rtol=1e-9)
+    assert any('interpolated' in w for w in record.warnings)
+
+
+def test_vector_topics(tmp_path):
+    """Vector3Stamped topics are joined where their names say what they are."""
+    r = bad_input.still(30)
+    stamps = START + np.arange(r.n) * 10 ** 7
+    path = bag_of(tmp_path / 'x.mcap', {'/angular_velocity': (VECTOR, stamps, r.gyro),
+                                        '/acceleration': (VECTOR, stamps, r.accel)})
+    record = open_record(path)
+    np.testing.assert_array_equal(record.gyro, r.gyro)
+    np.testing.assert_array_equal(record.accel, r.accel)
+
+
+def test_chosen_topic(tmp_path):
+    """One of several topics is chosen with or without its slash; a wrong one is refused with a list."""
+    path = bad_input.make_one('two_imu_topics', tmp_path).path
+    assert open_record(path, 'a/imu').topic == '/a/imu'
+    with pytest.raises(InputError, match=r'no topic /c.*/a/imu'):
+        open_record(path, '/c')
+
+
+def test_covariates_of_another_clock(tmp_path):
+    """A temperature whose stamps are of another clock is placed by the times of receiving."""
+    r = bad_input.still(30)
+    stamps = START + np.arange(r.n) * 10 ** 7
+    path = tmp_path / 'x.mcap'
+    with open(path, 'xb') as file:
+        writer = McapWriter(file)
+        imu, temperature = writer.topic('/imu', IMU), writer.topic('/t', TEMPERATURE)
+        warm = np.stack([np.linspace(20, 30, r.n), np.zeros(r.n)], axis=1)
+        writer.messages({imu: (stamps, serialise(stamps, imu_values(r.gyro, r.accel), 'imu')),
+                         temperature: (stamps, serialise(np.arange(r.n), warm, 'imu'))})
+        writer.finish()
+    record = open_record(path)
+    np.testing.assert_allclose(record.covariates['temperature'], warm[:, 0])
+    assert any('clock' in w for w in record.warnings)
+
+
+def test_units_and_kinds(tmp_path):
+    """Units are converted only when asked; increments and integrals become rates."""
+    r = bad_input.still(30)
+    path = write_bag(tmp_path / 'x.mcap', r)
+    np.testing.assert_allclose(open_record(path, gyro_unit='deg/s').gyro, np.radians(r.gyro))
+    np.testing.assert_allclose(open_record(path, accel_unit='mg').accel, r.accel * 9.80665e-3)
+    np.testing.assert_allclose(open_record(path, input_kind='delta').gyro, r.gyro * 100)
+    whole = write_bag(tmp_path / 'y.mcap', replace(r, gyro=np.cumsum(r.gyro, 0) / 100, accel=np.cumsum(r.accel, 0) / 100))
+    np.testing.assert_allclose(open_record(whole, input_kind='integrated').gyro, r.gyro[1:], atol=1e-9)
+    assert open_record(path, rate_hz=50.0).duration_s == pytest.approx(2 * r.duration_s)
+    for wrong in ({'gyro_unit': 'rpm'}, {'accel_unit': 'gal'}, {'input_kind': 'sum'}, {'rate_hz': -1.0}):
+        with pytest.raises(UsageError):
+            open_record(path, **wrong)
+
+
+def test_progress(tmp_path):
+    """Progress rises to 1."""
+    seen = []
+    for name in ('x.mcap', 'x.db3', 'x.bag'):
+        path = write_bag(tmp_path / name, bad_input.still(200))
+        seen.clear()
+        open_record(path, progress=seen.append)
+        assert len(seen) > 1 and seen == sorted(seen) and 0.9 < seen[-1] <= 1
+
+
+def test_raw_messages(tmp_path):
+    """Replay gives CDR Imu messages from any kind of bag."""
+    r = bad_input.still(10)
+    for name in ('x.mcap', 'x.db3', 'x.bag', 'x.npz'):
+        raw = list(iter_raw(write_bag(tmp_path / name, r)))
+        assert len(raw) == r.n
+        receive, message, stamp = raw[-1]
+        m = STORE.deserialize_cdr(message, IMU)
+        assert m.angular_velocity.y == r.gyro[-1, 1] and m.header.stamp.sec * 10 ** 9 + m.header.stamp.nanosec == stamp
+
+
+# -- copies
+
+@pytest.mark.parametrize('name', ['a', 'b.mcap', 'c.db3', 'd.bag'])
+def test_copy(name, tmp_path):
+    """A copy holds all that was there, message by message, and one topic more."""
+    record = replace(bad_input.still(60), covariates={'temperature': np.linspace(20, 30, 6000)})
+    source = write_bag(tmp_path / name, record)
+    target = tmp_path / f'copy_{name}'
+    copy_bag(source, target, lambda r: Changed(2 * r.gyro, None, np.eye(3)))
+    assert messages(source) == {k: v for k, v in messages(target).items() if k != '/imu/data_filtered'}
+    back, new = open_record(target, '/imu/data_raw'), open_record(target, '/imu/data_filtered')
+    np.testing.assert_array_equal(back.gyro, record.gyro)
+    np.testing.assert_array_equal(new.gyro, 2 * record.gyro)
+    np.testing.assert_array_equal(new.accel, record.accel)
+    np.testing.assert_array_equal(new.t, back.t)
+    with AnyReader([target], default_typestore=STORE) as reader:
+        mine = [c for c in reader.connections if c.topic == '/imu/data_filtered']
+        _, _, raw = next(reader.messages(mine))
+        np.testing.assert_array_equal(reader.deserialize(raw, IMU).angular_velocity_covariance, np.eye(3).ravel())
+    with pytest.raises(InputError, match='already'):
+        copy_bag(target, tmp_path / f'again_{name}', lambda r: r, topic='/imu/data_raw')
+    with pytest.raises(UsageError, match='itself'):
+        copy_bag(source, source, lambda r: r)
+
+
+def messages(path):
+    """Return all raw messages with their times by topic."""
+    found = {}
+    with AnyReader([path], default_typestore=STORE) as reader:
+        for connection, receive, raw in reader.messages():
+            found.setdefault(connection.topic, []).append((receive, bytes(raw)))
+    return found
+
+
+@pytest.mark.parametrize('name', ['truncated_mcap', 'truncated_sqlite', 'truncated_rosbag1', 'flipped_bits'])
+def test_copy_of_what_is_whole(name, tmp_path):
+    """The copy of a damaged bag is a sound one of what could be read."""
+    source = bad_input.make_one(name, tmp_path).path
+    target = tmp_path / f'copy{source.suffix}'
+    record = open_record(source)
+    copy_bag(source, target, lambda r: Changed(-r.gyro))
+    assert open_record(target, 'imu/data_raw').warnings == ()
+    np.testing.assert_array_equal(open_record(target, 'imu/data_filtered').gyro, -record.gyro)
+    assert len(messages(target)['/imu/data_raw']) == record.n
+
+
+@pytest.mark.parametrize('suffix', ['.csv', '.npz'])
+def test_copy_of_a_table(suffix, tmp_path):
+    """A table keeps its columns and gets more."""
+    source = write_bag(tmp_path / f'x{suffix}', bad_input.still(20))
+    target = copy_bag(source, tmp_path / f'y{suffix}', lambda r: Changed(2 * r.gyro), new_topic='imu/data_calibrated')
+    record = open_record(target)
+    np.testing.assert_array_equal(record.gyro, bad_input.still(20).gyro)
+    if suffix == '.csv':
+        np.testing.assert_array_equal(record.covariates['gyro_x_calibrated'], 2 * record.gyro[:, 0])
+    else:
+        with np.load(target) as arrays:
+            np.testing.assert_array_equal(arrays['gyro_calibrated'], 2 * record.gyro)
+
+
+@pytest.mark.parametrize('name', [*STATIC, 'imu_tools_phidgets_imu_upside_down.bag'])
+def test_copy_of_a_real_bag(shared_data, name, tmp_path):
+    """Real bags of every compression are copied in kind."""
+    source = shared_data / 'bags' / name
+    target = copy_bag(source, tmp_path / name, lambda r: Changed(r.gyro + 1))
+    record = open_record(source)
+    np.testing.assert_array_equal(open_record(target, 'imu/data_filtered').gyro, record.gyro + 1)
+    before, after = messages(source), messages(target)
+    assert all(after[topic] == sent for topic, sent in before.items())
+
+
+def test_failed_transform_leaves_nothing(tmp_path):
+    """Where the transformation fails, nothing is left."""
+    source = write_bag(tmp_path / 'x', bad_input.still(20))
+    with pytest.raises(ZeroDivisionError):
+        copy_bag(source, tmp_path / 'y', lambda r: 1 / 0)
+    with pytest.raises(UsageError, match='shape'):
+        copy_bag(source, tmp_path / 'y', lambda r: r.part(0, 10))
+    assert [p.name for p in tmp_path.iterdir()] == ['x']
+
+
+def test_writers_are_read_by_type():
+    """Every type that is read here has the number of doubles that rosbags knows."""
+    for type, count in DOUBLES.items():
+        assert type in STORE.types and count > 0
+    assert {McapWriter, Rosbag1Writer, SqliteWriter}
