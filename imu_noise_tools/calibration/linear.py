@@ -10,10 +10,9 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.stats import chi2
 
 from ..effect import Model
-from .effects import Regressor, Scatter, Tilt
+from .effects import BASE, Regressor, Scatter, Tilt
 from .poses import Poses, unit
 
 _SMALL = 1e-8       # relative: a direction the poses do not determine
@@ -72,9 +71,19 @@ class Equations:
 
     @cached_property
     def theta(self) -> np.ndarray:
-        """Least-squares coefficients; the smallest where they are not determined."""
+        """
+        Least-squares coefficients; the smallest where they are not determined.
+
+        What an added effect shares with the base model (cubic with scale, in six faces) stays in the base.
+
+        """
         u, s, vt, keep, size = self._decomposed
-        return (vt[keep].T @ (u.T @ self.right / s)) / size
+        scaled = vt[keep].T @ (u.T @ self.right / s)
+        added = np.array([label not in BASE for label, _ in self.keys])
+        if added.any() and not keep.all():
+            shared = self.undetermined * size[:, None]
+            scaled = scaled - shared @ np.linalg.lstsq(shared[added], scaled[added], rcond=None)[0]
+        return scaled / size
 
     @cached_property
     def cov(self) -> np.ndarray:
@@ -165,11 +174,6 @@ class LeftOut:
     def bins(self) -> np.ndarray:
         """Number of directions in which each pose is predicted, (n,)."""
         return np.array([len(v) for v in self.variance])
-
-    @property
-    def p_values(self) -> np.ndarray:
-        """Chance of a worse error, (n,); 1 where nothing is predicted."""
-        return np.where(self.bins > 0, chi2.sf(self.x, np.maximum(self.bins, 1)), 1.0)
 
     @property
     def pulls(self) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -37,6 +37,8 @@ class CalibrationProblem:
     poses: Poses
     method: str = 'wls'
     tilt: float = solve.TILT
+    whole: CalibrationProblem | None = field(default=None, repr=False, compare=False)
+    _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     domain = 'calibration'
 
@@ -55,7 +57,7 @@ class CalibrationProblem:
         return self.method == 'norm'
 
     def _with(self, poses: Poses) -> CalibrationProblem:
-        return CalibrationProblem(poses, self.method, self.tilt)
+        return CalibrationProblem(poses, self.method, self.tilt, self)
 
     def split(self) -> list[tuple[CalibrationProblem, CalibrationProblem]]:
         """Return (all but one pose, that pose), for every pose."""
@@ -63,8 +65,21 @@ class CalibrationProblem:
                 for k in range(self.poses.n)]
 
     def fit(self, model: Model) -> Fit:
-        """Fit a model; see :func:`solve.fit`."""
-        return solve.fit(model, self.poses, self.method, self.tilt)
+        """
+        Fit a model; see :func:`solve.fit`.
+
+        All but one pose are fitted with the scatter (tilt, repeatability) of all: one number, which a pose
+        more or less hardly changes.
+
+        """
+        model = Model(type(e)({}, e.label) for e in model)
+        if model not in self._fits:
+            known = None
+            if self.whole is not None and model.of(Scatter):
+                found = self.whole.fit(model).model
+                known = {e.label: next(iter(e.values.values())) for e in found.of(Scatter)}
+            self._fits[model] = solve.fit(model, self.poses, self.method, self.tilt, known)
+        return self._fits[model]
 
     def score(self, fit: Fit) -> Score:
         """
@@ -80,7 +95,7 @@ class CalibrationProblem:
         mine, _ = equations(fit.model, poses, scale, self.tilt, self._free)
         residual = mine.right - mine.matrix @ fit.details['theta']
         cov = fit.details['cov'] if fit.details['method'] == 'ols' else system.cov
-        seen = _complement(mine.matrix @ system.undetermined, system.undetermined)
+        seen = _complement(system, mine.matrix)
         spread = mine.matrix @ cov @ mine.matrix.T
         value, vector = np.linalg.eigh(seen.T @ (np.eye(len(residual)) + spread) @ seen)
         vector = seen @ vector
@@ -115,14 +130,13 @@ class CalibrationProblem:
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the whole: chi-squared, the worst pose, a drift in time."""
         system, left = fit.details['equations'], self.left_out(fit)
-        share, total = self._tilted_share(fit), self._chi2_tail(fit)
+        total = self._chi2_tail(fit)
         found = [Finding('chi_squared', 0.0, p_value=total, view='poses',
                          evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of freedom')]
-        # a tilt shortens the axial reading by an exponential variable, whose tail is longer than the normal one
-        p_values = np.where(share > 0.5, np.maximum(left.p_values, np.exp(-1 - np.sqrt(left.x))), left.p_values)
-        k = int(np.argmin(p_values))
+        tail = self._log_tail(fit, left)
+        k = int(np.argmin(tail))
         found.append(Finding(
-            'worst_pose', 0.0, p_value=float(min(1.0, self.poses.n * p_values[k])), view='poses',
+            'worst_pose', 0.0, p_value=float(min(1.0, self.poses.n * np.exp(tail[k]))), view='poses',
             evidence=f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s is {np.sqrt(left.x[k]):.1f} standard '
                      f'errors from what the other poses predict'))
         gain, rank = system.gain(self._drift(system))
@@ -163,9 +177,32 @@ class CalibrationProblem:
         return whitened(system.whitener, terms)
 
     def candidates(self, fit: Fit) -> list[Finding]:
-        """Return what could be added, the most probable first; what these poses cannot show is left out."""
+        """
+        Return what could be added, the most probable first; what these poses cannot show is left out.
+
+        So is what explains less than one bad pose does: leave that pose out first.
+
+        """
         found = [f if f.p_value > _PROMISING else self._fitted(fit, f) for f in self._screened(fit)]
-        return sorted((f for f in found if f), key=lambda f: f.penalty - f.gain)
+        bad = self._bad_pose(fit)
+        return sorted((f for f in found if f and not 0 < f.gain - f.penalty < bad), key=lambda f: f.penalty - f.gain)
+
+    def _bad_pose(self, fit: Fit) -> float:
+        """Return what leaving the worst pose out gains, less its penalty: as many numbers as it has, and which."""
+        left = self.left_out(fit)
+        tail = self._log_tail(fit, left)
+        k = int(np.argmin(tail))
+        return -tail[k] - 0.5 * left.bins[k] * np.log(len(left.equations.right)) - np.log(self.poses.n)
+
+    def _log_tail(self, fit: Fit, left: LeftOut) -> np.ndarray:
+        """
+        Return the log of the chance that a pose is further from what the others predict, (n,).
+
+        A tilt shortens the axial reading by an exponential variable, whose tail is longer than the normal one.
+
+        """
+        tail = np.where(left.bins > 0, chi2.logsf(left.x, np.maximum(left.bins, 1)), 0.0)
+        return np.where(self._tilted_share(fit) > 0.5, np.maximum(tail, -1 - np.sqrt(left.x)), tail)
 
     def _screened(self, fit: Fit) -> list[Finding]:
         """Return each candidate with its gain, by projection: nothing is fitted."""
@@ -193,10 +230,10 @@ class CalibrationProblem:
         effect, estimates = more.model[finding.name], more.estimates[finding.name]
         if not _possible(effect, estimates):
             return None
-        # A candidate that leaves the residuals wrong, with nothing else in sight, has to answer for chi-squared.
-        wrong = self._chi2_tail(more) < _CHANCE
-        alone = wrong and not any(f.gain > f.penalty for f in self._screened(more))
-        return replace(finding, effect=effect, estimates=estimates, view='chi_squared' if alone else 'poses',
+        # A candidate that leaves a test wrong, with nothing else in sight, has to answer for that test.
+        left = [f.name for f in self.omnibus(more) if f.p_value < _CHANCE / 3]
+        answers = left[0] if left and not any(f.gain > f.penalty for f in self._screened(more)) else 'poses'
+        return replace(finding, effect=effect, estimates=estimates, view=answers,
                        evidence=f'{finding.evidence}; {self._where(fit, more)}')
 
     def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
@@ -230,8 +267,7 @@ class CalibrationProblem:
         if effect.name == 'tilt' and amplitude <= self.tilt:
             return 0.0, 1
         system, log_det = equations(fit.model, *args)
-        gain = (best - system.log_restricted(log_det)) / self._overdispersion(fit)
-        return max(0.0, float(gain)), 1
+        return max(0.0, float(best - system.log_restricted(log_det)) / self._overdispersion(fit)), 1
 
     def _where(self, fit: Fit, more: Fit) -> str:
         """Say at which poses the residual falls most."""
@@ -278,14 +314,17 @@ class CalibrationProblem:
         return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
 
 
-def _complement(blind: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Return a basis of the equations in which nothing undetermined is felt, (N, k)."""
-    if not blind.size:
-        return np.eye(len(blind))
-    u, size, _ = np.linalg.svd(blind / np.linalg.norm(basis, axis=0))
-    felt = np.zeros(len(blind), bool)
-    felt[:len(size)] = size > 1e-6 * np.linalg.norm(blind / np.linalg.norm(basis, axis=0), axis=0).max(initial=1e-300)
-    return u[:, ~felt]
+def _complement(system, matrix: np.ndarray) -> np.ndarray:
+    """Return a basis of the rows of a matrix in which nothing is felt that a system leaves undetermined, (N, k)."""
+    basis, size = system.undetermined, np.linalg.norm(system.matrix, axis=0)
+    if not basis.size:
+        return np.eye(len(matrix))
+    size = np.where(size > 0, size, 1.0)
+    scaled = matrix / size
+    u, felt, _ = np.linalg.svd(scaled @ (basis * size[:, None]))
+    keep = np.ones(len(matrix), bool)
+    keep[:len(felt)] = felt <= 1e-6 * np.linalg.norm(scaled)
+    return u[:, keep]
 
 
 def _log_score(pull, variance, vector, whitener) -> float:

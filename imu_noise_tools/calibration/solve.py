@@ -46,12 +46,14 @@ def base_model() -> Model:
     return model_of('calibration', BASE)
 
 
-def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT) -> Fit:
+def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, known=None) -> Fit:
     """
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
     ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles), ``norm`` uses
     the magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
+
+    ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses.
 
     ``Fit.details``: ``S`` (3, 3), ``bias`` (3,), ``theta`` and ``cov`` with ``keys``, ``equations``, ``inputs``
     (3, n), ``residual`` (3, n) in units of the output, ``chi2``, ``dof``, ``condition``.
@@ -74,8 +76,8 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT) -> 
         raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
     system, state, log_det = _iterate(model, poses, free, tilt)
     for e in model.of(Scatter):
-        model = model.with_effect(e.with_values(**{e.parameters[0].name: _amplitude(
-            model, e, state.poses, state.scale, tilt, free)}))
+        amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale, tilt, free)[0]
+        model = model.with_effect(e.with_values(**{e.parameters[0].name: amplitude}))
     if model.of(Scatter):
         system, state, log_det = _iterate(model, state.poses, free, tilt)
     theta, cov = system.theta, system.cov
@@ -87,7 +89,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT) -> 
         if method == 'wls':
             cov = cov + _leak(_State(state.poses, system.keys, theta), system, cov, rms)
     state = _State(state.poses, system.keys, theta)
-    return _report(model, state, system, cov, log_det, method, tilt)
+    return _report(model, state, system, cov, log_det, method, tilt, known)
 
 
 class _State:
@@ -226,10 +228,6 @@ def best_amplitude(model: Model, effect: Scatter, poses, scale, tilt, free) -> t
         float(np.exp(grid[k])), -values[k])
 
 
-def _amplitude(model, effect, poses, scale, tilt, free):
-    return best_amplitude(model, effect, poses, scale, tilt, free)[0]
-
-
 def _unweighted(system: Equations):
     """Return plain least squares and its covariance under the true weights: readings count alike."""
     readings = np.linalg.inv(system.whitener)                   # (n, 3, 3): back to units of the output
@@ -272,14 +270,16 @@ def _leak(state, system, cov, tilt):
     return np.einsum('mnk,kn,lnk->ml', per_reading, sensitivity @ lateral, per_reading)
 
 
-def _report(model, state, system, cov, log_det, method, tilt):
+def _report(model, state, system, cov, log_det, method, tilt, known):
     free, poses, keys = method == 'norm', state.poses, system.keys
     std = np.sqrt(np.diag(cov))
     value = dict(zip(keys, zip(state.values.values(), std, system.determined)))
     sensor, flags, estimates, effects = poses.sensor, [], {}, []
     for e in model.effects:
         if isinstance(e, Scatter):
-            estimates[e.label] = {e.parameters[0].name: _scatter_estimate(model, e, poses, state.scale, tilt, free)}
+            name = e.parameters[0].name
+            estimates[e.label] = {name: Estimate(e[name], None, None, point=e[name], fixed=True) if known else
+                                  _scatter_estimate(model, e, poses, state.scale, tilt, free)}
             effects.append(e)
             continue
         mine = {p.name: _estimate(p, value.get((e.label, p.name)), sensor) for p in e.parameters}

@@ -1,0 +1,257 @@
+"""Every calibration effect against the sessions' own physics, and the loop that looks for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import calibration_sessions as sim
+import numpy as np
+import pytest
+
+from imu_noise_tools import calibration as core
+from imu_noise_tools.calibration.effects import Regressor, Scatter
+from imu_noise_tools.calibration.problem import arrays_of, problems
+from imu_noise_tools.effect import find_effect, registry
+from imu_noise_tools.study import diagnose, held_out, State, Study
+
+DEG = np.pi / 180
+DEVICE = ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity')
+
+
+def table(rng, device, rates=(20, 60, 120, 200)):
+    """Return a rate table: each axis up and down, both ways, several rates, at changing temperature."""
+    rows = [(way * r * DEG * axis, up * sim.G * axis) for axis in np.eye(3) for up in (1, -1) for way in (1, -1)
+            for r in rates]
+    inputs, force = (np.array([row[k] for row in rows]) for k in (0, 1))
+    t = rng.uniform(15, 45, len(rows))
+    size = np.linalg.norm(inputs, axis=1, keepdims=True)
+    true = size * sim.tilted(inputs / size, 0.05 * DEG, rng)
+    poses = core.Poses.of('gyro', device.output(true, rng, t, force).T, device.noise, 200 * DEG, inputs.T,
+                          force=force.T, temperature=t, reference_temperature=25.0)
+    return core.CalibrationProblem(poses, 'wls', 0.05 * DEG)
+
+
+def spread(rng, device, n=24):
+    """Return poses in all directions, fitted by magnitude."""
+    out = device.output(sim.G * sim.spread_directions(n, rng), rng)
+    return core.CalibrationProblem(core.Poses.of('accel', out.T, device.noise, sim.G), 'norm')
+
+
+def placed(rng, device, tilt=1.0, times=1):
+    """Return faces held so many times, tilted each time anew; 1 deg is stated."""
+    names, directions = sim.faces(times)
+    out = device.output(sim.G * sim.tilted(directions, tilt * DEG, rng), rng)
+    return core.CalibrationProblem(core.Poses.of('accel', out.T, device.noise, sim.G, sim.G * directions.T, names=names))
+
+
+def verdict(problem):
+    """Return the diagnosis of the base model."""
+    return diagnose(State(problem, problem.fit(core.base_model()), held_out(problem, core.base_model())))
+
+
+@pytest.mark.parametrize('name', DEVICE)
+def test_columns_are_the_physics(name):
+    """What a device does with an effect is what its columns times its values say."""
+    rng = np.random.default_rng(0)
+    device = sim.Device(noise=0.0)
+    problem = table(rng, device)
+    cls = find_effect('calibration', name)
+    value = rng.uniform(-1, 1, 9 if name == 'g_sensitivity' else 3) * 1e-2
+    setattr(device, name, value.reshape(3, 3) if len(value) == 9 else value)
+    p = problem.poses
+    out = device.output(p.inputs.T, None, p.temperature, p.force.T).T
+    np.testing.assert_allclose(p.inputs + cls().terms(p, np.eye(3)) @ value, out, atol=1e-12)
+
+
+@pytest.mark.parametrize('name', list(registry('calibration')))
+def test_every_effect_is_whole(name):
+    """Each has its texts, unique parameters, finite columns of the right shape, and poses that would show it."""
+    cls = find_effect('calibration', name)
+    assert cls.title and cls.equation and cls.signature and cls.hint and cls.reference and cls.symbol
+    assert len({p.name for p in cls.parameters}) == len(cls.parameters) > 0
+    if name not in ('scale', 'cross_axis', 'bias'):
+        assert cls.needs
+    p = table(np.random.default_rng(1), sim.Device()).poses
+    if issubclass(cls, Regressor):
+        terms = cls().terms(p, np.eye(3))
+        assert terms.shape == (3, p.n, len(cls.parameters)) and np.isfinite(terms).all()
+        assert (np.abs(terms).sum(axis=(0, 1)) > 0).all()
+    else:
+        assert issubclass(cls, Scatter)
+        assert (np.linalg.eigvalsh(cls().covariance(p, np.eye(3), 0.01)) >= -1e-15).all()
+
+
+def test_fitted_values_come_back():
+    """An effect in the model is estimated with its stated error: pulls over 40 sessions have unit variance."""
+    rng = np.random.default_rng(2)
+    pulls = []
+    for _ in range(40):
+        device = sim.Device.drawn(rng, 'gyro', 1e-4)
+        device.g_sensitivity = rng.uniform(-1e-4, 1e-4, (3, 3))
+        fit = table(rng, device).fit(core.base_model() + find_effect('calibration', 'g_sensitivity')())
+        found = fit.estimates['g_sensitivity']
+        pulls += [(found[f'D_{"xyz"[k]}{"xyz"[m]}'].point - device.g_sensitivity[k, m])
+                  / found[f'D_{"xyz"[k]}{"xyz"[m]}'].std for k in range(3) for m in range(3)]
+    assert np.std(pulls) == pytest.approx(1, abs=0.12) and abs(np.mean(pulls)) < 0.2
+
+
+def hidden(name, make, rng, strength, sensor='gyro', noise=1e-4):
+    """Return a problem with a component of an effect so many standard errors large, its rival in the model."""
+    device = sim.Device.drawn(rng, sensor, noise)
+    model = core.base_model() + find_effect('calibration', name)()
+    rival = {'quadratic': 'asymmetry', 'asymmetry': 'quadratic'}.get(name)
+    if rival:
+        model = model + find_effect('calibration', rival)()
+    std = np.array([e.std for e in make(rng, device).fit(model).estimates[name].values()])
+    draw = rng.uniform(-1, 1, len(std))
+    if name == 'g_sensitivity':             # its isotropic part is what the Earth's rate does
+        draw -= np.eye(3).ravel() * draw[[0, 4, 8]].mean()
+    value = strength * draw / np.abs(draw / std).max()
+    setattr(device, name, value.reshape(3, 3) if len(std) == 9 else value)
+    return make(rng, device)
+
+
+@pytest.mark.parametrize('name, make, sensor, noise', [
+    ('quadratic', spread, 'accel', 1e-3), ('asymmetry', spread, 'accel', 1e-3), ('cubic', table, 'gyro', 1e-4),
+    ('temperature', table, 'gyro', 1e-4), ('g_sensitivity', table, 'gyro', 1e-4)])
+def test_hidden_effect_is_found(name, make, sensor, noise):
+    """At 5 to 15 standard errors the first verdict is right in at least 9 of 10 sessions, never another name."""
+    rng = np.random.default_rng(3)
+    found = [verdict(hidden(name, make, rng, rng.uniform(5, 15), sensor, noise)) for _ in range(10)]
+    right = [d.verdict == 'missing' and d.ranked[0].name == name for d in found]
+    assert sum(right) >= 9, [(d.verdict, d.ranked[0].name) for d in found]
+    assert all(d.verdict != 'missing' or d.ranked[0].name == name for d in found)
+
+
+def test_hidden_tilt_is_found():
+    """Faces put down four times each, off by 3 to 6 deg where 1 is stated."""
+    rng = np.random.default_rng(4)
+    for _ in range(6):
+        tilt = rng.uniform(3, 6)
+        d = verdict(placed(rng, sim.Device.drawn(rng), tilt, 4))
+        assert d.verdict == 'missing' and d.ranked[0].name == 'tilt'
+        angle = d.ranked[0].estimates['angle']
+        assert angle.ci95[0] * 0.8 < tilt * DEG < angle.ci95[1] * 1.25
+
+
+@pytest.mark.parametrize('make, sensor, noise', [(spread, 'accel', 1e-3), (table, 'gyro', 1e-4), (placed, 'accel', 1e-3)])
+def test_nothing_hidden_is_complete(make, sensor, noise):
+    """At most one false alarm in 20 sessions of each kind."""
+    rng = np.random.default_rng(5)
+    found = [verdict(make(rng, sim.Device.drawn(rng, sensor, noise))).verdict for _ in range(20)]
+    assert found.count('complete') >= 19, found
+
+
+@pytest.mark.parametrize('name', ['quadratic', 'asymmetry'])
+def test_twins_of_six_faces(name):
+    """With six faces i^2 and |i| are one: undecidable, both named, and the poses that would tell."""
+    rng = np.random.default_rng(6)
+    for _ in range(6):
+        device = sim.Device.drawn(rng)
+        model = core.base_model() + find_effect('calibration', name)()
+        std = [e.std for e in placed(rng, device).fit(model).estimates[name].values()]
+        setattr(device, name, rng.uniform(6, 15) * np.array(std))
+        d = verdict(placed(rng, device))
+        able = {f.name for f in d.ranked if f.gain > f.penalty}
+        assert d.verdict == 'undecidable' and {'quadratic', 'asymmetry'} <= able
+        assert '45 deg edges' in d.advice and 'quadratic' in d.advice and 'asymmetry' in d.advice
+
+
+def test_what_cannot_be_seen_is_listed():
+    """Six faces show neither cubic, nor wrong gravity; the advice of a complete verdict says so."""
+    rng = np.random.default_rng(7)
+    problem = placed(rng, sim.Device.drawn(rng))
+    blind = {name: why for name, why, _ in problem.blind(problem.fit(core.base_model()))}
+    assert 'same' in blind['cubic'] and 'same' in blind['wrong_gravity'] and 'no temperature' in blind['temperature']
+    d = verdict(problem)
+    assert d.verdict == 'complete' and 'could not show cubic' in d.advice
+
+
+def test_g_sensitivity_of_one_end_up():
+    """Each axis up in turn, plus and minus: 6 of 9 parts are visible, none by itself; the bias keeps the mean."""
+    rng = np.random.default_rng(8)
+    inputs = np.vstack([np.eye(3), -np.eye(3)])
+    force = sim.G * np.vstack([np.eye(3), np.eye(3)])
+    device = sim.Device.drawn(rng, 'gyro', 1e-4)
+    poses = core.Poses.of('gyro', device.output(inputs, rng, None, force).T, 1e-4, 1.0, inputs.T, force=force.T)
+    problem = core.CalibrationProblem(poses, tilt=0.001)
+    found = {f.name: f for f in problem.candidates(problem.fit(core.base_model()))}
+    assert '3 of its 9 cannot be seen' in found['g_sensitivity'].evidence
+    fit = problem.fit(core.base_model() + find_effect('calibration', 'g_sensitivity')())
+    assert all(e.value is None for e in fit.estimates['g_sensitivity'].values())
+    assert any('not determined' in flag for flag in fit.flags)
+
+
+def test_error_of_left_out_poses_falls_for_the_right_one_alone():
+    """The ladder: right effect, then a wrong one."""
+    rng = np.random.default_rng(9)
+    study = Study.begin({'gyro': hidden('temperature', table, rng, 12)}, core.base_model())
+    study.diagnose()
+    right, = study.add()
+    assert right.added == 'temperature' and right.fall > 20 and right.verdict == 'falls to chance'
+    wrong, = study.add(['cubic'])
+    assert wrong.fall < 4 and wrong.verdict == 'does not fall'
+    study.remove('cubic')
+    assert study.diagnose()['gyro'].verdict == 'complete'
+    assert [s.held_out for s in study.history][0] > right.held_out
+
+
+def test_adding_what_is_not_there_is_null():
+    """A null amplitude with its limit, for columns and for scatter."""
+    rng = np.random.default_rng(10)
+    problem = placed(rng, sim.Device.drawn(rng), 1.0, 3)
+    fit = problem.fit(core.base_model() + find_effect('calibration', 'quadratic')()
+                      + find_effect('calibration', 'repeatability')())
+    for e in [*fit.estimates['quadratic'].values(), *fit.estimates['repeatability'].values()]:
+        assert e.value is None and e.upper95 > 0 and e.ci95[0] <= 0 <= e.ci95[1]
+
+
+def test_unknown_pose():
+    """One pose that fits nothing: unknown, and it is named with its time."""
+    rng = np.random.default_rng(11)
+    problem = spread(rng, sim.Device.drawn(rng))
+    outputs = problem.poses.outputs.copy()
+    outputs[:, 7] *= 1.01
+    d = verdict(replace(problem, poses=replace(problem.poses, outputs=outputs)))
+    assert d.verdict in ('unknown', 'undecidable')
+    assert any('pose 8' in f.evidence for f in d.failed)
+
+
+def test_arrays_come_back():
+    """A problem survives the arrays of a study's evidence."""
+    rng = np.random.default_rng(12)
+    for problem in (table(rng, sim.Device()), spread(rng, sim.Device())):
+        back = problems(arrays_of({problem.target: problem}))[problem.target]
+        assert back.method == problem.method and back.tilt == problem.tilt and back.poses.names == problem.poses.names
+        np.testing.assert_array_equal(back.fit(core.base_model()).details['cov'],
+                                      problem.fit(core.base_model()).details['cov'])
+
+
+def test_an_effect_of_a_users_own(tmp_path):
+    """Twelve lines in a file: a quartic term, found by its name."""
+    from imu_noise_tools import effect
+    file = tmp_path / 'quartic.py'
+    file.write_text("""
+from imu_noise_tools.calibration.effects import OWN, Regressor
+from imu_noise_tools.effect import Parameter
+
+class Quintic(Regressor):
+    name = 'quintic'
+    symbol, title, equation, signature = 'v', 'quintic', 'o_k = v_k i_k^5', 'ends off'
+    hint, reference, needs = 'mine', 'mine', 'inputs of several sizes'
+    parameters = tuple(Parameter(f'v_{k}', '1/({rate})^4', -1, 1, log=False, amplitude=True) for k in 'xyz')
+    feeds = OWN
+
+    def columns(self, poses):
+        return poses.rates ** 5
+""")
+    assert effect.load_effects(file) == ['quintic']
+    try:
+        rng = np.random.default_rng(13)
+        problem = spread(rng, sim.Device.drawn(rng), 60)
+        u = problem.fit(core.base_model()).details['inputs']
+        outputs = problem.poses.outputs + np.array([[4e-7], [0], [0]]) * u ** 5
+        d = verdict(replace(problem, poses=replace(problem.poses, outputs=outputs)))
+        assert 'quintic' in [f.name for f in d.ranked[:2]]
+    finally:
+        effect._REGISTRY['calibration'].pop('quintic')

@@ -1,0 +1,254 @@
+"""Solutions, intervals and refusals of a calibration, against sessions made without the package."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import calibration_sessions as sim
+import numpy as np
+import pytest
+
+from imu_noise_tools import calibration as core
+from imu_noise_tools.errors import FitError, InputError, UsageError
+
+DEG = np.pi / 180
+
+
+def six(rng, device, tilt=1.0, times=1, temperature=None, names=True):
+    """Return the poses of faces tilted by hand, inputs nominal."""
+    labels, directions = sim.faces(times)
+    true = sim.G * sim.tilted(directions, tilt * DEG, rng)
+    out = device.output(true, rng, temperature)
+    return core.Poses.of('accel', out.T, device.noise, sim.G, sim.G * directions.T if names else None,
+                         temperature=temperature, reference_temperature=25.0, names=labels if names else None)
+
+
+def spread(rng, device, n=24):
+    """Return poses in all directions, of unknown input."""
+    out = device.output(sim.G * sim.spread_directions(n, rng), rng)
+    return core.Poses.of('accel', out.T, device.noise, sim.G)
+
+
+def truth(device):
+    """Return S and b as the fit names them."""
+    out = {f'S_{"xyz"[k]}{"xyz"[m]}': device.scale[k, m] for k in range(3) for m in range(3)}
+    return {**out, **{f'b_{"xyz"[k]}': device.bias[k] for k in range(3)}}
+
+
+def estimates(fit):
+    """Return all estimates by parameter."""
+    return {k: e for label in ('scale', 'cross_axis', 'bias') for k, e in fit.estimates[label].items()}
+
+
+def test_ols_is_the_formula():
+    """G = O I' (I I')^-1, against its normal equations solved one row at a time."""
+    rng = np.random.default_rng(0)
+    inputs = np.vstack([rng.normal(size=(3, 9)), np.ones(9)])
+    outputs = rng.normal(size=(3, 9))
+    g = core.ols(outputs, inputs)
+    for k in range(3):
+        row = np.linalg.lstsq(inputs.T, outputs[k], rcond=None)[0]
+        np.testing.assert_allclose(g[k], row, rtol=1e-12)
+    nominal = np.array([core.DIRECTIONS[f] for f in core.FACES]).T
+    assert np.linalg.cond(np.vstack([nominal, np.ones(6)])) == pytest.approx(np.sqrt(3))
+    with pytest.raises(FitError, match='rank 3 of 4'):
+        core.ols(outputs, np.vstack([inputs[:2], inputs[:1], np.ones(9)]))
+
+
+def test_ols_fit_is_the_formula():
+    """The whole fit with method ols gives the same G as the formula."""
+    rng = np.random.default_rng(1)
+    poses = six(rng, sim.Device.drawn(rng))
+    fit = core.fit(core.base_model(), poses, 'ols')
+    g = core.ols(poses.outputs, np.vstack([poses.inputs / sim.G, np.ones(6)]))
+    np.testing.assert_allclose(fit.details['S'], g[:, :3] / sim.G, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(fit.details['bias'], g[:, 3], rtol=1e-9)
+
+
+def test_exact_sessions_give_the_truth():
+    """Without noise or tilt every method returns the device."""
+    rng = np.random.default_rng(2)
+    device = sim.Device.drawn(rng, noise=1e-9, upper=True)
+    for method, poses in (('ols', six(rng, device, 0)), ('wls', six(rng, device, 0)), ('norm', spread(rng, device))):
+        fit = core.fit(core.base_model(), poses, method)
+        np.testing.assert_allclose(fit.details['S'], device.scale, atol=1e-8)
+        np.testing.assert_allclose(fit.details['bias'], device.bias, atol=1e-7)
+
+
+def test_norm_works_on_counts():
+    """A scale of hundreds and an offset of thousands, as an ADC gives them."""
+    rng = np.random.default_rng(3)
+    device = sim.Device.drawn(rng, upper=True)
+    poses = spread(rng, device)
+    counts = core.Poses.of('accel', 414.3 * poses.outputs + 32768, 414.3 * poses.std, sim.G)
+    fit = core.fit(core.base_model(), counts, 'norm')
+    plain = core.fit(core.base_model(), poses, 'norm')
+    np.testing.assert_allclose(fit.details['S'], 414.3 * plain.details['S'], rtol=1e-7, atol=1e-6)
+    np.testing.assert_allclose(fit.details['bias'], 414.3 * plain.details['bias'] + 32768, rtol=1e-8)
+
+
+@pytest.mark.parametrize('method', ['wls', 'norm'])
+def test_intervals_hold_the_truth(method):
+    """93 to 97 % of the truths lie inside the 95 % intervals (12 or 9 coefficients, 300 sessions)."""
+    rng = np.random.default_rng(4)
+    hits = []
+    for _ in range(300):
+        device = sim.Device.drawn(rng, upper=method == 'norm')
+        poses = spread(rng, device) if method == 'norm' else six(rng, device)
+        fit, true = core.fit(core.base_model(), poses, method), truth(device)
+        hits.append([e.ci95[0] <= true[k] <= e.ci95[1] for k, e in estimates(fit).items() if not e.fixed])
+    assert 0.93 <= np.mean(hits) <= 0.97
+    assert min(np.mean(hits, axis=0)) > 0.90
+
+
+def test_tilt_spoils_ols_and_hardly_wls():
+    """Lateral readings enter the bias of ols: 0.057 m/s^2 at 1 deg; both scale factors are low by theta^2."""
+    rng = np.random.default_rng(5)
+    error, scale = {'ols': [], 'wls': []}, {'ols': [], 'wls': []}
+    for _ in range(300):
+        device = sim.Device.drawn(rng)
+        poses = six(rng, device)
+        for method in error:
+            fit = core.fit(core.base_model(), poses, method)
+            error[method].append(fit.details['bias'] - device.bias)
+            scale[method].append(np.diag(fit.details['S'] - device.scale))
+    rms = {m: np.sqrt(np.mean(np.square(e))) for m, e in error.items()}
+    assert rms['ols'] == pytest.approx(0.057, rel=0.08)
+    assert rms['wls'] < 0.0032
+    for m in scale:
+        assert np.mean(scale[m]) == pytest.approx(-DEG ** 2, rel=0.1)
+
+
+def test_chi_squared_has_two_degrees_an_axis():
+    """Six faces: 18 readings, 12 coefficients; the mean over sessions is 6."""
+    rng = np.random.default_rng(6)
+    found = [core.fit(core.base_model(), six(rng, sim.Device.drawn(rng))).details for _ in range(300)]
+    assert {d['dof'] for d in found} == {6}
+    assert np.mean([d['chi2'] for d in found]) == pytest.approx(6, abs=0.6)
+
+
+def test_left_out_error_is_three_residuals():
+    """For six faces the axial error of a pose left out is three times its residual (leverage 2/3)."""
+    rng = np.random.default_rng(7)
+    poses = six(rng, sim.Device.drawn(rng), tilt=0)
+    problem = core.CalibrationProblem(poses, tilt=0.0)
+    fit = problem.fit(core.base_model())
+    np.testing.assert_allclose(problem.left_out(fit).outputs().T, 3 * fit.details['residual'], rtol=1e-6, atol=1e-12)
+
+
+def test_left_out_closed_form_is_split_fit_score():
+    """Leverage against fitting n times, for wls and norm, base model and with an effect."""
+    from imu_noise_tools.effect import find_effect
+    from imu_noise_tools.study import deviance, held_out
+    rng = np.random.default_rng(8)
+    device = sim.Device.drawn(rng)
+    for problem, close in ((core.CalibrationProblem(six(rng, device, times=2)), 5e-3),
+                           (core.CalibrationProblem(spread(rng, device), 'norm'), 1e-2)):
+        for model in (core.base_model(), core.base_model() + find_effect('calibration', 'cubic')()):
+            closed, looped = problem.held_out(problem.fit(model)), held_out(problem, model)
+            assert closed.excess == pytest.approx(looped.excess, abs=close)
+            assert deviance(closed) == pytest.approx(deviance(looped), abs=0.3)
+
+
+def test_correction_is_the_inverse():
+    """What the device does, the correction undoes, with effects that are not linear as well."""
+    from imu_noise_tools.effect import find_effect, Model
+    rng = np.random.default_rng(9)
+    device = sim.Device.drawn(rng, noise=0.0)
+    device.quadratic, device.asymmetry, device.temperature = (2e-4, -1e-4, 0), (0, 0, 2e-3), (1e-3, 0, -2e-3)
+    x, temperature = sim.G * rng.normal(size=(50, 3)), rng.uniform(0, 50, 50)
+    found = [find_effect('calibration', name)(dict(zip((p.name for p in find_effect('calibration', name).parameters),
+                                                       getattr(device, name))))
+             for name in ('quadratic', 'asymmetry', 'temperature')]
+    correction = core.Correction('accel', device.scale, device.bias, Model(found), 25.0)
+    raw = device.output(x, None, temperature)
+    np.testing.assert_allclose(correction.apply(raw, temperature), x, atol=1e-9)
+    np.testing.assert_allclose(correction.apply(raw[0], temperature[:1]), x[0], atol=1e-9)
+
+
+@pytest.mark.parametrize('times, word', [(1, 'missing -z'), (2, 'held')])
+def test_missing_face(times, word):
+    """A missing face is refused by name although the rank is full; twice another does not help."""
+    rng = np.random.default_rng(10)
+    poses = six(rng, sim.Device.drawn(rng), times=times, names=False)
+    keep = [k for k in range(poses.n) if k % 6 != 5]
+    with pytest.raises(InputError, match=r'5 of 6 faces seen; missing -z') as refusal:
+        core.calibrate(poses.take(keep))
+    assert word in str(refusal.value) and 'hold -z up' in refusal.value.remedy
+
+
+def test_same_face_twice_is_averaged_and_said():
+    """Seven poses of six faces: solved, and the notes say so."""
+    rng = np.random.default_rng(11)
+    poses = six(rng, sim.Device.drawn(rng), times=2, names=False).take([0, 1, 2, 3, 4, 5, 6])
+    assert '+x was held 2 times: averaged' in core.calibrate(poses).notes
+
+
+def test_counts_and_g_are_refused():
+    """Readings that cannot be m/s^2 at rest are refused with what they may be."""
+    from imu_noise_tools.calibration.positions import check_unit
+    for value, word in ((1.0, 'g, not m/s'), (998.0, 'mg, not m/s'), (16384.0, 'counts')):
+        with pytest.raises(InputError, match=word):
+            check_unit(value * np.eye(3), sim.G)
+
+
+def test_upside_down_axis():
+    """An axis whose sign is against the known inputs is named."""
+    rng = np.random.default_rng(12)
+    poses = six(rng, sim.Device.drawn(rng))
+    flipped = poses.outputs.copy()
+    flipped[1] *= -1
+    with pytest.raises(FitError, match='accel_y is upside down'):
+        core.calibrate(replace(poses, outputs=flipped))
+
+
+def test_too_little_spread_for_norm():
+    """Twelve poses that are all faces do not do; the number is said."""
+    rng = np.random.default_rng(13)
+    with pytest.raises(InputError, match='6 poses point in different directions.*needs 12'):
+        core.calibrate(six(rng, sim.Device.drawn(rng), times=2, names=False), 'norm')
+    near = core.Poses.of('accel', sim.G * np.array([[np.sin(a), 0 * a, np.cos(a)] for a in np.linspace(0, 6, 20)]).T,
+                         1e-3, sim.G)
+    with pytest.raises(InputError, match='too alike'):
+        core.calibrate(near, 'norm')
+
+
+def test_method_is_chosen_from_the_poses():
+    """Spread poses are fitted by magnitude, faces by weights."""
+    rng = np.random.default_rng(14)
+    device = sim.Device.drawn(rng)
+    assert core.calibrate(spread(rng, device)).problem.method == 'norm'
+    assert core.calibrate(six(rng, device, times=3, names=False)).problem.method == 'wls'
+
+
+def test_tilted_faces_warn():
+    """Faces off by more than stated are noticed, with the angle and what to do."""
+    rng = np.random.default_rng(15)
+    said = ' '.join(core.calibrate(six(rng, sim.Device.drawn(rng), tilt=5, times=3, names=False)).warnings)
+    assert 'tilted by about' in said and '12 spread poses' in said
+
+
+def test_scale_of_a_wrong_turn():
+    """A wrong angle or rate shows as a scale no gyroscope has."""
+    rng = np.random.default_rng(16)
+    device = sim.Device.drawn(rng, 'gyro', 1e-4)
+    inputs = np.vstack([np.eye(3), -np.eye(3)])
+    poses = core.Poses.of('gyro', device.output(2.2 * inputs, rng).T, 1e-4, 1.0, inputs.T)
+    with pytest.raises(FitError, match='2.[12]. times as large'):
+        core.calibrate(poses)
+
+
+@pytest.mark.parametrize('latitude, height, value', [(0, 0, 9.7803253359), (90, 0, 9.8321849379), (45, 0, 9.80620),
+                                                     (45, 1000, 9.80311)])
+def test_normal_gravity(latitude, height, value):
+    """WGS-84 normal gravity at the equator, the pole and 45 degrees (NIMA TR8350.2; 3.086e-6 per metre)."""
+    assert core.normal_gravity(latitude, height) == pytest.approx(value, abs=1e-5)
+
+
+def test_gravity_is_said():
+    """Given, computed or standard, with where it is from; contradictions are wrong usage."""
+    assert core.gravity()[0] == 9.80665 and 'standard' in core.gravity()[1]
+    assert 'WGS-84' in core.gravity(latitude=48)[1]
+    for wrong in ({'given': 9.8, 'latitude': 3}, {'height': 3}, {'given': 1.0}, {'latitude': 91}):
+        with pytest.raises(UsageError):
+            core.gravity(**wrong)
