@@ -131,7 +131,7 @@ class Effect:
 
     def with_values(self, **values: float) -> Effect:
         """Return a copy with these values in place of, or beside, the old ones."""
-        return replace(self, values={**self.values, **values})
+        return type(self)({**self.values, **values}, self.label)
 
     @classmethod
     def example(cls) -> Effect:
@@ -177,7 +177,14 @@ class Model:
 
     def with_effect(self, effect: Effect) -> Model:
         """Return the model with the effect of the same label replaced."""
-        return Model(effect if e.label == effect.label else e for e in self.effects)
+        return self.with_values({effect.label: effect.values}) if type(self[effect.label]) is type(effect) else \
+            Model(effect if e.label == effect.label else e for e in self.effects)
+
+    def with_values(self, values: Mapping[str, Mapping[str, float]]) -> Model:
+        """Return the model with values, by label and parameter, in place of or beside those it has."""
+        out = Model()
+        out.effects = tuple(e.with_values(**values[e.label]) if e.label in values else e for e in self.effects)
+        return out
 
     def __iter__(self) -> Iterator[Effect]:
         """Iterate over the effects."""

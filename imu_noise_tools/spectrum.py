@@ -119,17 +119,25 @@ def expected(psd, bins: Bins) -> np.ndarray:
         f (Hz) -> one-sided PSD of the sampled process.
 
     """
+    f, weight, alone, pairs = _grid(bins.n, bins.dt)
+    s = psd(f)
+    return np.concatenate([weight @ s[:weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])])
+
+
+@lru_cache(maxsize=32)
+def _grid(n: int, dt: float):
+    """Return the frequencies that ``expected`` asks for, the window's weights, and where single bins and pairs are."""
+    bins = bins_of(n, dt)
     x, weight = _finite_kernel()
-    t = bins.n * bins.dt
-    nyquist = 0.5 / bins.dt
     low = min(CORRECTED, len(bins.first))
     single = int(np.searchsorted(bins.count, 2))                     # the bins that hold one coefficient come first
     # wide bins by Gauss' two points: a filter may go to zero at Nyquist within one of them
-    reach = bins.count[single:] / (2 * bins.n * bins.dt) / np.sqrt(12)
+    reach = bins.count[single:] / (2 * n * dt) / np.sqrt(12)
     centre = bins.f[single:]
-    s = psd(np.concatenate([np.minimum(x / t, nyquist), bins.f[low:single], centre - reach, centre + reach]))
-    near, alone, pairs = np.split(s, [len(x), len(x) + single - low])
-    return np.concatenate([weight[:low] @ near, alone, 0.5 * (pairs[:len(centre)] + pairs[len(centre):])])
+    parts = [np.minimum(x / (n * dt), 0.5 / dt), bins.f[low:single], centre - reach, centre + reach]
+    at = np.cumsum([0, *(len(p) for p in parts)])
+    alone, first, second = (slice(at[i], at[i + 1]) for i in (1, 2, 3))
+    return np.concatenate(parts), weight[:low], alone, (first, second)
 
 
 def line_coefficients(frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float) -> np.ndarray:

@@ -208,25 +208,15 @@ class Likelihood:
 
     def with_search(self, x: np.ndarray) -> Model:
         """Return the model at a point of the search."""
-        model = self.model
+        values: dict[str, dict[str, float]] = {}
         for slot, value in zip(self.slots, x):
-            model = model.with_effect(model[slot.label].with_values(**{slot.parameter.name: slot.from_search(value)}))
-        return model
+            values.setdefault(slot.label, {})[slot.parameter.name] = slot.from_search(value)
+        return self.model.with_values(values)
 
     def spectra(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return (v, {label: v of that effect}) in the bins."""
         responses = model.of(Response)
-
-        def psd(e):
-            def of_f(f):
-                s = e.psd(f, self.dt)
-                if e.filtered:
-                    for r in responses:
-                        s = s * r.gain2(f, self.dt)
-                return s
-            return of_f
-
-        each = {e.label: expected(psd(e), self.bins) for e in model.of(Spectrum)}
+        each = {e.label: self._spectrum(e, responses) for e in model.of(Spectrum)}
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
@@ -235,6 +225,16 @@ class Likelihood:
             # rounding happens behind the filter: where that leaves nothing, the output's own step is what is measured
             total = total + self.evidence.resolution ** 2 * self.dt / 6
         return np.maximum(total, 1e-290), each
+
+    def _spectrum(self, effect, responses):
+        """Return what one effect is expected to put into the bins, behind the sensor's responses."""
+        def of_f(f):
+            s = effect.psd(f, self.dt)
+            if effect.filtered:
+                for r in responses:
+                    s = s * r.gain2(f, self.dt)
+            return s
+        return expected(of_f, self.bins)
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
@@ -255,11 +255,16 @@ class Likelihood:
                 out[:, j] = 2 * each[slot.label] / v           # power goes with the square of an amplitude
             elif isinstance(effect, (Spectrum, Response)):
                 h = 1e-4
-                up, down = x.copy(), x.copy()
-                up[j] += h
-                down[j] -= h
-                out[:, j] = (np.log(self.spectra(self.with_search(up))[0])
-                             - np.log(self.spectra(self.with_search(down))[0])) / (2 * h)
+                sides = []
+                for step in (h, -h):
+                    moved = x.copy()
+                    moved[j] += step
+                    model = self.with_search(moved)
+                    if isinstance(effect, Spectrum):
+                        sides.append(self._spectrum(model[slot.label], model.of(Response)))
+                    else:
+                        sides.append(self.spectra(model)[0])
+                out[:, j] = (sides[0] - sides[1]) / (2 * h * v)
         return out
 
     def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=60):
@@ -349,8 +354,7 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
     plain = Likelihood(evidence, part, model, mean)
     starts = _starts(plain, start)
     best = None
-    for candidate, x0 in starts:
-        likelihood = Likelihood(evidence, part, candidate, mean) if candidate != model else plain
+    for likelihood, x0 in _most_promising(plain, starts, mean):
         # a half serves prediction only: there the most likely value is better than one kept away from zero
         reddest = _reddest(likelihood, x0) if intervals else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=reddest)
@@ -517,6 +521,16 @@ def _best_columns(likelihood, effect, options, keep=2):
     return [options[i] for i in np.argsort(gains)[::-1][:keep]]
 
 
+def _most_promising(plain, starts, mean, most=6):
+    """Return (likelihood, start) of the starts whose likelihood is best where they stand."""
+    found = []
+    for candidate, x0 in starts:
+        likelihood = plain if candidate == plain.model else Likelihood(plain.evidence, plain.part_name, candidate, mean)
+        found.append((likelihood.value(x0)[0], likelihood, x0))
+    found.sort(key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)
+    return [(likelihood, x0) for _, likelihood, x0 in found[:most]]
+
+
 def _with_amplitudes(likelihood, model, share):
     """Return the search vector with amplitudes from the measured power; none below a share of where it matters most."""
     spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)]
@@ -678,7 +692,8 @@ class _Profile:
     def crossing(self, j, sign, level, step):
         """Return where the deviance reaches a level on one side; None where it never does (a limit)."""
         lower, upper = self.likelihood.slots[j].bounds
-        reach = 14.0 if self.likelihood.slots[j].parameter.log else np.inf
+        # downwards on a logarithmic scale there is nothing more to come after a few powers of ten
+        reach = 14.0 if sign < 0 and self.likelihood.slots[j].parameter.log else np.inf
         low, d_low, warm = self.top[j], 0.0, self.top
         move = np.sqrt(level) * step
         high = None

@@ -238,6 +238,10 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     if any('distribution' in e.hides for e in fit.model):
         return View('distribution', np.zeros(0), np.zeros(0), float('nan'), float('nan'), 'quantile')
     cells = evidence.cells_of(fit.model).astype(float)
+    # cells narrower than a few steps of the output would show the converter's own unevenness
+    sigma = np.sqrt(np.median(evidence.whole.power[-20:]) / (2 * evidence.dt))
+    merge = int(np.clip(2 ** np.ceil(np.log2(max(50 * evidence.resolution / max(sigma, 1e-300), 1))), 1, 4))
+    cells = cells.reshape(-1, merge).sum(axis=1)
     total, k = cells.sum(), len(cells)
     share = total / k
     pull = (cells - share) / np.sqrt(share * (1 - 1 / k))
