@@ -180,19 +180,22 @@ class CalibrationProblem:
         """
         Return what could be added, the most probable first; what these poses cannot show is left out.
 
-        So is what explains less than one bad pose does: leave that pose out first.
+        So is what lives by one bad pose alone: leave that pose out first.
 
         """
         found = [f if f.p_value > _PROMISING else self._fitted(fit, f) for f in self._screened(fit)]
-        bad = self._bad_pose(fit)
-        return sorted((f for f in found if f and not 0 < f.gain - f.penalty < bad), key=lambda f: f.penalty - f.gain)
+        rest = self._without_a_bad_pose(fit)
+        return sorted((f for f in found if f and not rest.get(f.name, np.inf) < f.gain / 4),
+                      key=lambda f: f.penalty - f.gain)
 
-    def _bad_pose(self, fit: Fit) -> float:
-        """Return what leaving the worst pose out gains, less its penalty: as many numbers as it has, and which."""
-        left = self.left_out(fit)
-        tail = self._log_tail(fit, left)
+    def _without_a_bad_pose(self, fit: Fit) -> dict[str, float]:
+        """Return what each candidate still gains without the worst pose, when that is beyond chance."""
+        tail = self._log_tail(fit, self.left_out(fit))
         k = int(np.argmin(tail))
-        return -tail[k] - 0.5 * left.bins[k] * np.log(len(left.equations.right)) - np.log(self.poses.n)
+        if tail[k] > np.log(_CHANCE / self.poses.n) or self.poses.n <= 6:
+            return {}
+        rest = CalibrationProblem(self.poses.without(k), self.method, self.tilt)
+        return {f.name: f.gain for f in rest._screened(rest.fit(fit.model))}
 
     def _log_tail(self, fit: Fit, left: LeftOut) -> np.ndarray:
         """
