@@ -709,9 +709,11 @@ class _Profile:
             move *= 2
         if high is None:
             return None
-        for _ in range(8):                                         # the square root of the deviance is nearly a straight line
+        # The square root of the deviance is nearly a straight line; but where a step went far up a wall the secant creeps, so
+        # every second try halves.
+        for k in range(40):
             a, b, c = np.sqrt(d_low), np.sqrt(d_high), np.sqrt(level)
-            share = np.clip((c - a) / max(b - a, 1e-12), 0.05, 0.95)
+            share = 0.5 if k % 2 else np.clip((c - a) / max(b - a, 1e-12), 0.05, 0.95)
             at = low + share * (high - low)
             d, found = self.deviance(j, at, warm)
             if abs(np.sqrt(d) - c) < 2e-3:
