@@ -11,7 +11,7 @@ from .errors import InputError
 from .prepare import (examine_stamps, finite, is_constant, LEAST_REST_S, LEAST_SAMPLES, losses, ordered, prepare,
                       RECORDING, wrong_units)
 from .record import AXES, ImuRecord, regular_rate, sensor_of
-from .stillness import still_stretches
+from .stillness import finite_mean, still_stretches
 
 __all__ = ['examine', 'Health', 'prepare', 'Resolution', 'resolution', 'still_stretches']
 
@@ -92,8 +92,8 @@ def examine(record: ImuRecord) -> Health:
     still = still_stretches(tidy) if rate and tidy.n > 10 else []
     longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
     rest = tidy.part(*longest)
-    units = tuple(wrong_units(rest)) if rest.n and (still or tidy.n) and _any_finite(rest) else ()
-    accel = None if rest.accel is None or not rest.n else np.nanmean(np.where(np.isfinite(rest.accel), rest.accel, np.nan), 0)
+    units = tuple(wrong_units(rest)) if rest.n else ()
+    accel = None if rest.accel is None or not rest.n else finite_mean(rest.accel)
     positive = step[step > 0]
     found = Health(
         samples=record.n, duration_s=tidy.duration_s, rate_hz=rate,
@@ -117,10 +117,6 @@ def examine(record: ImuRecord) -> Health:
                      if k.startswith('temperature') and len(v)},
         covariates=tuple(record.covariates))
     return _with_advice(record, found)
-
-
-def _any_finite(record: ImuRecord) -> bool:
-    return bool(finite(record).any())
 
 
 def _receive_rate(record: ImuRecord) -> float | None:
@@ -182,17 +178,18 @@ def resolution(x: np.ndarray) -> Resolution:
 
 
 def _held(record: ImuRecord) -> float:
-    same = None
+    same = np.ones(max(record.n - 1, 0), bool)
     for data in (record.gyro, record.accel):
-        if data is not None and len(data) > 1:
-            equal = np.all(data[1:] == data[:-1], axis=1)
-            same = equal if same is None else same & equal
-    return float(same.mean()) if same is not None else 0.0
+        for k in range(3 if data is not None else 0):
+            same &= data[1:, k] == data[:-1, k]
+    return float(same.mean()) if len(same) else 0.0
 
 
 def _warms_up(x: np.ndarray) -> bool:
     """Tell whether the beginning is off from the second half by more than that varies, and comes nearer to it."""
-    means = np.array([np.nanmean(p) for p in np.array_split(x, 20)])
+    means = finite_mean(x[:len(x) // 20 * 20].reshape(20, -1).T)
+    if not np.isfinite(means).all():
+        return False
     late = means[10:]
     off = (means[:4] - late.mean()) / max(late.std(), np.ptp(late) / 3, 1e-12)
     return bool(abs(off[0]) > WARM_UP and np.all(np.diff(np.abs(off)) < 0) and np.all(off[:3] * off[0] > 0))

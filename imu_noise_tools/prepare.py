@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .record import AXES, ImuRecord, regular_rate, sensor_of
-from .stillness import longest_rest
+from .stillness import finite_mean, longest_rest
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
@@ -204,8 +204,8 @@ def finite(record: ImuRecord) -> np.ndarray:
     """Tell of every sample whether all its values are finite, (n,)."""
     good = np.ones(record.n, bool)
     for data in (record.gyro, record.accel):
-        if data is not None:
-            good &= np.isfinite(data).all(axis=1)
+        for k in range(3 if data is not None else 0):
+            good &= np.isfinite(data[:, k])         # column by column: many times faster than along the rows
     return good
 
 
@@ -229,6 +229,8 @@ def _stuck(record: ImuRecord) -> ImuRecord:
 
 def is_constant(x: np.ndarray) -> bool:
     """Tell whether the finite values of an axis are all the same."""
+    if len(x) > 1000 and not is_constant(x[:1000]):
+        return False
     some = x[np.isfinite(x)]
     return not len(some) or bool(np.all(some == some[0]))
 
@@ -308,12 +310,12 @@ def wrong_units(record: ImuRecord) -> list[str]:
     """Return sentences where the values at rest are such as no IMU gives in SI."""
     said = []
     if record.accel is not None:
-        g = float(np.linalg.norm(np.nanmean(record.accel, axis=0)))
-        if not 7 <= g <= 12.5:
+        g = float(np.linalg.norm(finite_mean(record.accel)))
+        if not (7 <= g <= 12.5 or np.isnan(g)):
             said.append(f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
                         + _likely_accel(g))
     if record.gyro is not None:
-        rate = float(np.max(np.abs(np.nanmean(record.gyro, axis=0))))
+        rate = float(np.max(np.abs(finite_mean(record.gyro))))
         scatter = float(np.max(_scatter(record.gyro)))
         # 30 deg/s of bias or 11 deg/s of sample noise: no gyro is so bad; the same numbers in deg/s are common.
         if rate > 0.52 or scatter > 0.2:
@@ -335,4 +337,4 @@ def _likely_accel(g: float) -> str:
 def _scatter(data: np.ndarray) -> np.ndarray:
     """Return the scatter of the samples, (3,), from neighbours."""
     step = np.diff(data[:100_000], axis=0)
-    return np.nanstd(step, axis=0) / np.sqrt(2)
+    return np.array([x[good].std() if (good := np.isfinite(x)).any() else 0.0 for x in step.T]) / np.sqrt(2)

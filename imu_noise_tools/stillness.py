@@ -13,8 +13,9 @@ import numpy as np
 
 from .record import ImuRecord
 
-PIECE_S = 0.05          # samples are averaged over this, so that vibration goes
-VIEW = 10               # a view is this many smoothed pieces, 0.1 s apart
+BOX_S = 0.07            # three running means of this length leave 1 % of a vibration above 20 Hz
+UNIT_S = 0.1            # smoothed values are taken this far apart
+VIEW = 10               # a view is this many of them
 TIMES_QUIET = 6.0       # motion spreads a view by this many times what it is where the record is quietest
 # Spread of a view that is no motion whatever the sensor, and the most that is believed to be rest (rad/s, m/s^2).
 LEAST = {'gyro': 0.0175, 'accel': 0.15}
@@ -42,18 +43,18 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
 
     """
     ends = _at_gaps(record)
-    piece = max(1, round(PIECE_S * record.rate_hz))
-    moving = np.zeros(record.n // piece + 1, bool)
+    unit = max(1, round(UNIT_S * record.rate_hz))
+    moving = np.zeros(record.n // unit + 1, bool)
     for sensor in ('gyro', 'accel'):
         data = getattr(record, sensor)
-        if data is not None and len(data) >= 4 * VIEW * piece:
-            moving |= _moving(data, piece, sensor)
+        if data is not None and record.n >= 2 * VIEW * unit:
+            moving |= _moving(data, unit, record.rate_hz, sensor)
     found = []
-    for a, b in zip(ends[:-1], ends[1:]):
-        quiet = ~moving[a // piece:(b - 1) // piece + 1]
+    for a, b in zip(ends[:-1].tolist(), ends[1:].tolist()):
+        first = a // unit
+        quiet = ~moving[first:(b - 1) // unit + 1]
         edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
-        first = a // piece
-        found += [(max(int(a), int(first + i) * piece), min(int(b), int(first + j) * piece)) for i, j in edges]
+        found += [(max(a, (first + i) * unit), min(b, (first + j) * unit)) for i, j in edges.tolist()]
     least = max(2, round(seconds * record.rate_hz))
     return _not_turning(record, [(a, b) for a, b in found if b - a >= least])
 
@@ -87,34 +88,34 @@ def quiet_level(spread: np.ndarray) -> np.ndarray:
     return np.percentile(spread, 10, axis=0) / 0.72
 
 
-def _pieces(data: np.ndarray, piece: int) -> np.ndarray:
-    """Return means over pieces (the last may be short), smoothed by 1-2-1, with gaps closed; (pieces, 3)."""
-    n = len(data) // piece
-    means = data[:n * piece].reshape(n, piece, 3).mean(axis=1)
-    if not np.isfinite(means).all():
-        with np.errstate(all='ignore'):
-            clean = np.where(np.isfinite(data[:n * piece]), data[:n * piece], np.nan).reshape(n, piece, 3)
-            count = np.isfinite(clean).sum(axis=1)
-            means = np.where(count > 0, np.nansum(clean, axis=1) / np.maximum(count, 1), np.nan)
-        for k in range(3):
-            good = np.isfinite(means[:, k])
-            means[:, k] = np.interp(np.arange(n), np.flatnonzero(good), means[good, k]) if good.any() else 0.0
-    padded = np.concatenate([means[:1], means, means[-1:]])
-    return (padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4
+def _smooth(x: np.ndarray, unit: int, rate: float) -> np.ndarray:
+    """Return one axis without what is fast, a value for the middle of every unit, gaps closed; (units,)."""
+    good = np.isfinite(x)
+    if not good.all():
+        x = np.interp(np.arange(len(x)), np.flatnonzero(good), x[good]) if good.any() else np.zeros(len(x))
+    piece = max(1, round(0.01 * rate))
+    x = x[:len(x) // piece * piece].reshape(-1, piece).mean(axis=1)
+    box = max(1, round(BOX_S * rate / piece)) | 1
+    x = x - x[0]
+    for _ in range(3):
+        total = np.cumsum(np.concatenate([np.repeat(x[:1], box // 2 + 1), x, np.repeat(x[-1:], box // 2)]))
+        x = (total[box:] - total[:-box]) / box
+    middle = (np.arange(len(good) // unit) * unit + unit // 2) // piece
+    return x[np.minimum(middle, len(x) - 1)]
 
 
-def _moving(data: np.ndarray, piece: int, sensor: str) -> np.ndarray:
-    """Tell of every piece (and of the short one at the end) whether a view that holds it moves."""
-    smooth = _pieces(data, piece)
-    views = np.lib.stride_tricks.sliding_window_view(smooth, 2 * VIEW, axis=0)[::VIEW // 2, :, ::2]
+def _moving(data: np.ndarray, unit: int, rate: float, sensor: str) -> np.ndarray:
+    """Tell of every unit (and of the short one at the end) whether a view that holds it moves."""
+    smooth = np.stack([_smooth(data[:, k], unit, rate) for k in range(3)], axis=1)
+    views = np.lib.stride_tricks.sliding_window_view(smooth, VIEW, axis=0)[::VIEW // 2]
     ordered = np.partition(views, (1, VIEW - 2), axis=2)
     spread = ordered[:, :, VIEW - 2] - ordered[:, :, 1]         # the largest and the smallest may be outliers
-    white = _white(data) / np.sqrt(piece)
+    white = _white(data) / np.sqrt(max(1.0, 2 * BOX_S * rate))
     quiet = np.minimum(quiet_level(spread), np.maximum(MOST[sensor], 4 * white))
     moves = np.any(spread > np.maximum(TIMES_QUIET * quiet, LEAST[sensor]), axis=1)
-    out = np.zeros(len(data) // piece + 1, bool)
-    for k in np.flatnonzero(moves):
-        out[k * (VIEW // 2):k * (VIEW // 2) + 2 * VIEW] = True
+    out = np.zeros(len(data) // unit + 1, bool)
+    for k in np.flatnonzero(moves).tolist():
+        out[k * (VIEW // 2):k * (VIEW // 2) + VIEW] = True
     out[-1] = out[-2]
     return out
 
@@ -137,13 +138,15 @@ def _at_gaps(record: ImuRecord) -> np.ndarray:
     return np.r_[0, breaks, record.n]
 
 
+def finite_mean(data: np.ndarray) -> np.ndarray:
+    """Return the means of the finite values of every column, NaN where there are none."""
+    return np.array([x[good].mean() if (good := np.isfinite(x)).any() else np.nan for x in data.T])
+
+
 def _mean(record: ImuRecord, sensor: str, a: int, b: int) -> np.ndarray | None:
     data = getattr(record, sensor)
-    if data is None:
-        return None
-    some = data[a:b]
-    some = some[np.isfinite(some).all(axis=1)]
-    return some.mean(axis=0) if len(some) else None
+    means = None if data is None else finite_mean(data[a:b])
+    return means if means is not None and np.isfinite(means).all() else None
 
 
 def _not_turning(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
