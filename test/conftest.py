@@ -28,7 +28,6 @@ def root() -> Path:
 @pytest.fixture(scope='session')
 def ros_session(tmp_path_factory):
     """Return a client on a ROS domain of its own, or skip where there is no ROS."""
-    pytest.importorskip('rclpy', reason='no rclpy (pip install .[ros], or source ROS)')
     from nodes_support import Ros
     client = Ros(tmp_path_factory.mktemp('nodes'))
     yield client

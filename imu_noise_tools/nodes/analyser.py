@@ -66,7 +66,7 @@ class Analyser(Node):
         """Fit the model to everything that is held."""
         self._intake.read()
         self._results.tell('analysing')
-        record = self._stream.record(self._intake.topic)
+        record = self._stream.record(**self._intake.source)
         chosen = {name: self._settings[name] for name in ('effects', 'method', 'keep_motion')}
         self._study = tasks.analyse_record(record, **chosen)
         self._show(self._study)

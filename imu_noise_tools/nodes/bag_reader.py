@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from . import messages
 from .params import Setting, Settings
-from .playback import length, pieces, Player
+from .playback import about, pieces, Player
 from .run import run
 from .topics import complete, overridable, result, STEADY
 from ..bag.encode import serialise
@@ -54,7 +54,7 @@ class BagReader(Node):
         if not p['bag']:
             raise InputError('no bag is given', 'give one with -p bag:=PATH')
         bag, topic = p['bag'], p['topic'] or None
-        self._total = length(bag, topic)
+        self._total, self._of = about(bag, topic)
         self._messages = self._output(Imu, 'imu/data_raw') if p['publish'] != 'buffer' else None
         self._blocks = self._output(Float64MultiArray, 'imu/buffer') \
             if p['publish'] != 'messages' else None
@@ -159,7 +159,7 @@ class BagReader(Node):
         status = messages.status('bag_reader', text, {
             'state': p.state, 'samples': p.sent, 'samples in the bag': self._total,
             'progress [%]': done, 'position [s]': p.position_s, 'passes': p.passes,
-            'bag': self._settings['bag']}, level)
+            'bag': self._settings['bag'], 'topic': self._of, 'frame_id': p.frame_id}, level)
         self._status.publish(messages.diagnostics(self, [status]))
 
     def finish(self) -> None:

@@ -39,6 +39,7 @@ class Intake:
         self._lock = threading.Lock()
         self._heard = time.monotonic()
         self.end: int | None = None
+        self._told: dict[str, str] = {}
         group = MutuallyExclusiveCallbackGroup()
         if kind == 'messages':
             self.topic = ImuInput(node, self._take).topic
@@ -93,5 +94,11 @@ class Intake:
             self._say(f'{self.topic}: {said}')
 
     def _hear(self, message) -> None:
-        told = {v.key: v.value for s in message.status for v in s.values}
-        self.end = int(told['samples']) if told.get('state') == 'end' else None
+        self._told = {v.key: v.value for s in message.status for v in s.values}
+        self.end = int(self._told['samples']) if self._told.get('state') == 'end' else None
+
+    @property
+    def source(self) -> dict[str, str]:
+        """Where the samples come from, as far as is known."""
+        return {'path': self._told.get('bag', ''), 'topic': self._told.get('topic') or self.topic,
+                'frame_id': self._stream.frame_id or self._told.get('frame_id', '')}

@@ -215,7 +215,7 @@ class Stream:
         with self._lock:
             return self._curve.curve(1.0 / (self.rate_hz or 1.0))
 
-    def record(self, topic: str) -> ImuRecord:
+    def record(self, topic: str, path: str = '', frame_id: str = '') -> ImuRecord:
         """
         Return what is held as a record, as :func:`imu_noise_tools.bag.open_record` gives it.
 
@@ -236,4 +236,4 @@ class Stream:
         if parts[0] is None and parts[1] is None:
             raise InputError(f'{topic} holds neither rates nor accelerations', 'check the driver')
         return ImuRecord(*parts, t=t, rate_hz=rate_hz, start=float(stamps[0]) * 1e-9, topic=topic,
-                         frame_id=self.frame_id, path=topic)
+                         frame_id=frame_id, path=path or topic)

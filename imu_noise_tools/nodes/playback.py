@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 import threading
 import time
 
@@ -81,9 +82,9 @@ def _messages(bag: Bag, topic: str):
                 yield stamps, found.values, found.frame_id
 
 
-def length(path, topic: str | None) -> int:
+def about(path, topic: str | None) -> tuple[int, str]:
     """
-    Return how many samples a record is said to have (0: nobody knows).
+    Return how many samples a record is said to have (0: nobody knows), and its topic.
 
     Raises
     ------
@@ -92,10 +93,12 @@ def length(path, topic: str | None) -> int:
 
     """
     if table_kind(path):
-        return read_table(path, 1.0).n
+        record = read_table(Path(path), 1.0)
+        return record.n, record.topic
     with Bag(path) as bag:
-        base = choose(bag, topic).base
-        return sum(t.samples for t in list_topics(bag) if t.name == base)
+        choice = choose(bag, topic)
+        count = sum(t.samples for t in list_topics(bag) if t.name == choice.base)
+        return count, ','.join(choice.names)
 
 
 class Player:
@@ -115,7 +118,7 @@ class Player:
         Begin again at the end.
 
     ``state`` is waiting, playing, paused, end, or failed (then ``error`` says why); ``sent``
-    counts samples.
+    counts samples; ``frame_id`` is that of the last piece.
 
     """
 
@@ -126,7 +129,7 @@ class Player:
         self._speed, self._begun = speed, None
         self._paused, self._quit = False, False
         self._interrupt, self._again = threading.Event(), threading.Event()
-        self.state, self.error = 'waiting', ''
+        self.state, self.error, self.frame_id = 'waiting', '', ''
         self.sent = self.seen = self.passes = 0
         self.position_s = 0.0
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -194,6 +197,7 @@ class Player:
             self.seen += len(piece.stamps)
             piece = self._cut(piece, zero)
             if len(piece.stamps):
+                self.frame_id = piece.frame_id
                 self._outputs.piece(piece, self._due)
                 self.sent += len(piece.stamps)
                 self.position_s = (int(piece.stamps[-1]) - zero) * 1e-9
