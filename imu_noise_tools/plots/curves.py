@@ -11,7 +11,8 @@ from ..effect import Effect, Model
 from ..noise.classic import FLAT, READINGS
 from ..noise.evidence import Evidence
 from ..noise.fit import Likelihood
-from ..noise.kinds import Coupling, Inputs, Line, Mean, model_avar, Response, Spectrum
+from ..noise.kinds import Coupling, Defect, Inputs, Line, Mean, model_avar
+from ..noise.kinds import Response, Spectrum
 from ..noise.views import gamma_pull
 from ..spectrum import quadrature_avar
 from ..study import State
@@ -74,6 +75,8 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect, m: np.ndarray)
         return effect.avar(m, dt)
     if isinstance(effect, Coupling):
         return _coupled_avar(evidence, effect, m)
+    if isinstance(effect, Defect) and type(effect).screen.__func__ is not Defect.screen.__func__:
+        return _screened_avar(evidence, m)
     return None
 
 
@@ -96,6 +99,21 @@ def _coupled_avar(evidence, effect, m):
     return quadrature_avar(lambda f: np.interp(np.log(f), at, s), m, evidence.dt)
 
 
+def _screened_avar(evidence, m):
+    """
+    Allan variance of isolated samples that are screened before the fit, and stay in the curve.
+
+    They are white; their level is that of the curve at one sample less that of the spectrum, which
+    was made without them: 2 int S(f) sin^2(pi f dt) df.
+
+    """
+    bins, curve, part = evidence.whole.bins, evidence.curve, evidence.whole
+    width = bins.count / (2 * bins.n * bins.dt)
+    s = part.power + part.lines.sum(axis=0)
+    clean = 2 * np.sum(s * np.sin(np.pi * bins.f * bins.dt) ** 2 * width)
+    return max(curve.dev[0] ** 2 * curve.m[0] - clean, 0.0) / m
+
+
 def line_envelope(effect: Effect, m: np.ndarray, dt: float) -> np.ndarray:
     """
     Return a line's Allan variance, its crests where the nulls would lie too close to be drawn.
@@ -108,10 +126,12 @@ def line_envelope(effect: Effect, m: np.ndarray, dt: float) -> np.ndarray:
     return np.where(m < half, effect.avar(m, dt), crest)
 
 
-def model_spectra(state: State) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return the model's power in the bins of the whole record, (b,), and each effect's."""
-    e = state.problem.evidence
-    return Likelihood(e, 'whole', state.model, state.fit).spectra(state.model)
+def spectra(state: State) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Return power in the bins of the whole record, (b,): measured, the model's, each effect's."""
+    likelihood = Likelihood(state.problem.evidence, 'whole', state.model, state.fit)
+    measured = likelihood.without_couplings(state.model) if likelihood.couplings else \
+        likelihood.power
+    return measured, *likelihood.spectra(state.model)
 
 
 def runs(pull: np.ndarray) -> list[tuple[int, int]]:
@@ -137,10 +157,11 @@ class Reading:
 
 
 def observable(state: State, label: str) -> bool:
-    """Tell whether the amplitudes of an effect are resolved."""
+    """Tell whether any amplitude of an effect is resolved."""
     found = state.fit.estimates.get(label, {})
-    return all(found[p.name].value is not None for p in state.model[label].parameters
-               if p.amplitude and p.name in found)
+    amplitudes = [found[p.name].value is not None for p in state.model[label].parameters
+                  if p.amplitude and p.name in found]
+    return any(amplitudes) or not amplitudes
 
 
 def readings(state: State, found: Curves) -> list[Reading]:

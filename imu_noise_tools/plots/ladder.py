@@ -32,7 +32,8 @@ def ladder(ax, study: Study, target: str):
     for i, inside in enumerate(error <= chance):
         colour = GOOD if inside else FAIL
         ax.plot([i], [error[i]], 'o', color=colour, markersize=7)
-        ax.annotate(f'{error[i]:.2g}', (i, error[i]), xytext=(0, 8), textcoords='offset points',
+        said = f'{error[i]:.0f}' if 100 <= abs(error[i]) < 1e5 else f'{error[i]:.2g}'
+        ax.annotate(said, (i, error[i]), xytext=(0, 8), textcoords='offset points',
                     ha='center', fontsize=SMALL, fontweight='bold', color=colour,
                     bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.8, 'alpha': 0.8})
     ax.set_xlim(-0.5, x[-1] + 0.5)

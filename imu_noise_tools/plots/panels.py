@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from .curves import Curves, curves, line_envelope, model_spectra, NOTABLE, observable
-from .curves import readings, runs
+from .curves import Curves, curves, line_envelope, NOTABLE, observable, readings
+from .curves import runs, spectra
 from .style import AXES, CHANCE, dress, EFFECTS, FAIL, FAINT, label_lines, log_scale
 from .style import MEASURED, MODEL, readable, SMALL
 from .. import units
 from ..allan import interval
 from ..noise import views
-from ..noise.kinds import Inputs, Line, Mean
+from ..noise.kinds import Coupling, Inputs, Line, Mean
 from ..study import Diagnosis, State
 
 _SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
@@ -69,7 +69,8 @@ def allan(ax, state: State, found: Curves | None = None, title: str | None = Non
         ax.plot(c.tau, np.sqrt(found.model) / factor, color=MODEL, linewidth=1.5)
         shown = [r for r in marks if r.sigma / factor > low and c.tau[0] <= r.tau <= c.tau[-1]]
         for r in shown:
-            _mark(ax, r.tau, r.sigma / factor, r.symbol, _colour(state, r.label))
+            below = r.sigma < 0.8 * np.sqrt(np.interp(r.tau, found.tau, found.model))
+            _mark(ax, r.tau, r.sigma / factor, r.symbol, _colour(state, r.label), below)
         label_lines(ax, lines, [(c.tau, c.dev / factor),
                                 *(([r.tau], [r.sigma / factor]) for r in shown)])
     return ax
@@ -101,11 +102,12 @@ def _effect_lines(ax, state, found, factor):
     return lines
 
 
-def _mark(ax, x, y, name, colour):
+def _mark(ax, x, y, name, colour, below):
+    """Circle a reading; its name stays clear of the curve."""
     ax.plot([x], [y], 'o', markersize=6, markerfacecolor='white', markeredgecolor=colour,
             markeredgewidth=1.6, zorder=7)
-    ax.annotate(name, (x, y), xytext=(6, 5), textcoords='offset points', fontsize=SMALL,
-                fontweight='bold', color=colour, zorder=7)
+    ax.annotate(name, (x, y), xytext=(5, -10 if below else 5), textcoords='offset points',
+                fontsize=SMALL, fontweight='bold', color=colour, zorder=7)
 
 
 def pulls(ax, x, pull, label: str = '', xlabel: str = TAU):
@@ -165,12 +167,14 @@ def psd(ax, state: State):
     def density(s):
         return np.sqrt(np.maximum(s, 1e-300) / 2) / factor
 
-    v, each = model_spectra(state)
-    total, v = density(e.whole.power + views.unclaimed(e, 'whole', state.model)), density(v)
-    mid, level, weight = _rebinned(f, e.whole.power, count)
+    measured, v, each = spectra(state)
+    total, v = density(measured + views.unclaimed(e, 'whole', state.model)), density(v)
+    mid, level, weight = _rebinned(f, measured, count)
     lo, hi = interval(density(level), weight)
     level = density(level)
-    dress(ax, f'{e.axis}: spectrum', 'frequency, Hz',
+    known = state.model.of(Mean) + state.model.of(Coupling)
+    less = f' less {", ".join(x.label for x in known)}' if known else ''
+    dress(ax, f'{e.axis}: spectrum{less}', 'frequency, Hz',
           f'noise density (two-sided), {readable(unit)}')
     log_scale(ax.xaxis, f[0], f[-1] * 1.05)
     log_scale(ax.yaxis, min(level.min(), v.min()) / 3, 2 * max(level.max(), v.max(), total.max()))

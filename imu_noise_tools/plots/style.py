@@ -100,7 +100,7 @@ def log_scale(axis, low: float, high: float, most: int = 7):
 
 def signed_log_scale(axis, linear: float, low: float, high: float):
     """Make one axis linear within +-``linear`` and logarithmic beyond, from low to high."""
-    first = math.ceil(math.log10(linear))
+    first = math.floor(math.log10(linear))
     last = math.floor(math.log10(max(high, 10.0 ** first)) + 1e-9)
     at = [10.0 ** k for k in range(first, last + 1, max(1, -(-(last - first) // 4)))]
     at = [v for v in (-at[0], 0.0, *at) if low <= v <= high]
@@ -149,16 +149,18 @@ def label_lines(ax, lines, avoid=()):
         inside = p[np.all((p > 0) & (p < size), axis=1)]
         if not len(inside):
             continue
-        inside = np.clip(inside, half, size - half)
+        # on the line or, where that is crowded, just below it
+        inside = np.clip(np.concatenate([inside, inside - (0, 1.2 * line_height)]),
+                         half, size - half)
+        liked = np.repeat([0.0, -0.4 * line_height], len(inside) // 2)
         rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others,
                                np.zeros((0, 2))])
-        room = np.minimum(_distance(inside, rest), 4 * line_height)
+        room = np.minimum(_distance(inside, rest), 2.5 * line_height)
         # two names side by side need the width of one
         flat = np.array([0.25, 1.0])
         room = np.minimum(room, _distance(inside * flat, taken * flat))
-        middle = np.abs(inside[:, 0] / size[0] - 0.5)
-        best = int(np.argmax(room - line_height * middle))
-        at = inside[best] - (0, 1.2 * line_height if room[best] < line_height else 0)
+        liked -= line_height * np.abs(inside[:, 0] / size[0] - 0.5)
+        at = inside[int(np.argmax(room + liked))]
         taken = np.vstack([taken, at])
         ax.text(*(at / size), name, transform=ax.transAxes, fontsize=SMALL, color=colour,
                 ha='center', va='center', zorder=6,

@@ -57,9 +57,9 @@ def significant(value: float, std: float | None = None, least: int = 3) -> str:
         return str(value)
     if value == 0:
         return '0'
-    if std and math.isfinite(std):
-        least = min(max(math.floor(math.log10(abs(value) / std)) + 2, 2), 9)
     power = math.floor(math.log10(abs(value)))
+    if std and math.isfinite(std):
+        least = min(max(power - math.floor(math.log10(std)) + 2, 2), 9)
     if -5 < power < 6:
         return f'{value:.{max(0, least - 1 - power)}f}'
     return f'{value:.{least - 1}e}'

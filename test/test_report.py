@@ -1,0 +1,325 @@
+"""A report says what the study says: every number, in words, and nothing that a file sneaks in."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib import import_module
+import math
+import re
+import subprocess
+import sys
+
+from hypothesis import given, strategies as st
+import numpy as np
+import pytest
+
+from imu_noise_tools import report, store
+from imu_noise_tools.effect import Estimate, Finding, Fit, Model, model_of, registry, Score, View
+from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.kinds import Inputs
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.record import ImuRecord
+from imu_noise_tools.report import words
+from imu_noise_tools.study import Diagnosis, State, Step, Study
+
+DT, N = 0.02, 30000
+KNOWN = registry('noise')
+PACKAGES = {'calibration': 'imu_noise_tools.calibration',
+            'filter': 'imu_noise_tools.denoise.problem'}
+EVIL = '<script>alert("x")</script>&\x1b[31m'
+SOURCE = {'path': '/data/static.mcap', 'topic': '/imu/data_raw', 'samples': N, 'rate_hz': 50.0,
+          'duration_s': N * DT, 'start': 1.7e9, 'frame_id': 'imu', 'covariates': ['temperature'],
+          'warnings': ['3 stamps repeated'], 'left_out': [[10.0, 12.0, 'knock']]}
+
+
+@pytest.fixture(scope='module')
+def hidden():
+    """Return a study of two axes with white noise and a line, fitted and diagnosed."""
+    rng = np.random.default_rng(0)
+    inputs = Inputs(np.arange(N) * DT, DT)
+    white = KNOWN['white']({'N': 1e-4})
+    data = np.array([white.apply(np.zeros(N), inputs, rng) for _ in range(6)]).T
+    line = KNOWN['sinusoid']({'amplitude': 4e-4, 'frequency': 3.7})
+    data[:, 0] = line.apply(data[:, 0], inputs, rng)
+    some = ImuRecord(data[:, :3], data[:, 3:], inputs.t, 1 / DT)
+    evidence = gather(some, ['gyro_x', 'accel_z'])
+    study = Study.begin({a: NoiseProblem(e) for a, e in evidence.items()},
+                        model_of('noise', ['white', 'random_walk']), SOURCE)
+    study.diagnose()
+    return study
+
+
+@pytest.fixture
+def study(hidden):
+    """Return a copy that a test may change."""
+    return Study(hidden.domain, hidden.states, hidden.source, hidden.history, hidden.diagnosis)
+
+
+@pytest.fixture(scope='module')
+def pictures(hidden):
+    """Return its pictures, drawn once."""
+    return report.pictures(hidden)
+
+
+class Page(HTMLParser):
+    """Collect tags, attributes and text; check that tags close."""
+
+    OPEN = {'meta', 'img', 'br'}
+
+    def __init__(self, source):
+        super().__init__()
+        self.tags, self.attributes, self.said, self.stack = [], [], [], []
+        self.feed(source)
+        self.close()
+        assert not self.stack
+
+    def handle_starttag(self, tag, attrs):
+        """Remember a tag."""
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in self.OPEN:
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag):
+        """Close the innermost tag, and no other."""
+        assert self.stack.pop() == tag
+
+    def handle_data(self, data):
+        """Remember text outside styles."""
+        if 'style' not in self.stack:
+            self.said.append(data)
+
+    @property
+    def text(self):
+        """All text."""
+        return re.sub(r'\s+', ' ', ' '.join(self.said))
+
+
+def other_study(domain='calibration'):
+    """Return a small study of another domain, with a ladder and an effect that is not noise's."""
+    import_module(PACKAGES[domain])                 # its effects register
+    effects = [c for c in registry(domain).values() if c.parameters][:2]
+    model = Model(c({p.name: 0.5 for p in c.parameters}) for c in effects)
+    estimates = {e.label: {p.name: Estimate(0.5, 0.01, (0.48, 0.52), p.unit.replace('{rate}', 'X'))
+                           for p in e.parameters} for e in model}
+    view = View('poses', np.arange(6.0), np.array([0, 1, -9.0, 0, 1, 0]), 4.0, 0.3, 's')
+    state = State(None, Fit(model, estimates, -3.0, ('a flag',)), Score.of([view]),
+                  {'residual_rms': 0.0123})
+    first, second = model.labels
+    history = [Step('accel', (first,), 9.0, 0.3, verdict='start'),
+               Step('accel', (first, second), 4.0, 0.3, second, fall=30.0, verdict='falls')]
+    return Study(domain, {'accel': state}, {'path': 'faces.bag', 'notes': ['pose 3 twice']},
+                 history, {'accel': Diagnosis('unknown', (), (), 'hold these poses again')})
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+def test_text_says_what_the_study_says(study):
+    said = report.text(study, 'x.study')
+    data = store.study_to_dict(study)
+    assert '/data/static.mcap' in said and '10 min' in said and '3 stamps repeated' in said
+    for target, entry in data['targets'].items():
+        block = said[said.index(f'\n{target}:'):].split('\n\n')[0]
+        value = entry['effects']['white']['N']
+        number, unit = re.search(r'white +N +(\S+) (\S+)', block).groups()
+        known, unit_too = value['shown'].split(' ')
+        assert unit == unit_too
+        assert float(number) == pytest.approx(float(known), rel=0.01)
+        low, high = map(float, re.search(r'(\S+) \.\.\. (\S+)', block).groups())
+        assert low < float(number) < high
+        walk = next(x for x in block.split('\n') if 'random_walk  K' in x)
+        assert 'not observable' in walk and 'below' in walk
+    assert 'beyond chance' in said and 'within chance' in said
+    assert 'near 3.' in said and 'Hz' in said
+
+
+def test_text_names_what_is_missing_and_what_to_run(study):
+    said = report.text(study, '/tmp/my study')
+    assert re.search(r'diagnosis: missing: sinusoid, probability 1\b', said)
+    assert re.search(r'sinusoid: amplitude 8[0-9.]+ deg/h, frequency 3\.70', said)
+    assert "next: imu_noise add '/tmp/my study'" in said
+    assert 'next:' not in report.text(study)
+
+
+def test_verbose_says_more(study):
+    short, long = report.text(study), report.text(study, verbose=True)
+    assert len(long) > len(short)
+    assert 'percent rms' in long and 'percent rms' not in short
+
+
+def test_text_does_not_steer_the_terminal(study):
+    study.source = {'path': EVIL, 'warnings': ['\x07 bell \u202e']}
+    said = report.text(study)
+    assert all(c == '\n' or c.isprintable() for c in said)
+    assert '<script>' in said
+
+
+@pytest.mark.parametrize(('verdicts', 'command'), [
+    ({}, 'diagnose'), ({'gyro_x': 'complete'}, 'diagnose'),
+    ({'gyro_x': 'complete', 'accel_z': 'missing'}, 'add'),
+    ({'gyro_x': 'complete', 'accel_z': 'complete'}, 'export'),
+    ({'gyro_x': 'unknown', 'accel_z': 'undecidable'}, 'export')])
+def test_what_to_run_next(study, verdicts, command):
+    ranked = (Finding('ramp', 9.0, penalty=5.0),)
+    study.diagnosis = {t: Diagnosis(v, ranked) for t, v in verdicts.items()}
+    (said, why), = words.next_steps(study)
+    assert said.startswith(f'imu_noise {command} DIR')
+    assert ('accel_z' in why) == (command == 'add')
+
+
+# --- the page ------------------------------------------------------------------------------------
+
+def test_page_tells_the_story_in_order(study, pictures):
+    page = Page(report.html(study, pictures, folder='x.study'))
+    parts = ['What was measured', 'What the model says', 'Allan deviation',
+             'Where the model fails', 'What is missing', 'What to run next',
+             'The effects in the model']
+    at = [page.text.index(p) for p in parts]
+    assert at == sorted(at)
+    for said in ('static.mcap', '50 Hz', '2023-11-14', '3 stamps repeated', 'knock',
+                 'not observable', 'deg/sqrt(h)', 'rad/s/sqrt(Hz)', 'missing: sinusoid',
+                 'imu_noise add x.study',
+                 KNOWN['sinusoid'].hint[:40], KNOWN['white'].equation):
+        assert said in page.text, said
+    assert page.tags.count('title') == 1 and page.tags.count('h1') == 1
+
+
+def test_page_is_self_contained(study, pictures):
+    page = Page(report.html(study, pictures))
+    assert not {'script', 'link', 'iframe', 'object', 'form'} & set(page.tags)
+    sources = [v for k, v in page.attributes if k == 'src']
+    assert len(sources) == len(pictures) >= 3
+    for s, data in zip(sources, pictures.values()):
+        kind, coded = s.split(',')
+        assert kind == 'data:image/png;base64'
+        assert base64.b64decode(coded) == data
+    assert not [k for k, _ in page.attributes if k.startswith('on') or k == 'href']
+    assert 'url(' not in report.html(study, {}) and '@import' not in report.html(study, {})
+    assert ('name', 'viewport') in page.attributes
+
+
+def test_page_escapes_all_that_comes_from_files(study):
+    finding = Finding('sinusoid', 9.0, KNOWN['sinusoid'].example(),
+                      {'frequency': Estimate(3.7, 0.1, (3.5, 3.9), 'Hz')}, 1.0, EVIL, EVIL, 0.9)
+    failed = Finding(EVIL, 0.0, p_value=1e-9, evidence=EVIL)
+    evil = replace(study.states['gyro_x'].fit, flags=(EVIL,))
+    study = Study('noise', {'gyro_x': replace(study.states['gyro_x'], fit=evil)},
+                  {k: EVIL for k in ('path', 'topic', 'frame_id', EVIL)}
+                  | {'warnings': [EVIL], 'left_out': [[1.0, 2.0, EVIL]]},
+                  [Step('gyro_x', (EVIL,), 1.0, 0.1, EVIL, verdict=EVIL)],
+                  {'gyro_x': Diagnosis('missing', (finding,), (failed,), EVIL)})
+    source = report.html(study, {'ladder': b'png'}, [(EVIL, b'png')], folder=EVIL)
+    page = Page(source)
+    assert 'script' not in page.tags
+    assert source.count('alert') > 12 and '<script' not in source
+    assert 'alert("x")' in page.text
+    assert [v for k, v in page.attributes if k == 'alt'][0].startswith('<script>')
+
+
+def test_page_shows_extra_pictures(study):
+    page = Page(report.html(study, {}, [('Residuals by pose', b'one'), ('Before', b'two')]))
+    assert 'Residuals by pose' in page.text
+    assert [base64.b64decode(v.split(',')[1]) for k, v in page.attributes if k == 'src'] == [
+        b'one', b'two']
+
+
+def test_pictures_of_a_study(study, pictures):
+    """In full those targets that fail, worst first; the ladder once there is one."""
+    assert list(pictures) == ['series', 'allan', 'target gyro_x']
+    assert all(p[:4] == b'\x89PNG' for p in pictures.values())
+    step = Step('gyro_x', ('white',), 0.1, 0.1, 'white', verdict='falls')
+    study.history = [*study.history, step]
+    study.states = {'accel_z': study.states['accel_z']}
+    assert list(report.pictures(study)) == ['series', 'allan', 'ladder']
+
+
+def test_the_ladder_is_in_the_page_target_by_target(study):
+    study.history = [Step(t, ('white',), 3.0, 0.1, a, verdict='falls')
+                     for a in (None, 'ramp') for t in study.targets]
+    page = Page(report.html(study, {}))
+    ladder = page.text[page.text.index('What happened'):page.text.index('The effects in')]
+    assert re.findall('gyro_x|accel_z', ladder) == ['gyro_x'] * 2 + ['accel_z'] * 2
+    assert 'What happened' not in Page(report.html(
+        Study('noise', study.states, history=study.history[:2]), {})).text
+
+
+@pytest.mark.parametrize('domain', ['calibration', 'filter'])
+def test_other_domains(domain):
+    study = other_study(domain)
+    said = report.text(study, 'x.study', verbose=True)
+    page = Page(report.html(study))
+    for found in (said, page.text):
+        for expected in ('beyond chance', 'poses left out', 'at 2 s', 'residual rms: 0.0123',
+                         'a flag', 'hold these poses again', 'unknown', '0.500'):
+            assert expected in found, expected
+    assert 'What happened' in page.text and 'pose 3 twice' in page.text
+    assert [v for k, v in page.attributes if k == 'src']                  # the ladder
+
+
+def test_an_error_that_is_not_known():
+    study = other_study()
+    study.states = {'accel': replace(study.states['accel'], error=Score.of([]))}
+    assert 'nothing was left to predict' in report.text(study)
+    assert 'nothing was left to predict' in Page(report.html(study, {})).text
+
+
+def test_text_needs_no_matplotlib():
+    code = 'import sys\nfrom imu_noise_tools import report\nassert "matplotlib" not in sys.modules'
+    subprocess.run([sys.executable, '-c', code], check=True)
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+@given(st.floats(1e-12, 1e12), st.floats(1e-7, 0.5), st.sampled_from([1, -1]))
+def test_a_number_is_rounded_within_a_tenth_of_its_uncertainty(size, relative, sign):
+    value, std = sign * size, size * relative
+    assert abs(float(words.significant(value, std)) - value) <= 0.1 * std * (1 + 1e-9)
+    assert float(words.significant(value)) == pytest.approx(value, rel=0.006)
+
+
+@pytest.mark.parametrize(('value', 'std', 'shown'), [
+    (0.29891, 0.0003, '0.29891'), (0.301, 0.003, '0.3010'), (204.27, 0.24, '204.27'),
+    (137.2, 60.0, '137'), (8.698e-5, 1e-7, '8.698e-05'), (0.0, 0.1, '0'), (5.0, None, '5.00'),
+    (float('nan'), None, 'nan'), (3.7, 0.0, '3.70'), (-0.97391, 3.7e-4, '-0.97391')])
+def test_numbers(value, std, shown):
+    assert words.significant(value, std) == shown
+
+
+def test_rows_keep_limits_and_notes():
+    effect = KNOWN['random_walk']({'K': 1e-6})
+    e = Estimate(None, None, (0.0, 2e-6), 'rad/s^2/sqrt(Hz)', 1.5e-6,
+                 'not observable: record 20 h for 20 %', 1e-6)
+    state = State(None, Fit(Model([effect]), {'random_walk': {'K': e}}, 0.0), Score.of([]))
+    row, = words.rows(state, 'gyro_x')
+    limit = math.degrees(1.5e-6) * 3600 ** 1.5
+    assert row.shown == 'not observable' and row.note == 'record 20 h for 20 %'
+    assert row.interval == f'below {limit:.1f} deg/h^1.5'
+    assert row.si == '< 1.50e-06 rad/s^2/sqrt(Hz)'
+
+
+def test_places_are_named_once_and_only_when_they_stand_out():
+    f = np.array([0.001, 3.70, 3.75, 20.0, 40.0])
+    view = View('frequency', f, np.array([-8.0, 30.0, 25.0, 2.9, -4.0]), 5.0, 0.1, 'Hz')
+    assert words.places_in_words(view) == (
+        'worst near 3.7 Hz (30 standard errors too much), near 0.001 Hz (period 16.7 min) '
+        '(8 standard errors too little), near 40 Hz (4 standard errors too little)')
+    assert words.places_in_words(view, 1).count('near') == 1
+    calm = replace(view, pull=np.full(5, 2.9))
+    assert 'nowhere strikingly' in words.places_in_words(calm)
+
+
+@pytest.mark.parametrize(('name', 'unit', 'x', 'said'), [
+    ('time', 's', 300.0, 'at 5 min'), ('distribution', 'quantile', 0.99, 'in the tails'),
+    ('distribution', 'quantile', 0.5, 'near the mean'), ('lags', 'samples', 7.0, 'at 7 samples')])
+def test_places(name, unit, x, said):
+    view = View(name, np.array([0.0, x]), np.array([0.0, 9.0]), 5.0, 0.1, unit)
+    assert said in words.places_in_words(view)
+    assert words.view_in_words(view).startswith(words.title_of(name))
+
+
+def test_views_fail_beyond_three_standard_deviations():
+    views = [View(name, np.zeros(1), np.zeros(1), excess, 0.1)
+             for name, excess in (('time', 0.31), ('a', 0.29), ('b', 2.0))]
+    assert [v.name for v in words.failing(Score.of(views))] == ['b', 'time']
