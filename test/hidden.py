@@ -1,9 +1,9 @@
 """
 Records with something hidden in them, made without a formula of the package.
 
-Base noise and effects are drawn in the time domain (recursions, rounding, dwell times, filters),
-so that a wrong spectrum or closed form in ``noise/`` cannot hide behind a simulation that shares it.
-One gyroscope axis holds the hidden effects; the others are plain.
+Base noise and effects are drawn in the time domain (recursions, rounding, dwell times, filters):
+a wrong spectrum or closed form in ``noise/`` cannot hide behind a simulation that shares it. One
+gyroscope axis holds the hidden effects; the others are plain.
 
 Strength is the largest ratio over tau <= T/10 of the effect's Allan deviation to the base model's;
 for what does not add, sqrt |variance with / variance without - 1|. ``nats`` is what a perfect

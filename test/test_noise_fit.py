@@ -1,0 +1,378 @@
+"""The fit: estimates, intervals and limits on records made without a formula of the package."""
+
+from __future__ import annotations
+
+import functools
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.stats import binom
+
+import hidden
+from imu_noise_tools.effect import Estimate, find_effect, Model, model_of
+from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.fit import fit, Likelihood
+from imu_noise_tools.record import ImuRecord
+
+BASE = ('white', 'flicker', 'random_walk')
+MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5 deg/h
+
+
+def record_of(*columns, dt=0.05) -> ImuRecord:
+    """Return a record of up to three gyroscope axes."""
+    y = np.column_stack([*columns, *[columns[-1]] * (3 - len(columns))])
+    return ImuRecord(y, None, np.arange(len(y)) * dt, 1 / dt)
+
+
+def fit_one(y, effects=BASE, dt=0.05):
+    """Return the fit of a model to samples."""
+    evidence = gather(record_of(y, dt=dt), ['gyro_x'])['gyro_x']
+    return fit(evidence, effects if isinstance(effects, Model) else model_of('noise', effects))
+
+
+def fits(draw, effects, records=25, seed=0, dt=0.05):
+    """Return the fits of 3 axes of each record, all drawn independently."""
+    rng, out = np.random.default_rng(seed), []
+    model = model_of('noise', effects)
+    for _ in range(records):
+        some = gather(record_of(*(draw(rng) for _ in range(3)), dt=dt),
+                      ['gyro_x', 'gyro_y', 'gyro_z'])
+        out += [fit(e, model) for e in some.values()]
+    return out
+
+
+def estimates(found, label, name) -> list[Estimate]:
+    """Return one parameter's estimates over many fits."""
+    return [f.estimates[label][name] for f in found]
+
+
+def covers(some, truth, at_least=0.95):
+    """Assert that the share of intervals that hold the truth may be what they say (1 in 10^4)."""
+    hits = sum(e.ci95[0] <= truth <= e.ci95[1] for e in some)
+    least, most = binom.ppf([1e-4, 1 - 1e-4], len(some), at_least)
+    # the intervals may be one per cent off in what they promise
+    assert least - 0.01 * len(some) <= hits <= most + 0.01 * len(some), f'{hits} of {len(some)}'
+
+
+@functools.lru_cache
+def mems_fits():
+    """Return fits of N, B, K to 75 records of an hour."""
+    return fits(lambda rng: hidden.base_noise(36_000, 0.1, MEMS, rng), BASE, dt=0.1)
+
+
+# --- what comes out ------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('label', 'name', 'spread'), [
+    ('white', 'N', 0.003), ('flicker', 'B', 0.2), ('random_walk', 'K', 0.7)])
+def test_base_model(label, name, spread):
+    some = estimates(mems_fits(), label, name)
+    covers(some, MEMS[name])
+    points = np.array([e.point for e in some]) / MEMS[name]
+    off = 3 * spread / np.sqrt(len(points)) + 0.05 * spread
+    assert np.median(points) == pytest.approx(1, abs=off)
+    assert np.sqrt(np.mean((points - 1) ** 2)) < 1.5 * spread
+    assert all(e.value is None or e.value == e.point for e in some)
+
+
+def test_standard_deviations_are_those_of_the_draws():
+    for label, name in (('white', 'N'), ('flicker', 'B')):
+        some = [e for e in estimates(mems_fits(), label, name) if e.value is not None]
+        pull = [(e.value - MEMS[name]) / e.std for e in some]
+        # a standard deviation from 75 draws is good to 8 %
+        assert 0.7 < np.std(pull) < 1.4
+
+
+def test_no_number_is_made_up():
+    """Where K is far below what an hour shows, it is null, with a limit that holds."""
+    quiet = {**MEMS, 'K': 2e-8}
+    some = estimates(fits(lambda rng: hidden.base_noise(36_000, 0.1, quiet, rng), BASE,
+                          records=14, seed=1, dt=0.1), 'random_walk', 'K')
+    null = [e for e in some if e.value is None]
+    assert len(null) >= binom.ppf(1e-4, len(some), 0.95)
+    for e in null:
+        assert e.ci95[0] == 0 and 0 < e.upper95 <= e.ci95[1] and e.point > 0 and e.note
+        assert e.upper95 > 2e-8                     # far below: every limit holds
+    assert np.median([e.upper95 for e in null]) < 3 * MEMS['K']
+
+
+def test_upper_limits_hold():
+    """At a K that an hour shows now and then, at least 95 % of limits and lower ends are right."""
+    edge = {**MEMS, 'K': 4e-7}
+    some = estimates(fits(lambda rng: hidden.base_noise(36_000, 0.1, edge, rng), BASE,
+                          records=15, seed=2, dt=0.1), 'random_walk', 'K')
+    covers(some, edge['K'], 0.96)
+    assert 5 < sum(e.value is None for e in some)
+    assert all(e.upper95 is not None for e in some if e.value is None)
+
+
+def test_white_noise_alone():
+    """Flicker and random walk are null; N is as if they had not been asked for."""
+    found = fits(lambda rng: hidden.white(20_000, 0.05, 1e-3, rng), BASE, records=14, seed=3)
+    covers(estimates(found, 'white', 'N'), 1e-3)
+    for label, name in (('flicker', 'B'), ('random_walk', 'K')):
+        some = estimates(found, label, name)
+        null = sum(e.value is None for e in some)
+        # ci95 reaches zero unless the deviance exceeds 3.84: 2.5 % by chance
+        assert null >= binom.ppf(1e-4, len(some), 0.975)
+    assert max(e.upper95 for e in estimates(found, 'flicker', 'B') if e.upper95) < 3e-4
+
+
+def test_the_seed_example():
+    """Unit white noise at 10 Hz on a ramp of 1e-5 a sample: N = 0.3162, R = 1e-4."""
+    rng, found = np.random.default_rng(4), []
+    for _ in range(10):
+        y = rng.standard_normal(100_000) + 1e-5 * np.arange(1, 100_001)
+        found.append(fit_one(y, ('white', 'ramp'), dt=0.1))
+    for label, name, truth, precision in (('white', 'N', np.sqrt(0.1), 0.003),
+                                          ('ramp', 'R', 1e-4, 0.02)):
+        some = estimates(found, label, name)
+        assert all(abs(e.value - truth) < 4.5 * e.std for e in some)
+        assert sum(e.ci95[0] <= truth <= e.ci95[1] for e in some) >= 7
+        assert all(e.std < precision * truth for e in some)
+
+
+def test_ramp_in_red_noise():
+    """Its standard deviation knows of the random walk under it."""
+    base = {**MEMS, 'K': 3e-6}
+    ramp = 2e-7 * 0.1 * np.arange(18_000)
+    found = fits(lambda rng: hidden.base_noise(18_000, 0.1, base, rng) + ramp,
+                 (*BASE, 'ramp'), records=10, seed=5, dt=0.1)
+    pull = [(e.point - 2e-7) / e.std for e in estimates(found, 'ramp', 'R')]
+    assert 0.6 < np.std(pull) < 1.5 and abs(np.mean(pull)) < 0.7
+
+
+def test_gauss_markov():
+    def noise(rng):
+        n, dt = 36_000, 0.1
+        return hidden.white(n, dt, 8.7e-5, rng) + hidden.decay(n, dt, 5e-5, 12.0, rng)
+
+    found = fits(noise, ('white', 'gauss_markov'), records=15, seed=6, dt=0.1)
+    for label, name, truth in (('white', 'N', 8.7e-5), ('gauss_markov', 'sigma', 5e-5),
+                               ('gauss_markov', 'tc', 12.0)):
+        some = estimates(found, label, name)
+        covers(some, truth)
+        assert np.median([e.point for e in some]) == pytest.approx(truth, rel=0.08)
+
+
+def test_angle_quantization():
+    """The angle rounded to a step that its noise fills, Q = step/sqrt(12)."""
+    rng, step, pulls = np.random.default_rng(7), 6e-6, []
+    for _ in range(8):
+        rate = hidden.white(40_000, 0.01, 2e-5, rng) + 0.317
+        angle = step * np.round(np.cumsum(np.append(0, rate * 0.01)) / step)
+        e = fit_one(np.diff(angle) / 0.01, ('white', 'quantization'), dt=0.01)
+        e = e.estimates['quantization']['Q']
+        assert e.value == pytest.approx(step / np.sqrt(12), rel=0.06)
+        pulls.append((e.value - step / np.sqrt(12)) / e.std)
+    assert np.std(pulls) < 2.5
+
+
+def test_sinusoids():
+    """Two of them, each found with its frequency, amplitude and honest errors."""
+    rng, pulls = np.random.default_rng(8), []
+    t = np.arange(60_000) * 0.05
+    for _ in range(12):
+        f = rng.uniform(0.05, 9, 2)
+        a = np.array([4e-4, 1e-4])
+        y = hidden.base_noise(len(t), 0.05, MEMS, rng)
+        y += sum(a[i] * np.sin(2 * np.pi * f[i] * t + rng.uniform(0, 6)) for i in range(2))
+        found = fit_one(y, ('white', 'flicker', 'random_walk', 'sinusoid', 'sinusoid')).estimates
+        for i, label in enumerate(('sinusoid', 'sinusoid.2')):
+            amplitude, frequency = found[label]['amplitude'], found[label]['frequency']
+            assert abs(frequency.value - f[i]) < 0.1 / t[-1]
+            pulls.append(((frequency.value - f[i]) / frequency.std,
+                          (amplitude.value - a[i]) / amplitude.std))
+        white = found['white']['N']
+        assert abs(white.value - MEMS['N']) < 4.5 * white.std
+    assert np.all(np.abs(pulls) < 6)
+    assert np.all(np.std(pulls, axis=0) < 1.8) and np.all(np.std(pulls, axis=0) > 0.5)
+
+
+def test_resolution_of_the_output():
+    rng, sigma = np.random.default_rng(9), MEMS['N'] / np.sqrt(0.05)
+    for share in (0.7, 1.0, 2.0):
+        y = hidden.base_noise(50_000, 0.05, MEMS, rng)
+        step = share * sigma
+        found = fit_one(step * np.round((y + 0.37 * step) / step),
+                        ('white', 'rate_quantization')).estimates
+        assert found['rate_quantization']['step'].value == pytest.approx(step, rel=1e-6)
+        # what the rounding adds is not counted as noise of the sensor
+        assert found['white']['N'].value == pytest.approx(MEMS['N'], rel=0.03)
+
+
+# --- the likelihood itself -----------------------------------------------------------------------
+
+def test_likelihood_against_the_exact_one():
+    """Differences between models, against the Gaussian likelihood of the samples, mean unknown."""
+    n, dt = 900, 0.5
+    structure = 4 / np.pi * np.concatenate([[0], np.cumsum(1 / (2 * np.arange(1, n) - 1))])
+    i = np.arange(n)
+
+    def exact(y, v):
+        # flicker is stationary in its increments: -D/2 is a covariance once the mean is unknown
+        c = v['N'] ** 2 / dt * np.eye(n) - v['B'] ** 2 / 2 * toeplitz(structure) \
+            + v['K'] ** 2 * dt * np.minimum.outer(i, i) + 1e3 * np.ones((n, n))
+        factor = cho_factor(c, lower=True)
+        one = cho_solve(factor, np.ones(n))
+        r = y - (one @ y) / one.sum()
+        return -0.5 * (2 * np.sum(np.log(np.diag(factor[0]))) + np.log(one.sum())
+                       + r @ cho_solve(factor, r))
+
+    truth = {'N': 1.0, 'B': 0.3, 'K': 0.02}
+    others = [{**truth, k: f * truth[k]} for k in truth for f in (0.5, 0.8, 1.25, 2.0)]
+    rng = np.random.default_rng(10)
+    for _ in range(3):
+        y = hidden.base_noise(n, dt, truth, rng)
+        evidence = gather(record_of(y, dt=dt), ['gyro_x'])['gyro_x']
+
+        def ours(v):
+            model = Model(find_effect('noise', e)({k: v[k]}) for e, k in zip(BASE, 'NBK'))
+            likelihood = Likelihood(evidence, 'whole', model)
+            x = [s.to_search(v[s.parameter.name]) for s in likelihood.slots]
+            return -likelihood.value(np.array(x))[0]
+
+        for v in others:
+            one, two = exact(y, v) - exact(y, truth), ours(v) - ours(truth)
+            assert two == pytest.approx(one, abs=0.35 + 0.03 * abs(one)), v
+
+
+# --- laws ----------------------------------------------------------------------------------------
+
+@functools.lru_cache
+def sample(seed=11):
+    """Return one hour of a MEMS with a Gauss-Markov bump and a line."""
+    rng = np.random.default_rng(seed)
+    y = hidden.base_noise(36_000, 0.1, {**MEMS, 'K': 5e-6}, rng)
+    return y + 3e-4 * np.sin(2 * np.pi * 1.234 * 0.1 * np.arange(len(y)))
+
+
+LAWS = {   # powers of (size, time) by which each parameter scales
+    'N': (1, 0.5), 'B': (1, 0), 'K': (1, -0.5), 'R': (1, -1), 'amplitude': (1, 0),
+    'frequency': (0, -1), 'sigma': (1, 0), 'tc': (0, 1)}
+MODELS = {'N, B, K': BASE, 'with a ramp and a line': ('white', 'flicker', 'ramp', 'sinusoid'),
+          'Gauss-Markov': ('white', 'gauss_markov')}
+
+
+def assert_scaled(one, other, size=1.0, time=1.0, rtol=1e-3):
+    """Assert that each number of a fit is that of another, scaled as its dimension says."""
+    for label, values in one.estimates.items():
+        for name, a in values.items():
+            b = other.estimates[label][name]
+            a_law, t_law = LAWS[name]
+            factor = size ** a_law * time ** t_law
+            assert (a.value is None) == (b.value is None)
+            # an interval's ends are searched to a few parts in a thousand of its width
+            width = max(a.ci95[1] - a.ci95[0], 1e-9 * abs(a.point)) if a.ci95 else abs(a.point)
+            for x, y in zip((a.point, *(a.ci95 or ())), (b.point, *(b.ci95 or ()))):
+                assert y == pytest.approx(factor * x, abs=rtol * factor * width + 1e-300)
+
+
+@pytest.mark.parametrize('effects', MODELS.values(), ids=MODELS)
+@pytest.mark.parametrize('size', [1e3, 1e-4, 57.29577951308232])
+def test_units_do_not_matter(effects, size):
+    y = sample()
+    one, other = fit_one(y, effects, 0.1), fit_one(size * y, effects, 0.1)
+    assert_scaled(one, other, size=size)
+    assert one.flags == other.flags
+
+
+@pytest.mark.parametrize('effects', MODELS.values(), ids=MODELS)
+@pytest.mark.parametrize('time', [100.0, 0.01])
+def test_the_clock_does_not_matter(effects, time):
+    """The same samples, declared faster or slower: each coefficient scales by its dimension."""
+    y = sample()
+    assert_scaled(fit_one(y, effects, 0.1), fit_one(y, effects, 0.1 * time), time=time)
+
+
+def test_the_direction_of_time_does_not_matter():
+    y = sample()
+    assert_scaled(fit_one(y), fit_one(y[::-1].copy()))
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.floats(-10, 10))
+def test_a_constant_does_not_matter(offset):
+    y = sample()
+    assert_scaled(fit_one(y), fit_one(y + offset))
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.permutations(BASE))
+def test_the_order_of_effects_does_not_matter(order):
+    y = sample()
+    one, other = fit_one(y), fit_one(y, tuple(order))
+    assert other.model.labels == list(order)
+    assert_scaled(one, other, rtol=5e-3)
+
+
+def test_values_given_are_starts_not_constraints():
+    y = sample()
+    one = fit_one(y, ('white', 'gauss_markov'), 0.1)
+    off = Model([find_effect('noise', 'white')({'N': 1.0}), find_effect('noise', 'gauss_markov')(
+        {'sigma': 1e-9, 'tc': 0.4 * one.model['gauss_markov']['tc']})])
+    assert_scaled(one, fit_one(y, off, 0.1), rtol=5e-3)
+
+
+def test_more_effects_never_fit_worse():
+    y = sample()
+    less, more = fit_one(y, ('white', 'flicker'), 0.1), fit_one(y, BASE, 0.1)
+    # the reddest amplitude is kept off zero, which costs a fraction of a nat
+    assert more.log_likelihood > less.log_likelihood - 0.6
+
+
+# --- what goes wrong -----------------------------------------------------------------------------
+
+AWKWARD = {
+    'a hundred samples': lambda rng: rng.standard_normal(100),
+    'a hundred and one': lambda rng: rng.standard_normal(101),
+    'a pure ramp': lambda rng: np.arange(5000) * 1e-3,
+    'a pure sine': lambda rng: np.sin(0.1 * np.arange(5000)),
+    'two values': lambda rng: (rng.random(5000) < 0.5).astype(float),
+    'one sample off': lambda rng: (np.arange(5000) == 2000).astype(float),
+    'a random walk': lambda rng: np.cumsum(rng.standard_normal(5000)),
+    'differenced': lambda rng: np.diff(rng.standard_normal(5001)),
+    'a step': lambda rng: (np.arange(5000) > 2500) + 1e-3 * rng.standard_normal(5000),
+    'huge': lambda rng: 1e6 * rng.standard_normal(5000),
+    'tiny': lambda rng: 1e-9 * rng.standard_normal(5000),
+    'heavy tails': lambda rng: rng.standard_cauchy(5000),
+    'half silent': lambda rng: np.where(np.arange(5000) < 2500, 0.0, rng.standard_normal(5000)),
+}
+
+
+@pytest.mark.parametrize('samples', AWKWARD.values(), ids=AWKWARD)
+@pytest.mark.parametrize('effects', [BASE, ('white', 'ramp', 'sinusoid'), ('gauss_markov',),
+                                     ('white', 'gauss_markov', 'quantization')],
+                         ids=lambda e: '+'.join(e))
+@pytest.mark.filterwarnings('error')
+def test_every_number_is_a_number(samples, effects):
+    found = fit_one(samples(np.random.default_rng(12)), effects)
+    assert np.isfinite(found.log_likelihood)
+    assert list(found.estimates) == found.model.labels
+    for e in (e for values in found.estimates.values() for e in values.values()):
+        assert np.isfinite(e.point)
+        assert e.value is None or np.isfinite(e.value)
+        if e.ci95 is not None:
+            assert np.all(np.isfinite(e.ci95)) and e.ci95[0] <= e.ci95[1]
+            # the interval of a null one is that of its size
+            at = e.point if e.value is not None else abs(e.point)
+            assert e.ci95[0] <= at * (1 + 1e-9) + 1e-300 and at <= e.ci95[1] * (1 + 1e-9)
+        assert e.value is not None or e.note
+        assert e.upper95 is None or e.upper95 <= e.ci95[1] * (1 + 1e-6)
+    assert found.model.effects[0].fitted
+
+
+def test_a_bound_is_flagged():
+    """A random walk has no correlation time: the interval of tc has no upper end, says so."""
+    y = np.cumsum(np.random.default_rng(13).standard_normal(20_000))
+    found = fit_one(y, ('gauss_markov',))
+    tc = found.estimates['gauss_markov']['tc']
+    assert tc.ci95[1] >= 20_000 * 0.05 * (1 - 1e-9)
+    assert 'bound' in tc.note and 'gauss_markov.tc' in ' '.join(found.flags)
+
+
+def test_a_model_of_the_mean_alone():
+    y = 1e-4 * np.arange(5000) + np.random.default_rng(14).standard_normal(5000)
+    e = fit_one(y, ('ramp',)).estimates['ramp']['R']
+    assert abs(e.value - 1e-4 / 0.05) < 4.5 * e.std
