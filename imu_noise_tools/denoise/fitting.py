@@ -100,7 +100,7 @@ def maximise(model: Model, fixed, evaluate: Evaluate) -> tuple[Model, float]:
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
     found = minimize(lambda v: -_finite(evaluate([free.at(v)])[0]), x, method='Nelder-Mead',
-                     options={'initial_simplex': simplex, 'xatol': 0.01, 'fatol': 0.02, 'maxfev': 120 * len(x)})
+                     options={'initial_simplex': simplex, 'xatol': 0.01, 'fatol': 0.01, 'maxfev': 120 * len(x)})
     return free.at(found.x), -float(found.fun)
 
 

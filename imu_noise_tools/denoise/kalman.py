@@ -69,7 +69,7 @@ def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray
     for _ in range(doublings):
         w = eye + g @ p
         try:
-            v, u = np.linalg.solve(w, a), np.linalg.solve(w, g)
+            v, u = np.split(np.linalg.solve(w, np.hstack([a, g])), 2, axis=1)
         except np.linalg.LinAlgError:
             return None
         new = p + a.T @ p @ v
@@ -132,17 +132,19 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     t_rate, t_nu = (np.where(lower, v[np.maximum(lag, 0)], 0.0) for v in (response, nu_response))
     drive = np.stack([m @ k for m in powers[b - 1::-1]], 1)                    # (d, b): block's samples to its last state
     full = n // b
-    zb = z[:full * b].reshape(full, b, axes)
-    pushed = np.einsum('db,fba->fda', drive, zb, optimize=True)
+    # one row a block and axis, so that each step is one large matrix product
+    zb = z[:full * b].reshape(full, b, axes).transpose(0, 2, 1).reshape(full * axes, b)
+    pushed = (zb @ drive.T).reshape(full, axes, -1).transpose(0, 2, 1)
     states = np.empty((full + 1, space.size, axes))
     states[0] = x
     last = powers[b]
     for i in range(full):
         states[i + 1] = last @ states[i] + pushed[i]
-    before = states[:-1]
+    before = states[:-1].transpose(0, 2, 1).reshape(full * axes, -1)
     rate, nu = np.empty_like(z), np.empty_like(z)
-    rate[:full * b] = (rate_of @ before + t_rate @ zb).reshape(-1, axes)
-    nu[:full * b] = (nu_of @ before + t_nu @ zb).reshape(-1, axes)
+    for out, of_state, of_samples in ((rate, rate_of, t_rate), (nu, nu_of, t_nu)):
+        found = before @ of_state.T + zb @ of_samples.T
+        out[:full * b] = found.reshape(full, axes, b).transpose(0, 2, 1).reshape(-1, axes)
     x = states[full]
     for j in range(full * b, n):
         nu[j] = z[j] - space.h @ space.phi @ x

@@ -20,7 +20,7 @@ from ..spectrum import cosine_transform
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
 NEVER = ('constant_rate', 'white', 'random_walk')      # not candidates: without parameters, always there, not told apart
-MENDED = 0.3            # share of the lost information that may be left by an effect that explains the rest
+MENDED = 0.5            # share of the lost information that may be left by an effect that explains the rest
 SEARCH = {'harmonic': 2.0, 'sinusoid': 2.0, 'outliers': 4.0, 'rate_step': 4.0}     # nats: places where it was looked for
 
 
