@@ -38,7 +38,7 @@ def allan_figure(study: Study):
         for k, target in enumerate(row):
             label = suspected(study.diagnosis.get(target))
             _curve_and_pulls(figure, grid, k, study.states[target], label)
-        _together(figure.add_subplot(grid[:, len(row)]), study, row)
+        _together(figure.add_subplot(grid[:, -1]), study, row)
     _key(figure)
     return figure
 

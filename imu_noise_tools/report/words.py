@@ -155,10 +155,9 @@ def _place(view, x):
 
 
 def _size(view, pull):
-    size = f'{abs(pull):.2g} standard errors'
-    if view.name in ('frequency', 'variance', 'distribution'):
-        return f'{size} too {"much" if pull > 0 else "little"}'
-    return size
+    more, less = {'frequency': ('too much', 'too little'), 'variance': ('louder', 'quieter'),
+                  'distribution': ('too many', 'too few')}.get(view.name, ('', ''))
+    return f'{abs(pull):.2g} standard errors {more if pull > 0 else less}'.rstrip()
 
 
 def title_of(view: str) -> str:
