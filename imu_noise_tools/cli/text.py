@@ -177,3 +177,36 @@ def changes(found, first, second) -> str:
     """Return what changed between two records beyond chance."""
     rows = [(c['target'], c['what'], c['first'], c['second'], c['sigmas'], c['verdict']) for c in found]
     return f'first: {first}\nsecond: {second}\n' + table(rows, ('target', 'what', 'first', 'second', 'sigma', 'verdict'))
+
+
+def inspection(found) -> str:
+    """Return a bag's topics and the health of its record."""
+    h = found.health
+    out = [table([(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role) for t in found.topics],
+                 ('topic', 'type', 'messages', 'Hz', 'used as')), '']
+
+    def line(name, value):
+        out.append(f'{name:22s}{value}')
+
+    def hertz(x):
+        return 'unknown' if x is None else f'{x:.6g} Hz'
+
+    line('record', f'{found.topic}: {h.samples} samples, {h.duration_s:.6g} s')
+    line('rate', f'{hertz(h.rate_hz)} (median {hertz(h.median_rate_hz)}, received {hertz(h.receive_rate_hz)})')
+    if h.clock_drift_ppm is not None:
+        line('clock drift', f'{h.clock_drift_ppm:.3g} ppm against the receiver')
+    line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
+    jitter = 'unknown' if h.jitter_s is None else f'{1e6 * h.jitter_s:.3g} us'
+    line('stamps', f'{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
+    line('not finite', h.not_finite)
+    line('stuck axes', ', '.join(h.stuck) or 'none')
+    line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')
+    line('resolution', ', '.join(f'{k} {r.step:.3g} ({r.levels} levels)' if r.step else f'{k} no grid'
+                                 for k, r in h.resolution.items()) or 'unknown')
+    if h.gravity is not None:
+        line('gravity at rest', f'{h.gravity:.4g} m/s^2')
+    line('temperature topics', ', '.join(f'{k} {lo:.4g} to {hi:.4g} degC' for k, (lo, hi) in h.temperature.items()) or 'none')
+    line('can be analysed', found.analysed)
+    if h.advice:
+        out += ['', 'advice'] + [w for a in h.advice for w in textwrap.wrap(a, WIDTH - 2, initial_indent='- ', subsequent_indent='  ')]
+    return '\n'.join(out)

@@ -1,0 +1,38 @@
+"""How long to record for a wanted precision."""
+
+from __future__ import annotations
+
+from .. import noise  # noqa: F401  (registers the effects)
+from .. import store
+from ..effect import find_effect, Model
+from ..noise.plan import duration_for, in_words, precision
+
+_EFFECTS = {'N': 'white', 'B': 'flicker', 'K': 'random_walk'}
+
+
+def plan(folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted: float = 0.2) -> list[dict]:
+    """
+    Return one row a parameter: what an hour gives, and how long a record gives the wanted relative precision.
+
+    Parameters
+    ----------
+    folder : path or None
+        A noise study to take the models from.
+    given : mapping
+        N, B, K in SI, where there is no study.
+
+    """
+    if folder:
+        study = store.load(folder)
+        models = {t: (s.model, s.problem.evidence.dt) for t, s in study.states.items()}
+    else:
+        models = {sensor: (Model(find_effect('noise', _EFFECTS[k])({k: v}) for k, v in given.items()), 1 / rate_hz)}
+    rows = []
+    for target, (model, dt) in models.items():
+        hour = precision(model, 3600.0, dt)
+        for (label, name), share in hour.items():
+            t = duration_for(model, label, name, dt, wanted)
+            rows.append({'target': target, 'parameter': f'{label}.{name}', 'value': model[label][name],
+                         'one_hour': f'{100 * share:.2g} %' if share < 10 else 'nothing', 'one_hour_relative': share,
+                         'record': in_words(t) if t else 'more than 1000 h', 'seconds': t})
+    return rows
