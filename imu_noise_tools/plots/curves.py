@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..noise.evidence import Evidence
 from ..noise.fit import Likelihood
 from ..noise.kinds import Coupling, Defect, Inputs, Line, Mean, model_avar
 from ..noise.kinds import Response, Spectrum
+from ..noise.problem import NoiseProblem
 from ..noise.views import gamma_pull
 from ..spectrum import quadrature_avar
 from ..study import State
@@ -37,9 +39,14 @@ class Curves:
     pull: np.ndarray
 
 
+def evidence_of(state: State) -> Evidence:
+    """Return the evidence of one axis of a noise study."""
+    return cast(NoiseProblem, state.problem).evidence
+
+
 def curves(state: State) -> Curves | None:
     """Return the curves of one axis; None where no model predicts its deviation (mdev ...)."""
-    e, model = state.problem.evidence, state.model
+    e, model = evidence_of(state), state.model
     c = e.curve
     if c.deviation not in ('oadev', 'adev'):
         return None
@@ -75,7 +82,7 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect, m: np.ndarray)
         return effect.avar(m, dt)
     if isinstance(effect, Coupling):
         return _coupled_avar(evidence, effect, m)
-    if isinstance(effect, Defect) and type(effect).screen.__func__ is not Defect.screen.__func__:
+    if isinstance(effect, Defect) and _screens(effect):
         return _screened_avar(evidence, m)
     return None
 
@@ -99,6 +106,11 @@ def _coupled_avar(evidence, effect, m):
     return quadrature_avar(lambda f: np.interp(np.log(f), at, s), m, evidence.dt)
 
 
+def _screens(effect):
+    own, none = (getattr(c.screen, '__func__', None) for c in (type(effect), Defect))
+    return own is not none
+
+
 def _screened_avar(evidence, m):
     """
     Allan variance of isolated samples that are screened before the fit, and stay in the curve.
@@ -114,7 +126,7 @@ def _screened_avar(evidence, m):
     return max(curve.dev[0] ** 2 * curve.m[0] - clean, 0.0) / m
 
 
-def line_envelope(effect: Effect, m: np.ndarray, dt: float) -> np.ndarray:
+def line_envelope(effect: Line, m: np.ndarray, dt: float) -> np.ndarray:
     """
     Return a line's Allan variance, its crests where the nulls would lie too close to be drawn.
 
@@ -128,7 +140,7 @@ def line_envelope(effect: Effect, m: np.ndarray, dt: float) -> np.ndarray:
 
 def spectra(state: State) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Return power in the bins of the whole record, (b,): measured, the model's, each effect's."""
-    likelihood = Likelihood(state.problem.evidence, 'whole', state.model, state.fit)
+    likelihood = Likelihood(evidence_of(state), 'whole', state.model, state.fit)
     measured = likelihood.without_couplings(state.model) if likelihood.couplings else \
         likelihood.power
     return measured, *likelihood.spectra(state.model)

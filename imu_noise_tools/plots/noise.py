@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .curves import curves, runs
+from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
 from .panels import allan, distribution, in_time, psd, pulls, series, shade, suspected, TAU
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
@@ -60,7 +60,7 @@ def _curve_and_pulls(figure, grid, column, state: State, label: str):
 
 
 def _together(ax, study, row):
-    evidence = [study.states[t].problem.evidence for t in row]
+    evidence = [evidence_of(study.states[t]) for t in row]
     factor, _ = units.field('{rate}', evidence[0].sensor)
     curves_ = [e.curve for e in evidence]
     dress(ax, f'{evidence[0].sensor}: all axes', TAU)
@@ -111,7 +111,7 @@ def target_figure(state: State, diagnosis: Diagnosis | None = None, left_out=())
     upper = psd(figure.add_subplot(grid[0, 1]), state)
     upper.tick_params(labelbottom=False)
     upper.set_xlabel('')
-    view = views.frequency(state.problem.evidence, 'whole', state.fit, fitted_here=True)
+    view = views.frequency(evidence_of(state), 'whole', state.fit, fitted_here=True)
     shade(upper, view.x, runs(view.pull))
     pulls(figure.add_subplot(grid[1, 1]), view.x, view.pull, label, 'frequency, Hz')
     below = figure.add_gridspec(1, 3, left=0.055, right=0.99, top=0.26, bottom=0.065, wspace=0.2)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from .curves import Curves, curves, line_envelope, NOTABLE, observable, readings
-from .curves import runs, spectra
+from .curves import Curves, curves, evidence_of, line_envelope, NOTABLE, observable
+from .curves import readings, runs, spectra
 from .style import AXES, CHANCE, dress, EFFECTS, FAIL, FAINT, label_lines, log_scale
 from .style import MEASURED, MODEL, readable, SMALL
 from .. import units
@@ -45,6 +45,7 @@ def allan(ax, state: State, found: Curves | None = None, title: str | None = Non
     Parameters
     ----------
     ax : Axes
+        Drawn on, and returned.
     state : State
         Of a noise study.
     found : Curves or None
@@ -53,7 +54,8 @@ def allan(ax, state: State, found: Curves | None = None, title: str | None = Non
         The axis' name unless given.
 
     """
-    e, c = state.problem.evidence, state.problem.evidence.curve
+    e = evidence_of(state)
+    c = e.curve
     factor, unit = units.field('{rate}', e.sensor)
     found = found or curves(state)
     dress(ax, e.axis if title is None else title, y=f'Allan deviation, {readable(unit)}')
@@ -93,7 +95,7 @@ def _dashed(ax, state, label, x, y):
 
 
 def _effect_lines(ax, state, found, factor):
-    c = state.problem.evidence.curve
+    c = evidence_of(state).curve
     lines = []
     for label, v in found.each.items():
         if isinstance(state.model[label], Line):
@@ -112,7 +114,7 @@ def _mark(ax, x, y, name, colour, below):
 
 def pulls(ax, x, pull, label: str = '', xlabel: str = TAU):
     """
-    Draw pulls (standard errors) against x on a logarithmic scale.
+    Draw standard errors between measurement and model against x on a logarithmic scale.
 
     What lies beyond 2 is filled; runs that chance hardly explains are shaded, and the worst of
     them carries the label: the suspected effect.
@@ -160,7 +162,7 @@ def shade(ax, x, marked):
 
 def psd(ax, state: State):
     """Draw the measured noise density with its 95 % band, the model, each effect, lines found."""
-    e = state.problem.evidence
+    e = evidence_of(state)
     factor, unit = _DENSITY[e.sensor]
     f, count = e.whole.bins.f, e.whole.bins.count
 
@@ -212,6 +214,7 @@ def series(ax, state: State, left_out=(), xlabel: bool = True):
     Parameters
     ----------
     ax : Axes
+        Drawn on, and returned.
     state : State
         Of a noise study.
     left_out : iterable of (from, to, ...)
@@ -220,7 +223,7 @@ def series(ax, state: State, left_out=(), xlabel: bool = True):
         Whether to label the time axis.
 
     """
-    e = state.problem.evidence
+    e = evidence_of(state)
     factor, unit = _SHOWN[e.sensor]
     t, lo, hi = e.envelope.T
     mean = float(np.mean(e.slow_y))
@@ -250,7 +253,7 @@ def _time_unit(duration):
 
 def in_time(ax, state: State):
     """Draw the rms of the noise in time beside its mean over the record; grey: chance."""
-    e = state.problem.evidence
+    e = evidence_of(state)
     t, x, w = views.power_in_time(e, state.model, groups=1)
     spread = 2 / (9 * w[0])
     # Wilson and Hilferty's normal approximation of chi-squared, backwards
@@ -264,7 +267,7 @@ def in_time(ax, state: State):
 
 def distribution(ax, state: State):
     """Draw how many samples lie where a normal distribution puts equally many; grey: chance."""
-    e = state.problem.evidence
+    e = evidence_of(state)
     cells = e.cells_of(state.model).astype(float)
     k, total = len(cells), cells.sum()
     chance = RARE * np.sqrt((1 - 1 / k) / (total / k))

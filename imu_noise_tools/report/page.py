@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
+from typing import cast
 
 from . import words
 from .markup import badge, bullets, cell, escape, image, page, table
 from .pictures import pictures as drawn
 from ..allan import dominant_shape
 from ..effect import View
+from ..noise.problem import NoiseProblem
 from ..study import Diagnosis, Study
 
 _TITLES = {'noise': 'Noise of an IMU at rest', 'calibration': 'Calibration of an IMU',
@@ -101,7 +103,7 @@ def _model(study: Study) -> str:
               cell(r.interval), cell(r.si), escape(r.note)) for r in words.rows(state, t))))
         said = [*words.summary_in_words(state.summary), *state.fit.flags]
         if study.domain == 'noise':
-            said.insert(0, dominant_shape(state.problem.evidence.curve))
+            said.insert(0, dominant_shape(cast(NoiseProblem, state.problem).evidence.curve))
         out.append(bullets((escape(s) for s in said), 'small'))
     return '\n'.join(out)
 
