@@ -1,5 +1,5 @@
 """
-Figures of the calibration: coverage, bias by tilt, hidden effects, and real records beside their references.
+Figures of the calibration: coverage, bias by tilt, hidden effects, real records.
 
     OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200] [coverage|hidden|real ...]
 
@@ -21,18 +21,20 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 
-import calibration_sessions as sim                                              # noqa: E402
-from imu_noise_tools import calibration as core                                 # noqa: E402
-from imu_noise_tools.calibration.problem import CalibrationProblem              # noqa: E402
-from imu_noise_tools.effect import find_effect                                  # noqa: E402
-from imu_noise_tools.record import ImuRecord                                    # noqa: E402
-from imu_noise_tools.study import deviance, diagnose, held_out, State                    # noqa: E402
-from imu_noise_tools.tasks import calibration as tasks                          # noqa: E402
+import calibration_sessions as sim                                      # noqa: E402,I100,I201
+
+from imu_noise_tools import calibration as core                         # noqa: E402,I201
+from imu_noise_tools.calibration.problem import CalibrationProblem      # noqa: E402
+from imu_noise_tools.effect import find_effect                          # noqa: E402
+from imu_noise_tools.record import ImuRecord                            # noqa: E402
+from imu_noise_tools.study import deviance, diagnose, held_out, State   # noqa: E402
+from imu_noise_tools.tasks import calibration as tasks                  # noqa: E402
 
 DEG = np.pi / 180
 DATA = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data')
 NAMES = [('scale', f'S_{2 * k}') for k in 'xyz'] + [
-    ('cross_axis', f'S_{a}{b}') for a in 'xyz' for b in 'xyz' if a != b] + [('bias', f'b_{k}') for k in 'xyz']
+    ('cross_axis', f'S_{a}{b}') for a in 'xyz' for b in 'xyz' if a != b] + [('bias', f'b_{k}')
+                                                                            for k in 'xyz']
 
 
 # what sessions are made of: a session returns (problem, device)
@@ -52,7 +54,8 @@ def spread_poses(rng, device, n=24, temperature=False):
     """Return a problem of poses in all directions, fitted by their magnitude."""
     true = sim.G * sim.spread_directions(n, rng)
     t = rng.uniform(15, 45, n) if temperature else None
-    poses = core.Poses.of('accel', device.output(true, rng, t).T, device.noise, sim.G, temperature=t,
+    poses = core.Poses.of('accel', device.output(true, rng, t).T, device.noise, sim.G,
+                          temperature=t,
                           reference_temperature=25.0)
     return CalibrationProblem(poses, 'norm')
 
@@ -61,7 +64,8 @@ def fixture(rng, device, n=24):
     """Return a problem of known directions: a dividing head, true to 0.02 deg."""
     true = sim.spread_directions(n, rng)
     t = rng.uniform(15, 45, n)
-    poses = core.Poses.of('accel', device.output(sim.G * sim.tilted(true, 0.02 * DEG, rng), rng, t).T, device.noise,
+    poses = core.Poses.of('accel', device.output(sim.G * sim.tilted(true, 0.02 * DEG, rng), rng,
+                                                 t).T, device.noise,
                           sim.G, sim.G * true.T, temperature=t, reference_temperature=25.0)
     return CalibrationProblem(poses, 'wls', 0.02 * DEG)
 
@@ -79,16 +83,19 @@ def rate_table(rng, device, rates=(20, 60, 120, 200), tilt=0.05):
     t = rng.uniform(15, 45, len(inputs))
     size = np.linalg.norm(inputs, axis=1, keepdims=True)
     true = size * sim.tilted(inputs / size, tilt * DEG, rng)
-    poses = core.Poses.of('gyro', device.output(true, rng, t, force).T, device.noise, max(rates) * DEG, inputs.T,
+    poses = core.Poses.of('gyro', device.output(true, rng, t, force).T, device.noise,
+                          max(rates) * DEG, inputs.T,
                           force=force.T, temperature=t, reference_temperature=25.0)
     return CalibrationProblem(poses, 'wls', tilt * DEG)
 
 
 SESSIONS = {'spread': (spread_poses, 'accel', 1e-3), 'fixture': (fixture, 'accel', 1e-3),
-            'table': (rate_table, 'gyro', 1e-4), 'faces x4': (lambda r, d: six_faces(r, d, times=4, temperature=True),
-                                                              'accel', 1e-3)}
-HIDDEN = {'spread': ('quadratic', 'cubic', 'asymmetry'), 'fixture': ('quadratic', 'cubic', 'asymmetry', 'temperature'),
-          'table': ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity'), 'faces x4': ('temperature', 'tilt')}
+            'table': (rate_table, 'gyro', 1e-4),
+            'faces x4': (lambda r, d: six_faces(r, d, times=4, temperature=True), 'accel', 1e-3)}
+HIDDEN = {'spread': ('quadratic', 'cubic', 'asymmetry'),
+          'fixture': ('quadratic', 'cubic', 'asymmetry', 'temperature'),
+          'table': ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity'),
+          'faces x4': ('temperature', 'tilt')}
 TWIN = {'quadratic': 'asymmetry', 'asymmetry': 'quadratic'}
 
 
@@ -108,8 +115,8 @@ def verdict(problem):
 
 def inside(fit, device):
     """Return, for each coefficient, whether the truth lies in its 95 % interval."""
-    truth = dict(zip(NAMES, [*np.diag(device.scale), *[device.scale[a, b] for a in range(3) for b in range(3)
-                                                        if a != b], *device.bias]))
+    cross = [device.scale[a, b] for a in range(3) for b in range(3) if a != b]
+    truth = dict(zip(NAMES, [*np.diag(device.scale), *cross, *device.bias]))
     out = {}
     for label, name in NAMES:
         e = fit.estimates[label][name]
@@ -141,7 +148,8 @@ def coverage(n, seed=1):
         bias['norm'].append(fit.details['bias'] - device.bias)
         scale['norm'].append(np.diag(fit.details['S']) - np.diag(device.scale))
     print(f'### Coverage, {n} sessions (six faces tilted by 1 deg; 24 spread poses for norm)\n')
-    print('| method | inside the 95 % interval | worst coefficient | bias error rms, m/s^2 | mean scale error, ppm |')
+    print('| method | inside the 95 % interval | worst coefficient | bias error rms, m/s^2 | '
+          'mean scale error, ppm |')
     print('|---|---|---|---|---|')
     for m, h in hits.items():
         h = np.array(h)
@@ -152,10 +160,10 @@ def coverage(n, seed=1):
 
 def with_hidden(rng, kind, name, strength):
     """
-    Return a problem with an effect whose largest component is so many standard errors of its estimate.
+    Return a problem with an effect so many standard errors large (largest component).
 
-    The standard error is the one in a model that holds the effect's nearest rival, too: what the session can
-    tell apart.
+    The standard error is the one in a model that holds the effect's nearest rival, too: what the
+    session can tell apart.
 
     """
     make, sensor, noise = SESSIONS[kind]
@@ -184,7 +192,7 @@ def outcome(found, name):
 
 
 def falls(problem, name, others):
-    """Return whether the error of left-out poses falls with it, most with it, and again with any other one."""
+    """Return whether the left-out error falls with it, most with it, and again with another."""
     def error(*more):
         return deviance(problem.held_out(fitted(problem, *more)))
 
@@ -198,8 +206,10 @@ def hidden(n, seed=2):
     """Print the verdicts on hidden effects, and on nothing hidden."""
     rng = np.random.default_rng(seed)
     print(f'### Hidden effects, {n} sessions each, 5 to 15 standard errors (rival in the model)\n')
-    print('| session | hidden | right | named in undecidable | wrong name | unknown | complete | error of left-out poses '
-          'falls | falls most of all | falls again with a wrong one |\n|---|---|---|---|---|---|---|---|---|---|')
+    print('| session | hidden | right | named in undecidable | wrong name | unknown | complete | '
+          'error of left-out poses '
+          'falls | falls most of all | falls again with a wrong one '
+          '|\n|---|---|---|---|---|---|---|---|---|---|')
     total, right = 0, 0
     for kind, names in HIDDEN.items():
         for name in names:
@@ -207,17 +217,22 @@ def hidden(n, seed=2):
             for _ in range(n):
                 problem = with_hidden(rng, kind, name, rng.uniform(5, 15))
                 count[outcome(verdict(problem), name)] += 1
-                ladder.append(falls(problem, name, [x for x in names if x != name] or ['quadratic']))
+                ladder.append(falls(problem, name,
+                                    [x for x in names if x != name] or ['quadratic']))
             total += n
             right += count['right']
-            share = [100 * count[k] / n for k in ('right', 'named', 'wrong', 'unknown', 'complete')]
+            share = [100 * count[k] / n for k in ('right', 'named', 'wrong', 'unknown',
+                                                  'complete')]
             rungs = 100 * np.mean(ladder, axis=0)
-            print(f'| {kind} | {name} | ' + ' | '.join(f'{v:.0f} %' for v in [*share, *rungs]) + ' |', flush=True)
+            print(f'| {kind} | {name} | ' + ' | '.join(f'{v:.0f} %' for v in [*share, *rungs])
+                  + ' |', flush=True)
     print(f'\nright over all: {100 * right / total:.1f} % of {total}\n')
     print('| session, nothing hidden | complete |\n|---|---|')
     total, right = 0, 0
-    for kind, (make, sensor, noise) in {**SESSIONS, 'six faces': (six_faces, 'accel', 1e-3)}.items():
-        good = sum(verdict(make(rng, sim.Device.drawn(rng, sensor, noise))).verdict == 'complete' for _ in range(2 * n))
+    for kind, (make, sensor, noise) in {**SESSIONS,
+                                        'six faces': (six_faces, 'accel', 1e-3)}.items():
+        good = sum(verdict(make(rng, sim.Device.drawn(rng, sensor, noise))).verdict == 'complete'
+                   for _ in range(2 * n))
         total, right = total + 2 * n, right + good
         print(f'| {kind} | {100 * good / (2 * n):.1f} % |', flush=True)
     print(f'\ncomplete over all: {100 * right / total:.1f} % of {total}\n')
@@ -226,11 +241,13 @@ def hidden(n, seed=2):
         good = 0
         for _ in range(n):
             device = sim.Device.drawn(rng)
-            std = [e.std for e in fitted(six_faces(rng, device, tilt=1.0), name).estimates[name].values()]
+            std = [e.std for e in fitted(six_faces(rng, device, tilt=1.0),
+                                         name).estimates[name].values()]
             setattr(device, name, rng.uniform(6, 15) * np.array(std) * rng.choice([-1, 1], 3))
             found = verdict(six_faces(rng, device))
             able = {f.name for f in found.ranked if f.gain > f.penalty}
-            good += found.verdict == 'undecidable' and {'quadratic', 'asymmetry'} <= able and 'edges' in found.advice
+            good += (found.verdict == 'undecidable' and {'quadratic', 'asymmetry'} <= able
+                     and 'edges' in found.advice)
         print(f'| six faces, {name} (against its twin) | {100 * good / n:.0f} % |', flush=True)
     print()
 
@@ -248,33 +265,47 @@ def real():
     c = tasks.calibrate_records([record('xsens_mti_multipos')], gravity=9.81744).calibration
     std_s, std_b = c.std
     print('xsens_mti_multipos, norm, in counts (scale 414.333, zero 32768):\n')
-    print('| axis | scale | ± | reference | factory sheet | bias | ± | reference | factory sheet |\n|---|---|---|---|---|---|---|---|---|')
-    reference = ((414.419, 412.032, 414.621), (415, 413, 415), (33123.84, 33275.16, 32364.49), (33123, 33276, 32360))
+    print('| axis | scale | ± | reference | factory sheet | bias | ± | reference | factory sheet '
+          '|\n|---|---|---|---|---|---|---|---|---|')
+    reference = ((414.419, 412.032, 414.621), (415, 413, 415), (33123.84, 33275.16, 32364.49),
+                 (33123, 33276, 32360))
     for k, axis in enumerate('xyz'):
-        print(f'| {axis} | {c.S[k, k] * 414.333:.3f} | {std_s[k, k] * 414.333:.3f} | {reference[0][k]} | {reference[1][k]} | '
-              f'{c.bias[k] * 414.333 + 32768:.2f} | {std_b[k] * 414.333:.2f} | {reference[2][k]} | {reference[3][k]} |')
+        print(f'| {axis} | {c.S[k, k] * 414.333:.3f} | {std_s[k, k] * 414.333:.3f} | '
+              f'{reference[0][k]} | {reference[1][k]} | '
+              f'{c.bias[k] * 414.333 + 32768:.2f} | {std_b[k] * 414.333:.2f} | {reference[2][k]} '
+              f'| {reference[3][k]} |')
     error = np.linalg.norm(c.apply(c.poses.outputs.T), axis=1) - 9.81744
-    print(f'\nresidual {np.sqrt(np.mean(error ** 2)):.5f} m/s^2 rms over {c.poses.n} poses (reference 0.0011); '
+    print(f'\nresidual {np.sqrt(np.mean(error ** 2)):.5f} m/s^2 rms over {c.poses.n} poses '
+          f'(reference 0.0011); '
           f'verdict {verdict(c.problem).verdict}: {verdict(c.problem).ranked[0].name}\n')
-    c = tasks.calibrate_records([record('xsens_mti_multipos')], gravity=9.81744, method='wls').calibration
-    print('six nominal faces of the same record (hand-held), warned: ' + '; '.join(c.warnings) + '\n')
+    c = tasks.calibrate_records([record('xsens_mti_multipos')], gravity=9.81744,
+                                method='wls').calibration
+    print('six nominal faces of the same record (hand-held), warned: ' + '; '.join(c.warnings)
+          + '\n')
     published = {'mpu9150_0_multipos': ((0.363, 0.315, 0.647), (0.103, 0.097, 0.344)),
                  'mpu9150_1_multipos': ((0.471, 0.482, 0.932), (0.090, 0.070, 0.338))}
     print('| record | what | ours, g 9.80665 | ours, g 9.81 | published |\n|---|---|---|---|---|')
     for name, (scale, bias) in published.items():
-        both = [tasks.calibrate_records([record(name)], gravity=g).calibration for g in (9.80665, 9.81)]
+        both = [tasks.calibrate_records([record(name)], gravity=g).calibration for g in (9.80665,
+                                                                                         9.81)]
         std_s, std_b = both[0].std
         for k, axis in enumerate('xyz'):
-            print(f'| {name} | scale {axis}, % | {100 * (both[0].S[k, k] - 1):.3f} ± {100 * std_s[k, k]:.3f} | '
+            print(f'| {name} | scale {axis}, % | {100 * (both[0].S[k, k] - 1):.3f} ± '
+                  f'{100 * std_s[k, k]:.3f} | '
                   f'{100 * (both[1].S[k, k] - 1):.3f} | {scale[k]} |')
-            print(f'| {name} | bias {axis}, m/s² | {both[0].bias[k]:.4f} ± {std_b[k]:.4f} | {both[1].bias[k]:.4f} | {bias[k]} |')
-        print(f'| {name} | χ² (dof), verdict | {both[0].fit.details["chi2"]:.1f} ({both[0].fit.details["dof"]}), '
+            print(f'| {name} | bias {axis}, m/s² | {both[0].bias[k]:.4f} ± {std_b[k]:.4f} | '
+                  f'{both[1].bias[k]:.4f} | {bias[k]} |')
+        print(f'| {name} | χ² (dof), verdict | {both[0].fit.details["chi2"]:.1f} '
+              f'({both[0].fit.details["dof"]}), '
               f'{verdict(both[0].problem).verdict} | | |')
     print()
-    for sensor, rate, more in (('accel', None, {'seconds': 1.0}), ('gyro', 102.4, {'turn_deg': 360, 'seconds': 1.0})):
+    for sensor, rate, more in (('accel', None, {'seconds': 1.0}),
+                               ('gyro', 102.4, {'turn_deg': 360, 'seconds': 1.0})):
         c = tasks.calibrate_records([record('imucal_ferraris', rate)], **more).calibration
-        print(f'imucal_ferraris {sensor}: S {c.S.round(4).tolist()}, bias {c.bias.round(4).tolist()}, '
-              f'χ² {c.fit.details["chi2"]:.1f} ({c.fit.details["dof"]}), {verdict(c.problem).verdict}\n')
+        print(f'imucal_ferraris {sensor}: S {c.S.round(4).tolist()}, bias '
+              f'{c.bias.round(4).tolist()}, '
+              f'χ² {c.fit.details["chi2"]:.1f} ({c.fit.details["dof"]}), '
+              f'{verdict(c.problem).verdict}\n')
 
 
 def main():

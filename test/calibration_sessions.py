@@ -1,8 +1,8 @@
 """
-Calibration sessions with known truth, made without the package: poses for statistics, sample streams for the rest.
+Calibration sessions with known truth, made without the package: poses and streams.
 
-Everything is written from the physics (vectors, rotations, sums), so that a wrong formula in the package
-cannot hide behind the same one here.
+Everything is written from the physics (vectors, rotations, sums), so that a wrong formula in the
+package cannot hide behind the same one here.
 
 """
 
@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 G = 9.80665
-AXES = {'+x': (1, 0, 0), '-x': (-1, 0, 0), '+y': (0, 1, 0), '-y': (0, -1, 0), '+z': (0, 0, 1), '-z': (0, 0, -1)}
+AXES = {'+x': (1, 0, 0), '-x': (-1, 0, 0), '+y': (0, 1, 0), '-y': (0, -1, 0), '+z': (0, 0, 1),
+        '-z': (0, 0, -1)}
 
 
 @dataclass
@@ -31,8 +32,9 @@ class Device:
 
     @classmethod
     def drawn(cls, rng, sensor='accel', noise=1e-3, cross=0.005, upper=False):
-        """Return a device as consumer parts are: scale within 1 %, cross-axis within 0.5 %, bias within 0.3."""
-        s = np.diag(1 + rng.uniform(-0.01, 0.01, 3)) + (1 - np.eye(3)) * rng.uniform(-cross, cross, (3, 3))
+        """Return a consumer part: scale within 1 %, cross-axis 0.5 %, bias 0.3 m/s^2."""
+        s = np.diag(1 + rng.uniform(-0.01, 0.01, 3)) + (1 - np.eye(3)) * rng.uniform(-cross, cross,
+                                                                                     (3, 3))
         size = 0.3 if sensor == 'accel' else 0.02
         return cls(np.triu(s) if upper else s, rng.uniform(-size, size, 3), noise=noise)
 
@@ -86,14 +88,17 @@ def spread_directions(n, rng):
 def turned(v, axis, angle):
     """Return v (3,) turned about an axis (3,) by an angle (Rodrigues)."""
     axis = np.asarray(axis, float) / np.linalg.norm(axis)
-    return (v * np.cos(angle) + np.cross(axis, v) * np.sin(angle) + axis * (axis @ v) * (1 - np.cos(angle)))
+    return (v * np.cos(angle) + np.cross(axis, v) * np.sin(angle) + axis * (axis @ v)
+            * (1 - np.cos(angle)))
 
 
-def stream(device, ups, rng, rate=100.0, hold_s=5.0, move_s=1.5, temperature=None, gyro=None, knock=None):
+def stream(device, ups, rng, rate=100.0, hold_s=5.0, move_s=1.5, temperature=None, gyro=None,
+           knock=None):
     """
-    Return (t, gyro, accel, temperature) of poses held one after the other with handling between them.
+    Return (t, gyro, accel, temperature) of poses with handling between them.
 
-    ``ups`` (n, 3): the direction of up in the body for each; ``temperature`` one each; ``knock``: (pose, size).
+    ``ups`` (n, 3): the direction of up in the body for each; ``temperature`` one each; ``knock``:
+    (pose, size).
 
     """
     gyro = gyro or Device(bias=np.array([0.01, -0.02, 0.005]), noise=2e-3)
@@ -111,7 +116,8 @@ def stream(device, ups, rng, rate=100.0, hold_s=5.0, move_s=1.5, temperature=Non
             for j in range(n_move):
                 up_all.append(turned(last, axis, angle * share[j]))
                 # up turns by +angle in the body, so the body turns by -angle
-                rate_all.append(-axis * angle * (np.pi / 2) * np.sin(np.pi * (j + 1) / n_move) / move_s)
+                rate_all.append(-axis * angle * (np.pi / 2) * np.sin(np.pi * (j + 1) / n_move)
+                                / move_s)
                 shock.append(rng.normal(0, 0.8, 3))
                 temp_all.append(np.nan if temperature is None else temperature[k])
         for j in range(n_hold):
@@ -128,8 +134,9 @@ def stream(device, ups, rng, rate=100.0, hold_s=5.0, move_s=1.5, temperature=Non
     return np.arange(len(force)) / rate, rates, accel, known
 
 
-def hand_turns(gyro, rng, angle=2 * np.pi, rate=100.0, hold_s=3.0, turn_s=3.0, theta=0.0, ways=(1, -1)):
-    """Return (t, gyro, accel) of hand turns about each axis, that axis up, both ways, rests between."""
+def hand_turns(gyro, rng, angle=2 * np.pi, rate=100.0, hold_s=3.0, turn_s=3.0, theta=0.0,
+               ways=(1, -1)):
+    """Return (t, gyro, accel) of hand turns about each axis, that axis up, rests between."""
     device = Device(noise=5e-3)
     up_all, rate_all = [], []
     for axis in np.eye(3):
@@ -141,9 +148,11 @@ def hand_turns(gyro, rng, angle=2 * np.pi, rate=100.0, hold_s=3.0, turn_s=3.0, t
                 rate_all.append(np.zeros(3))
             for j in range(n):
                 up_all.append(up)
-                rate_all.append(way * up * angle / turn_s * (1 - np.cos(2 * np.pi * (j + 0.5) / n)))
+                rate_all.append(way * up * angle / turn_s
+                                * (1 - np.cos(2 * np.pi * (j + 0.5) / n)))
         for _ in range(round(hold_s * rate)):
             up_all.append(up)
             rate_all.append(np.zeros(3))
     force = G * np.array(up_all)
-    return np.arange(len(force)) / rate, gyro.output(np.array(rate_all), rng, None, force), device.output(force, rng)
+    return np.arange(len(force)) / rate, gyro.output(np.array(rate_all), rng, None,
+                                                     force), device.output(force, rng)

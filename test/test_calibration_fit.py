@@ -1,4 +1,4 @@
-"""Solutions, intervals and refusals of a calibration, against sessions made without the package."""
+"""Solutions, intervals and refusals, against sessions made without the package."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ def six(rng, device, tilt=1.0, times=1, temperature=None, names=True):
     labels, directions = sim.faces(times)
     true = sim.G * sim.tilted(directions, tilt * DEG, rng)
     out = device.output(true, rng, temperature)
-    return core.Poses.of('accel', out.T, device.noise, sim.G, sim.G * directions.T if names else None,
-                         temperature=temperature, reference_temperature=25.0, names=labels if names else None)
+    return core.Poses.of('accel', out.T, device.noise, sim.G,
+                         sim.G * directions.T if names else None,
+                         temperature=temperature, reference_temperature=25.0,
+                         names=labels if names else None)
 
 
 def spread(rng, device, n=24):
@@ -37,7 +39,8 @@ def truth(device):
 
 def estimates(fit):
     """Return all estimates by parameter."""
-    return {k: e for label in ('scale', 'cross_axis', 'bias') for k, e in fit.estimates[label].items()}
+    return {k: e for label in ('scale', 'cross_axis', 'bias') for k,
+            e in fit.estimates[label].items()}
 
 
 def test_ols_is_the_formula():
@@ -69,7 +72,8 @@ def test_exact_sessions_give_the_truth():
     """Without noise or tilt every method returns the device."""
     rng = np.random.default_rng(2)
     device = sim.Device.drawn(rng, noise=1e-9, upper=True)
-    for method, poses in (('ols', six(rng, device, 0)), ('wls', six(rng, device, 0)), ('norm', spread(rng, device))):
+    for method, poses in (('ols', six(rng, device, 0)), ('wls', six(rng, device, 0)),
+                          ('norm', spread(rng, device))):
         fit = core.fit(core.base_model(), poses, method)
         np.testing.assert_allclose(fit.details['S'], device.scale, atol=1e-8)
         np.testing.assert_allclose(fit.details['bias'], device.bias, atol=1e-7)
@@ -84,25 +88,32 @@ def test_norm_works_on_counts():
     fit = core.fit(core.base_model(), counts, 'norm')
     plain = core.fit(core.base_model(), poses, 'norm')
     np.testing.assert_allclose(fit.details['S'], 414.3 * plain.details['S'], rtol=1e-7, atol=1e-6)
-    np.testing.assert_allclose(fit.details['bias'], 414.3 * plain.details['bias'] + 32768, rtol=1e-8)
+    np.testing.assert_allclose(fit.details['bias'], 414.3 * plain.details['bias'] + 32768,
+                               rtol=1e-8)
 
 
 @pytest.mark.parametrize('method', ['wls', 'norm'])
 def test_intervals_hold_the_truth(method):
-    """93 to 97 % of the truths lie inside the 95 % intervals (12 or 9 coefficients, 300 sessions)."""
+    """93 to 97 % of the truths lie inside the 95 % intervals (300 sessions)."""
     rng = np.random.default_rng(4)
     hits = []
     for _ in range(300):
         device = sim.Device.drawn(rng, upper=method == 'norm')
         poses = spread(rng, device) if method == 'norm' else six(rng, device)
         fit, true = core.fit(core.base_model(), poses, method), truth(device)
-        hits.append([e.ci95[0] <= true[k] <= e.ci95[1] for k, e in estimates(fit).items() if not e.fixed])
+        hits.append([e.ci95[0] <= true[k] <= e.ci95[1] for k,
+                     e in estimates(fit).items() if not e.fixed])
     assert 0.93 <= np.mean(hits) <= 0.97
     assert min(np.mean(hits, axis=0)) > 0.90
 
 
 def test_tilt_spoils_ols_and_hardly_wls():
-    """Lateral readings enter the bias of ols: 0.057 m/s^2 at 1 deg; both scale factors are low by theta^2."""
+    """
+    Lateral readings enter the bias of ols: 0.057 m/s^2 at 1 deg.
+
+    Both scale factors are low by theta^2.
+
+    """
     rng = np.random.default_rng(5)
     error, scale = {'ols': [], 'wls': []}, {'ols': [], 'wls': []}
     for _ in range(300):
@@ -122,18 +133,20 @@ def test_tilt_spoils_ols_and_hardly_wls():
 def test_chi_squared_has_two_degrees_an_axis():
     """Six faces: 18 readings, 12 coefficients; the mean over sessions is 6."""
     rng = np.random.default_rng(6)
-    found = [core.fit(core.base_model(), six(rng, sim.Device.drawn(rng))).details for _ in range(300)]
+    found = [core.fit(core.base_model(), six(rng, sim.Device.drawn(rng))).details for _
+             in range(300)]
     assert {d['dof'] for d in found} == {6}
     assert np.mean([d['chi2'] for d in found]) == pytest.approx(6, abs=0.6)
 
 
 def test_left_out_error_is_three_residuals():
-    """For six faces the axial error of a pose left out is three times its residual (leverage 2/3)."""
+    """For six faces the error of a pose left out is three residuals (leverage 2/3)."""
     rng = np.random.default_rng(7)
     poses = six(rng, sim.Device.drawn(rng), tilt=0)
     problem = core.CalibrationProblem(poses, tilt=0.0)
     fit = problem.fit(core.base_model())
-    np.testing.assert_allclose(problem.left_out(fit).outputs().T, 3 * fit.details['residual'], rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(problem.left_out(fit).outputs().T, 3 * fit.details['residual'],
+                               rtol=1e-6, atol=1e-12)
 
 
 def test_left_out_closed_form_is_split_fit_score():
@@ -144,7 +157,8 @@ def test_left_out_closed_form_is_split_fit_score():
     device = sim.Device.drawn(rng)
     for problem, close in ((core.CalibrationProblem(six(rng, device, times=2)), 5e-3),
                            (core.CalibrationProblem(spread(rng, device), 'norm'), 1e-2)):
-        for model in (core.base_model(), core.base_model() + find_effect('calibration', 'cubic')()):
+        for model in (core.base_model(), core.base_model() + find_effect('calibration',
+                                                                         'cubic')()):
             closed, looped = problem.held_out(problem.fit(model)), held_out(problem, model)
             assert closed.excess == pytest.approx(looped.excess, abs=close)
             assert deviance(closed) == pytest.approx(deviance(looped), abs=0.3)
@@ -155,11 +169,13 @@ def test_correction_is_the_inverse():
     from imu_noise_tools.effect import find_effect, Model
     rng = np.random.default_rng(9)
     device = sim.Device.drawn(rng, noise=0.0)
-    device.quadratic, device.asymmetry, device.temperature = (2e-4, -1e-4, 0), (0, 0, 2e-3), (1e-3, 0, -2e-3)
+    device.quadratic, device.asymmetry = (2e-4, -1e-4, 0), (0, 0, 2e-3)
+    device.temperature = (1e-3, 0, -2e-3)
     x, temperature = sim.G * rng.normal(size=(50, 3)), rng.uniform(0, 50, 50)
-    found = [find_effect('calibration', name)(dict(zip((p.name for p in find_effect('calibration', name).parameters),
-                                                       getattr(device, name))))
-             for name in ('quadratic', 'asymmetry', 'temperature')]
+    names = ('quadratic', 'asymmetry', 'temperature')
+    known = [find_effect('calibration', name) for name in names]
+    found = [cls(dict(zip((p.name for p in cls.parameters), getattr(device, cls.name))))
+             for cls in known]
     correction = core.Correction('accel', device.scale, device.bias, Model(found), 25.0)
     raw = device.output(x, None, temperature)
     np.testing.assert_allclose(correction.apply(raw, temperature), x, atol=1e-9)
@@ -207,7 +223,8 @@ def test_too_little_spread_for_norm():
     rng = np.random.default_rng(13)
     with pytest.raises(InputError, match='6 poses point in different directions.*needs 12'):
         core.calibrate(six(rng, sim.Device.drawn(rng), times=2, names=False), 'norm')
-    near = core.Poses.of('accel', sim.G * np.array([[np.sin(a), 0 * a, np.cos(a)] for a in np.linspace(0, 6, 20)]).T,
+    near = core.Poses.of('accel', sim.G * np.array([[np.sin(a), 0 * a, np.cos(a)] for a
+                                                    in np.linspace(0, 6, 20)]).T,
                          1e-3, sim.G)
     with pytest.raises(InputError, match='too alike'):
         core.calibrate(near, 'norm')
@@ -224,7 +241,8 @@ def test_method_is_chosen_from_the_poses():
 def test_tilted_faces_warn():
     """Faces off by more than stated are noticed, with the angle and what to do."""
     rng = np.random.default_rng(15)
-    said = ' '.join(core.calibrate(six(rng, sim.Device.drawn(rng), tilt=5, times=3, names=False)).warnings)
+    said = ' '.join(core.calibrate(six(rng, sim.Device.drawn(rng), tilt=5, times=3,
+                                       names=False)).warnings)
     assert 'tilted by about' in said and '12 spread poses' in said
 
 
@@ -238,10 +256,11 @@ def test_scale_of_a_wrong_turn():
         core.calibrate(poses)
 
 
-@pytest.mark.parametrize('latitude, height, value', [(0, 0, 9.7803253359), (90, 0, 9.8321849379), (45, 0, 9.80620),
-                                                     (45, 1000, 9.80311)])
+@pytest.mark.parametrize('latitude, height, value',
+                         [(0, 0, 9.7803253359), (90, 0, 9.8321849379), (45, 0, 9.80620),
+                          (45, 1000, 9.80311)])
 def test_normal_gravity(latitude, height, value):
-    """WGS-84 normal gravity at the equator, the pole and 45 degrees (NIMA TR8350.2; 3.086e-6 per metre)."""
+    """WGS-84 normal gravity at equator, pole and 45 degrees, and 3.086e-6 less per metre."""
     assert core.normal_gravity(latitude, height) == pytest.approx(value, abs=1e-5)
 
 

@@ -1,4 +1,4 @@
-"""A calibration from records, in a person's session, on the command line and on real recordings."""
+"""A calibration from records, in a person's session, by command, of real recordings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ DEG = np.pi / 180
 def record(t, gyro, accel, temperature=None, path='session'):
     """Return a record of a stream."""
     covariates = {} if temperature is None else {'temperature': temperature}
-    return ImuRecord(gyro, accel, t, (len(t) - 1) / (t[-1] - t[0]), covariates=covariates, path=path)
+    return ImuRecord(gyro, accel, t, (len(t) - 1) / (t[-1] - t[0]), covariates=covariates,
+                     path=path)
 
 
 def six_faces(rng, device, faces=sim.AXES, **options):
@@ -72,7 +73,8 @@ def test_knock_is_left_out_and_said():
     done = tasks.calibrate_records([record(*stream)])
     assert any('a knock at 1' in n and 'left out' in n for n in done.calibration.notes)
     assert done.calibration.poses.names == tuple(sim.AXES)
-    np.testing.assert_array_less(np.abs(done.calibration.bias - device.bias), 4 * done.calibration.std[1])
+    np.testing.assert_array_less(np.abs(done.calibration.bias - device.bias),
+                                 4 * done.calibration.std[1])
 
 
 def test_one_bag_a_face_and_a_sign_upside_down():
@@ -87,7 +89,8 @@ def test_one_bag_a_face_and_a_sign_upside_down():
         tasks.calibrate_records(turned)
 
 
-@pytest.mark.parametrize('name, face', [('a_-z.mcap', '-z'), ('x_up', '+x'), ('minus_y.npz', '-y'), ('imu_xn', '-x'),
+@pytest.mark.parametrize('name, face', [('a_-z.mcap', '-z'), ('x_up', '+x'), ('minus_y.npz', '-y'),
+                                        ('imu_xn', '-x'),
                                         ('box', None), ('recz', None)])
 def test_face_in_a_name(name, face):
     """What names of bags say."""
@@ -108,14 +111,15 @@ def test_refusals_of_records():
     with pytest.raises(InputError, match='moves all the time'):
         swing = np.column_stack([np.sin(1.7 * t), np.cos(1.3 * t), np.sin(2.1 * t + 1)])
         tasks.calibrate_records([record(t, swing, 6 * swing)])
-    for wrong in ({'sensor': 'accel', 'turn_deg': 360}, {'gravity': 9.8, 'latitude': 3}, {'sensor': 'gyro'},
+    for wrong in ({'sensor': 'accel', 'turn_deg': 360}, {'gravity': 9.8, 'latitude': 3},
+                  {'sensor': 'gyro'},
                   {'rate_deg_s': 10, 'turn_deg': 360}, {'tilt_deg': 50}):
         with pytest.raises(UsageError):
             tasks.calibrate_records([record(t, gyro, accel)], **wrong)
 
 
 def test_hand_turns():
-    """A full turn about each axis both ways: scale to some 1e-4, bias too; a wrong angle is refused."""
+    """A full turn about each axis both ways: scale to some 1e-4; a wrong angle is refused."""
     rng = np.random.default_rng(4)
     device = sim.Device.drawn(rng, 'gyro', noise=2e-3)
     r = record(*sim.hand_turns(device, rng))
@@ -142,7 +146,8 @@ def test_rate_table_and_reference_columns():
     t = np.arange(len(rates)) / 100.0
     r = record(t, device.output(rates, rng), force + rng.normal(0, 0.01, force.shape))
     by_rate = tasks.calibrate_records([r], rate_deg_s=30, tilt_deg=0.05).calibration
-    known = ImuRecord(r.gyro, r.accel, t, 100.0, covariates=dict(zip(('reference_x', 'reference_y', 'reference_z'), rates.T)))
+    known = ImuRecord(r.gyro, r.accel, t, 100.0,
+                      covariates=dict(zip(('reference_x', 'reference_y', 'reference_z'), rates.T)))
     by_column = tasks.calibrate_records([known], sensor='gyro', tilt_deg=0.05).calibration
     for c in (by_rate, by_column):
         np.testing.assert_array_less(np.abs(np.diag(c.S - device.scale)), 4 * np.diag(c.std[0]))
@@ -154,25 +159,28 @@ def test_earth_rate_of_a_known_latitude():
     rng = np.random.default_rng(6)
     device = sim.Device.drawn(rng, 'gyro', noise=1e-3)
     r = record(*sim.hand_turns(device, rng))
-    plain, known = (tasks.calibrate_records([r], turn_deg=360, latitude=x).calibration for x in (None, 90))
+    plain, known = (tasks.calibrate_records([r], turn_deg=360, latitude=x).calibration for x
+                    in (None, 90))
     assert np.abs(known.bias - plain.bias).max() == pytest.approx(7.292e-5 / 3, rel=0.3)
     assert any('15.04 deg/h' in n for n in known.notes)
 
 
 def test_session_guides_through_the_faces():
-    """What a capture says, what is refused while moving, what is refused before everything is there."""
+    """What a capture says, and what is refused while moving or before all is there."""
     rng = np.random.default_rng(7)
     device = sim.Device.drawn(rng, noise=0.02)
     session = tasks.Session()
     with pytest.raises(InputError, match='samples so far'):
         session.capture()
-    stream = six_faces(rng, device)                     # 5 s of rest and 1.5 s of handling, again and again
+    # 5 s of rest and 1.5 s of handling, again and again
+    stream = six_faces(rng, device)
     said = play(session, stream, [3, 5.8, 9.5, 10.5, 16, 22.5, 29])
     assert said[0] == 'held: +x; 1 of 6 done; left: -x, +y, -y, +z, -z'
     assert said[1].startswith('moving: not still for the last 2 s')
     assert 'not moved since the last capture' in said[3] and '2 of 6 done' in said[3]
     assert said[-1] == 'held: +z; 5 of 6 done; left: -z'
-    for early in (session.solve, session.diagnose, lambda: session.apply(np.zeros(3), np.zeros(3))):
+    for early in (session.solve, session.diagnose,
+                  lambda: session.apply(np.zeros(3), np.zeros(3))):
         with pytest.raises(InputError):
             early()
     t, gyro, accel, _ = stream
@@ -213,7 +221,12 @@ def test_session_of_turns():
 
 
 def test_session_saves_what_is_solved_and_nothing_else(tmp_path):
-    """Save is refused before solve; what was saved corrects in another session, also after an effect was added."""
+    """
+    Save is refused before solve.
+
+    What was saved corrects in another session, also after an effect was added.
+
+    """
     rng = np.random.default_rng(10)
     device = sim.Device.drawn(rng, noise=0.02)
     session, file = tasks.Session(), tmp_path / 'calibration.yaml'
@@ -256,43 +269,56 @@ def test_commands(faces_npz, tmp_path, capsys):
     bag, device = faces_npz
     out = tmp_path / 'out'
     assert main(['calibrate', str(bag), '-o', str(out)]) == 0
-    assert {p.name for p in out.iterdir()} >= {'calibration.yaml', 'calibration.png', 'report.html', 'study.yaml', 'evidence.npz'}
+    assert {p.name for p in out.iterdir()} >= {'calibration.yaml', 'calibration.png',
+                                               'report.html', 'study.yaml', 'evidence.npz'}
     data = yaml.safe_load((out / 'calibration.yaml').read_text())
     assert data['sensor'] == 'accel' and data['method'] == 'wls' and data['unit'] == 'm/s^2'
     np.testing.assert_allclose(np.array(data['G']), np.column_stack([data['S'], data['bias']]))
     assert np.shape(data['std']['S']) == (3, 3) and len(data['poses']) == 6
     assert data['faces'] == {'seen': {f: 1 for f in sim.AXES}, 'missing': []}
-    assert data['diagnosis']['verdict'] == 'complete' and data['formula'] == 'x = S^-1 (raw - bias)'
-    assert main(['calibrate', str(bag), '-o', str(out)]) == 1                    # a study in the way
+    assert data['diagnosis']['verdict'] == 'complete'
+    assert data['formula'] == 'x = S^-1 (raw - bias)'
+    assert main(['calibrate', str(bag), '-o', str(out)]) == 1       # a study in the way
     capsys.readouterr()
-    for command in (['compare', str(out)], ['diagnose', str(out)], ['history', str(out)], ['add', str(out), 'quadratic']):
+    for command in (['compare', str(out)], ['diagnose', str(out)], ['history', str(out)],
+                    ['add', str(out), 'quadratic']):
         assert main(command) == 0, command
     capsys.readouterr()
+    again = yaml.safe_load((out / 'calibration.yaml').read_text())              # all files go along
+    assert list(again['effects']) == ['quadratic'] and 'effects(x)' in again['formula']
     assert main(['calibrate', str(bag), '-o', str(out), '--force', '--json']) == 0
     assert json.loads(capsys.readouterr().out)['S'] == data['S']
-    assert main(['apply', str(bag), '-o', str(tmp_path / 'better.npz'), '--calibration', str(out)]) == 0
+    assert main(['apply', str(bag), '-o', str(tmp_path / 'better.npz'), '--calibration',
+                 str(out)]) == 0
     with np.load(tmp_path / 'better.npz') as new, np.load(bag) as old:
         name, = [k for k in new.files if k.startswith('accel_')]
-        np.testing.assert_allclose(new[name], np.linalg.solve(data['S'], (old['accel'] - data['bias']).T).T, rtol=1e-6)
+        np.testing.assert_allclose(new[name],
+                                   np.linalg.solve(data['S'], (old['accel'] - data['bias']).T).T,
+                                   rtol=1e-6)
         np.testing.assert_array_equal(new['accel'], old['accel'])
 
 
 def test_failing_commands_leave_nothing(tmp_path, capsys):
     """A refusal is one line with its remedy, exit status 1 or 2, and no folder."""
     rng = np.random.default_rng(12)
-    bag = write(tmp_path / 'five.npz', *six_faces(rng, sim.Device(noise=0.02), ['+x', '-x', '+y', '-y', '+z'])[:3])
+    bag = write(tmp_path / 'five.npz', *six_faces(rng, sim.Device(noise=0.02),
+                                                  ['+x', '-x', '+y', '-y', '+z'])[:3])
     out = tmp_path / 'out'
     assert main(['calibrate', str(bag), '-o', str(out)]) == 1
     said = capsys.readouterr().err
     assert 'missing -z' in said and said.count('\n') == 1
-    assert main(['calibrate', str(bag), '-o', str(out), '--gravity', '9.8', '--latitude', '3']) == 2
+    assert main(['calibrate', str(bag), '-o', str(out), '--gravity', '9.8', '--latitude',
+                 '3']) == 2
     assert main(['calibrate', str(bag), '-o', str(out), '--turn', '0']) == 2
-    assert main(['apply', str(bag), '-o', str(tmp_path / 'b.npz'), '--calibration', str(tmp_path)]) == 1
+    assert main(['apply', str(bag), '-o', str(tmp_path / 'b.npz'), '--calibration',
+                 str(tmp_path)]) == 1
     assert sorted(p.name for p in tmp_path.iterdir()) == ['five.npz']
 
 
-@pytest.mark.parametrize('text', ['', 'S: 3', 'sensor: accel\nS: [[1,0,0],[0,1,0],[0,0,0]]\nbias: [0,0,0]',
-                                  'sensor: accel\nS: [[1,0,0],[0,1,0],[0,0,1]]\nbias: [0,.nan,0]', '- 3',
+@pytest.mark.parametrize('text', ['', 'S: 3',
+                                  'sensor: accel\nS: [[1,0,0],[0,1,0],[0,0,0]]\nbias: [0,0,0]',
+                                  'sensor: accel\nS: [[1,0,0],[0,1,0],[0,0,1]]\nbias: [0,.nan,0]',
+                                  '- 3',
                                   'sensor: accel\nS: [[1,0,0],[0,1,0],[0,0,1]]\nbias: [0,0,0]\n'
                                   'effects: {x: {effect: nothing_known}}'])
 def test_a_damaged_calibration_is_never_applied(tmp_path, text):
@@ -313,7 +339,7 @@ def real(folder: Path, name, rate=None):
 
 
 def test_xsens(shared_data):
-    """38 hand-held poses against the reference, in counts; the nominal-face formula on them warns."""
+    """38 hand-held poses against the reference, in counts; nominal faces of them warn."""
     done = tasks.calibrate_records([real(shared_data, 'xsens_mti_multipos')], gravity=9.81744)
     c = done.calibration
     assert c.problem.method == 'norm' and c.poses.n >= 36
@@ -321,7 +347,8 @@ def test_xsens(shared_data):
     np.testing.assert_allclose(c.bias * 414.333 + 32768, [33123.84, 33275.16, 32364.49], atol=0.3)
     error = np.linalg.norm(c.apply(c.poses.outputs.T), axis=1) - 9.81744
     assert np.sqrt(np.mean(error ** 2)) == pytest.approx(0.0011, abs=1e-4)
-    warned = ' '.join(tasks.calibrate_records([real(shared_data, 'xsens_mti_multipos')], gravity=9.81744,
+    warned = ' '.join(tasks.calibrate_records([real(shared_data, 'xsens_mti_multipos')],
+                                              gravity=9.81744,
                                               method='wls').calibration.warnings)
     assert 'tilted by about' in warned and 'chi-squared' in warned
 
@@ -330,7 +357,7 @@ def test_xsens(shared_data):
     ('mpu9150_0_multipos', (0.363, 0.315, 0.647), (0.103, 0.097, 0.344)),
     ('mpu9150_1_multipos', (0.471, 0.482, 0.932), (0.090, 0.070, 0.338))])
 def test_mpu9150(shared_data, name, scale, bias):
-    """Within three standard errors of the published numbers, with the gravity of their authors, 9.81."""
+    """Within three standard errors of the published numbers, with their gravity, 9.81."""
     c = tasks.calibrate_records([real(shared_data, name)], gravity=9.81).calibration
     std_s, std_b = c.std
     np.testing.assert_array_less(np.abs(100 * (np.diag(c.S) - 1) - scale), 300 * np.diag(std_s))
@@ -338,10 +365,19 @@ def test_mpu9150(shared_data, name, scale, bias):
 
 
 def test_imucal(shared_data):
-    """Six faces and three hand turns: both sensors solve; the turns need the rate the record really has."""
-    accel = tasks.calibrate_records([real(shared_data, 'imucal_ferraris')], seconds=1.0).calibration
-    assert {'+x', '-x', '+y', '-y', '+z', '-z'} <= set(accel.poses.names) and np.abs(np.diag(accel.S) - 1).max() < 0.03
-    gyro = tasks.calibrate_records([real(shared_data, 'imucal_ferraris', 102.4)], turn_deg=360, seconds=1.0).calibration
-    assert {'turn -x', 'turn -y', 'turn -z'} <= set(gyro.poses.names) and np.abs(np.diag(gyro.S) - 1).max() < 0.03
+    """
+    Six faces and three hand turns: both sensors solve.
+
+    The turns need the rate the record really has.
+
+    """
+    accel = tasks.calibrate_records([real(shared_data, 'imucal_ferraris')],
+                                    seconds=1.0).calibration
+    assert set(sim.AXES) <= set(accel.poses.names)
+    assert np.abs(np.diag(accel.S) - 1).max() < 0.03
+    gyro = tasks.calibrate_records([real(shared_data, 'imucal_ferraris', 102.4)], turn_deg=360,
+                                   seconds=1.0).calibration
+    assert {'turn -x', 'turn -y', 'turn -z'} <= set(gyro.poses.names) and np.abs(np.diag(gyro.S)
+                                                                                 - 1).max() < 0.03
     with pytest.raises(InputError, match='no turn about'):
         tasks.calibrate_records([real(shared_data, 'imucal_ferraris')], turn_deg=360, seconds=1.0)

@@ -1,8 +1,8 @@
 """
-Calibration: scale, cross-axis sensitivity and bias from poses, and what else may be in the outputs.
+Calibration: scale, cross-axis sensitivity and bias from poses, and what else is in the outputs.
 
-:func:`positions` and :func:`turns` find the poses of a record, :func:`calibrate` solves them or refuses, and
-:class:`Session` does both while a person holds one face up after the other.
+:func:`positions` and :func:`turns` find the poses of a record, :func:`calibrate` solves them or
+refuses, and :class:`Session` does both while a person holds one face up after the other.
 
 """
 
@@ -18,6 +18,7 @@ from .solve import base_model, fit, ols
 from .turns import refuse_missing_axes, turns
 
 __all__ = [
-    'applied', 'as_dict', 'base_model', 'calibrate', 'Calibration', 'CalibrationProblem', 'Captured', 'Correction',
-    'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gravity', 'joined', 'nearest_face',
-    'normal_gravity', 'ols', 'Poses', 'positions', 'refuse_missing_axes', 'Session', 'stated', 'STILL_S', 'turns']
+    'applied', 'as_dict', 'base_model', 'calibrate', 'Calibration', 'CalibrationProblem',
+    'Captured', 'Correction', 'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict',
+    'gravity', 'joined', 'nearest_face', 'normal_gravity', 'ols', 'Poses', 'positions',
+    'refuse_missing_axes', 'Session', 'stated', 'STILL_S', 'turns']

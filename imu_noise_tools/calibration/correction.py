@@ -1,4 +1,4 @@
-"""From raw samples to corrected ones: the inverse of a calibration, and its plain form in a file."""
+"""From raw samples to corrected ones: the inverse of a calibration, and its plain form."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effect import find_effect, Model
-from ..errors import ImuNoiseError, InputError
 from .effects import BASE, Regressor
 from .poses import Poses
+from ..effect import find_effect, Model
+from ..errors import ImuNoiseError, InputError
 
 _TURNS = 8          # of the iteration; each gains the digits of the effects' size (1e-3 and less)
 
@@ -50,8 +50,8 @@ class Correction:
         """
         Return x for raw samples, (n, 3) or (3,).
 
-        ``temperature`` (n,) and ``force`` (n, 3) enter only where the model holds an effect of them; without a
-        temperature the reference is taken.
+        ``temperature`` (n,) and ``force`` (n, 3) enter only where the model holds an effect of
+        them; without a temperature the reference is taken.
 
         """
         raw = np.asarray(raw, float)
@@ -63,10 +63,12 @@ class Correction:
                 temperature = self.reference_temperature
             here = Poses.of(self.sensor, columns, 0.0, 1.0,
                             temperature=np.broadcast_to(np.asarray(temperature, float), (n,)),
-                            force=np.zeros((3, n)) if force is None else np.atleast_2d(np.asarray(force, float)).T,
+                            force=np.zeros((3, n)) if force is None
+                            else np.atleast_2d(np.asarray(force, float)).T,
                             reference_temperature=self.reference_temperature)
             for _ in range(_TURNS):
-                rest = sum(e.terms(here.with_inputs(x), self.S) @ [e.values[p.name] for p in e.parameters]
+                rest = sum(e.terms(here.with_inputs(x), self.S)
+                           @ [e.values[p.name] for p in e.parameters]
                            for e in more)
                 x = np.linalg.solve(self.S, columns - self.bias[:, None] - rest)
         return x.T.reshape(raw.shape)
@@ -85,13 +87,17 @@ def from_dict(data: Mapping) -> Correction:
     try:
         scale, bias = np.array(data['S'], float), np.array(data['bias'], float)
         effects = [find_effect('calibration', e['effect'])(
-            {k: v for k, v in e.items() if k != 'effect'}, label) for label, e in (data.get('effects') or {}).items()]
+            {k: v for k, v in e.items() if k != 'effect'}, label) for label,
+                   e in (data.get('effects') or {}).items()]
         sensor, reference = str(data['sensor']), float(data.get('reference_temperature', 25.0))
     except ImuNoiseError as error:
-        raise InputError(error.message, f'{error.remedy}; effects of your own: --effects-from FILE') from None
+        raise InputError(error.message, f'{error.remedy}; effects of your own: --effects-from '
+                                        f'FILE') from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f'this is no calibration ({type(error).__name__}: {error})', 'name what calibrate wrote') from None
-    sound = scale.shape == (3, 3) and bias.shape == (3,) and np.isfinite(scale).all() and np.isfinite(bias).all()
+        raise InputError(f'this is no calibration ({type(error).__name__}: {error})',
+                         'name what calibrate wrote') from None
+    sound = scale.shape == (3, 3) and bias.shape == (3,)
+    sound = sound and bool(np.isfinite(scale).all() and np.isfinite(bias).all())
     if not sound or sensor not in ('accel', 'gyro') or np.linalg.cond(scale) > 100:
         raise InputError('S and bias of this calibration cannot be applied', 'calibrate again')
     return Correction(sensor, scale, bias, Model(effects), reference)

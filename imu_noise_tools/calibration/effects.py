@@ -1,7 +1,4 @@
-"""
-Effects of a calibration: rows of the regressor matrix I in O = G I, or scatter of the poses.
-
-"""
+"""Effects of a calibration: rows of the regressor I in O = G I, or scatter of the poses."""
 
 from __future__ import annotations
 
@@ -9,16 +6,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..effect import Effect, Parameter
 from .poses import Poses, unit
+from ..effect import Effect, Parameter
 
 OWN = np.where(np.eye(3, dtype=bool), np.arange(3), -1)     # each output feels its own row alone
 _OTHERS = np.array([[-1, 0, 1], [2, -1, 3], [4, 5, -1]])
 _EACH = np.array([[0], [1], [2]])
 _BIG = 1e12
+_SIZES = ('inputs of several sizes on each axis: poses between the faces (45 deg edges), or '
+          'several '
+          'rates')
 
 
-def _named(symbol: str, unit_: str, indices=('x', 'y', 'z'), title: str = '') -> tuple[Parameter, ...]:
+def _named(symbol: str, unit_: str, indices=('x', 'y', 'z'), title: str = '') -> tuple[Parameter,
+                                                                                       ...]:
     return tuple(Parameter(f'{symbol}_{k}', unit_, -_BIG, _BIG, log=False, amplitude=True,
                            title=title and f'{title} {k}') for k in indices)
 
@@ -27,10 +28,11 @@ class Regressor(Effect):
     """
     An effect that adds rows to the regressor I, and so columns to G = O I' (I I')^-1.
 
-    A subclass gives :meth:`columns` and its parameters; by default every output has a coefficient for every
-    row (so 3 parameters a row, output after output). ``feeds`` (3, rows) says otherwise: the index of the
-    parameter with which a row enters an output, -1 for none. With ``at_input`` the rows are a change of the
-    *input*, which then passes through the scale factors like any other.
+    A subclass gives :meth:`columns` and its parameters; by default every output has a coefficient
+    for every row (so 3 parameters a row, output after output). ``feeds`` (3, rows) says otherwise:
+    the index of the parameter with which a row enters an output, -1 for none. With ``at_input``
+    the rows are a change of the *input*, which then passes through the scale factors like any
+    other.
 
     """
 
@@ -49,7 +51,7 @@ class Regressor(Effect):
         return '' if poses.sensor in self.sensors else f'not an effect of {poses.sensor}'
 
     def terms(self, poses: Poses, scale: np.ndarray) -> np.ndarray:
-        """Return the change of the outputs for each parameter, (3, n, parameters); scale is S (3, 3)."""
+        """Return the change of the outputs by each parameter, (3, n, parameters); scale: S."""
         rows = np.atleast_2d(self.columns(poses)) * poses.amount
         feeds = self.feeds if self.feeds is not None else np.arange(3 * len(rows)).reshape(3, -1)
         out = np.zeros((3, poses.n, len(self.parameters)))
@@ -94,7 +96,7 @@ class Scale(Regressor):
 
 
 class CrossAxis(Regressor):
-    """Each axis' output per unit of the other axes' input: sensing axes that are not orthogonal, or turned."""
+    """Each axis' output per unit of the other axes' input: axes not orthogonal, or turned."""
 
     name = 'cross_axis'
     symbol = 'S'
@@ -130,18 +132,18 @@ class Bias(Regressor):
 
 
 class Quadratic(Regressor):
-    """Scale factor that changes in proportion to the input: vibration rectification follows from it."""
+    """Scale factor that changes with the input: vibration rectification follows from it."""
 
     name = 'quadratic'
     symbol = 'q'
     title = 'quadratic non-linearity'
     equation = 'o_k = q_k i_k^2'
     signature = 'both ends of an axis off to the same side, by the square of the input'
-    hint = 'spring or electrostatic non-linearity; check at half range; it turns vibration into bias'
+    hint = 'a non-linear spring or drive; check at half range; it turns vibration into bias'
     reference = 'IEEE 1293 (K2)'
     parameters = _named('q', '1/({rate})', title='quadratic coefficient')
     feeds = OWN
-    needs = 'inputs of several sizes on each axis: poses between the faces (45 deg edges), or several rates'
+    needs = _SIZES
 
     def columns(self, poses):
         """Return the square of the input."""
@@ -160,7 +162,7 @@ class Cubic(Regressor):
     reference = 'IEEE 1293 (K3)'
     parameters = _named('c', '1/({rate})^2', title='cubic coefficient')
     feeds = OWN
-    needs = 'inputs of several sizes on each axis: poses between the faces (45 deg edges), or several rates'
+    needs = _SIZES
 
     def columns(self, poses):
         """Return the cube of the input."""
@@ -179,7 +181,7 @@ class Asymmetry(Regressor):
     reference = 'IEEE 1554 (scale factor asymmetry)'
     parameters = _named('a', '1', title='asymmetry')
     feeds = OWN
-    needs = 'inputs of several sizes on each axis: poses between the faces (45 deg edges), or several rates'
+    needs = _SIZES
 
     def columns(self, poses):
         """Return the size of the input."""
@@ -242,7 +244,8 @@ class GSensitivity(Regressor):
     signature = 'bias of a gyroscope depends on which way is up'
     hint = 'proof mass not balanced; turn about each axis with both of its ends up'
     reference = 'IEEE 1431, IEEE 1554 (acceleration-sensitive drift)'
-    parameters = _named('D', '(rad/s)/(m/s^2)', tuple(k + m for k in 'xyz' for m in 'xyz'), 'g-sensitivity')
+    parameters = _named('D', '(rad/s)/(m/s^2)', tuple(k + m for k in 'xyz' for m in 'xyz'),
+                        'g-sensitivity')
     sensors = ('gyro',)
     needs = 'turns or rests with each axis up and down, the specific force recorded along'
 
@@ -270,7 +273,7 @@ class EarthRate(Regressor):
     feeds = np.where(np.eye(3, dtype=bool), 0, -1)
     at_input = True
     sensors = ('gyro',)
-    needs = 'rests or turns with each axis up and down, long enough for the noise to fall below 15 deg/h'
+    needs = 'rests or turns with each axis up and down, until the noise is below 15 deg/h'
 
     def columns(self, poses):
         """Return the direction of up."""
@@ -307,8 +310,8 @@ class Tilt(Scatter):
     """
     Faces that are not level, each by a small random tilt of its own: two angles of this rms.
 
-    The lateral readings scatter by g theta, the axial ones by g theta^2 only. In a model it stands in place
-    of the tilt that was stated.
+    The lateral readings scatter by g theta, the axial ones by g theta^2 only. In a model it stands
+    in place of the tilt that was stated.
 
     """
 
@@ -317,16 +320,20 @@ class Tilt(Scatter):
     title = 'tilt of the faces'
     equation = 'lateral: (g theta)^2, axial: (g theta^2)^2'
     signature = 'lateral readings scatter from pose to pose, axial ones hardly'
-    hint = 'level the table, square the block; or use 12 and more spread poses, which need no level'
+    hint = 'level the table, square the block; or use 12 spread poses, which need no level'
     reference = 'six-position method'
-    parameters = (Parameter('angle', 'rad', 1e-4, 0.5, amplitude=True, title='rms of each of two tilt angles'),)
+    parameters = (Parameter('angle', 'rad', 1e-4, 0.5, amplitude=True,
+                            title='rms of each of two tilt angles'),)
     needs = 'each face held several times, put down anew: tilt scatters the lateral readings alone'
 
     def covariance(self, poses, scale, amplitude):
         """
-        Return D ((m theta)^2 (1 - u u') + (m theta^2)^2 u u') D for inputs m u, D the diagonal of S.
+        Return the covariance of outputs of inputs m u, with D the diagonal of S.
 
-        Not S itself: estimated from tilted faces, its cross-axis terms are too uncertain to weigh by.
+        D ((m theta)^2 (1 - u u') + (m theta^2)^2 u u') D.
+
+        Not S itself: estimated from tilted faces, its cross-axis terms are too uncertain to weigh
+        by.
 
         """
         m = np.linalg.norm(poses.inputs, axis=0)
@@ -339,11 +346,12 @@ class Tilt(Scatter):
 
     def why_not(self, poses):
         """Poses of unknown direction have no tilt."""
-        return super().why_not(poses) or ('' if poses.known else 'poses of free direction have no tilt')
+        return super().why_not(poses) or ('' if poses.known
+                                          else 'poses of free direction have no tilt')
 
 
 class Repeatability(Scatter):
-    """Bias that changes from pose to pose by more than the noise within a pose: instability, hysteresis."""
+    """Bias that changes from pose to pose by more than the noise within one."""
 
     name = 'repeatability'
     symbol = 'r'
@@ -352,12 +360,13 @@ class Repeatability(Scatter):
     signature = 'all readings scatter by more than the noise within a pose, with no course'
     hint = 'bias instability, hysteresis or mechanical stress; hold poses again to average it down'
     reference = 'IEEE 1554 (repeatability)'
-    parameters = (Parameter('sigma', '{rate}', 1e-9, _BIG, amplitude=True, title='scatter between poses'),)
+    parameters = (Parameter('sigma', '{rate}', 1e-9, _BIG, amplitude=True,
+                            title='scatter between poses'),)
     needs = 'each pose held several times: scatter that repeats on no input'
 
     def covariance(self, poses, scale, amplitude):
         """Return sigma^2 times the identity, in units of the output."""
-        return np.broadcast_to((amplitude ** 2) * np.eye(3), (poses.n, 3, 3)) * poses.amount[:, None, None] ** 2
+        return (amplitude * poses.amount)[:, None, None] ** 2 * np.eye(3)
 
 
 def _no_temperature(poses: Poses) -> str:

@@ -1,7 +1,4 @@
-"""
-The equations of a calibration, whitened: linear in the coefficients, of unit variance, grouped by pose.
-
-"""
+"""The equations of a calibration: linear, of unit variance, grouped by pose."""
 
 from __future__ import annotations
 
@@ -11,12 +8,13 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import null_space
 
-from ..effect import Model
 from .effects import BASE, Regressor, Scatter, Tilt
 from .poses import Poses, unit
+from ..effect import Model
 
 _SMALL = 1e-8       # relative: a direction the poses do not determine
-GAUGE = ('S_yx', 'S_zx', 'S_zy')        # set to zero where only the magnitude of the input is known
+# set to zero where only the magnitude of the input is known
+GAUGE = ('S_yx', 'S_zx', 'S_zy')
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,8 @@ class Equations:
     keys : tuple of (label, parameter)
         What the coefficients are.
     whitener : ndarray (n, r, 3)
-        What turns the three outputs of a pose into its r equations: 3, or 1 where only the magnitude is known.
+        What turns the three outputs of a pose into its r equations: 3, or 1 where only the
+        magnitude is known.
 
     """
 
@@ -74,7 +73,8 @@ class Equations:
         """
         Least-squares coefficients; the smallest where they are not determined.
 
-        What an added effect shares with the base model (cubic with scale, in six faces) stays in the base.
+        What an added effect shares with the base model (cubic with scale, in six faces) stays in
+        the base.
 
         """
         u, s, vt, keep, size = self._decomposed
@@ -112,11 +112,11 @@ class Equations:
 
     @property
     def chi2(self) -> float:
-        """Sum of squared residuals: chi-squared with ``dof`` degrees of freedom under a true model."""
+        """Sum of squared residuals: chi-squared with ``dof`` degrees of freedom."""
         return float(self.residual @ self.residual)
 
     def log_restricted(self, log_det: float) -> float:
-        """Return the restricted log-likelihood; log_det is that of the covariance whitened away."""
+        """Return the restricted log-likelihood; log_det: of the covariance whitened away."""
         _, s, _, _, size = self._decomposed
         return -0.5 * (self.chi2 + log_det + 2 * np.log(s).sum() + 2 * np.log(size).sum())
 
@@ -177,7 +177,7 @@ class LeftOut:
 
     @property
     def pulls(self) -> np.ndarray:
-        """Errors over their standard deviations, pose after pose: standard normal under a true model."""
+        """Errors over their standard deviations: standard normal under a true model."""
         return np.concatenate([e / np.sqrt(v) for e, v in zip(self.error, self.variance)])
 
     @property
@@ -193,7 +193,7 @@ class LeftOut:
         return float(np.sqrt(2 * np.sum(quadratic ** 2)) / max(1, self.bins.sum()))
 
     def outputs(self) -> np.ndarray:
-        """Errors in units of the output, (n, 3); along the input alone where only that is predicted."""
+        """Errors in units of the output, (n, 3), as far as they are predicted."""
         return np.array([np.linalg.pinv(w) @ (vector @ e) for w, vector, e in
                          zip(self.equations.whitener, self.vectors, self.error)])
 
@@ -219,7 +219,8 @@ def terms_of(model: Model, poses: Poses, scale: np.ndarray, free_direction: bool
     return np.concatenate(parts, axis=2)
 
 
-def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float, free_direction: bool) -> np.ndarray:
+def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
+               free_direction: bool) -> np.ndarray:
     """
     Return the covariance of each pose's outputs, (n, 3, 3): noise, tilt and the model's scatter.
 
@@ -239,7 +240,8 @@ def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float, free_
 def whitener_of(poses: Poses, cov: np.ndarray, scale: np.ndarray, free_direction: bool):
     """Return the whitener (n, r, 3) and the log-determinant of what it takes away."""
     if free_direction:
-        w = np.linalg.solve(scale.T, unit(poses.inputs)).T                  # gradient of |S^-1 (o - b)|
+        # gradient of |S^-1 (o - b)|
+        w = np.linalg.solve(scale.T, unit(poses.inputs)).T
         variance = np.einsum('ni,nij,nj->n', w, cov, w)
         return (w / np.sqrt(variance)[:, None])[:, None, :], float(np.log(variance).sum())
     lower = np.linalg.cholesky(cov)
@@ -255,10 +257,11 @@ def whitened(whitener: np.ndarray, terms: np.ndarray) -> np.ndarray:
 
 def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
               free_direction: bool) -> tuple[Equations, float]:
-    """Return the whitened equations of a model around S = scale, and the log-determinant taken away."""
+    """Return the whitened equations around S = scale, and the log-determinant taken away."""
     cov = covariance(model, poses, scale, tilt, free_direction)
     whitener, log_det = whitener_of(poses, cov, scale, free_direction)
     terms = terms_of(model, poses, scale, free_direction)
     right = np.einsum('nri,in->nr', whitener, poses.outputs).ravel()
     pose = np.repeat(np.arange(poses.n), whitener.shape[1])
-    return Equations(whitened(whitener, terms), right, pose, keys_of(model, free_direction), whitener), log_det
+    return Equations(whitened(whitener, terms), right, pose, keys_of(model, free_direction),
+                     whitener), log_det

@@ -1,7 +1,4 @@
-"""
-What a calibration is made from: mean outputs at known inputs, one column a pose.
-
-"""
+"""What a calibration is made from: mean outputs at known inputs, one column a pose."""
 
 from __future__ import annotations
 
@@ -24,7 +21,8 @@ class Poses:
     sensor : str
         ``accel`` or ``gyro``.
     outputs : ndarray (3, n)
-        Mean output of each pose, m/s^2 or rad/s (or counts); for a turn through an angle its integral, rad.
+        Mean output of each pose, m/s^2 or rad/s (or counts); for a turn through an angle its
+        integral, rad.
     std : ndarray (3, n)
         Standard error of these means from the noise within the pose.
     inputs : ndarray (3, n)
@@ -59,9 +57,10 @@ class Poses:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, sensor, outputs, std, magnitude, inputs=None, amount=None, force=None, temperature=None,
+    def of(cls, sensor, outputs, std, magnitude, inputs=None, amount=None, force=None,
+           temperature=None,
            reference_temperature=None, time=None, names=None) -> Poses:
-        """Return poses with what is not given filled in: unknown inputs, means, one after the other."""
+        """Return poses, what is not given filled in: unknown inputs, means, in this order."""
         outputs = np.atleast_2d(np.asarray(outputs, float))
         n = outputs.shape[1]
         temperature = np.full(n, np.nan) if temperature is None else np.asarray(temperature, float)
@@ -73,7 +72,8 @@ class Poses:
             sensor, outputs, np.broadcast_to(np.asarray(std, float), outputs.shape).copy(),
             unknown if inputs is None else np.asarray(inputs, float), float(magnitude),
             np.ones(n) if amount is None else np.asarray(amount, float),
-            unknown if force is None else np.asarray(force, float), temperature, reference_temperature,
+            unknown if force is None else np.asarray(force, float), temperature,
+            reference_temperature,
             np.arange(n, dtype=float) if time is None else np.asarray(time, float),
             tuple(names) if names is not None else tuple(f'pose {k + 1}' for k in range(n)))
 
@@ -123,10 +123,11 @@ _PER_POSE = ('outputs', 'std', 'inputs', 'amount', 'force', 'temperature', 'time
 
 
 def joined(parts) -> Poses:
-    """Return poses of several records as one, at the magnitude and reference temperature of the first."""
+    """Return poses of several records as one, scaled and referred as the first."""
     first = parts[0]
     return replace(first, names=tuple(n for p in parts for n in p.names),
-                   **{name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in _PER_POSE})
+                   **{name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name
+                      in _PER_POSE})
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -136,7 +137,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def nearest_face(direction) -> tuple[str, float]:
-    """Return the face whose axis is nearest to a direction (3,), and the angle between them in degrees."""
+    """Return the face nearest to a direction (3,), and the angle between them in degrees."""
     direction = np.asarray(direction, float)
     k = int(np.argmax(np.abs(direction)))
     cosine = abs(direction[k]) / np.linalg.norm(direction)

@@ -1,4 +1,4 @@
-"""From a record to poses of the accelerometer: where it rests, which way is up, and how well the mean is known."""
+"""From a record to poses of the accelerometer: rests, which way is up, standard errors."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 from ..errors import InputError
 from ..record import ImuRecord
 from ..stillness import LEAST, still_stretches
-from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 
 STILL_S = 2.0           # shortest rest that counts, s
 CONE_DEG = 20.0         # a pose within this of an axis is a face
@@ -22,7 +22,7 @@ _KNOCK = 8.0            # a piece of a rest off by this many standard errors is 
 
 @dataclass(frozen=True)
 class Rest:
-    """One placement: sample ranges that are used, mean output of each sensor, and what happened."""
+    """One placement: the sample ranges used, mean output of each sensor, what happened."""
 
     pieces: tuple[tuple[int, int], ...]
     accel: np.ndarray
@@ -46,7 +46,9 @@ class Rest:
 
 def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
     """
-    Return the placements of a record in order; rests between which nothing turned are one (a knock between).
+    Return the placements of a record in order.
+
+    Rests between which nothing turned are one: there was a knock between.
 
     Raises
     ------
@@ -55,7 +57,8 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
 
     """
     if record.accel is None:
-        raise InputError(f'{record.path or "the record"} has no accelerometer', 'which way is up is read from it')
+        raise InputError(f'{record.path or "the record"} has no accelerometer',
+                         'which way is up is read from it')
     found: list[Rest] = []
     for a, b in still_stretches(record, min(seconds, _PIECE_S)):
         pieces, note = _without_knocks(record, a, b)
@@ -73,10 +76,10 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
 
 def still_until_now(record: ImuRecord, seconds: float = STILL_S, most: float = 30.0) -> int | None:
     """
-    Return the first sample from which nothing has moved up to the end, at most this many seconds back.
+    Return the first sample from which nothing has moved up to the end, within ``most`` s.
 
-    None where the last ``seconds`` are not still: means over a tenth of a second spread by more than a sensor's
-    do at rest, or it turns.
+    None where the last ``seconds`` are not still: means over a tenth of a second spread by more
+    than a sensor's do at rest, or it turns.
 
     """
     least = round(seconds * record.rate_hz)
@@ -138,10 +141,11 @@ def _angle_deg(a, b) -> float:
 
 def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.ndarray:
     """
-    Return the standard error of each rest's mean, (3, rests), from the scatter of half-second means.
+    Return the standard error of each rest's mean, (3, rests), from half-second means.
 
-    The variance of these means is pooled over the rests (one sensor, one noise), so that a short rest is not
-    judged by two or three numbers; a rest that scatters by more than three times the others does not count.
+    The variance of these means is pooled over the rests (one sensor, one noise), so that a short
+    rest is not judged by two or three numbers; a rest that scatters by more than three times the
+    others does not count.
 
     """
     block = max(2, round(_BLOCK_S * rate_hz))
@@ -179,8 +183,9 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
     if not any_unit:
         check_unit(outputs, gravity)
     poses = Poses.of(
-        'accel', outputs, standard_errors(record.accel, found, record.rate_hz), gravity,
-        temperature=temperatures(record, found), time=[record.t[r.samples()].mean() for r in found])
+        'accel', outputs, standard_errors(np.asarray(record.accel), found, record.rate_hz),
+        gravity, temperature=temperatures(record, found),
+        time=[record.t[r.samples()].mean() for r in found])
     return poses, tuple(f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note)
 
 
@@ -192,13 +197,19 @@ def pooled_errors(windows: list[np.ndarray], rate_hz: float) -> np.ndarray:
 
 
 def averaged(record: ImuRecord, gravity: float) -> Poses:
-    """Return a record that is still from beginning to end as one pose, knocks left out; refuses a wrong unit."""
+    """
+    Return a record that is still from beginning to end as one pose, knocks left out.
+
+    Refuses a wrong unit.
+
+    """
     pieces, note = _without_knocks(record, 0, record.n)
     found = [_rest(record, pieces, note)]
     outputs = found[0].accel[:, None]
     check_unit(outputs, gravity)
-    return Poses.of('accel', outputs, standard_errors(record.accel, found, record.rate_hz), gravity,
-                    temperature=temperatures(record, found), time=[record.t.mean()])
+    std = standard_errors(np.asarray(record.accel), found, record.rate_hz)
+    return Poses.of('accel', outputs, std, gravity, temperature=temperatures(record, found),
+                    time=[record.t.mean()])
 
 
 def temperatures(record: ImuRecord, found: list[Rest]):
@@ -213,11 +224,13 @@ def check_unit(outputs: np.ndarray, gravity: float) -> None:
     if 0.7 < size / gravity < 1.3:
         return
     if 0.7 < size < 1.3:
-        raise InputError(f'the accelerometer reads {size:.3g} at rest: that is g, not m/s^2', 'give --accel-unit g')
+        raise InputError(f'the accelerometer reads {size:.3g} at rest: that is g, not m/s^2',
+                         'give --accel-unit g')
     if 700 < size < 1300:
         raise InputError(f'the accelerometer reads {size:.4g} at rest: that is mg, not m/s^2',
                          'give --accel-unit mg')
-    raise InputError(f'the accelerometer reads {size:.4g} at rest, not {gravity:.4g} m/s^2: counts?',
+    raise InputError(f'the accelerometer reads {size:.4g} at rest, not {gravity:.4g} m/s^2: '
+                     f'counts?',
                      'convert with the nominal scale of the data sheet first')
 
 
@@ -225,7 +238,8 @@ def faced(poses: Poses, cone_deg: float = CONE_DEG) -> tuple[Poses, tuple[str, .
     """
     Return the poses that are faces, with their nominal inputs and names, and notes on the others.
 
-    A pose is a face when its direction lies within a cone about an axis, whatever its distance from g.
+    A pose is a face when its direction lies within a cone about an axis, whatever its distance
+    from g.
 
     """
     keep, names, doubtful, away = [], [], [], []

@@ -1,4 +1,4 @@
-"""The loop's view of a calibration: poses left out one at a time, tests, and what could be missing."""
+"""The loop's view of a calibration: poses left out in turn, tests, what could be missing."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import chi2
 
-from ..effect import Effect, Finding, Fit, Model, registry, Score, View
-from ..errors import FitError, UsageError
 from . import solve
 from .effects import Regressor, Scatter
 from .linear import equations, LeftOut, whitened
 from .poses import Poses, unit
+from ..effect import Effect, Finding, Fit, Model, registry, Score, View
+from ..errors import FitError, UsageError
 
 _CHANCE = 0.005
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
@@ -68,8 +68,8 @@ class CalibrationProblem:
         """
         Fit a model; see :func:`solve.fit`.
 
-        All but one pose are fitted with the scatter (tilt, repeatability) of all: one number, which a pose
-        more or less hardly changes.
+        All but one pose are fitted with the scatter (tilt, repeatability) of all: one number,
+        which a pose more or less hardly changes.
 
         """
         model = Model(type(e)({}, e.label) for e in model)
@@ -83,7 +83,7 @@ class CalibrationProblem:
 
     def score(self, fit: Fit) -> Score:
         """
-        Score a fit made on other poses by these: squared error over its predicted variance, less its mean.
+        Score a fit made on other poses by these: squared error over predicted variance.
 
         Directions of which the other poses say nothing are not counted (nan where none is left).
 
@@ -105,11 +105,12 @@ class CalibrationProblem:
         return self._score(np.repeat(poses.time.mean(), len(pull)), pull, std, log_score)
 
     def held_out(self, fit: Fit) -> Score:
-        """Return the score of all poses, each left out in turn: the closed form of split, fit and score."""
+        """Return the score of all poses left out in turn: split, fit and score, closed form."""
         left = self.left_out(fit)
         log_score = sum(_log_score(e / np.sqrt(v), v, vector, w) for e, v, vector, w in
                         zip(left.error, left.variance, left.vectors, left.equations.whitener))
-        return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std, log_score)
+        return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std,
+                           log_score)
 
     @staticmethod
     def _score(time, pull, std, log_score) -> Score:
@@ -117,7 +118,7 @@ class CalibrationProblem:
         return Score.of([View('poses', time, pull, excess, float(std), 's', log_score)])
 
     def summary(self, fit: Fit) -> dict[str, float]:
-        """Return the rms residual, the rms error of poses left out, chi-squared and its degrees of freedom."""
+        """Return rms of the residuals and of the errors of poses left out, and chi-squared."""
         rms = [float(np.sqrt(np.mean(np.sum(np.square(e), axis=0)))) for e in
                (fit.details['residual'], self.left_out(fit).outputs().T)]
         return {'residual_rms': rms[0], 'left_out_rms': rms[1], 'chi_squared': fit.details['chi2'],
@@ -132,13 +133,15 @@ class CalibrationProblem:
         system, left = fit.details['equations'], self.left_out(fit)
         total = self._chi2_tail(fit)
         found = [Finding('chi_squared', 0.0, p_value=total, view='poses',
-                         evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of freedom')]
+                         evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of '
+                                  f'freedom')]
         tail = self._log_tail(fit, left)
         k = int(np.argmin(tail))
         found.append(Finding(
-            'worst_pose', 0.0, p_value=float(min(1.0, self.poses.n * np.exp(tail[k]))), view='poses',
-            evidence=f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s is {np.sqrt(left.x[k]):.1f} standard '
-                     f'errors from what the other poses predict'))
+            'worst_pose', 0.0, view='poses',
+            p_value=float(min(1.0, self.poses.n * np.exp(tail[k]))),
+            evidence=f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s is '
+                     f'{np.sqrt(left.x[k]):.1f} standard errors from what the others predict'))
         gain, rank = system.gain(self._drift(system))
         if rank:
             found.append(Finding('drift', 0.0, p_value=float(chi2.sf(2 * gain, rank)), view='time',
@@ -178,18 +181,19 @@ class CalibrationProblem:
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """
-        Return what could be added, the most probable first; what these poses cannot show is left out.
+        Return what could be added, the most probable first, as far as these poses show it.
 
         So is what lives by one bad pose alone: leave that pose out first.
 
         """
-        found = [f if f.p_value > _PROMISING else self._fitted(fit, f) for f in self._screened(fit)]
+        found = [f if (f.p_value or 0.0) > _PROMISING else self._fitted(fit, f) for f
+                 in self._screened(fit)]
         rest = self._without_a_bad_pose(fit)
         return sorted((f for f in found if f and not rest.get(f.name, np.inf) < f.gain / 4),
                       key=lambda f: f.penalty - f.gain)
 
     def _without_a_bad_pose(self, fit: Fit) -> dict[str, float]:
-        """Return what each candidate still gains without the worst pose, when that is beyond chance."""
+        """Return what each candidate gains without the worst pose, when that is beyond chance."""
         tail = self._log_tail(fit, self.left_out(fit))
         k = int(np.argmin(tail))
         if tail[k] > np.log(_CHANCE / self.poses.n) or self.poses.n <= 6:
@@ -201,41 +205,53 @@ class CalibrationProblem:
         """
         Return the log of the chance that a pose is further from what the others predict, (n,).
 
-        A tilt shortens the axial reading by an exponential variable, whose tail is longer than the normal one.
+        A tilt shortens the axial reading by an exponential variable, whose tail is longer than the
+        normal one.
 
         """
         tail = np.where(left.bins > 0, chi2.logsf(left.x, np.maximum(left.bins, 1)), 0.0)
-        return np.where(self._tilted_share(fit) > 0.5, np.maximum(tail, -1 - np.sqrt(left.x)), tail)
+        return np.where(self._tilted_share(fit) > 0.5, np.maximum(tail, -1 - np.sqrt(left.x)),
+                        tail)
 
     def _screened(self, fit: Fit) -> list[Finding]:
         """Return each candidate with its gain, by projection: nothing is fitted."""
         able = [e for e in self._others(fit.model) if not e.why_not(self.poses)]
         out = []
         for e in able:
-            gain, rank = self._scatter_gain(fit, e) if isinstance(e, Scatter) else self._gain(fit, e)
+            gain, rank = self._scatter_gain(fit, e) if isinstance(e, Scatter) else self._gain(fit,
+                                                                                              e)
             if not rank:
                 continue
-            # BIC, but never less than what the best of so many candidates gains by chance in one case of 200
-            penalty = max(rank * np.log(len(fit.details['equations'].right)), chi2.isf(_CHANCE / len(able), rank)) / 2
+            # BIC, but never less than what the best of so many candidates gains by chance in one
+            # case of 200
+            penalty = max(rank * np.log(len(fit.details['equations'].right)),
+                          chi2.isf(_CHANCE / len(able), rank)) / 2
             p_value = float(chi2.sf(2 * gain, rank)) / (2 if isinstance(e, Scatter) else 1)
             said = f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
             if rank < len(e.parameters):
-                said += f' ({len(e.parameters) - rank} of its {len(e.parameters)} cannot be seen here)'
-            out.append(Finding(e.name, gain, e, penalty=float(penalty), evidence=said, p_value=p_value))
+                unseen = len(e.parameters) - rank
+                said += f' ({unseen} of its {len(e.parameters)} cannot be seen here)'
+            out.append(Finding(e.name, gain, e, penalty=float(penalty), evidence=said,
+                               p_value=p_value))
         return out
 
     def _fitted(self, fit: Fit, finding: Finding) -> Finding | None:
         """Return a candidate with its values; None where it cannot be, by nature or by the fit."""
+        effect = finding.effect
+        if effect is None:
+            return None
         try:
-            more = self.fit(fit.model + finding.effect)
+            more = self.fit(fit.model + effect)
         except FitError:
             return None
         effect, estimates = more.model[finding.name], more.estimates[finding.name]
         if not _possible(effect, estimates):
             return None
-        # A candidate that leaves a test wrong, with nothing else in sight, has to answer for that test.
-        left = [f.name for f in self.omnibus(more) if f.p_value < _CHANCE / 3]
-        answers = left[0] if left and not any(f.gain > f.penalty for f in self._screened(more)) else 'poses'
+        # A candidate that leaves a test wrong, with nothing else in sight, has to answer for that
+        # test.
+        left = [f.name for f in self.omnibus(more) if (f.p_value or 0.0) < _CHANCE / 3]
+        others = any(f.gain > f.penalty for f in self._screened(more))
+        answers = left[0] if left and not others else 'poses'
         return replace(finding, effect=effect, estimates=estimates, view=answers,
                        evidence=f'{finding.evidence}; {self._where(fit, more)}')
 
@@ -253,9 +269,9 @@ class CalibrationProblem:
         return out
 
     @staticmethod
-    def _others(model: Model) -> list[Effect]:
-        return [cls() for cls in registry('calibration').values()
-                if cls.name not in model and issubclass(cls, (Regressor, Scatter))]
+    def _others(model: Model) -> list[Regressor | Scatter]:
+        every = [cls() for cls in registry('calibration').values() if cls.name not in model]
+        return [e for e in every if isinstance(e, (Regressor, Scatter))]
 
     def _gain(self, fit: Fit, effect: Regressor) -> tuple[float, int]:
         system = fit.details['equations']
@@ -263,14 +279,15 @@ class CalibrationProblem:
         return system.gain(whitened(system.whitener, effect.terms(poses, fit.details['S'])))
 
     def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
-        """Return the gain in restricted likelihood; 0 where less scatter than stated fits better."""
+        """Return the gain in restricted likelihood; 0 where less than is stated fits better."""
         poses, scale = self.poses.with_inputs(fit.details['inputs']), fit.details['S']
         args = (poses, scale, self.tilt, self._free)
         amplitude, best = solve.best_amplitude(fit.model, effect, *args)
         if effect.name == 'tilt' and amplitude <= self.tilt:
             return 0.0, 1
         system, log_det = equations(fit.model, *args)
-        return max(0.0, float(best - system.log_restricted(log_det)) / self._overdispersion(fit)), 1
+        return max(0.0, float(best - system.log_restricted(log_det))
+                   / self._overdispersion(fit)), 1
 
     def _where(self, fit: Fit, more: Fit) -> str:
         """Say at which poses the residual falls most."""
@@ -289,17 +306,21 @@ class CalibrationProblem:
             rivals = [f for f in ranked if f.gain > f.penalty]
             needs = dict.fromkeys(f.effect.needs for f in rivals if f.effect.needs)
             if len(rivals) < 2:
-                return f'{rivals[0].name} fits, but poses left out do not confirm it; record {"; or ".join(needs)}'
-            return f'these poses cannot tell {" from ".join(f.name for f in rivals)}; record {"; or ".join(needs)}'
+                said = f'{rivals[0].name} fits, but poses left out do not confirm it'
+            else:
+                said = f'these poses cannot tell {" from ".join(f.name for f in rivals)}'
+            return f'{said}; record {"; or ".join(needs)}'
         if verdict == 'unknown':
             return ('no known effect explains it: ' + '; '.join(f.evidence for f in failed)
                     + '; look at these poses and hold them again')
         hidden = [name for name, _, _ in self.blind(self.fit(solve.base_model()))]
-        return 'nothing is missing' + (f'; these poses could not show {", ".join(hidden)}' if hidden else '')
+        return 'nothing is missing' + (f'; these poses could not show {", ".join(hidden)}'
+                                       if hidden else '')
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything as plain arrays, for an npz file."""
-        return {**self.poses.to_arrays(), 'method': np.asarray(self.method), 'tilt': np.asarray(self.tilt)}
+        return {**self.poses.to_arrays(), 'method': np.asarray(self.method),
+                'tilt': np.asarray(self.tilt)}
 
     @classmethod
     def from_arrays(cls, arrays) -> CalibrationProblem:
@@ -318,7 +339,7 @@ class CalibrationProblem:
 
 
 def _complement(system, matrix: np.ndarray) -> np.ndarray:
-    """Return a basis of the rows of a matrix in which nothing is felt that a system leaves undetermined, (N, k)."""
+    """Return a basis of the rows that feel nothing a system leaves undetermined, (N, k)."""
     basis, size = system.undetermined, np.linalg.norm(system.matrix, axis=0)
     if not basis.size:
         return np.eye(len(matrix))
@@ -331,7 +352,7 @@ def _complement(system, matrix: np.ndarray) -> np.ndarray:
 
 
 def _log_score(pull, variance, vector, whitener) -> float:
-    """Return -2 ln p of one pose's outputs, in the directions that are predicted, up to a constant."""
+    """Return -2 ln p of one pose's outputs, as far as predicted, up to a constant."""
     if not len(pull):
         return 0.0
     rows = vector.T @ whitener
@@ -341,7 +362,9 @@ def _log_score(pull, variance, vector, whitener) -> float:
 def _directed(fit: Fit, poses: Poses) -> Poses:
     """Return poses with the directions that a fit sees in their outputs."""
     scale, inputs = fit.details['S'], poses.outputs
-    poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inputs - fit.details['bias'][:, None])))
+    poses = poses.with_inputs(poses.magnitude
+                              * unit(np.linalg.solve(scale,
+                                                     inputs - fit.details['bias'][:, None])))
     for _ in range(5):
         inner = poses.outputs - solve.rest_of(fit.model, scale, poses)
         poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))
@@ -349,7 +372,7 @@ def _directed(fit: Fit, poses: Poses) -> Poses:
 
 
 def _possible(effect: Effect, estimates) -> bool:
-    """Tell whether the values lie within what nature allows (Earth rate, gravity), give or take 3 std."""
+    """Tell whether the values lie within what nature allows, give or take 3 std."""
     for p in effect.parameters:
         e = estimates[p.name]
         if isinstance(effect, Regressor) and e.std is not None and e.point is not None:
@@ -370,4 +393,5 @@ def problems(arrays) -> dict[str, CalibrationProblem]:
 
 def arrays_of(found) -> dict[str, np.ndarray]:
     """Return the arrays of evidence.npz, which :func:`problems` reads back."""
-    return {f'{target}/{key}': value for target, p in found.items() for key, value in p.to_arrays().items()}
+    return {f'{target}/{key}': value for target, p in found.items() for key,
+            value in p.to_arrays().items()}

@@ -1,4 +1,4 @@
-"""A person's session: samples come in one by one, faces are captured when asked, and what is left is said."""
+"""A person's session: samples come in, faces are captured when asked, what is left is said."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError, UsageError
-from ..record import ImuRecord
-from ..units import G0
 from . import solve
 from .correction import Correction
 from .poses import FACES, joined, nearest_face, Poses
-from .positions import averaged, CONE_DEG, counted, pooled_errors, still_until_now, STILL_S
+from .positions import averaged, CONE_DEG, counted, pooled_errors, STILL_S, still_until_now
 from .problem import CalibrationProblem
 from .solution import calibrate, Calibration
 from .turns import turns
+from ..errors import InputError, UsageError
+from ..record import ImuRecord
+from ..units import G0
 
 _KEEP_S = 120.0             # what is remembered of the stream
 _SEEN_S = 30.0              # longest rest that a capture averages
@@ -36,7 +36,8 @@ class Captured:
     def __str__(self):
         """Return ``held: +x; 5 of 6 done; left: -z``."""
         left = f'left: {", ".join(self.left)}' if self.left else 'none left: solve'
-        return f'held: {self.name}; {self.done} of {self.of} done; {left}' + (f' ({self.note})' if self.note else '')
+        return f'held: {self.name}; {self.done} of {self.of} done; {left}' + (f' ({self.note})'
+                                                                              if self.note else '')
 
 
 class Session:
@@ -61,27 +62,36 @@ class Session:
     """
 
     def __init__(self, sensor: str = 'accel', gravity: float = G0, rate: float | None = None,
-                 turn: float | None = None, still_seconds: float = STILL_S, tilt: float = solve.TILT,
+                 turn: float | None = None, still_seconds: float = STILL_S,
+                 tilt: float = solve.TILT,
                  method: str | None = None):
         if sensor not in ('accel', 'gyro'):
             raise UsageError(f'there is no sensor {sensor}', 'sensors are accel and gyro')
         if sensor == 'gyro' and (rate is None) == (turn is None):
-            raise UsageError('the gyroscope needs a rate or a turn', 'set one of rate_deg_s and turn_deg')
+            raise UsageError('the gyroscope needs a rate or a turn',
+                             'set one of rate_deg_s and turn_deg')
         self.sensor, self.gravity, self.rate, self.turn = sensor, gravity, rate, turn
         self.still_seconds, self.tilt, self.method = still_seconds, tilt, method
         self.calibration: Calibration | None = None
         self._samples: deque = deque()
         self._poses: list[Poses] = []
-        self._windows: list[np.ndarray] = []        # accelerometer samples of each face, for the noise of all
+        # accelerometer samples of each face, for the noise of all
+        self._windows: list[np.ndarray] = []
         self._since = -np.inf               # stamp from which the next turn counts
 
     def feed(self, stamp_s: float, gyro, accel, temperature: float | None = None) -> None:
-        """Take one sample: gyro (3,) rad/s, accel (3,) m/s^2; one that is not finite or goes back is dropped."""
+        """
+        Take one sample: gyro (3,) rad/s, accel (3,) m/s^2.
+
+        One that is not finite or goes back is dropped.
+
+        """
         values = (*gyro, *accel)
         if not np.isfinite(values).all() or (self._samples and stamp_s <= self._samples[-1][0]):
             return
         if self._samples and stamp_s - self._samples[-1][0] > 1.0:
-            self._samples.clear()                                   # a gap: nothing before it belongs to this pose
+            # a gap: nothing before it belongs to this pose
+            self._samples.clear()
         self._samples.append((stamp_s, *values, np.nan if temperature is None else temperature))
         while stamp_s - self._samples[0][0] > _KEEP_S:
             self._samples.popleft()
@@ -95,14 +105,15 @@ class Session:
 
     def capture(self, expected: str | None = None) -> Captured:
         """
-        Average the still window that ends now (or take the turn that ended just now), and say what is left.
+        Average the still window (or take the turn) that ends now, and say what is left.
 
         ``expected`` is the face the person says is up: the opposite one means a sign upside down.
 
         Raises
         ------
         InputError
-            It is moving, there are too few samples, no face is seen, or the reading is impossible; nothing is kept.
+            It is moving, there are too few samples, no face is seen, or the reading is impossible;
+            nothing is kept.
 
         """
         record = self._record()
@@ -113,16 +124,19 @@ class Session:
         data = np.array(self._samples, float).reshape(-1, 8)
         span = data[-1, 0] - data[0, 0] if len(data) > 1 else 0.0
         if len(data) < 20 or span < self.still_seconds:
-            raise InputError(f'{span:.1f} s of samples so far, a pose takes {self.still_seconds:g} s',
+            raise InputError(f'{span:.1f} s of samples so far, a pose takes '
+                             f'{self.still_seconds:g} s',
                              'wait, and check that the Imu topic arrives')
         covariates = {'temperature': data[:, 7]} if np.isfinite(data[:, 7]).all() else {}
-        return ImuRecord(data[:, 1:4], data[:, 4:7], data[:, 0], (len(data) - 1) / span, covariates=covariates)
+        return ImuRecord(data[:, 1:4], data[:, 4:7], data[:, 0], (len(data) - 1) / span,
+                         covariates=covariates)
 
     def _still(self, record: ImuRecord) -> ImuRecord:
         """Return the part of the record in which it has been still until now."""
         begin = still_until_now(record, self.still_seconds, _SEEN_S)
         if begin is None:
-            raise InputError(f'moving: not still for the last {self.still_seconds:g} s', 'hold it still and capture again')
+            raise InputError(f'moving: not still for the last {self.still_seconds:g} s',
+                             'hold it still and capture again')
         return record.part(begin, record.n)
 
     def _face(self, record, expected) -> Captured:
@@ -133,9 +147,12 @@ class Session:
             raise UsageError(f'there is no face {expected}', f'faces are {", ".join(FACES)}')
         if expected and off <= CONE_DEG and face != expected:
             if face[1] == expected[1]:
-                raise InputError(f'{expected} should be up, but {face} reads +g: the sign of this axis is upside down, '
-                                 'or the box is', 'REP-145: +g on the axis that points up; turn it over, or mend the driver')
-            raise InputError(f'{expected} should be up, but {face} is', 'turn it and capture again')
+                raise InputError(f'{expected} should be up, but {face} reads +g: the sign of '
+                                 f'this axis is upside down, '
+                                 'or the box is', 'REP-145: +g on the axis that points up; turn '
+                                                  'it over, or mend the driver')
+            raise InputError(f'{expected} should be up, but {face} is',
+                             'turn it and capture again')
         name = face if off <= CONE_DEG else f'pose {len(self._poses) + 1}'
         note = '' if off <= CONE_DEG else f'{off:.0f} deg from {face}: counts for a norm fit only'
         pose = replace(pose, names=(name,))
@@ -144,7 +161,7 @@ class Session:
             self._windows.pop()
             note = 'not moved since the last capture, which it replaces'
         self._poses.append(pose)
-        self._windows.append(still.accel)
+        self._windows.append(np.asarray(still.accel))
         held = counted(self._names())[face] if off <= CONE_DEG else 1
         return self._said(name, note or (f'held {held} times: averaged' if held > 1 else ''))
 
@@ -167,11 +184,13 @@ class Session:
         return poses.take(poses.n - 1)
 
     def _by_angle(self, recent) -> Poses:
-        poses, notes = turns(recent, turn=self.turn, seconds=min(1.0, self.still_seconds / 2), partly=True)
+        poses, notes = turns(recent, turn=self.turn, seconds=min(1.0, self.still_seconds / 2),
+                             partly=True)
         turned = [k for k, n in enumerate(poses.names) if n.startswith('turn')]
         other = [n for n in notes if n.endswith('handling')]
         if not turned and other:
-            raise InputError(other[-1], 'turn it again about one axis, on a flat table, from rest to rest')
+            raise InputError(other[-1], 'turn it again about one axis, on a flat table, from '
+                                        'rest to rest')
         return poses.take(turned[-1] if turned else poses.n - 1)
 
     def _names(self) -> list[str]:
@@ -226,12 +245,12 @@ class Session:
         return self.solved().problem
 
     def apply(self, gyro, accel, temperature: float | None = None):
-        """Return (gyro, accel), (3,) each, the calibrated sensor corrected and the other as it came."""
+        """Return (gyro, accel), (3,) each, the calibrated sensor corrected."""
         return applied(self.solved().correction, gyro, accel, temperature)
 
 
 def applied(correction: Correction, gyro, accel, temperature: float | None = None):
-    """Return (gyro, accel), (3,) each, the sensor of the correction corrected and the other as it came."""
+    """Return (gyro, accel), (3,) each, one of them corrected and the other as it came."""
     if correction.sensor == 'accel':
         return np.asarray(gyro, float), correction.apply(accel, temperature)
     return correction.apply(gyro, temperature, accel), np.asarray(accel, float)

@@ -1,4 +1,4 @@
-"""A calibration: the solution of poses with everything that speaks for and against it, or a refusal."""
+"""A calibration: the solution with what speaks for and against it, or a refusal."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from ..effect import Fit, Model
-from ..errors import FitError, InputError
 from . import solve
 from .correction import Correction
 from .linear import equations
 from .poses import nearest_face, Poses, unit
 from .positions import CONE_DEG, counted, faced, spread
 from .problem import CalibrationProblem
+from ..effect import Fit, Model
+from ..errors import FitError, InputError
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
@@ -33,8 +33,8 @@ class Calibration:
         The poses and how they were fitted.
     fit : Fit
         The fitted model with its estimates.
-    plain : Fit or None
-        The same poses by ``ols``: its difference from ``wls`` measures the tilt.
+    plain : Fit
+        The same poses by ``ols`` where they can be: its distance from ``wls`` shows the tilt.
     notes, warnings : tuple of str
         What was done, and what is doubtful.
 
@@ -42,7 +42,7 @@ class Calibration:
 
     problem: CalibrationProblem
     fit: Fit
-    plain: Fit | None = None
+    plain: Fit
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -79,7 +79,8 @@ class Calibration:
     @property
     def correction(self) -> Correction:
         """What turns raw samples into corrected ones."""
-        return Correction(self.sensor, self.S, self.bias, self.fit.model, self.poses.reference_temperature)
+        return Correction(self.sensor, self.S, self.bias, self.fit.model,
+                          self.poses.reference_temperature)
 
     def apply(self, raw, temperature=None, force=None) -> np.ndarray:
         """Return corrected samples, (n, 3) or (3,); see :class:`Correction`."""
@@ -87,13 +88,15 @@ class Calibration:
 
 
 def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard deviations of S (3, 3) and of the bias (3,); 0 for what is not fitted."""
+    """Return the standard deviations of S (3, 3) and bias (3,); 0 for what is not fitted."""
     std = dict(zip(fit.details['keys'], np.sqrt(np.diag(fit.details['cov']))))
-    s = np.array([[std.get(('scale' if k == m else 'cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz'] for k in 'xyz'])
+    s = np.array([[std.get(('scale' if k == m else 'cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz']
+                  for k in 'xyz'])
     return s, np.array([std.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
 
 
-def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT, model: Model | None = None,
+def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
+              model: Model | None = None,
               notes=()) -> Calibration:
     """
     Return the calibration of poses, or refuse it with the number that forbids it and what to do.
@@ -101,21 +104,24 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     Parameters
     ----------
     poses : Poses
-        From a record, with or without known inputs. Accelerometer poses without are matched to faces, or, when 12
-        and more point in different directions, fitted by their magnitude alone.
+        From a record, with or without known inputs. Accelerometer poses without are matched to
+        faces, or, when 12 and more point in different directions, fitted by their magnitude alone.
     method : str, optional
         ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
     tilt : float
         Tilt of the faces, rad (rms of each of two angles).
     model : Model, optional
         scale + cross_axis + bias unless given.
+    notes : iterable of str
+        What was done to the poses before.
 
     Raises
     ------
     InputError
         Faces or turns are missing, or there are too few poses.
     FitError
-        The solution is no calibration: an axis upside down, a scale no device has, not enough spread.
+        The solution is no calibration: an axis upside down, a scale no device has, not enough
+        spread.
 
     """
     model = model or solve.base_model()
@@ -132,15 +138,15 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     problem = CalibrationProblem(poses, method, tilt)
     fit = problem.fit(model)
     _refuse_failure(fit, poses, method)
-    notes += [f'{face} was held {k} times: averaged' for face, k in counted(poses.names).items() if k > 1]
+    notes += [f'{face} was held {k} times: averaged' for face,
+              k in counted(poses.names).items() if k > 1]
     return stated(problem, fit, notes, _doubts(fit, poses, method, tilt))
 
 
 def stated(problem: CalibrationProblem, fit: Fit, notes=(), warnings=()) -> Calibration:
     """Return a calibration that was solved before, with ``ols`` beside it."""
-    plain = None
-    if problem.method != 'norm':
-        plain = fit if problem.method == 'ols' else solve.fit(fit.model, problem.poses, 'ols', problem.tilt)
+    plain = fit if problem.method in ('ols', 'norm') else solve.fit(
+        fit.model, problem.poses, 'ols', problem.tilt)
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
@@ -161,15 +167,17 @@ def _norm_equations(poses):
 
 
 def _refuse_little_spread(poses: Poses) -> None:
-    remedy = f'hold at least {SPREAD_POSES} poses in all directions, edges and corners too; or use --method wls ' \
-             'with six faces'
+    remedy = (f'hold at least {SPREAD_POSES} poses in all directions, edges and corners too; or '
+              'use --method wls with six faces')
     apart = spread(poses)
     if apart < SPREAD_POSES:
-        raise InputError(f'{apart} poses point in different directions ({poses.n} in all), the norm fit needs '
+        raise InputError(f'{apart} poses point in different directions ({poses.n} in all), the '
+                         f'norm fit needs '
                          f'{SPREAD_POSES}', remedy)
     condition = _norm_equations(poses).condition
     if condition > _CONDITION:
-        raise InputError(f'the poses are too alike for a norm fit (condition {condition:.0f}, at most '
+        raise InputError(f'the poses are too alike for a norm fit (condition {condition:.0f}, at '
+                         f'most '
                          f'{_CONDITION:.0f})', remedy)
 
 
@@ -197,14 +205,18 @@ def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
     nominal = np.abs(np.diag(scale)).mean()
     for k, axis in enumerate('xyz'):
         if scale[k, k] < 0:
-            raise FitError(f'{poses.sensor}_{axis} is upside down: its scale factor is {scale[k, k]:.3g}',
-                           'its sign, or the sign or order of the inputs, is wrong (REP-145: +g on the axis that '
+            raise FitError(f'{poses.sensor}_{axis} is upside down: its scale factor is '
+                           f'{scale[k, k]:.3g}',
+                           'its sign, or the sign or order of the inputs, is wrong (REP-145: +g '
+                           'on the axis that '
                            'points up)')
         if not _SCALES[0] * nominal < scale[k, k] < _SCALES[1] * nominal:
-            raise FitError(f'the scale factor of {poses.sensor}_{axis} is {scale[k, k]:.3g}, of all three '
+            raise FitError(f'the scale factor of {poses.sensor}_{axis} is {scale[k, k]:.3g}, of '
+                           f'all three '
                            f'{nominal:.3g} on average', 'check the units and the poses')
     if poses.sensor == 'gyro' and not _SCALES[0] < nominal < _SCALES[1]:
-        raise FitError(f'the turns come out {nominal:.3g} times as large as they should', 'check --turn or --rate '
+        raise FitError(f'the turns come out {nominal:.3g} times as large as they should',
+                       'check --turn or --rate '
                        '(degrees), the unit of the gyroscope and the sample rate')
 
 
@@ -214,19 +226,22 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
     x2, dof = fit.details['chi2'], fit.details['dof']
     residual, inputs = fit.details['residual'], fit.details['inputs']
     if dof and chi2.sf(x2, dof) < 0.005:
-        said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} explain: chi-squared '
+        said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
+                    f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
     if method != 'norm' and dof:
         lateral = inputs == 0
         own = np.diag(fit.details['S'])[:, None]
-        size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0), 1e-300)
+        size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0),
+                                                                   1e-300)
         turned = np.linalg.norm(inputs, axis=0) > 0
         if turned.any():
             rms = float(np.sqrt((size[:, turned] ** 2).sum() / dof))
             if rms > 2 * tilt:
                 said.append(f'the faces are tilted by about {np.degrees(rms):.1f} deg (stated: '
                             f'{np.degrees(tilt):.1g}); their scale factors are low by some '
-                            f'{1e6 * rms ** 2:.0f} ppm: level them, give --tilt {np.degrees(rms):.1f}, or hold '
+                            f'{1e6 * rms ** 2:.0f} ppm: level them, give --tilt '
+                            f'{np.degrees(rms):.1f}, or hold '
                             f'{SPREAD_POSES} spread poses')
     return said
 
@@ -238,12 +253,13 @@ def as_dict(calibration: Calibration) -> Mapping:
     poses, left = c.poses, c.problem.left_out(fit)
     out = {
         'sensor': c.sensor, 'method': c.problem.method, 'unit': c.problem.unit,
-        'formula': 'x = S^-1 (raw - bias - effects(x))' if c.correction.more else 'x = S^-1 (raw - bias)',
+        'formula': f'x = S^-1 (raw - bias{" - effects(x)" if c.correction.more else ""})',
         'G': c.G.tolist(), 'S': c.S.tolist(), 'bias': c.bias.tolist(),
         'std': {'S': std_s.tolist(), 'bias': std_b.tolist()},
         'chi_squared': float(fit.details['chi2']), 'dof': int(fit.details['dof']),
         'condition': float(fit.details['condition']),
-        'magnitude': float(poses.magnitude), 'reference_temperature': float(poses.reference_temperature),
+        'magnitude': float(poses.magnitude),
+        'reference_temperature': float(poses.reference_temperature),
     }
     if c.problem.method != 'norm':
         out['tilt_deg'] = float(np.degrees(c.problem.tilt))
@@ -253,12 +269,16 @@ def as_dict(calibration: Calibration) -> Mapping:
         near = [nearest_face(u) for u in fit.details['inputs'].T]
         seen = counted(face for face, angle in near if angle <= CONE_DEG)
     out['faces' if c.sensor == 'accel' else 'turns'] = {
-        'seen': {f: k for f, k in seen.items() if k}, 'missing': [f for f, k in seen.items() if not k]}
-    out['effects'] = {e.label: {'effect': e.name, **{p.name: float(e.values[p.name]) for p in e.parameters}}
+        'seen': {f: k for f, k in seen.items() if k},
+        'missing': [f for f, k in seen.items() if not k]}
+    out['effects'] = {e.label: {'effect': e.name,
+                                **{p.name: float(e.values[p.name]) for p in e.parameters}}
                       for e in fit.model if e.name not in solve.BASE}
     out['poses'] = [{
-        'name': poses.names[k], 'time_s': float(poses.time[k]), 'output': poses.outputs[:, k].tolist(),
-        'input': fit.details['inputs'][:, k].tolist(), 'residual': fit.details['residual'][:, k].tolist(),
-        'left_out_chi_squared': float(left.x[k]), 'left_out_bins': int(left.bins[k])} for k in range(poses.n)]
+        'name': poses.names[k], 'time_s': float(poses.time[k]),
+        'output': poses.outputs[:, k].tolist(), 'input': fit.details['inputs'][:, k].tolist(),
+        'residual': fit.details['residual'][:, k].tolist(),
+        'left_out_chi_squared': float(left.x[k]), 'left_out_bins': int(left.bins[k])}
+        for k in range(poses.n)]
     out['notes'], out['warnings'] = list(c.notes), list(c.warnings)
     return out

@@ -1,19 +1,16 @@
-"""
-Fitting a calibration: ``ols``, ``wls`` and ``norm``; any model, whole or not observable.
-
-"""
+"""Fitting a calibration: ``ols``, ``wls`` and ``norm``; any model, observable or not."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from .effects import BASE, Regressor, Scatter
+from .linear import Equations, equations
+from .poses import Poses, unit
 from ..effect import Estimate, Fit, Model, model_of
 from ..errors import FitError, UsageError
 from ..units import si
-from .effects import BASE, Regressor, Scatter
-from .linear import equations, Equations
-from .poses import Poses, unit
 
 METHODS = ('ols', 'wls', 'norm')
 TILT = np.radians(1.0)
@@ -25,8 +22,8 @@ def ols(outputs: np.ndarray, regressor: np.ndarray) -> np.ndarray:
     """
     Return G = O I' (I I')^-1, (3, rows): the plain least-squares solution of O = G I.
 
-    outputs O (3, n), regressor I (rows, n), e.g. [i; 1]. Inputs are scaled to their largest by the caller where
-    condition matters (I/g: 1.73 for six faces).
+    outputs O (3, n), regressor I (rows, n), e.g. [i; 1]. Inputs are scaled to their largest by the
+    caller where condition matters (I/g: 1.73 for six faces).
 
     Raises
     ------
@@ -50,13 +47,15 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, kno
     """
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
-    ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles), ``norm`` uses
-    the magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
+    ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles),
+    ``norm`` uses the magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a
+    common rotation.
 
     ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses.
 
-    ``Fit.details``: ``S`` (3, 3), ``bias`` (3,), ``theta`` and ``cov`` with ``keys``, ``equations``, ``inputs``
-    (3, n), ``residual`` (3, n) in units of the output, ``chi2``, ``dof``, ``condition``.
+    ``Fit.details``: ``S`` (3, 3), ``bias`` (3,), ``theta`` and ``cov`` with ``keys``,
+    ``equations``, ``inputs`` (3, n), ``residual`` (3, n) in units of the output, ``chi2``,
+    ``dof``, ``condition``.
 
     Raises
     ------
@@ -70,13 +69,15 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, kno
         raise UsageError(f'there is no method {method}', f'methods are {", ".join(METHODS)}')
     missing = [name for name in ('scale', 'bias') if name not in model]
     if missing:
-        raise UsageError(f'a calibration model without {" and ".join(missing)}', 'keep scale and bias in it')
+        raise UsageError(f'a calibration model without {" and ".join(missing)}',
+                         'keep scale and bias in it')
     free = method == 'norm'
     if not free and not poses.known:
         raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
     system, state, log_det = _iterate(model, poses, free, tilt)
     for e in model.of(Scatter):
-        amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale, tilt, free)[0]
+        amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale,
+                                                                tilt, free)[0]
         model = model.with_effect(e.with_values(**{e.parameters[0].name: amplitude}))
     if model.of(Scatter):
         system, state, log_det = _iterate(model, state.poses, free, tilt)
@@ -110,7 +111,8 @@ class _State:
     def filled(self, model):
         """Return the model with the coefficients as its values."""
         return Model(e if isinstance(e, Scatter) else e.with_values(
-            **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.parameters}) for e in model)
+            **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.parameters}) for e
+                     in model)
 
     @property
     def scale(self):
@@ -124,10 +126,11 @@ class _State:
 
 
 def _iterate(model, poses, free, tilt):
-    """Solve, put the new S (and for ``norm`` the new directions) in, and solve again until nothing changes."""
+    """Solve with the S (and for ``norm`` the directions) of the last time, until they stay."""
     scale, bias = start(poses) if free else (_rough_scale(poses), np.zeros(3))
     if free and not poses.known:
-        poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
+        poses = poses.with_inputs(poses.magnitude
+                                  * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
     state = _State(poses)
     # without unknown directions S enters the weights alone, unless an effect changes the input
     weights = 1e-10 if any(e.at_input for e in model.of(Regressor)) else 1e-4
@@ -138,7 +141,8 @@ def _iterate(model, poses, free, tilt):
         change = np.abs(new - scale).max() / np.abs(scale).max()
         scale = new
         if free:
-            if not np.isfinite(scale).all() or abs(np.linalg.det(scale)) < 1e-12 * np.abs(scale).max() ** 3:
+            size = np.abs(scale).max() ** 3
+            if not np.isfinite(size) or abs(np.linalg.det(scale)) < 1e-12 * size:
                 raise FitError('the norm fit runs away', 'add poses in other directions')
             inner = poses.outputs - rest_of(state.filled(model), scale, poses)
             moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
@@ -152,7 +156,7 @@ def _iterate(model, poses, free, tilt):
 
 
 def _sound(scale, system):
-    """Return S with a scale factor that the poses do not determine replaced by the others' mean: for the weights."""
+    """Return S for the weights: an undetermined scale factor is the mean of the others."""
     sound = dict(zip(system.keys, system.determined))
     known = np.array([sound.get(('scale', f'S_{2 * k}'), False) for k in 'xyz'])
     if known.all() or not known.any():
@@ -163,11 +167,12 @@ def _sound(scale, system):
 
 
 def rest_of(model: Model, scale: np.ndarray, poses: Poses) -> np.ndarray:
-    """Return all of the outputs of a fitted model that is not S i: bias and what else it holds, (3, n)."""
+    """Return what a fitted model puts out beyond S i: bias and all else, (3, n)."""
     rest = np.zeros((3, poses.n))
     for e in model.of(Regressor):
         if e.name not in ('scale', 'cross_axis'):
-            rest += e.terms(poses, scale) @ np.array([e.values.get(p.name, 0.0) for p in e.parameters])
+            rest += e.terms(poses, scale) @ np.array([e.values.get(p.name, 0.0) for p
+                                                      in e.parameters])
     return rest
 
 
@@ -197,8 +202,9 @@ def start(poses):
 
 
 def amplitudes(effect: Scatter, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
-    """Return the range in which a scatter's amplitude is looked for: from far below the noise to what devices do."""
-    if effect.name == 'repeatability':          # up to 0.5 % of the input: more is no bias that wanders
+    """Return the range in which a scatter's amplitude is looked for."""
+    # up to 0.5 % of the input: more is no bias that wanders
+    if effect.name == 'repeatability':
         size = poses.magnitude * np.abs(np.diag(scale)).mean() / np.median(poses.amount)
         return 1e-3 * float(np.median(poses.std / poses.amount)) + 1e-12, 5e-3 * size
     return effect.parameters[0].lower, effect.parameters[0].upper
@@ -222,20 +228,23 @@ def best_amplitude(model: Model, effect: Scatter, poses, scale, tilt, free) -> t
 
     values = [loss(x) for x in grid]
     k = int(np.argmin(values))
-    found = minimize_scalar(loss, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, 24)]), method='bounded',
+    found = minimize_scalar(loss, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, 24)]),
+                            method='bounded',
                             options={'xatol': 1e-3})
     return (float(np.exp(found.x)), -float(found.fun)) if found.fun < values[k] else (
         float(np.exp(grid[k])), -values[k])
 
 
 def _unweighted(system: Equations):
-    """Return plain least squares and its covariance under the true weights: readings count alike."""
-    readings = np.linalg.inv(system.whitener)                   # (n, 3, 3): back to units of the output
+    """Return plain least squares (readings count alike) and its covariance."""
+    # (n, 3, 3): back to units of the output
+    readings = np.linalg.inv(system.whitener)
     n, m = len(readings), system.matrix.shape[1]
     matrix = np.einsum('nij,njk->nik', readings, system.matrix.reshape(n, 3, m)).reshape(-1, m)
     right = np.einsum('nij,nj->ni', readings, system.right.reshape(n, 3)).ravel()
     size = np.linalg.norm(matrix, axis=0)
-    inverse = np.linalg.pinv(matrix / np.where(size > 0, size, 1.0)) / np.where(size > 0, size, 1.0)[:, None]
+    inverse = np.linalg.pinv(matrix / np.where(size > 0, size, 1.0)) / np.where(size > 0, size,
+                                                                                1.0)[:, None]
     spread = np.einsum('kni,nij->knj', inverse.reshape(m, n, 3), readings).reshape(m, -1)
     return inverse @ right, spread @ spread.T
 
@@ -244,8 +253,8 @@ def _common_tilt(keys, theta, tilt):
     """
     Return the covariance that the mean effect of tilt adds.
 
-    A tilt by two angles of rms theta shortens the axial input by theta^2 on average, in every pose alike: all of
-    S is low by that fraction, which no residual shows.
+    A tilt by two angles of rms theta shortens the axial input by theta^2 on average, in every pose
+    alike: all of S is low by that fraction, which no residual shows.
 
     """
     low = np.array([v * tilt ** 2 if label in ('scale', 'cross_axis') else 0.0
@@ -255,14 +264,15 @@ def _common_tilt(keys, theta, tilt):
 
 def _leak(state, system, cov, tilt):
     """
-    Return the covariance added by lateral tilt that reaches an axis through its cross-axis sensitivities.
+    Return the covariance of lateral tilt that reaches an axis by cross-axis sensitivity.
 
-    Left out of the weights, where the uncertainty of these sensitivities would do harm; here only what they
-    exceed their own variance by counts.
+    Left out of the weights, where the uncertainty of these sensitivities would do harm; here only
+    what they exceed their own variance by counts.
 
     """
     variance = dict(zip(system.keys, np.diag(cov)))
-    uncertain = np.array([[variance.get(('cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz'] for k in 'xyz'])
+    uncertain = np.array([[variance.get(('cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz'] for k
+                          in 'xyz'])
     sensitivity = np.maximum(state.scale ** 2 - uncertain, 0.0) * (1 - np.eye(3))
     lateral = tilt ** 2 * (np.sum(state.poses.inputs ** 2, axis=0) - state.poses.inputs ** 2)
     spread = np.linalg.pinv(system.matrix).reshape(len(cov), -1, 3)
@@ -278,7 +288,8 @@ def _report(model, state, system, cov, log_det, method, tilt, known):
     for e in model.effects:
         if isinstance(e, Scatter):
             name = e.parameters[0].name
-            estimates[e.label] = {name: Estimate(e[name], None, None, point=e[name], fixed=True) if known else
+            estimates[e.label] = {name: Estimate(e[name], None, None, point=e[name], fixed=True)
+                                  if known else
                                   _scatter_estimate(model, e, poses, state.scale, tilt, free)}
             effects.append(e)
             continue
@@ -291,14 +302,17 @@ def _report(model, state, system, cov, log_det, method, tilt, known):
                          + (f'; needs {e.needs}' if e.needs else ''))
     model = Model(effects)
     residual = poses.outputs - state.scale @ poses.inputs - rest_of(model, state.scale, poses)
-    details = {'S': state.scale, 'bias': state.bias, 'keys': keys, 'theta': np.array(list(state.values.values())),
-               'cov': cov, 'equations': system, 'inputs': poses.inputs, 'residual': residual, 'tilt': tilt,
-               'chi2': system.chi2, 'dof': system.dof, 'condition': system.condition, 'method': method}
+    details = {'S': state.scale, 'bias': state.bias, 'keys': keys,
+               'theta': np.array(list(state.values.values())),
+               'cov': cov, 'equations': system, 'inputs': poses.inputs, 'residual': residual,
+               'tilt': tilt,
+               'chi2': system.chi2, 'dof': system.dof, 'condition': system.condition,
+               'method': method}
     return Fit(model, estimates, -0.5 * (system.chi2 + log_det), tuple(flags), details)
 
 
 def _estimate(parameter, found, sensor) -> Estimate:
-    """Return the estimate of one coefficient: null where its interval holds zero, except in the base model."""
+    """Return the estimate of a coefficient; null where it may be zero and is not of the base."""
     unit_ = si(parameter.unit, sensor)
     if found is None:
         return Estimate(0.0, None, None, unit_, point=0.0, fixed=True,
@@ -310,7 +324,8 @@ def _estimate(parameter, found, sensor) -> Estimate:
     interval = (value - half, value + half)
     base = parameter.name[:2] in ('S_', 'b_')
     if not base and interval[0] <= 0 <= interval[1]:
-        return Estimate(None, std, interval, unit_, upper95=abs(value) + _ONE_SIDED * std, point=value,
+        return Estimate(None, std, interval, unit_, upper95=abs(value) + _ONE_SIDED * std,
+                        point=value,
                         note='interval reaches zero')
     return Estimate(value, std, interval, unit_, point=value)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import InputError, UsageError
-from ..record import ImuRecord
-from ..stillness import still_stretches
 from .gravity import EARTH_RATE
 from .poses import DIRECTIONS, joined, nearest_face, Poses
 from .positions import Rest, rests, standard_errors, temperatures
+from ..errors import InputError, UsageError
+from ..record import ImuRecord
+from ..stillness import still_stretches
 
 REFERENCE = ('reference_x', 'reference_y', 'reference_z')      # columns of the true rate, rad/s
 _CONE_DEG = 20.0
@@ -17,16 +17,18 @@ _BLOCK_S = 0.1
 
 
 def turns(record: ImuRecord, *, rate: float | None = None, turn: float | None = None,
-          latitude: float | None = None, seconds: float = 2.0, partly: bool = False) -> tuple[Poses, tuple[str, ...]]:
+          latitude: float | None = None, seconds: float = 2.0,
+          partly: bool = False) -> tuple[Poses, tuple[str, ...]]:
     """
     Return the gyroscope's poses of a record, with known inputs, and notes for people.
 
-    One of three ways says what the true input is: the columns ``reference_x, _y, _z`` (rad/s) of the record; the
-    ``rate`` (rad/s) of a rate table turned both ways about each axis; or the angle ``turn`` (rad) of hand turns about
-    each axis, from rest to rest, where O is the integrated output and I = [angle; duration]. Rests count as
-    well, with input zero. With a ``latitude`` (deg) the vertical part of the Earth's rate is added to the
-    input of whatever turns or rests about the vertical; without, it stays in the bias. ``partly`` takes a record
-    that holds a part of a session.
+    One of three ways says what the true input is: the columns ``reference_x, _y, _z`` (rad/s) of
+    the record; the ``rate`` (rad/s) of a rate table turned both ways about each axis; or the angle
+    ``turn`` (rad) of hand turns about each axis, from rest to rest, where O is the integrated
+    output and I = [angle; duration]. Rests count as well, with input zero. With a ``latitude``
+    (deg) the vertical part of the Earth's rate is added to the input of whatever turns or rests
+    about the vertical; without, it stays in the bias. ``partly`` takes a record that holds a part
+    of a session.
 
     Raises
     ------
@@ -37,17 +39,19 @@ def turns(record: ImuRecord, *, rate: float | None = None, turn: float | None = 
 
     """
     if record.gyro is None:
-        raise InputError(f'{record.path or "the record"} has no gyroscope', 'calibrate the accelerometer')
+        raise InputError(f'{record.path or "the record"} has no gyroscope',
+                         'calibrate the accelerometer')
     known = [name for name in REFERENCE if name in record.covariates]
     if bool(known) + (rate is not None) + (turn is not None) != 1:
         raise UsageError('the gyroscope needs exactly one reference',
-                         'give --rate (rate table), --turn (hand turns) or columns reference_x, _y, _z')
+                         'give --rate (rate table), --turn (hand turns) or columns reference_x, '
+                         '_y, _z')
     if known:
         poses, notes = _by_reference(record, seconds)
     elif rate is not None:
         poses, notes = _by_rate(record, abs(rate), seconds)
     else:
-        poses, notes = _by_angle(record, abs(turn), seconds)
+        poses, notes = _by_angle(record, abs(turn or 0.0), seconds)
     if not known and not partly:
         refuse_missing_axes(poses.names, 'turn' if rate is None else 'rate', notes)
     return _with_earth(poses, latitude, list(notes))
@@ -57,7 +61,8 @@ def _by_reference(record, seconds):
     true = np.column_stack([record.covariates.get(n, np.zeros(record.n)) for n in REFERENCE])
     parts = [(a, b) for a, b in _steady(record, true, seconds)]
     if not parts:
-        raise InputError(f'the reference rate is never steady for {seconds:g} s', 'hold each rate for some seconds')
+        raise InputError(f'the reference rate is never steady for {seconds:g} s',
+                         'hold each rate for some seconds')
     inputs = np.array([true[a:b].mean(0) for a, b in parts]).T
     return _means(record, parts, inputs, [_turn_name(i) for i in inputs.T]), ()
 
@@ -73,14 +78,16 @@ def _by_rate(record, rate, seconds):
             inputs.append(np.zeros(3))
             names.append('rest')
         elif angle > _CONE_DEG or not 0.6 < size / rate < 1.6:
-            notes.append(f'a turn at {record.t[a]:.0f} s, {np.degrees(size):.3g} deg/s, {angle:.0f} deg from {face}, '
+            notes.append(f'a turn at {record.t[a]:.0f} s, {np.degrees(size):.3g} deg/s, '
+                         f'{angle:.0f} deg from {face}, '
                          f'is not the table\'s {np.degrees(rate):.3g} deg/s: left out')
         else:
             parts.append((a, b))
             inputs.append(rate * DIRECTIONS[face])
             names.append(f'turn {face}')
     if not parts:
-        raise InputError(f'the rate is never steady for {seconds:g} s{_because(notes)}', 'hold each rate for some seconds')
+        raise InputError(f'the rate is never steady for {seconds:g} s{_because(notes)}',
+                         'hold each rate for some seconds')
     return _means(record, parts, np.array(inputs).T, names), notes
 
 
@@ -102,7 +109,8 @@ def _by_angle(record, angle, seconds):
         if size < 0.3 * angle:
             continue
         if off > _CONE_DEG or not 0.6 < size / angle < 1.6 or _tips(record, a, b, margin):
-            notes.append(f'a movement at {record.t[a]:.0f} s ({np.degrees(size):.0f} deg, {off:.0f} deg from {face}) '
+            notes.append(f'a movement at {record.t[a]:.0f} s ({np.degrees(size):.0f} deg, '
+                         f'{off:.0f} deg from {face}) '
                          f'is no turn of {np.degrees(angle):.0f} deg about one axis: handling')
             continue
         outputs.append(total)
@@ -116,13 +124,17 @@ def _by_angle(record, angle, seconds):
         time.append(record.t[a:b].mean())
         names.append(f'turn {face}')
     found = _rests(record, seconds)
-    resting = _means(record, [(r.begin, r.end) for r in found], np.zeros((3, len(found))), ['rest'] * len(found), found)
+    resting = _means(record, [(r.begin, r.end) for r in found], np.zeros((3, len(found))),
+                     ['rest'] * len(found), found)
     span = np.array([len(r.samples()) * record.dt for r in found])
-    resting = Poses.of('gyro', resting.outputs * span, resting.std * span, angle, resting.inputs, span,
-                       resting.force, resting.temperature, resting.reference_temperature, resting.time, resting.names)
+    resting = Poses.of('gyro', resting.outputs * span, resting.std * span, angle, resting.inputs,
+                       span,
+                       resting.force, resting.temperature, resting.reference_temperature,
+                       resting.time, resting.names)
     if not outputs:
         return resting, notes
-    turning = Poses.of('gyro', np.array(outputs).T, np.array(std).T, angle, np.array(inputs).T, amount,
+    turning = Poses.of('gyro', np.array(outputs).T, np.array(std).T, angle, np.array(inputs).T,
+                       amount,
                        np.array(force).T, temperature, resting.reference_temperature, time, names)
     return joined([turning, resting]), notes
 
@@ -130,7 +142,8 @@ def _by_angle(record, angle, seconds):
 def _rests(record, seconds):
     if record.accel is not None:
         return rests(record, seconds)
-    return [Rest(((a, b),), np.full(3, np.nan), record.gyro[a:b].mean(0)) for a, b in still_stretches(record, seconds)]
+    return [Rest(((a, b),), np.full(3, np.nan), record.gyro[a:b].mean(0)) for a,
+            b in still_stretches(record, seconds)]
 
 
 def _tips(record, a, b, margin) -> bool:
@@ -155,11 +168,12 @@ def _means(record, parts, inputs, names, found=None) -> Poses:
         'gyro', np.array([record.gyro[k].mean(0) for k in index]).T,
         standard_errors(record.gyro, found, record.rate_hz),
         float(np.linalg.norm(inputs, axis=0).max()) or 1.0, inputs, force=force,
-        temperature=temperatures(record, found), time=[record.t[k].mean() for k in index], names=names)
+        temperature=temperatures(record, found), time=[record.t[k].mean() for k in index],
+        names=names)
 
 
 def _steady(record, rates, seconds) -> list[tuple[int, int]]:
-    """Return sample ranges in which rates (n, 3) do not change: blocks that agree with the run's first ones."""
+    """Return sample ranges in which rates (n, 3) do not change from block to block."""
     block = max(2, round(_BLOCK_S * record.rate_hz))
     n = record.n // block
     cut = rates[:n * block].reshape(n, block, 3)
@@ -169,7 +183,8 @@ def _steady(record, rates, seconds) -> list[tuple[int, int]]:
     change = np.abs(np.diff(middle, axis=0))
     still = np.r_[False, (change < tolerance).all(1)]
     edges = np.flatnonzero(np.diff(np.r_[0, still.astype(int), 0])).reshape(-1, 2)
-    return [(a * block, (b - 1) * block) for a, b in edges if (b - 1 - a) * block >= seconds * record.rate_hz]
+    return [(a * block, (b - 1) * block) for a,
+            b in edges if (b - 1 - a) * block >= seconds * record.rate_hz]
 
 
 def _turn_name(rate) -> str:
@@ -177,7 +192,8 @@ def _turn_name(rate) -> str:
     if size == 0:
         return 'rest'
     face, off = nearest_face(rate)
-    return f'turn {face} {np.degrees(size):.4g} deg/s' if off < _CONE_DEG else f'turn {np.degrees(size):.4g} deg/s'
+    about = f'{face} ' if off < _CONE_DEG else ''
+    return f'turn {about}{np.degrees(size):.4g} deg/s'
 
 
 def _because(notes) -> str:
@@ -185,7 +201,7 @@ def _because(notes) -> str:
 
 
 def refuse_missing_axes(names, option: str, notes=()) -> None:
-    """Raise InputError where an axis was not turned, or turned one way only with no rest to tell bias from scale."""
+    """Raise InputError where an axis was not turned, or one way only and there is no rest."""
     seen = {n.split()[1][1] for n in names if n.startswith('turn')}
     missing = [k for k in 'xyz' if k not in seen]
     if missing:
@@ -194,7 +210,8 @@ def refuse_missing_axes(names, option: str, notes=()) -> None:
     one_way = [k for k in 'xyz' for s in '+-' if f'turn {s}{k}' not in names]
     if one_way and 'rest' not in names:
         raise InputError(f'{", ".join(one_way)} is turned one way only, and there is no rest',
-                         'turn each axis both ways, or record a rest: scale and bias look the same otherwise')
+                         'turn each axis both ways, or record a rest: scale and bias look the '
+                         'same otherwise')
 
 
 def _with_earth(poses: Poses, latitude, notes):
@@ -205,6 +222,7 @@ def _with_earth(poses: Poses, latitude, notes):
         return poses, tuple(notes)
     vertical = EARTH_RATE * np.sin(np.radians(latitude))
     inputs = poses.inputs + vertical * up * poses.amount
-    notes.append(f'the vertical part of the Earth\'s rate ({np.degrees(vertical) * 3600:.2f} deg/h) is in the inputs; its '
+    notes.append(f'the vertical part of the Earth\'s rate ({np.degrees(vertical) * 3600:.2f} '
+                 f'deg/h) is in the inputs; its '
                  'horizontal part averages out in whole turns and stays in the bias at rest')
     return poses.with_inputs(inputs), tuple(notes)

@@ -1,4 +1,4 @@
-"""``calibrate`` and ``apply``: from poses to scale, cross-axis and bias, and a bag corrected by them."""
+"""``calibrate`` and ``apply``: from poses to a calibration, and a bag corrected by it."""
 
 from __future__ import annotations
 
@@ -8,34 +8,52 @@ from . import common
 def register(commands) -> None:
     """Add the commands."""
     c = commands.add_parser(
-        'calibrate', help='scale, cross-axis sensitivity and bias from six faces, many poses, or turns',
-        description='Read poses held still (accelerometer), or turns of known rate or angle (gyroscope), solve, and '
+        'calibrate', help='scale, cross-axis sensitivity and bias from six faces, many poses, or '
+                          'turns',
+        description='Read poses held still (accelerometer), or turns of known rate or angle '
+                    '(gyroscope), solve, and '
                     'write calibration.yaml, calibration.png, report.html and the study.')
-    c.add_argument('bags', metavar='BAG', nargs='+', help='one bag with all poses, or a bag a pose')
+    c.add_argument('bags', metavar='BAG', nargs='+',
+                   help='one bag with all poses, or a bag a pose')
     c.add_argument('-o', '--output', metavar='DIR', help='where it goes (default: BAG.study)')
-    c.add_argument('--sensor', choices=('accel', 'gyro'), help='default: accel; gyro with --rate or --turn')
-    c.add_argument('--gravity', type=float, metavar='G', help='local gravity, m/s^2 (default: 9.80665)')
-    c.add_argument('--latitude', type=float, metavar='DEG', help='local gravity by the WGS-84 formula; Earth rate of a gyroscope')
-    c.add_argument('--height', type=float, metavar='M', help='height above the ellipsoid, with --latitude')
+    c.add_argument('--sensor', choices=('accel', 'gyro'),
+                   help='default: accel; gyro with --rate or --turn')
+    c.add_argument('--gravity', type=float, metavar='G',
+                   help='local gravity, m/s^2 (default: 9.80665)')
+    c.add_argument('--latitude', type=float, metavar='DEG',
+                   help='local gravity by the WGS-84 formula; Earth rate of a gyroscope')
+    c.add_argument('--height', type=float, metavar='M',
+                   help='height above the ellipsoid, with --latitude')
     g = c.add_mutually_exclusive_group()
-    g.add_argument('--rate', type=float, metavar='DEG_S', help='gyroscope: rate of the table, turned both ways about each axis')
-    g.add_argument('--turn', type=float, metavar='DEG', help='gyroscope: angle of hand turns about each axis, from rest to rest')
-    c.add_argument('--tilt', type=float, default=1.0, metavar='DEG', help='how well the faces are level, rms (default: 1)')
+    g.add_argument('--rate', type=float, metavar='DEG_S',
+                   help='gyroscope: rate of the table, turned both ways about each axis')
+    g.add_argument('--turn', type=float, metavar='DEG',
+                   help='gyroscope: angle of hand turns about each axis, from rest to rest')
+    c.add_argument('--tilt', type=float, default=1.0, metavar='DEG',
+                   help='how well the faces are level, rms (default: 1)')
     c.add_argument('--method', choices=('wls', 'ols', 'norm'),
-                   help='weighted (six faces), plain, or by the magnitude alone (default with 12 and more spread poses)')
-    c.add_argument('--still', type=float, default=2.0, metavar='S', help='shortest rest that is a pose, s (default: 2)')
+                   help='weighted (six faces), plain, or by the magnitude alone (default with 12 '
+                        'and more spread poses)')
+    c.add_argument('--still', type=float, default=2.0, metavar='S',
+                   help='shortest rest that is a pose, s (default: 2)')
     c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
-    c.add_argument('--rate-hz', type=float, metavar='R', help='sample rate, in place of the stamps')
-    c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'), help='unit of the gyroscope data (default: rad/s)')
-    c.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'), help='unit of the accelerometer data (default: m/s^2)')
+    c.add_argument('--rate-hz', type=float, metavar='R',
+                   help='sample rate, in place of the stamps')
+    c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
+                   help='unit of the gyroscope data (default: rad/s)')
+    c.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'),
+                   help='unit of the accelerometer data (default: m/s^2)')
     c.add_argument('--force', action='store_true', help='replace a study that is there')
     common.output_options(c, 'calibration.yaml')
     c.set_defaults(func=calibrate)
 
-    c = commands.add_parser('apply', help='write a bag with calibrated Imu messages beside the original topics')
+    c = commands.add_parser('apply', help='write a bag with calibrated Imu messages beside the '
+                                          'original topics')
     c.add_argument('bag', metavar='BAG', help='what to correct')
-    c.add_argument('-o', '--output', metavar='BAG2', required=True, help='the bag to write, of the same kind')
-    c.add_argument('--calibration', metavar='DIR', required=True, help='a folder that calibrate wrote, or a calibration.yaml')
+    c.add_argument('-o', '--output', metavar='BAG2', required=True,
+                   help='the bag to write, of the same kind')
+    c.add_argument('--calibration', metavar='DIR', required=True,
+                   help='a folder that calibrate wrote, or a calibration.yaml')
     c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
     c.add_argument('--force', action='store_true', help='replace a bag that is there')
     common.output_options(c, 'what was written')
@@ -56,11 +74,13 @@ def calibrate(args) -> int:
             raise UsageError(f'--{name} {value:g} makes no sense', 'give degrees, not zero')
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
-            args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force, progress=progress,
+            args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force,
+            progress=progress,
             gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
             accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
             sensor=args.sensor, gravity=args.gravity, latitude=args.latitude, height=args.height,
-            rate_deg_s=args.rate, turn_deg=args.turn, tilt_deg=args.tilt, method=args.method, seconds=args.still)
+            rate_deg_s=args.rate, turn_deg=args.turn, tilt_deg=args.tilt, method=args.method,
+            seconds=args.still)
     common.warn(done.study.source['warnings'])
     data = tasks.as_dict(done.study)
     if args.json:
@@ -69,7 +89,8 @@ def calibrate(args) -> int:
     c = done.calibration
     unit = c.problem.unit
     print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
-          + (f', gravity {data["gravity"]:.5f} m/s^2: {done.study.source["gravity_from"]}' if c.sensor == 'accel' else ''))
+          + (f', gravity {data["gravity"]:.5f} m/s^2: {done.study.source["gravity_from"]}'
+             if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
     std_s, std_b = c.std
@@ -80,9 +101,12 @@ def calibrate(args) -> int:
     if c.problem.method == 'wls':
         import numpy as np
         apart = np.abs(c.plain.details['bias'] - c.bias).max()
-        print(f'  plain least squares (ols) puts the bias up to {apart:.2g} {unit} elsewhere: that is the tilt of the faces; '
-              f'scale factors are low by some {1e6 * (args.tilt * DEG) ** 2:.0f} ppm with {args.tilt:g} deg')
-    print(f'  chi-squared {c.fit.details["chi2"]:.1f} with {c.fit.details["dof"]} degrees of freedom')
+        print(f'  plain least squares (ols) puts the bias up to {apart:.2g} {unit} elsewhere: '
+              f'that is the tilt of the faces; '
+              f'scale factors are low by some {1e6 * (args.tilt * DEG) ** 2:.0f} ppm with '
+              f'{args.tilt:g} deg')
+    print(f'  chi-squared {c.fit.details["chi2"]:.1f} with {c.fit.details["dof"]} degrees of '
+          f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
     print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
@@ -96,7 +120,8 @@ def apply(args) -> int:
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
         share = (lambda p: progress(p, 'correcting')) if progress else None
-        written = tasks.apply_calibration(args.bag, args.output, args.calibration, topic=args.topic, force=args.force,
+        written = tasks.apply_calibration(args.bag, args.output, args.calibration,
+                                          topic=args.topic, force=args.force,
                                           progress=share)
     if args.json:
         common.print_json({'written': str(written), 'topic': tasks.CALIBRATED})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .style import AXES, dress, EFFECTS, FAINT, FAIL, MEASURED, MODEL, new_figure, readable, SMALL
+from .style import AXES, dress, EFFECTS, FAIL, FAINT, MEASURED, MODEL, new_figure, readable, SMALL
 from ..calibration import Calibration
 from ..calibration.poses import DIRECTIONS, unit
 
@@ -12,20 +12,22 @@ _LOUD = 3.0         # a pose further off than this many standard errors is named
 
 
 def residuals(ax, calibration: Calibration):
-    """Draw each pose's residual, and how far off the other poses predict it to be; return the axes."""
+    """Draw each pose's residual, and shade what other poses predict differently."""
     poses, fit = calibration.poses, calibration.fit
     x = 1 + np.arange(poses.n)
     system, left = fit.details['equations'], calibration.problem.left_out(fit)
     if calibration.problem.method == 'norm':
         size = 1.0 / np.linalg.norm(system.whitener[:, 0, :], axis=1)
         direction = system.whitener[:, 0, :] * size[:, None]
-        value, unit_ = np.einsum('ni,in->n', direction, fit.details['residual']), calibration.problem.unit
+        value, unit_ = np.einsum('ni,in->n', direction,
+                                 fit.details['residual']), calibration.problem.unit
         ax.bar(x, value, 0.6, color=AXES['x'], label='residual of the magnitude')
-        ax.errorbar(x, np.zeros(poses.n), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8, capsize=2,
+        ax.errorbar(x, np.zeros(poses.n), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
+                    capsize=2,
                     label='±2 standard errors')
     else:
-        # tilt makes lateral readings a hundred times less certain than axial ones: only in standard errors do
-        # both show
+        # tilt makes lateral readings a hundred times less certain than axial ones: only in
+        # standard errors do both show
         pull, unit_ = fit.details['residual'].T / _reading_std(system), 'standard errors'
         ax.axhspan(-2, 2, color='#eef1f3', linewidth=0, zorder=0)
         for k, axis in enumerate('xyz'):
@@ -45,9 +47,11 @@ def residuals(ax, calibration: Calibration):
     ax.set_xlim(0.3, poses.n + 0.7)
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.22 * (high - low))
-    ax.legend(fontsize=SMALL, frameon=False, ncol=4, loc='upper left', handlelength=1.2, columnspacing=1.2)
+    ax.legend(fontsize=SMALL, frameon=False, ncol=4, loc='upper left', handlelength=1.2,
+              columnspacing=1.2)
     if ((pull > _LOUD) & (left.bins > 0)).any():
-        ax.text(0.995, 0.02, 'shaded: the other poses predict something else', transform=ax.transAxes, ha='right',
+        ax.text(0.995, 0.02, 'shaded: the other poses predict something else',
+                transform=ax.transAxes, ha='right',
                 fontsize=SMALL, color=FAIL)
     return ax
 
@@ -60,9 +64,10 @@ def _reading_std(system):
 
 def sphere(axes, calibration: Calibration):
     """
-    Draw the directions that were covered, as two equal-area maps: up above (z > 0) and below; return both axes.
+    Draw the directions that were covered, as equal-area maps for z > 0 and z < 0.
 
-    Faces are rings; a filled ring was seen. Lambert's projection: equal areas of the sphere are equal on paper.
+    Faces are rings; a filled ring was seen. Lambert's projection: equal areas of the sphere are
+    equal on paper.
 
     """
     inputs = calibration.fit.details['inputs']
@@ -79,7 +84,8 @@ def sphere(axes, calibration: Calibration):
                 x, y = _lambert(d, sign)
                 ax.plot(x, y, 'o', markersize=13, markerfacecolor='none', markeredgecolor=FAINT)
                 out = 1.2 if abs(d[2]) < 0.5 else 0
-                ax.text(out * x, out * y - (0.17 if not out else 0), face, fontsize=SMALL, ha='center', va='center', color=MEASURED)
+                ax.text(out * x, out * y - (0.17 if not out else 0), face, fontsize=SMALL,
+                        ha='center', va='center', color=MEASURED)
         here = u[:, sign * u[2] >= -0.02]
         x, y = _lambert(here, sign)
         ax.plot(x, y, 'o', markersize=5, color=MODEL, alpha=0.75, markeredgewidth=0)
@@ -101,19 +107,24 @@ def before_and_after(ax, calibration: Calibration):
     """Draw the error of each pose's magnitude, as it came and corrected; return the axes."""
     poses = calibration.poses
     mean = (poses.outputs / poses.amount).T
-    after = calibration.correction.apply(mean, poses.temperature if np.isfinite(poses.temperature).all() else None,
+    after = calibration.correction.apply(mean,
+                                         poses.temperature if np.isfinite(poses.temperature).all()
+                                         else None,
                                          poses.force.T if np.isfinite(poses.force).all() else None)
-    truth = np.linalg.norm(poses.rates, axis=0) if poses.known else np.full(poses.n, poses.magnitude)
+    truth = np.linalg.norm(poses.rates, axis=0) if poses.known else np.full(poses.n,
+                                                                            poses.magnitude)
     error = [np.abs(np.linalg.norm(v, axis=1) - truth) for v in (mean, after)]
     x = 1 + np.arange(poses.n)
     floor = 1e-7 * poses.magnitude
     for value, colour, name in zip(error, (FAINT, EFFECTS[0]), ('as it came', 'calibrated')):
         rms = float(np.sqrt(np.mean(value ** 2)))
-        ax.plot(x, np.maximum(value, floor), 'o', markersize=4, color=colour, label=f'{name}: {rms:.2g} rms')
+        ax.plot(x, np.maximum(value, floor), 'o', markersize=4, color=colour,
+                label=f'{name}: {rms:.2g} rms')
         ax.axhline(max(rms, floor), color=colour, linewidth=1, linestyle='--')
     ax.set_yscale('log')
     what = '| |f| − g |' if calibration.sensor == 'accel' else '| |ω| − true |'
-    dress(ax, 'error of the magnitude, before and after', 'pose', f'{what}, {readable(calibration.problem.unit)}')
+    dress(ax, 'error of the magnitude, before and after', 'pose',
+          f'{what}, {readable(calibration.problem.unit)}')
     low, high = ax.get_ylim()
     ax.set_ylim(low, high * (high / low) ** 0.25)
     ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncol=2)
@@ -121,19 +132,23 @@ def before_and_after(ax, calibration: Calibration):
 
 
 def calibration_figure(calibration: Calibration):
-    """Return the picture of a calibration: residuals, directions, before and after, and what they say."""
+    """Return the picture of a calibration: residuals, directions, before and after."""
     figure = new_figure(11, 7)
-    grid = figure.add_gridspec(2, 3, left=0.075, right=0.985, top=0.90, bottom=0.085, height_ratios=[1, 1.05], hspace=0.42,
+    grid = figure.add_gridspec(2, 3, left=0.075, right=0.985, top=0.90, bottom=0.085,
+                               height_ratios=[1, 1.05], hspace=0.42,
                                width_ratios=[1, 1, 1.9], wspace=0.12)
     residuals(figure.add_subplot(grid[0, :]), calibration)
     pair = [figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])]
     sphere(pair, calibration)
     box = pair[0].get_position()
-    figure.text(box.x0, box.y1 + 0.035, 'directions covered' if calibration.sensor == 'accel' else 'axes turned about',
+    figure.text(box.x0, box.y1 + 0.035, 'directions covered' if calibration.sensor == 'accel'
+                else 'axes turned about',
                 fontsize=9, fontweight='bold', color=MEASURED)
     right = grid[1, 2].subgridspec(1, 2, width_ratios=[0.07, 1])
     before_and_after(figure.add_subplot(right[0, 1]), calibration)
     x2, dof = calibration.fit.details['chi2'], calibration.fit.details['dof']
-    figure.text(0.075, 0.955, f'{calibration.sensor}, {calibration.problem.method}: {calibration.poses.n} poses, '
-                f'χ² {x2:.1f} with {dof} degrees of freedom', fontsize=12, fontweight='bold', color=MEASURED)
+    figure.text(0.075, 0.955, f'{calibration.sensor}, {calibration.problem.method}: '
+                              f'{calibration.poses.n} poses, '
+                f'χ² {x2:.1f} with {dof} degrees of freedom', fontsize=12, fontweight='bold',
+                color=MEASURED)
     return figure

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 
-import numpy as np
-
 from .noise import default_folder
 from .. import calibration as core, files, store
 from ..errors import InputError, UsageError
@@ -20,12 +18,13 @@ FILE = 'calibration.yaml'
 CALIBRATED = 'imu/data_calibrated'
 Progress = Callable[[float | None, str], None]
 # A face in the name of a bag that holds one face: left_-z.mcap, x_up, minus_y, zn
-_FACE = re.compile(r'(?:^|[^a-z0-9])(?:([+-])([xyz])|([xyz])_?(up|down|pos|neg|p|n)|(plus|minus)_?([xyz]))$')
+_FACE = re.compile(r'(?:^|[^a-z0-9])(?:([+-])([xyz])|([xyz])_?(up|down|pos|neg|p|n)'
+                   r'|(plus|minus)_?([xyz]))$')
 
 
 @dataclass(frozen=True)
 class Calibrated:
-    """What calibrating gave: the solution, its study, and the folder it was written to (None: not written)."""
+    """What calibrating gave: the solution, its study, and its folder (None: not written)."""
 
     calibration: core.Calibration
     study: Study
@@ -41,9 +40,11 @@ def face_in_name(path) -> str | None:
     return ('+' if sign in ('+', 'up', 'pos', 'p', 'plus') else '-') + axis
 
 
-def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None, gravity: float | None = None,
+def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None,
+                      gravity: float | None = None,
                       latitude: float | None = None, height: float | None = None,
-                      rate_deg_s: float | None = None, turn_deg: float | None = None, tilt_deg: float = 1.0,
+                      rate_deg_s: float | None = None, turn_deg: float | None = None,
+                      tilt_deg: float = 1.0,
                       method: str | None = None, seconds: float = core.STILL_S) -> Calibrated:
     """
     Calibrate one sensor from records: all poses in one, or one record a pose.
@@ -81,7 +82,8 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
     if sensor is None:
         sensor = 'accel' if rate_deg_s is None and turn_deg is None else 'gyro'
     if sensor == 'accel' and not (rate_deg_s is None and turn_deg is None):
-        raise UsageError('--rate and --turn are for the gyroscope', 'leave them out, or --sensor gyro')
+        raise UsageError('--rate and --turn are for the gyroscope',
+                         'leave them out, or --sensor gyro')
     g, origin = core.gravity(gravity, latitude, height)
     if sensor == 'accel':
         poses, notes = _faces(records, g, seconds)
@@ -99,7 +101,7 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
 
 
 def _faces(records, g, seconds):
-    """Return the accelerometer's poses of all records; a record named after its face has to agree."""
+    """Return the accelerometer's poses; a record named after its face has to agree."""
     parts, notes = [], []
     for r in records:
         poses, said = core.positions(r, g, seconds)
@@ -109,8 +111,10 @@ def _faces(records, g, seconds):
         if expected:
             face, _ = core.nearest_face(poses.outputs.mean(1))
             if face == ('-' if expected[0] == '+' else '+') + expected[1]:
-                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g: upside down',
-                                 'REP-145: +g on the axis that points up; mend the driver\'s sign, or rename the bag')
+                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g: '
+                                 f'upside down',
+                                 'REP-145: +g on the axis that points up; mend the driver\'s '
+                                 'sign, or rename the bag')
             if face != expected:
                 raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g',
                                  'rename the bag, or check the axes of the driver')
@@ -137,26 +141,31 @@ def _turns(records, rate_deg_s, turn_deg, latitude, seconds):
 
 def study_of(calibration: core.Calibration, source: Mapping | None = None) -> Study:
     """Return the study that the loop drives: one target, the sensor."""
-    return Study.begin({calibration.sensor: calibration.problem}, calibration.fit.model, source)
+    problems = {calibration.sensor: calibration.problem}
+    return Study.begin(problems, calibration.fit.model, source)     # type: ignore[arg-type]
 
 
 def calibration_of(study: Study) -> core.Calibration:
-    """Return the calibration that a study stands at; raise InputError where it is of another domain."""
+    """Return the calibration a study stands at; raise InputError for another domain."""
     if study.domain != 'calibration':
         raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
     state = next(iter(study.states.values()))
-    return core.stated(state.problem, state.fit, study.source.get('notes', ()), study.source.get('warnings', ()))
+    problem = state.problem
+    assert isinstance(problem, core.CalibrationProblem)
+    return core.stated(problem, state.fit, study.source.get('notes', ()),
+                       study.source.get('warnings', ()))
 
 
 def as_dict(study: Study) -> dict:
-    """Return the data of calibration.yaml: the numbers, where they come from, and the diagnosis."""
+    """Return the data of calibration.yaml: numbers, where they are from, diagnosis."""
     result = calibration_of(study)
     data = {'format': 'imu_noise_calibration/1', **core.as_dict(result)}
     data['source'] = {k: v for k, v in study.source.items() if k not in ('notes', 'warnings')}
     if result.sensor == 'accel' and 'gravity' in study.source:
         data['gravity'] = study.source['gravity']
     found = study.diagnosis.get(result.sensor)
-    data['diagnosis'] = store.diagnosis_to_dict('calibration', result.sensor, found) if found else {}
+    data['diagnosis'] = store.diagnosis_to_dict('calibration', result.sensor,
+                                                found) if found else {}
     return store.plain(data)
 
 
@@ -165,22 +174,25 @@ def outputs(study: Study) -> dict[str, str | bytes]:
     from .. import report
     from ..plots import calibration as plots, style
     picture = style.png(plots.calibration_figure(calibration_of(study)))
-    return {**store.study_files(study), 'calibration.png': picture, 'report.html': report.html(study),
+    return {**store.study_files(study), 'calibration.png': picture,
+            'report.html': report.html(study),
             FILE: store.dump_yaml(as_dict(study))}
 
 
-def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, rate_hz=None, force=False,
+def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, rate_hz=None,
+              force=False,
               progress: Progress | None = None, **options) -> Calibrated:
     """
-    Calibrate from one bag or several and write calibration.yaml, a picture, a report and the study.
+    Calibrate from bags; write calibration.yaml, a picture, a report and the study.
 
-    ``out`` is ``<first bag>.study`` unless given; options are those of :func:`calibrate_records`. Nothing is
-    written when the calibration is refused.
+    ``out`` is ``<first bag>.study`` unless given; options are those of :func:`calibrate_records`.
+    Nothing is written when the calibration is refused.
 
     Raises
     ------
     InputError, FitError, UsageError
-        What :func:`calibrate_records` and :func:`imu_noise_tools.bag.open_record` raise; a study in the way.
+        What :func:`calibrate_records` and :func:`imu_noise_tools.bag.open_record` raise; a study
+        in the way.
 
     """
     from ..bag import open_record
@@ -191,7 +203,8 @@ def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, ra
         for k, bag in enumerate(bags):
             if progress:
                 progress(0.8 * k / len(bags), f'reading {bag}')
-            records.append(open_record(bag, topic, gyro_unit=gyro_unit, accel_unit=accel_unit, rate_hz=rate_hz))
+            records.append(open_record(bag, topic, gyro_unit=gyro_unit, accel_unit=accel_unit,
+                                       rate_hz=rate_hz))
         done = calibrate_records(records, **options)
         done.study.diagnose()
         if progress:
@@ -227,14 +240,19 @@ def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
     for c in corrections:
         raw = getattr(record, c.sensor)
         if raw is None:
-            raise InputError(f'{record.path or "the record"} has no {c.sensor}', f'this calibration is of the {c.sensor}')
-        record = replace(record, **{c.sensor: c.apply(raw, record.covariates.get('temperature'), record.accel)})
+            raise InputError(f'{record.path or "the record"} has no {c.sensor}',
+                             f'this calibration is of the {c.sensor}')
+        better = c.apply(raw, record.covariates.get('temperature'), record.accel)
+        if c.sensor == 'accel':
+            record = replace(record, accel=better)
+        else:
+            record = replace(record, gyro=better)
     return record
 
 
 def apply_calibration(bag, out, calibration, *, topic=None, force=False, progress=None) -> Path:
     """
-    Write a bag that holds all of another one and ``imu/data_calibrated`` beside; return where it is.
+    Copy a bag with ``imu/data_calibrated`` beside its topics; return where it is.
 
     Raises
     ------
@@ -247,7 +265,8 @@ def apply_calibration(bag, out, calibration, *, topic=None, force=False, progres
 
     def correct(record: ImuRecord) -> ImuRecord:
         return corrected(record, correction)
-    return copy_bag(bag, out, correct, topic=topic, new_topic=CALIBRATED, force=force, progress=progress)
+    return copy_bag(bag, out, correct, topic=topic, new_topic=CALIBRATED, force=force,
+                    progress=progress)
 
 
 class Session(core.Session):
@@ -261,8 +280,9 @@ class Session(core.Session):
     def solve(self) -> core.Calibration:
         """Solve the poses captured so far, and begin a study of them."""
         solved = super().solve()
-        self._study, self._loaded = study_of(solved, {'gravity': self.gravity, 'notes': list(solved.notes),
-                                                      'warnings': list(solved.warnings)}), None
+        source = {'gravity': self.gravity, 'notes': list(solved.notes),
+                  'warnings': list(solved.warnings)}
+        self._study, self._loaded = study_of(solved, source), None
         return solved
 
     def reset(self) -> None:
@@ -273,7 +293,8 @@ class Session(core.Session):
     @property
     def study(self) -> Study:
         """The study of the solution; raise InputError where nothing is solved."""
-        self.solved()
+        if self._study is None:
+            self._study = study_of(self.solved())
         return self._study
 
     def adopt(self, study: Study) -> None:
@@ -291,13 +312,23 @@ class Session(core.Session):
         return self.calibration.correction if self.calibration is not None else self._loaded
 
     def apply(self, gyro, accel, temperature=None):
-        """Return (gyro, accel), (3,) each, corrected; raise InputError where nothing is solved or loaded."""
+        """
+        Return (gyro, accel), (3,) each, corrected.
+
+        Raise InputError where nothing is solved or loaded.
+
+        """
         if self.calibration is None and self._loaded is not None:
             return core.applied(self._loaded, gyro, accel, temperature)
         return super().apply(gyro, accel, temperature)
 
     def save(self, path) -> Path:
-        """Write calibration.yaml, whole; a session that is not solved is refused and nothing is written."""
+        """
+        Write calibration.yaml, whole.
+
+        A session that is not solved is refused and nothing is written.
+
+        """
         path = Path(path)
         path = path / FILE if path.is_dir() else path
         files.atomic_write(path, store.dump_yaml(as_dict(self.study)))
@@ -307,6 +338,7 @@ class Session(core.Session):
         """Take a calibration.yaml as what is applied until something is solved."""
         loaded = load_correction(path)
         if loaded.sensor != self.sensor:
-            raise InputError(f'{path}: calibrates the {loaded.sensor}, not the {self.sensor}', 'name another file')
+            raise InputError(f'{path}: calibrates the {loaded.sensor}, not the {self.sensor}',
+                             'name another file')
         self._loaded = loaded
         return loaded

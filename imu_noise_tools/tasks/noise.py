@@ -157,5 +157,8 @@ def outputs_of(study: Study, folder) -> dict[str, str | bytes]:
     """Return all files of a study of any domain."""
     if study.domain == 'noise':
         return outputs(study)
+    if study.domain == 'calibration':
+        from . import calibration
+        return calibration.outputs(study)
     from .. import report
     return {**store.study_files(study), 'report.html': report.html(study)}
