@@ -1,4 +1,9 @@
-"""Output that is there whole or not at all: written beside its place under a temporary name, then renamed."""
+"""
+Output that is there whole or not at all.
+
+It is written beside its place under a temporary name, then renamed.
+
+"""
 
 from __future__ import annotations
 
@@ -14,7 +19,8 @@ import socket
 
 from .errors import InputError
 
-# What marks a folder as one that this package wrote: only such a folder (or an empty one) is ever replaced.
+# What marks a folder as one that this package wrote: only such a folder (or an empty one) is ever
+# replaced.
 MARKERS = ('study.yaml', 'metadata.yaml', 'calibration.yaml')
 
 _REMEDY = {
@@ -96,7 +102,7 @@ def atomic_path(path) -> Iterator[Path]:
 
 @contextmanager
 def _only_of(path, temporary: Path) -> Iterator[None]:
-    """Map errors of the system that come from writing, and leave those of reading something else alone."""
+    """Map errors of the system that come from writing, and no others."""
     try:
         yield
     except OSError as error:
@@ -108,15 +114,17 @@ def _only_of(path, temporary: Path) -> Iterator[None]:
 @contextmanager
 def new_folder(path, force: bool = False) -> Iterator[Path]:
     """
-    Give a temporary folder that becomes ``path`` when the block ends well, and is removed when it does not.
+    Give a temporary folder that becomes ``path`` when the block ends well.
+
+    When it does not, the folder is removed.
 
     Parameters
     ----------
     path : str or Path
         The folder to be. Missing parents are made.
     force : bool
-        Whether a folder that holds a study or a bag already is replaced, whole. A folder that holds
-        anything else is never replaced.
+        Whether a folder that holds a study or a bag already is replaced, whole. A folder that
+        holds anything else is never replaced.
 
     Yields
     ------
@@ -154,7 +162,9 @@ def new_folder(path, force: bool = False) -> Iterator[Path]:
 
 def replace_files(folder, files: Mapping[str, str | bytes]) -> None:
     """
-    Rewrite several files of a folder: all are written beside their places first, and renamed only then.
+    Rewrite several files of a folder.
+
+    All are written beside their places first, and renamed only then.
 
     Parameters
     ----------
@@ -219,7 +229,9 @@ def _host() -> str:
 
 def _sweep(target: Path) -> None:
     """Remove what a killed process left beside the target."""
-    pattern = re.compile(re.escape(f'.{target.name[:100]}.{_host()}-') + r'(\d+)-[0-9a-f]{6}\.part')
+    pattern = re.compile(
+        re.escape(f'.{target.name[:100]}.{_host()}-') + r'(\d+)-[0-9a-f]{6}\.part'
+    )
     try:
         found = [(p, m) for p in target.parent.iterdir() if (m := pattern.fullmatch(p.name))]
     except OSError:
@@ -251,10 +263,15 @@ def _refuse_what_is_in_the_way(path, target: Path, force: bool) -> None:
     if not held:
         return
     if not held & set(MARKERS):
-        raise InputError(f'{path}: there is a folder that holds other things', 'choose another place with -o')
+        raise InputError(
+            f'{path}: there is a folder that holds other things', 'choose another place with -o'
+        )
     if not force:
         what = 'a study' if 'study.yaml' in held else 'something of that name'
-        raise InputError(f'{path}: there is {what} already', 'choose another place with -o, or --force to replace it')
+        raise InputError(
+            f'{path}: there is {what} already',
+            'choose another place with -o, or --force to replace it',
+        )
 
 
 def _make_parents(folder: Path) -> list[Path]:

@@ -48,7 +48,8 @@ class ImuRecord:
     warnings : tuple of str
         What is doubtful and what was done about it.
     left_out : tuple of (float, float, str)
-        Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does not use.
+        Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does
+        not use.
     missing : int
         How many of the samples are interpolated, because they were lost or not finite.
     stuck : tuple of str
@@ -90,7 +91,9 @@ class ImuRecord:
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the axes that are there, without those that are stuck."""
-        return tuple(a for a in AXES if getattr(self, sensor_of(a)) is not None and a not in self.stuck)
+        return tuple(
+            a for a in AXES if getattr(self, sensor_of(a)) is not None and a not in self.stuck
+        )
 
     def column(self, axis: str) -> np.ndarray:
         """Return one axis, (n,); raise UsageError where it is not there."""
@@ -100,7 +103,12 @@ class ImuRecord:
         return data[:, 'xyz'.index(axis[-1])]
 
     def part(self, begin: int, end: int) -> ImuRecord:
-        """Return samples begin to end (views, not copies); ``t`` still counts from the same ``start``."""
+        """
+        Return samples begin to end (views, not copies).
+
+        ``t`` still counts from the same ``start``.
+
+        """
         some = slice(begin, end)
         return replace(
             self, t=self.t[some],
@@ -116,10 +124,13 @@ class ImuRecord:
 
 def regular_rate(t: np.ndarray) -> float | None:
     """
-    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change; None where there is none.
+    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change.
 
-    The median step alone is wrong where stamps are coarse (3 and 4 ms for 285 Hz) or come in bursts: the
-    median is taken of steps over up to 100 samples, and refined by the mean of those near it.
+    Return None where there is none.
+
+    The median step alone is wrong where stamps are coarse (3 and 4 ms for 285 Hz) or come in
+    bursts: the median is taken of steps over up to 100 samples, and refined by the mean of those
+    near it.
 
     """
     t = t[np.isfinite(t)]

@@ -16,11 +16,12 @@ import pickle
 import struct
 import zipfile
 
+import numpy as np
+import zstandard
+
 from imu_noise_tools.bag import write_bag
 from imu_noise_tools.bag.mcap_writer import McapWriter
 from imu_noise_tools.record import ImuRecord
-import numpy as np
-import zstandard
 
 START = 1_700_000_000
 
@@ -30,8 +31,9 @@ class Case:
     """
     One bad input.
 
-    ``outcome`` is what ``analyse`` does: ``refused`` (exit 1, one line with ``words``) or ``warned`` (exit 0, with
-    ``words`` in a warning). ``opens`` tells whether it can be inspected all the same.
+    ``outcome`` is what ``analyse`` does: ``refused`` (exit 1, one line with ``words``) or
+    ``warned`` (exit 0, with ``words`` in a warning). ``opens`` tells whether it can be inspected
+    all the same.
 
     """
 
@@ -188,7 +190,9 @@ def _topics(path: Path, wanted: dict[str, str], length: int = 324) -> Path:
         for k, (name, kind) in enumerate(wanted.items(), 1):
             schema = struct.pack('<H', k) + _text(kind) + _text('ros2msg') + _text('float64 x')
             writer.add_schema(schema)
-            writer.add_channel(struct.pack('<HH', k, k) + _text(name) + _text('cdr') + struct.pack('<I', 0))
+            writer.add_channel(
+                struct.pack('<HH', k, k) + _text(name) + _text('cdr') + struct.pack('<I', 0)
+            )
             rows = np.zeros((200, length), np.uint8)
             rows[:, 1] = 1
             writer.messages({k: (START * 10 ** 9 + np.arange(200) * 10 ** 7, rows)})
@@ -307,7 +311,9 @@ def flipped_bits(path):
 def huge_chunk(path):
     """Declare a chunk that unpacks to a terabyte."""
     path = path.with_suffix('.mcap')
-    body = struct.pack('<QQQI', 0, 0, 1 << 40, 0) + _text('zstd') + struct.pack('<Q', 20) + bytes(20)
+    body = (
+        struct.pack('<QQQI', 0, 0, 1 << 40, 0) + _text('zstd') + struct.pack('<Q', 20) + bytes(20)
+    )
     path.write_bytes(b'\x89MCAP0\r\n' + b'\x01' + struct.pack('<Q', 8) + bytes(8)
                      + b'\x06' + struct.pack('<Q', len(body)) + body)
     return path
@@ -401,7 +407,8 @@ def yaml_bomb(path):
     write_bag(path, still())
     text = 'a: &a [x, x, x, x, x, x, x, x, x]\n'
     for k in range(1, 10):
-        text += f'{"abcdefghij"[k]}: &{"abcdefghij"[k]} [{", ".join(["*" + "abcdefghij"[k - 1]] * 9)}]\n'
+        name, before = 'abcdefghij'[k], 'abcdefghij'[k - 1]
+        text += f'{name}: &{name} [{", ".join([f"*{before}"] * 9)}]\n'
     (path / 'metadata.yaml').write_text(text)
     return path
 
@@ -484,7 +491,9 @@ def moving(path):
     """Rock all the time."""
     r = still()
     swing = 1.5 * np.sin(2 * np.pi * 0.3 * r.t)[:, None]
-    return _with(path, gyro=r.gyro + swing * [1.0, 0.5, 0.2], accel=r.accel + 2 * swing * [0.5, 1.0, 0.1])
+    return _with(
+        path, gyro=r.gyro + swing * [1.0, 0.5, 0.2], accel=r.accel + 2 * swing * [0.5, 1.0, 0.1]
+    )
 
 
 @case('warned', 'not finite')
@@ -583,4 +592,3 @@ def accel_in_g(path):
 def gyro_in_degrees(path):
     """Record rates in degrees per second."""
     return _with(path, gyro=np.degrees(still().gyro))
-

@@ -1,4 +1,9 @@
-"""Reading and writing bags: the real ones, the bulk decoder against rosbags' own, separate topics, copies."""
+"""
+Reading and writing bags.
+
+The real ones; the bulk decoder against rosbags' own; separate topics; copies.
+
+"""
 
 from __future__ import annotations
 
@@ -9,14 +14,6 @@ import struct
 
 import bad_input
 from hypothesis import given, settings, strategies as st
-from imu_noise_tools.bag import Block, Changed, copy_bag, iter_blocks, iter_raw, open_record, topics, write_bag
-from imu_noise_tools.bag.container import Batch, Connection
-from imu_noise_tools.bag.decode import decode, DOUBLES, IMU, TEMPERATURE, VECTOR
-from imu_noise_tools.bag.encode import imu_values, serialise
-from imu_noise_tools.bag.mcap_writer import McapWriter
-from imu_noise_tools.bag.rosbag1_writer import Rosbag1Writer
-from imu_noise_tools.bag.sqlite_writer import SqliteWriter
-from imu_noise_tools.errors import InputError, UsageError
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -24,17 +21,40 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer as Writer2
 from rosbags.typesys import get_typestore, Stores
 
+from imu_noise_tools.bag import (
+    Block,
+    Changed,
+    copy_bag,
+    iter_blocks,
+    iter_raw,
+    open_record,
+    topics,
+    write_bag,
+)
+from imu_noise_tools.bag.container import Batch, Connection
+from imu_noise_tools.bag.decode import decode, DOUBLES, IMU, TEMPERATURE, VECTOR
+from imu_noise_tools.bag.encode import imu_values, serialise
+from imu_noise_tools.bag.mcap_writer import McapWriter
+from imu_noise_tools.bag.rosbag1_writer import Rosbag1Writer
+from imu_noise_tools.bag.sqlite_writer import SqliteWriter
+from imu_noise_tools.errors import InputError, UsageError
+
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORE1 = get_typestore(Stores.ROS1_NOETIC)
 START = bad_input.START * 10 ** 9
 STATIC = ('amr_imu_static_sqlite3', 'amr_imu_static_mcap', 'amr_imu_static_mcap_zstd',
           'amr_imu_static_sqlite3_file_zstd', 'amr_imu_static_sqlite3_message_zstd')
-COUNTS = {'mpu6050_static_449s': 44930, 'imu_tools_phidgets_imu_upside_down.bag': 13964,
-          'robot_localization_test1.bag': 11865, 'xsens_mti_multipos': 51175, 'imucal_ferraris': 10376}
+COUNTS = {
+    'mpu6050_static_449s': 44930,
+    'imu_tools_phidgets_imu_upside_down.bag': 13964,
+    'robot_localization_test1.bag': 11865,
+    'xsens_mti_multipos': 51175,
+    'imucal_ferraris': 10376,
+}
 
 
 def by_rosbags(path, topic=None):
-    """Return stamp, receive, gyro, accel of an Imu topic, message by message, as rosbags reads them."""
+    """Return stamp, receive, gyro and accel of an Imu topic as rosbags reads them."""
     found = []
     with AnyReader([Path(path)], default_typestore=STORE) as reader:
         chosen = [c for c in reader.connections if c.msgtype == IMU and topic in (None, c.topic)]
@@ -60,7 +80,7 @@ def same(record, truth):
 
 @pytest.mark.parametrize('name', [*STATIC, *COUNTS])
 def test_real_bag(shared_data, name):
-    """Every real bag gives what rosbags reads from it, to the last bit, as a whole and block by block."""
+    """Every real bag gives what rosbags reads, to the last bit, whole and in blocks."""
     path = shared_data / 'bags' / name
     record = open_record(path)
     assert record.n == COUNTS.get(name, 4894)
@@ -110,19 +130,28 @@ def imu_message(store, stamp, frame, numbers):
     vector = t['geometry_msgs/msg/Vector3']
     return t[IMU](
         header=t['std_msgs/msg/Header'](stamp=time, frame_id=frame, **seq),
-        orientation=t['geometry_msgs/msg/Quaternion'](*numbers[:4]), orientation_covariance=numbers[4:13],
-        angular_velocity=vector(*numbers[13:16]), angular_velocity_covariance=numbers[16:25],
-        linear_acceleration=vector(*numbers[25:28]), linear_acceleration_covariance=numbers[28:37])
+        orientation=t['geometry_msgs/msg/Quaternion'](*numbers[:4]),
+        orientation_covariance=numbers[4:13],
+        angular_velocity=vector(*numbers[13:16]),
+        angular_velocity_covariance=numbers[16:25],
+        linear_acceleration=vector(*numbers[25:28]),
+        linear_acceleration_covariance=numbers[28:37],
+    )
 
 
 FRAMES = st.text(st.characters(codec='utf-8', exclude_characters='\0'), max_size=20)
 
 
 @settings(max_examples=60, deadline=None)
-@given(data=st.data(), frames=st.lists(FRAMES, min_size=1, max_size=3), ros1=st.booleans(), big=st.booleans(),
-       seed=st.integers(0, 2 ** 32 - 1))
+@given(
+    data=st.data(),
+    frames=st.lists(FRAMES, min_size=1, max_size=3),
+    ros1=st.booleans(),
+    big=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
 def test_bulk_equals_plain(data, frames, ros1, big, seed):
-    """Messages of any frame, endianness and encoding, NaN among the numbers, decode to rosbags' bits."""
+    """Messages of any frame, endianness and encoding decode to rosbags' bits."""
     rng = np.random.default_rng(seed)
     n = data.draw(st.integers(1, 12))
     numbers = rng.standard_normal((n, 37)) * 10.0 ** rng.integers(-300, 300, (n, 37))
@@ -131,18 +160,23 @@ def test_bulk_equals_plain(data, frames, ros1, big, seed):
     stamps = START + rng.integers(0, 10 ** 12, n)
     raw = []
     for k in range(n):
-        message = imu_message(store, int(stamps[k]), data.draw(st.sampled_from(frames)), numbers[k])
+        message = imu_message(
+            store, int(stamps[k]), data.draw(st.sampled_from(frames)), numbers[k]
+        )
         if ros1:
             raw.append(bytes(store.serialize_ros1(message, IMU)))
         else:
             raw.append(bytes(store.serialize_cdr(message, IMU, little_endian=not big)))
     if data.draw(st.booleans()):
-        raw[data.draw(st.integers(0, n - 1))] += b'\0\0\0\0'       # one is longer than it should be
+        # one is longer than it should be
+        raw[data.draw(st.integers(0, n - 1))] += b'\0\0\0\0'
     batch = batch_of(raw, IMU, 'ros1' if ros1 else 'cdr')
     fast, slow = decode(batch), decode(batch, plain=True)
     np.testing.assert_array_equal(fast.readable, slow.readable)
     np.testing.assert_array_equal(fast.stamp, slow.stamp)
-    np.testing.assert_array_equal(np.array(fast.values, '=f8').view(np.int64), slow.values.view(np.int64))
+    np.testing.assert_array_equal(
+        np.array(fast.values, '=f8').view(np.int64), slow.values.view(np.int64)
+    )
     assert fast.frame_id == slow.frame_id
 
 
@@ -150,8 +184,13 @@ def batch_of(raw, type, encoding):
     """Return raw messages as a batch with odd bytes between them."""
     length = np.array([len(r) for r in raw])
     begin = np.cumsum(length + 3) - length
-    return Batch(Connection(1, '/imu', type, encoding), np.arange(len(raw)),
-                 np.frombuffer(b''.join(b'\xaa\xbb\xcc' + r for r in raw), np.uint8), begin, length)
+    return Batch(
+        Connection(1, '/imu', type, encoding),
+        np.arange(len(raw)),
+        np.frombuffer(b''.join(b'\xaa\xbb\xcc' + r for r in raw), np.uint8),
+        begin,
+        length,
+    )
 
 
 @pytest.mark.parametrize('encoding', ['cdr', 'ros1'])
@@ -168,9 +207,16 @@ def test_padding_may_be_anything(frame, encoding):
     assert found.readable.all() and found.frame_id == frame
 
 
-@pytest.mark.parametrize('kind', ['mcap', 'mcap_zstd', 'sqlite3', 'file', 'message', 'bag', 'bag_lz4', 'bag_bz2'])
+@pytest.mark.parametrize(
+    'kind', ['mcap', 'mcap_zstd', 'sqlite3', 'file', 'message', 'bag', 'bag_lz4', 'bag_bz2']
+)
 def test_written_by_rosbags(kind, tmp_path):
-    """Bags of rosbags' writers, with topics between and frames that change, are read to the last bit."""
+    """
+    Bags of rosbags' writers are read to the last bit.
+
+    There are topics between, and frames that change.
+
+    """
     rng = np.random.default_rng(2)
     ros1 = kind.startswith('bag')
     store = STORE1 if ros1 else STORE
@@ -178,7 +224,11 @@ def test_written_by_rosbags(kind, tmp_path):
     if ros1:
         writer = Writer1(path)
         if kind != 'bag':
-            writer.set_compression({'lz4': Writer1.CompressionFormat.LZ4, 'bz2': Writer1.CompressionFormat.BZ2}[kind[4:]])
+            writer.set_compression(
+                {'lz4': Writer1.CompressionFormat.LZ4, 'bz2': Writer1.CompressionFormat.BZ2}[
+                    kind[4:]
+                ]
+            )
     else:
         plugin = StoragePlugin.MCAP if kind.startswith('mcap') else StoragePlugin.SQLITE3
         writer = Writer2(path, version=9, storage_plugin=plugin)
@@ -194,7 +244,11 @@ def test_written_by_rosbags(kind, tmp_path):
         for k in range(3000):
             stamp = START + k * 10 ** 7
             frame = 'imu' if k < 2000 else 'imu_with_another_name'
-            writer.write(imu, stamp + 1000, pack(imu_message(store, stamp, frame, rng.standard_normal(37)), IMU))
+            writer.write(
+                imu,
+                stamp + 1000,
+                pack(imu_message(store, stamp, frame, rng.standard_normal(37)), IMU),
+            )
             for _ in range(rng.integers(0, 3)):
                 said = text('x' * int(rng.choice([1, 50, 9000], p=[0.6, 0.39, 0.01])))
                 writer.write(other, stamp + 2000, pack(said, 'std_msgs/msg/String'))
@@ -209,7 +263,7 @@ def test_written_by_rosbags(kind, tmp_path):
 
 @pytest.mark.parametrize('chunked', [True, False])
 def test_mcap_without_summary_or_index(tmp_path, chunked):
-    """An MCAP of bare records, in chunks without an index or in none, is read as the indexed one is."""
+    """An MCAP of bare records is read as one with an index is."""
     record = bad_input.still(60)
     whole = write_bag(tmp_path / 'whole.mcap', record).read_bytes()
     out, at = [whole[:8]], 8
@@ -242,7 +296,7 @@ def test_log_times_out_of_order(tmp_path):
 
 
 def test_sqlite_as_recorded_by_others(tmp_path):
-    """Small and large pages, a column more, rows that go on in other pages, topics by the hundred: all are read."""
+    """Small and large pages, a column more, rows that go on in other pages are read."""
     record = bad_input.still(20)
     for page, more in ((512, ''), (1024, ''), (65536, ''), (4096, ', note TEXT')):
         path = write_bag(tmp_path / f'{page}{bool(more)}.db3', record)
@@ -301,7 +355,9 @@ def test_round_trip(name, tmp_path):
 def test_zstd_sqlite3_and_rosbag1_by_storage(tmp_path):
     """Storage and compression are chosen by name."""
     record = bad_input.still(20)
-    small = write_bag(tmp_path / 'small', replace(record, gyro=np.round(record.gyro, 3)), compression='zstd')
+    small = write_bag(
+        tmp_path / 'small', replace(record, gyro=np.round(record.gyro, 3)), compression='zstd'
+    )
     assert open_record(small).n == record.n
     assert (write_bag(tmp_path / 'lite', record, storage='sqlite3') / 'lite_0.db3').is_file()
     with pytest.raises(UsageError, match='storages are'):
@@ -341,12 +397,17 @@ def part(record, gyro, accel):
 
 
 def test_separate_topics_of_one_clock(tmp_path):
-    """A gyroscope and an accelerometer topic with the same stamps, or nearly, are put together sample by sample."""
+    """Topics of one part each, of the same stamps or nearly, are put together."""
     r = bad_input.still(30)
     stamps = START + np.arange(r.n) * 10 ** 7
     for shift in (0, 2 * 10 ** 6):
-        path = bag_of(tmp_path / f'{shift}.mcap', {'/camera/gyro/sample': (IMU, stamps, part(r, True, False)),
-                                                   '/camera/accel/sample': (IMU, stamps + shift, part(r, False, True))})
+        path = bag_of(
+            tmp_path / f'{shift}.mcap',
+            {
+                '/camera/gyro/sample': (IMU, stamps, part(r, True, False)),
+                '/camera/accel/sample': (IMU, stamps + shift, part(r, False, True)),
+            },
+        )
         record = open_record(path)
         np.testing.assert_array_equal(record.gyro, r.gyro)
         np.testing.assert_array_equal(record.accel, r.accel)
@@ -382,7 +443,12 @@ def test_vector_topics(tmp_path):
 
 
 def test_chosen_topic(tmp_path):
-    """One of several topics is chosen with or without its slash; a wrong one is refused with a list."""
+    """
+    One of several topics is chosen with or without its slash.
+
+    A wrong one is refused with a list.
+
+    """
     path = bad_input.make_one('two_imu_topics', tmp_path).path
     assert open_record(path, 'a/imu').topic == '/a/imu'
     with pytest.raises(InputError, match=r'no topic /c.*/a/imu'):
@@ -413,10 +479,20 @@ def test_units_and_kinds(tmp_path):
     np.testing.assert_allclose(open_record(path, gyro_unit='deg/s').gyro, np.radians(r.gyro))
     np.testing.assert_allclose(open_record(path, accel_unit='mg').accel, r.accel * 9.80665e-3)
     np.testing.assert_allclose(open_record(path, input_kind='delta').gyro, r.gyro * 100)
-    whole = write_bag(tmp_path / 'y.mcap', replace(r, gyro=np.cumsum(r.gyro, 0) / 100, accel=np.cumsum(r.accel, 0) / 100))
-    np.testing.assert_allclose(open_record(whole, input_kind='integrated').gyro, r.gyro[1:], atol=1e-9)
+    whole = write_bag(
+        tmp_path / 'y.mcap',
+        replace(r, gyro=np.cumsum(r.gyro, 0) / 100, accel=np.cumsum(r.accel, 0) / 100),
+    )
+    np.testing.assert_allclose(
+        open_record(whole, input_kind='integrated').gyro, r.gyro[1:], atol=1e-9
+    )
     assert open_record(path, rate_hz=50.0).duration_s == pytest.approx(2 * r.duration_s)
-    for wrong in ({'gyro_unit': 'rpm'}, {'accel_unit': 'gal'}, {'input_kind': 'sum'}, {'rate_hz': -1.0}):
+    for wrong in (
+        {'gyro_unit': 'rpm'},
+        {'accel_unit': 'gal'},
+        {'input_kind': 'sum'},
+        {'rate_hz': -1.0},
+    ):
         with pytest.raises(UsageError):
             open_record(path, **wrong)
 
@@ -439,7 +515,10 @@ def test_raw_messages(tmp_path):
         assert len(raw) == r.n
         receive, message, stamp = raw[-1]
         m = STORE.deserialize_cdr(message, IMU)
-        assert m.angular_velocity.y == r.gyro[-1, 1] and m.header.stamp.sec * 10 ** 9 + m.header.stamp.nanosec == stamp
+        assert (
+            m.angular_velocity.y == r.gyro[-1, 1]
+            and m.header.stamp.sec * 10**9 + m.header.stamp.nanosec == stamp
+        )
 
 
 # -- copies
@@ -451,7 +530,9 @@ def test_copy(name, tmp_path):
     source = write_bag(tmp_path / name, record)
     target = tmp_path / f'copy_{name}'
     copy_bag(source, target, lambda r: Changed(2 * r.gyro, None, np.eye(3)))
-    assert messages(source) == {k: v for k, v in messages(target).items() if k != '/imu/data_filtered'}
+    assert messages(source) == {
+        k: v for k, v in messages(target).items() if k != '/imu/data_filtered'
+    }
     back, new = open_record(target, '/imu/data_raw'), open_record(target, '/imu/data_filtered')
     np.testing.assert_array_equal(back.gyro, record.gyro)
     np.testing.assert_array_equal(new.gyro, 2 * record.gyro)
@@ -460,7 +541,9 @@ def test_copy(name, tmp_path):
     with AnyReader([target], default_typestore=STORE) as reader:
         mine = [c for c in reader.connections if c.topic == '/imu/data_filtered']
         _, _, raw = next(reader.messages(mine))
-        np.testing.assert_array_equal(reader.deserialize(raw, IMU).angular_velocity_covariance, np.eye(3).ravel())
+        np.testing.assert_array_equal(
+            reader.deserialize(raw, IMU).angular_velocity_covariance, np.eye(3).ravel()
+        )
     with pytest.raises(InputError, match='already'):
         copy_bag(target, tmp_path / f'again_{name}', lambda r: r, topic='/imu/data_raw')
     with pytest.raises(UsageError, match='itself'):
@@ -476,7 +559,9 @@ def messages(path):
     return found
 
 
-@pytest.mark.parametrize('name', ['truncated_mcap', 'truncated_sqlite', 'truncated_rosbag1', 'flipped_bits'])
+@pytest.mark.parametrize(
+    'name', ['truncated_mcap', 'truncated_sqlite', 'truncated_rosbag1', 'flipped_bits']
+)
 def test_copy_of_what_is_whole(name, tmp_path):
     """The copy of a damaged bag is a sound one of what could be read."""
     source = bad_input.make_one(name, tmp_path).path
@@ -492,11 +577,18 @@ def test_copy_of_what_is_whole(name, tmp_path):
 def test_copy_of_a_table(suffix, tmp_path):
     """A table keeps its columns and gets more."""
     source = write_bag(tmp_path / f'x{suffix}', bad_input.still(20))
-    target = copy_bag(source, tmp_path / f'y{suffix}', lambda r: Changed(2 * r.gyro), new_topic='imu/data_calibrated')
+    target = copy_bag(
+        source,
+        tmp_path / f'y{suffix}',
+        lambda r: Changed(2 * r.gyro),
+        new_topic='imu/data_calibrated',
+    )
     record = open_record(target)
     np.testing.assert_array_equal(record.gyro, bad_input.still(20).gyro)
     if suffix == '.csv':
-        np.testing.assert_array_equal(record.covariates['gyro_x_calibrated'], 2 * record.gyro[:, 0])
+        np.testing.assert_array_equal(
+            record.covariates['gyro_x_calibrated'], 2 * record.gyro[:, 0]
+        )
     else:
         with np.load(target) as arrays:
             np.testing.assert_array_equal(arrays['gyro_calibrated'], 2 * record.gyro)

@@ -10,11 +10,12 @@ import subprocess
 import sys
 
 import bad_input
+import numpy as np
+import pytest
+
 from imu_noise_tools.bag import open_record, topics, write_bag
 from imu_noise_tools.errors import ImuNoiseError, InputError
 from imu_noise_tools.health import examine, prepare
-import numpy as np
-import pytest
 
 
 @pytest.mark.parametrize('name', bad_input.names())
@@ -41,8 +42,17 @@ def test_case(name, tmp_path):
     assert not list(tmp_path.glob('*.ran')), 'code in the input was run'
 
 
-@pytest.mark.parametrize('name', ['truncated_mcap', 'truncated_mcap_zstd', 'truncated_sqlite', 'truncated_rosbag1',
-                                  'truncated_csv', 'flipped_bits'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'truncated_mcap',
+        'truncated_mcap_zstd',
+        'truncated_sqlite',
+        'truncated_rosbag1',
+        'truncated_csv',
+        'flipped_bits',
+    ],
+)
 def test_what_is_whole_is_read(name, tmp_path):
     """A file cut to 80 % gives some 80 % of its samples, and each as it was."""
     record = open_record(bad_input.make_one(name, tmp_path).path)
@@ -60,7 +70,12 @@ def test_what_is_whole_is_read(name, tmp_path):
 
 @pytest.mark.parametrize('kind', ['.mcap', '.db3', '.bag'])
 def test_cut_anywhere(kind, tmp_path):
-    """Wherever a file is cut, there is a record or an error for a person, and more of the file is never less."""
+    """
+    Wherever a file is cut, there is a record or an error for a person.
+
+    More of the file is never fewer samples.
+
+    """
     whole = write_bag(tmp_path / f'whole{kind}', bad_input.still(20))
     raw = whole.read_bytes()
     counts = []
@@ -83,7 +98,11 @@ def test_bits_flipped_anywhere(kind, tmp_path):
     rng = np.random.default_rng(5)
     path = tmp_path / f'flipped{kind}'
     # Headers and indexes are where it matters: half of the places are at the ends of the file.
-    places = np.r_[rng.integers(0, 600, 30), len(raw) - rng.integers(1, 1500, 30), rng.integers(0, len(raw), 40)]
+    places = np.r_[
+        rng.integers(0, 600, 30),
+        len(raw) - rng.integers(1, 1500, 30),
+        rng.integers(0, len(raw), 40),
+    ]
     for at in places:
         bad = bytearray(raw)
         bad[min(max(int(at), 0), len(raw) - 1)] ^= 1 << rng.integers(8)
@@ -105,8 +124,18 @@ def test_no_permission(tmp_path):
         open_record(path)
 
 
-@pytest.mark.parametrize('name', ['huge_chunk', 'huge_record', 'huge_header', 'zstd_bomb', 'zip_bomb', 'npz_huge_shape',
-                                  'yaml_bomb'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'huge_chunk',
+        'huge_record',
+        'huge_header',
+        'zstd_bomb',
+        'zip_bomb',
+        'npz_huge_shape',
+        'yaml_bomb',
+    ],
+)
 def test_memory_is_bounded(name, tmp_path):
     """A hostile file takes no more memory than a harmless one of its size could."""
     path = bad_input.make_one(name, tmp_path).path
@@ -117,8 +146,15 @@ def test_memory_is_bounded(name, tmp_path):
 
     def limited():
         resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
-    done = subprocess.run([sys.executable, '-c', code, str(path)], cwd=Path(__file__).parents[1], preexec_fn=limited,
-                          env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'}, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, '-c', code, str(path)],
+        cwd=Path(__file__).parents[1],
+        preexec_fn=limited,
+        env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 0, done.stderr[-500:]
 
 
@@ -126,7 +162,9 @@ def test_missing_file_of_a_bag(tmp_path):
     """A bag with one file missing gives the rest; with a strange one beside it, what is listed."""
     path = write_bag(tmp_path / 'bag', bad_input.still(20))
     text = (path / 'metadata.yaml').read_text()
-    (path / 'metadata.yaml').write_text(text.replace('relative_file_paths:\n', 'relative_file_paths:\n  - gone.mcap\n'))
+    (path / 'metadata.yaml').write_text(
+        text.replace('relative_file_paths:\n', 'relative_file_paths:\n  - gone.mcap\n')
+    )
     record = open_record(path)
     assert record.n == 2000
     assert any('gone.mcap' in w and 'missing' in w for w in record.warnings)

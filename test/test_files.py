@@ -10,10 +10,11 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from imu_noise_tools import files
 from imu_noise_tools.errors import InputError
 from imu_noise_tools.files import atomic_path, atomic_write, new_folder, replace_files
-import pytest
 
 
 def names(folder) -> list[str]:
@@ -92,7 +93,12 @@ def test_interrupted(stop, tmp_path):
 
 
 def test_new_folder(tmp_path):
-    """A folder appears whole, with its parents; one that is there is refused, or replaced if it is ours."""
+    """
+    A folder appears whole, with its parents.
+
+    One that is there is refused, or replaced if it is ours.
+
+    """
     path = tmp_path / 'a' / 'b'
     with new_folder(path) as folder:
         (folder / 'study.yaml').write_text('1')
@@ -106,12 +112,19 @@ def test_new_folder(tmp_path):
 
 
 def test_nothing_of_others_is_replaced(tmp_path):
-    """A folder that holds other things, or a file, is not replaced even when forced; an empty folder is used."""
+    """
+    A folder that holds other things, or a file, is not replaced even when forced.
+
+    An empty folder is used.
+
+    """
     (tmp_path / 'home').mkdir()
     (tmp_path / 'home' / 'thesis.tex').write_text('x')
     (tmp_path / 'file').write_text('x')
     for name in ('home', 'file'):
-        with pytest.raises(InputError, match='there is a'), new_folder(tmp_path / name, force=True):
+        with pytest.raises(InputError, match='there is a'), new_folder(
+            tmp_path / name, force=True
+        ):
             raise AssertionError
     (tmp_path / 'empty').mkdir()
     with new_folder(tmp_path / 'empty') as folder:
@@ -149,14 +162,21 @@ def test_replace_files_finishes_when_interrupted(tmp_path, monkeypatch):
     monkeypatch.setattr(os, 'replace', interrupted)
     with pytest.raises(KeyboardInterrupt):
         replace_files(tmp_path, {'a': '2', 'b': '2', 'c': '2'})
-    assert [(tmp_path / n).read_text() for n in 'abc'] == ['2', '2', '2'] and names(tmp_path) == ['a', 'b', 'c']
+    assert [(tmp_path / n).read_text() for n in 'abc'] == ['2', '2', '2'] and names(tmp_path) == [
+        'a',
+        'b',
+        'c',
+    ]
 
 
 def test_what_a_killed_process_left_goes(tmp_path):
     """After kill -9 the old file is whole, and the next writing removes what was left."""
-    code = ('import sys, time\nfrom imu_noise_tools.files import new_folder\n'
-            'with new_folder(sys.argv[1], force=True) as folder:\n'
-            '    (folder / "study.yaml").write_text("new")\n    print("ready", flush=True)\n    time.sleep(60)\n')
+    code = (
+        'import sys, time\nfrom imu_noise_tools.files import new_folder\n'
+        'with new_folder(sys.argv[1], force=True) as folder:\n'
+        '    (folder / "study.yaml").write_text("new")\n'
+        '    print("ready", flush=True)\n    time.sleep(60)\n'
+    )
     path = tmp_path / 'study'
     with new_folder(path) as folder:
         (folder / 'study.yaml').write_text('old')

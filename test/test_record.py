@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import bad_input
+import numpy as np
+import pytest
+
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.errors import InputError, UsageError
 from imu_noise_tools.health import examine, prepare, resolution, still_stretches
-from imu_noise_tools.prepare import losses
+from imu_noise_tools.health.prepare import losses
 from imu_noise_tools.record import ImuRecord, regular_rate
-import numpy as np
-import pytest
 
 DEG = np.pi / 180
 
@@ -29,7 +30,9 @@ def record_of(seconds=200.0, rate=100.0, gyro_n=1e-3, accel_n=5e-3, seed=1, **mo
 def with_gyro(record, change) -> ImuRecord:
     """Return the record with something added to its rates; change(t) gives (n, 3) or (n,)."""
     more = np.asarray(change(record.t), float)
-    return replace(record, gyro=record.gyro + (more[:, None] * [1.0, 0.3, 0.0] if more.ndim == 1 else more))
+    return replace(
+        record, gyro=record.gyro + (more[:, None] * [1.0, 0.3, 0.0] if more.ndim == 1 else more)
+    )
 
 
 # -- the record itself
@@ -37,9 +40,18 @@ def with_gyro(record, change) -> ImuRecord:
 def test_columns_and_parts():
     """Axes are found by name; a part is a view; a stuck axis is no axis."""
     r = record_of(20, covariates={'temperature': np.arange(2000.0)})
-    assert np.shares_memory(r.part(5, 50).gyro, r.gyro) and r.part(5, 50).covariates['temperature'][0] == 5
+    assert (
+        np.shares_memory(r.part(5, 50).gyro, r.gyro)
+        and r.part(5, 50).covariates['temperature'][0] == 5
+    )
     assert r.column('accel_z') is not None and r.n == 2000 and r.duration_s == pytest.approx(19.99)
-    assert replace(r, stuck=('gyro_x',)).axes == ('gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+    assert replace(r, stuck=('gyro_x',)).axes == (
+        'gyro_y',
+        'gyro_z',
+        'accel_x',
+        'accel_y',
+        'accel_z',
+    )
     with pytest.raises(UsageError, match='axes are'):
         r.column('gyro_w')
     with pytest.raises(UsageError, match='it has'):
@@ -54,7 +66,9 @@ def test_regular_rate(rate, seed):
     rng = np.random.default_rng(seed)
     t = np.arange(5000) / rate
     assert regular_rate(np.round(t, 3)) == pytest.approx(rate, rel=1e-3)
-    assert regular_rate(t + 0.3 / rate * rng.standard_normal(5000)) == pytest.approx(rate, rel=1e-3)
+    assert regular_rate(t + 0.3 / rate * rng.standard_normal(5000)) == pytest.approx(
+        rate, rel=1e-3
+    )
     bursts = np.floor(np.arange(5000) / 10) * 10 / rate + (np.arange(5000) % 10) * 1e-4
     assert regular_rate(bursts) == pytest.approx(rate, rel=1e-3)
     t[3000:] += 500
@@ -64,7 +78,12 @@ def test_regular_rate(rate, seed):
 
 # -- rest
 
-GRADES = {'tactical': (5e-6, 3e-4), 'mems': (1e-4, 2e-3), 'cheap': (1e-3, 1e-2), 'poor': (3e-3, 3e-2)}
+GRADES = {
+    'tactical': (5e-6, 3e-4),
+    'mems': (1e-4, 2e-3),
+    'cheap': (1e-3, 1e-2),
+    'poor': (3e-3, 3e-2),
+}
 
 
 @pytest.mark.parametrize('grade', GRADES)
@@ -93,7 +112,9 @@ def still_effects():
     yield 'louder later', lambda t: 1e-2 * rng.standard_normal(len(t)) * 2 * (t > 120)
 
 
-@pytest.mark.parametrize('name, effect', still_effects(), ids=lambda x: x if isinstance(x, str) else '')
+@pytest.mark.parametrize(
+    'name, effect', still_effects(), ids=lambda x: x if isinstance(x, str) else ''
+)
 def test_disturbed_rest_is_rest(name, effect):
     """Vibration, drift, steps of the bias, outliers and the like are analysed, not cut away."""
     r = with_gyro(record_of(), effect)
@@ -136,8 +157,11 @@ def test_a_turn_is_motion(grade, angle):
 def test_rocking_and_handling_are_motion():
     """A record that moves all the time has no rest, whatever it does."""
     rng = np.random.default_rng(0)
-    for swing in (lambda t: 0.3 * np.sin(2 * np.pi * 0.1 * t), lambda t: 2 * np.sin(2 * np.pi * 1.3 * t),
-                  lambda t: np.convolve(rng.standard_normal(len(t)), np.hanning(80) / 5, 'same')):
+    for swing in (
+        lambda t: 0.3 * np.sin(2 * np.pi * 0.1 * t),
+        lambda t: 2 * np.sin(2 * np.pi * 1.3 * t),
+        lambda t: np.convolve(rng.standard_normal(len(t)), np.hanning(80) / 5, 'same'),
+    ):
         r = with_gyro(record_of(), swing)
         assert max((b - a for a, b in still_stretches(r)), default=0) < 5 * r.rate_hz
         with pytest.raises(InputError, match='still stretch is .* s, under 60 s at rest'):
@@ -145,7 +169,7 @@ def test_rocking_and_handling_are_motion():
 
 
 def test_a_turntable_is_motion():
-    """A steady rate that is not that of the rest is a turn, even where nothing changes for long."""
+    """A steady rate that is not that of the rest is a turn."""
     r = with_gyro(record_of(), lambda t: np.outer(0.5 * ((t > 60) & (t < 130)), [0, 0, 1]))
     kept = np.concatenate([np.arange(a, b) for a, b in still_stretches(r)])
     assert not np.any((r.t[kept] > 61) & (r.t[kept] < 129)) and len(kept) > 0.6 * r.n
@@ -161,7 +185,7 @@ def test_a_knock_is_left_out_and_bridged():
 
 
 def test_rest_on_real_records(shared_data):
-    """Static recordings are at rest from end to end, multi-position ones have their known rests, moving ones none."""
+    """Real recordings rest where it is known that they do, and nowhere else."""
     def stretches(name):
         record = open_record(next((shared_data).glob(f'*/{name}')))
         return record, still_stretches(record)
@@ -187,7 +211,9 @@ def test_rest_on_real_records(shared_data):
     assert sum(b - a for a, b in found) < 0.1 * record.n
 
 
-@pytest.mark.parametrize('name', ['imu_tools_phidgets_imu_upside_down.bag', 'robot_localization_test1.bag'])
+@pytest.mark.parametrize(
+    'name', ['imu_tools_phidgets_imu_upside_down.bag', 'robot_localization_test1.bag']
+)
 def test_moving_bags_are_refused(shared_data, name):
     """A bag of a moving robot without a minute of rest is refused, with advice on recording."""
     with pytest.raises(InputError, match='moves.*60 s at rest.*record it still.*--keep-motion'):
@@ -226,12 +252,19 @@ def test_dropouts_are_filled(jitter):
     r = record_of()
     keep = np.delete(np.arange(r.n), np.r_[3000:3020, 9000:9005])
     rng = np.random.default_rng(1)
-    lost = replace(r, t=r.t[keep] + jitter * r.dt * rng.uniform(-1, 1, len(keep)), gyro=r.gyro[keep], accel=r.accel[keep])
+    lost = replace(
+        r,
+        t=r.t[keep] + jitter * r.dt * rng.uniform(-1, 1, len(keep)),
+        gyro=r.gyro[keep],
+        accel=r.accel[keep],
+    )
     found = prepare(lost)
     assert found.n == r.n and found.missing == 25
     np.testing.assert_array_equal(found.gyro[:3000], r.gyro[:3000])
     np.testing.assert_array_equal(found.gyro[9005:], r.gyro[9005:])
-    np.testing.assert_allclose(found.gyro[3009], r.gyro[2999] + (r.gyro[3020] - r.gyro[2999]) * 10 / 21)
+    np.testing.assert_allclose(
+        found.gyro[3009], r.gyro[2999] + (r.gyro[3020] - r.gyro[2999]) * 10 / 21
+    )
     assert any('25 sample(s) lost in 2' in w for w in found.warnings)
 
 
@@ -256,7 +289,12 @@ def test_messages_in_the_wrong_order():
 
 
 def test_label_and_receive_time_are_checked():
-    """Another rate in the label, or another clock at the receiver, is said; the stamps are used."""
+    """
+    Another rate in the label, or another clock at the receiver, is said.
+
+    The stamps are used.
+
+    """
     r = record_of(labelled_rate_hz=200.0)
     r = replace(r, receive_t=1.05 * r.t)
     said = '\n'.join(prepare(r).warnings)
@@ -280,11 +318,23 @@ def test_longest_stretch_between_gaps():
 def test_health_of_a_good_record():
     """A good record has nothing wrong, and the numbers are right."""
     h = examine(replace(record_of(), receive_t=record_of().t * (1 + 2e-4)))
-    assert (h.samples, h.gaps, h.duplicates, h.backward, h.not_finite, h.moving) == (20000, 0, 0, 0, 0, 0)
+    assert (h.samples, h.gaps, h.duplicates, h.backward, h.not_finite, h.moving) == (
+        20000,
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
     assert h.rate_hz == pytest.approx(100) == h.median_rate_hz
     assert h.clock_drift_ppm == pytest.approx(-200, rel=0.05)
     assert h.receive_rate_hz == pytest.approx(99.98, rel=1e-4)
-    assert h.gravity == pytest.approx(9.81, abs=0.02) and h.units == () and h.stuck == () and h.saturated == {}
+    assert (
+        h.gravity == pytest.approx(9.81, abs=0.02)
+        and h.units == ()
+        and h.stuck == ()
+        and h.saturated == {}
+    )
     assert h.longest_still_s == pytest.approx(199.99)
     assert not any('warm' in a for a in h.advice)
 
@@ -303,20 +353,34 @@ def test_health_names_what_is_wrong():
     assert h.resolution['gyro_y'].step is None
     assert h.temperature == {'temperature': (20.0, 45.0)}
     said = '\n'.join(h.advice)
-    for words in ('gyro_x never changes', 'accel_y stands at the end', 'moves', 'from 20 to 45 degrees'):
+    for words in (
+        'gyro_x never changes',
+        'accel_y stands at the end',
+        'moves',
+        'from 20 to 45 degrees',
+    ):
         assert words in said
     warm = replace(r, gyro=r.gyro + 0.01 * np.exp(-r.t / 20)[:, None])
     assert 'gyro_x' in examine(warm).warm_up
     held = np.repeat(np.arange(0, r.n, 4), 4)
-    assert examine(replace(r, gyro=r.gyro[held], accel=r.accel[held])).held == pytest.approx(0.75, abs=0.01)
+    assert examine(replace(r, gyro=r.gyro[held], accel=r.accel[held])).held == pytest.approx(
+        0.75, abs=0.01
+    )
 
 
 def test_health_never_refuses():
     """Whatever a record holds, it can be examined."""
     r = record_of(20)
-    for bad in (r.part(0, 0), r.part(0, 1), r.part(0, 3), replace(r, t=np.zeros(r.n)), replace(r, gyro=None),
-                replace(r, accel=np.full((r.n, 3), np.nan)), replace(r, t=np.full(r.n, np.nan)),
-                replace(r, gyro=np.zeros((r.n, 3)), accel=None)):
+    for bad in (
+        r.part(0, 0),
+        r.part(0, 1),
+        r.part(0, 3),
+        replace(r, t=np.zeros(r.n)),
+        replace(r, gyro=None),
+        replace(r, accel=np.full((r.n, 3), np.nan)),
+        replace(r, t=np.full(r.n, np.nan)),
+        replace(r, gyro=np.zeros((r.n, 3)), accel=None),
+    ):
         assert examine(bad).samples == bad.n
 
 

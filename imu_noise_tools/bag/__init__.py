@@ -12,4 +12,14 @@ from .reading import Block, iter_blocks, iter_raw, open_record, topics
 from .topics import TopicInfo
 from .writing import write_bag
 
-__all__ = ['Block', 'Changed', 'TopicInfo', 'copy_bag', 'iter_blocks', 'iter_raw', 'open_record', 'topics', 'write_bag']
+__all__ = [
+    'Block',
+    'Changed',
+    'TopicInfo',
+    'copy_bag',
+    'iter_blocks',
+    'iter_raw',
+    'open_record',
+    'topics',
+    'write_bag',
+]

@@ -1,8 +1,11 @@
 """
-What every kind of bag file looks like to the rest: connections, and batches of raw messages of one connection.
+What every kind of bag file looks like to the rest.
 
-A batch is one buffer and the places of many messages in it, so that a decoder can look at all of them at
-once. The readers of the three formats (:mod:`mcap`, :mod:`rosbag1`, :mod:`sqlite`) know nothing of Imu messages.
+A bag has connections; messages come in batches, raw, of one connection each.
+
+A batch is one buffer and the places of many messages in it, so that a decoder can look at all of
+them at once. The readers of the three formats (:mod:`mcap`, :mod:`rosbag1`, :mod:`sqlite`) know
+nothing of Imu messages.
 
 """
 
@@ -19,8 +22,8 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 import zstandard
 
-# What is decompressed may be this many times as large as what is compressed, or this large in any case: real
-# recordings reach some 30; beyond it, a declared size is a mistake or an attack.
+# What is decompressed may be this many times as large as what is compressed, or this large in any
+# case: real recordings reach some 30; beyond it, a declared size is a mistake or an attack.
 EXPANSION = 200
 AT_LEAST = 1 << 28
 
@@ -41,7 +44,12 @@ class Connection:
 
 
 class Batch(NamedTuple):
-    """Messages of one connection: those at ``data[begin : begin + length]``, with their receive times (ns)."""
+    """
+    Messages of one connection.
+
+    Those at ``data[begin:begin + length]``, with their receive times (ns).
+
+    """
 
     connection: Connection
     receive: np.ndarray
@@ -55,7 +63,9 @@ class Batch(NamedTuple):
 
     def take(self, which: np.ndarray) -> Batch:
         """Return some of the messages."""
-        return self._replace(receive=self.receive[which], begin=self.begin[which], length=self.length[which])
+        return self._replace(
+            receive=self.receive[which], begin=self.begin[which], length=self.length[which]
+        )
 
 
 class BagFile(Protocol):
@@ -70,7 +80,12 @@ class BagFile(Protocol):
         """What went wrong so far, for people."""
 
     def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
+        """
+        Return the number of messages by topic, and the first and last time (ns).
+
+        Without messages the times are 0.
+
+        """
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these connections, by id, in the order of the file."""
@@ -101,7 +116,12 @@ class Counts:
 
 
 def normal_type(name: str) -> str:
-    """Return ``package/msg/Name`` for ``package/Name``, ``package/msg/Name`` and ``package::msg::dds_::Name_``."""
+    """
+    Return a type's name as ``package/msg/Name``.
+
+    Others write ``package/Name`` or ``package::msg::dds_::Name_``.
+
+    """
     parts = [p for p in name.replace('::', '/').split('/') if p and p != 'dds_']
     if len(parts) == 2:
         parts.insert(1, 'msg')
@@ -110,7 +130,9 @@ def normal_type(name: str) -> str:
 
 def rows(data: np.ndarray, begin: np.ndarray, width: int) -> np.ndarray:
     """
-    Return the ``width`` bytes at each of the places, (n, width) uint8: a view where the places are regular.
+    Return the ``width`` bytes at each of the places, (n, width) uint8.
+
+    It is a view where the places are regular.
 
     The caller has made sure that all of them lie inside ``data``.
 
@@ -118,8 +140,11 @@ def rows(data: np.ndarray, begin: np.ndarray, width: int) -> np.ndarray:
     n = len(begin)
     step = int(begin[1] - begin[0]) if n > 1 else width
     if step >= 0 and (n < 3 or np.all(np.diff(begin) == step)):
-        return as_strided(data[int(begin[0]):] if n else data, (n, width), (step, 1), writeable=False)
-    # All windows of that width, one byte apart, share the buffer: taking some of them copies row by row.
+        return as_strided(
+            data[int(begin[0]):] if n else data, (n, width), (step, 1), writeable=False
+        )
+    # All windows of that width, one byte apart, share the buffer: taking some of them copies row
+    # by row.
     return as_strided(data, (len(data) - width + 1, width), (1, 1), writeable=False)[begin]
 
 
@@ -157,7 +182,7 @@ def decompress(kind: str, raw: bytes, size: int | None) -> bytes:
 
 
 def partly(kind: str, raw: bytes, limit: int) -> bytes:
-    """Return what can be decompressed, up to ``limit`` bytes, of a stream that may be cut short."""
+    """Return up to ``limit`` decompressed bytes of a stream that may be cut short."""
     if kind in ('', 'none'):
         return raw[:limit]
     if kind == 'zstd':
@@ -175,7 +200,8 @@ def _zstd(raw: bytes, limit: int) -> bytes:
         try:
             return zstandard.ZstdDecompressor().decompress(raw)
         except zstandard.ZstdError:
-            pass                        # cut short: what comes out of the stream before the cut is taken
+            # cut short: what comes out of the stream before the cut is taken
+            pass
     out = bytearray()
     stream = zstandard.ZstdDecompressor().stream_reader(raw, read_across_frames=True)
     try:

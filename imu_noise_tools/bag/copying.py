@@ -12,9 +12,6 @@ import numpy as np
 import yaml
 import zstandard
 
-from ..errors import InputError, UsageError
-from ..files import new_folder
-from ..record import ImuRecord
 from .container import Batch, Damaged, Progress, rows
 from .decode import decode, Decoded, DOUBLES, IMU
 from .encode import definition, imu_values, serialise
@@ -29,6 +26,9 @@ from .sqlite_writer import SqliteWriter
 from .tables import table_arrays, table_kind
 from .topics import choose
 from .writing import SUFFIX, write_table, writing_file
+from ..errors import InputError, UsageError
+from ..files import new_folder
+from ..record import ImuRecord
 
 
 class Changed(NamedTuple):
@@ -49,21 +49,30 @@ class Changed(NamedTuple):
         return Changed(*(x if x is None or np.ndim(x) == 1 else x[which] for x in self))
 
 
-def copy_bag(source, target, transform: Callable[[ImuRecord], ImuRecord | Changed], *, topic: str | None = None,
-             new_topic: str = 'imu/data_filtered', force: bool = False, progress: Progress = None) -> Path:
+def copy_bag(
+    source,
+    target,
+    transform: Callable[[ImuRecord], ImuRecord | Changed],
+    *,
+    topic: str | None = None,
+    new_topic: str = 'imu/data_filtered',
+    force: bool = False,
+    progress: Progress = None,
+) -> Path:
     """
     Write a copy of a bag with one more Imu topic.
 
-    All topics, messages and times stay as they are; each message of the Imu topic is there again under
-    ``new_topic``, stamp, frame and other fields kept, with what ``transform`` made of it. A .csv or .npz gets
-    columns more: ``gyro_x_filtered``, ``gyro_filtered``.
+    All topics, messages and times stay as they are; each message of the Imu topic is there again
+    under ``new_topic``, stamp, frame and other fields kept, with what ``transform`` made of it. A
+    .csv or .npz gets columns more: ``gyro_x_filtered``, ``gyro_filtered``.
 
     Parameters
     ----------
     source, target : str or Path
         Bags; the target is of the kind of the source.
     transform : callable
-        Takes the record as :func:`open_record` gives it; returns one of the same length, or a Changed.
+        Takes the record as :func:`open_record` gives it; returns one of the same length, or a
+        Changed.
     topic : str, optional
         The Imu topic, as for :func:`open_record`.
     new_topic : str
@@ -95,7 +104,9 @@ def copy_bag(source, target, transform: Callable[[ImuRecord], ImuRecord | Change
             write_table(temporary, table_kind(source), _more_columns(source, changed, new_topic))
         return target
     with Bag(source) as bag:
-        copy = _Copy(bag, topic, '/' + new_topic.strip('/'), changed, record.n, _share(progress, 0.4, 1.0))
+        copy = _Copy(
+            bag, topic, '/' + new_topic.strip('/'), changed, record.n, _share(progress, 0.4, 1.0)
+        )
         if source.is_dir():
             with new_folder(target, force) as folder:
                 copy.folder(folder)
@@ -111,11 +122,15 @@ def _check_kind(source: Path, target: Path) -> None:
     asked = SUFFIX.get(target.suffix.lower())
     held = SUFFIX.get(Path(source.name.removesuffix('.zstd').removesuffix('.zst')).suffix.lower())
     if source.is_dir() and asked or not source.is_dir() and asked and held and asked != held:
-        raise UsageError(f'{target}: a copy is of the kind of {source.name}', 'give it such a name')
+        raise UsageError(
+            f'{target}: a copy is of the kind of {source.name}', 'give it such a name'
+        )
 
 
 def _share(progress: Progress, begin: float, end: float) -> Progress:
-    return None if progress is None else lambda fraction: progress(begin + (end - begin) * fraction)
+    return (
+        None if progress is None else lambda fraction: progress(begin + (end - begin) * fraction)
+    )
 
 
 def _changed(made: ImuRecord | Changed, n: int) -> Changed:
@@ -123,12 +138,17 @@ def _changed(made: ImuRecord | Changed, n: int) -> Changed:
     found = made if isinstance(made, Changed) else Changed(made.gyro, made.accel)
     for name, x in zip(('gyro', 'accel'), found[:2]):
         if x is not None and x.shape != (n, 3):
-            raise UsageError(f'the new {name} has the shape {x.shape}, not ({n}, 3)', 'change samples, not their number')
+            raise UsageError(
+                f'the new {name} has the shape {x.shape}, not ({n}, 3)',
+                'change samples, not their number',
+            )
     covariances = [None if c is None else np.asarray(c, float).reshape(-1, 9) for c in found[2:]]
     for c in covariances:
         if c is not None and len(c) not in (1, n):
             raise UsageError(f'{len(c)} covariances for {n} samples', 'give one, or one for each')
-    return Changed(*found[:2], *(None if c is None else c[0] if len(c) == 1 else c for c in covariances))
+    return Changed(
+        *found[:2], *(None if c is None else c[0] if len(c) == 1 else c for c in covariances)
+    )
 
 
 def _more_columns(source: Path, changed: Changed, new_topic: str) -> dict[str, np.ndarray]:
@@ -137,22 +157,36 @@ def _more_columns(source: Path, changed: Changed, new_topic: str) -> dict[str, n
     for name, x in zip(('gyro', 'accel'), changed[:2]):
         if x is not None:
             if f'{name}_{ending}' in arrays or f'{name}_x_{ending}' in arrays:
-                raise InputError(f'{source}: has {name}_{ending} already', 'start from the original')
+                raise InputError(
+                    f'{source}: has {name}_{ending} already', 'start from the original'
+                )
             arrays[f'{name}_{ending}'] = x
     return arrays
 
 
 class _Copy:
-    """Copies the files of one bag, with what is new in the order in which the messages lie in them."""
+    """
+    Copies the files of one bag.
 
-    def __init__(self, bag: Bag, topic: str | None, name: str, changed: Changed, n: int, progress: Progress):
+    What is new is brought into the order in which the messages lie in them.
+
+    """
+
+    def __init__(
+        self, bag: Bag, topic: str | None, name: str, changed: Changed, n: int, progress: Progress
+    ):
         self.bag, self.name, self.progress = bag, name, progress
         if any(c.topic == name for c in bag.connections):
-            raise InputError(f'{bag.path}: has a topic {name} already', 'start from the original bag')
+            raise InputError(
+                f'{bag.path}: has a topic {name} already', 'start from the original bag'
+            )
         choice = choose(bag, topic)
         self.base, self.type = choice.base, choice.type
         self.keep_gyro, self.keep_accel = changed.gyro is None, changed.accel is None
-        receive = [batch.receive[decode(batch).readable] for batch in bag.batches([self.base], [self.type])]
+        receive = [
+            batch.receive[decode(batch).readable]
+            for batch in bag.batches([self.base], [self.type])
+        ]
         order = np.argsort(np.concatenate(receive), kind='stable')
         if len(order) != n:
             raise InputError(f'{bag.path}: changed while it was read', 'wait until it is whole')
@@ -178,15 +212,21 @@ class _Copy:
         values = imu_values(*some, out=old) if old is not None else imu_values(*some)
         for length in np.unique(batch.length):
             which = np.flatnonzero(batch.length == length)
-            yield batch.receive[which], self._messages(batch.take(which), found, which, values[which], int(length))
+            yield batch.receive[which], self._messages(
+                batch.take(which), found, which, values[which], int(length)
+            )
 
-    def _messages(self, batch: Batch, found: Decoded, which: np.ndarray, values: np.ndarray, length: int) -> np.ndarray:
+    def _messages(
+        self, batch: Batch, found: Decoded, which: np.ndarray, values: np.ndarray, length: int
+    ) -> np.ndarray:
         encoding = batch.connection.encoding
         little = encoding == 'ros1' or bool(np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1))
         if self.type != IMU or not little:
             return serialise(found.stamp[which], values, found.frame_id, encoding)
         raw = np.array(rows(batch.data, batch.begin, length))
-        raw[:, length - 8 * DOUBLES[IMU]:] = np.ascontiguousarray(values, '<f8').view(np.uint8).reshape(len(raw), -1)
+        raw[:, length - 8 * DOUBLES[IMU]:] = (
+            np.ascontiguousarray(values, '<f8').view(np.uint8).reshape(len(raw), -1)
+        )
         return raw
 
     def folder(self, folder: Path) -> None:
@@ -198,11 +238,18 @@ class _Copy:
             _count_up(about.get('files'), origin.name, self.added - before)
         if about:
             about['message_count'] = int(about.get('message_count') or 0) + self.added
-            about.setdefault('topics_with_message_count', []).append({
-                'topic_metadata': {'name': self.name, 'type': IMU, 'serialization_format': 'cdr',
-                                   'offered_qos_profiles': '' if int(about.get('version') or 9) < 9 else [],
-                                   'type_description_hash': definition(IMU, 'cdr')[1]},
-                'message_count': self.added})
+            about.setdefault('topics_with_message_count', []).append(
+                {
+                    'topic_metadata': {
+                        'name': self.name,
+                        'type': IMU,
+                        'serialization_format': 'cdr',
+                        'offered_qos_profiles': '' if int(about.get('version') or 9) < 9 else [],
+                        'type_description_hash': definition(IMU, 'cdr')[1],
+                    },
+                    'message_count': self.added,
+                }
+            )
             text = yaml.safe_dump({'rosbag2_bagfile_information': about}, sort_keys=False)
             (folder / 'metadata.yaml').write_text(text)
 
@@ -233,7 +280,8 @@ class _Copy:
                 writer.known(file.raw_schemas, file.raw_channels)
             wanted = self.wanted(file)
             encoding = next((c.encoding for c in file.connections if c.id in wanted), 'cdr')
-            # Those that only chunks to come define are known from the scan: their numbers are taken as well.
+            # Those that only chunks to come define are known from the scan: their numbers are
+            # taken as well.
             writer.reserve(file.raw_schemas, file.raw_channels)
             id = writer.topic(self.name, IMU, encoding)
             for part in file.parts(self.progress):
@@ -250,9 +298,16 @@ class _Copy:
             writer.finish()
 
     def _mcap_part(self, file: McapFile, writer: McapWriter, part: Chunk | bytes) -> None:
-        """Write a chunk as it is; what has no index, or is cut, as a chunk of its whole records."""
+        """
+        Write a chunk as it is.
+
+        What has no index, or is cut, becomes a chunk of its whole records.
+
+        """
         if isinstance(part, Chunk):
-            writer.compression = part.compression if part.compression == 'zstd' else writer.compression
+            writer.compression = (
+                part.compression if part.compression == 'zstd' else writer.compression
+            )
             raw = file.content(part)
             if part.index is not None and part.whole and file.indexed:
                 writer.chunk(part.raw, part.compression, part.size, part.crc, part.index)
@@ -266,19 +321,31 @@ class _Copy:
             if run.op == MESSAGE:
                 channel = int.from_bytes(raw[run.begin + 9:run.begin + 11], 'little')
                 begin = run.begin + run.step * np.arange(run.count)
-                when = np.ascontiguousarray(rows(np.frombuffer(raw, np.uint8), begin + 15, 8)).view('<i8')[:, 0]
-                index.setdefault(channel, []).append(np.stack([when, at + run.step * np.arange(run.count)], axis=1))
+                when = np.ascontiguousarray(
+                    rows(np.frombuffer(raw, np.uint8), begin + 15, 8)
+                ).view('<i8')[:, 0]
+                index.setdefault(channel, []).append(
+                    np.stack([when, at + run.step * np.arange(run.count)], axis=1)
+                )
             at += len(kept[-1])
         whole = b''.join(kept)
         writer.known(file.raw_schemas, file.raw_channels)
         if whole:
-            writer.chunk(whole, '', len(whole), zlib.crc32(whole), {c: np.concatenate(i) for c, i in index.items()})
+            writer.chunk(
+                whole,
+                '',
+                len(whole),
+                zlib.crc32(whole),
+                {c: np.concatenate(i) for c, i in index.items()},
+            )
 
     def _rosbag1(self, file: Rosbag1File, path: Path) -> None:
         with open(path, 'xb') as out:
             writer = Rosbag1Writer(out)
             for id, (fields, body) in file.raw_connections.items():
-                writer.add_connection(id, rosbag1_record(body, **{k.decode(): v for k, v in fields.items()}))
+                writer.add_connection(
+                    id, rosbag1_record(body, **{k.decode(): v for k, v in fields.items()})
+                )
             new = writer.topic(self.name, IMU)
             wanted = self.wanted(file)
             for part in file.parts(self.progress):
@@ -289,9 +356,13 @@ class _Copy:
                 index = part.index
                 if index is None or part.record.end > file.size:
                     found, end = file.walk(content)
-                    index = {c: np.stack([t // 10 ** 9, t % 10 ** 9, at], axis=1) for c, (at, t, *_) in found.items()}
+                    index = {
+                        c: np.stack([t // 10**9, t % 10**9, at], axis=1)
+                        for c, (at, t, *_) in found.items()
+                    }
                     content = content[:end]
-                # The new messages go into the same chunk: readers hold one chunk at a time, in order of time.
+                # The new messages go into the same chunk: readers hold one chunk at a time, in
+                # order of time.
                 more = [m for batch in file.batches_of(part, wanted) for m in self.new(batch)]
                 one, *others = more or [(np.empty(0, np.int64), np.empty((0, 0), np.uint8))]
                 writer.messages({new: one}, content, index, file.compression(part))
@@ -325,9 +396,16 @@ class _Copy:
     @staticmethod
     def _rows(file: SqliteFile, writer: SqliteWriter) -> None:
         """Copy what can be read of a file that is damaged, row by row."""
-        ids = {c.id: writer.plain_topic(c.topic, c.type, c.encoding, file.qos.get(c.id, '')) for c in file.connections}
+        ids = {
+            c.id: writer.plain_topic(c.topic, c.type, c.encoding, file.qos.get(c.id, ''))
+            for c in file.connections
+        }
         for batch in file.batches([c.id for c in file.connections]):
-            writer.blobs(ids[batch.connection.id], batch.receive, [batch.message(k) for k in range(len(batch.begin))])
+            writer.blobs(
+                ids[batch.connection.id],
+                batch.receive,
+                [batch.message(k) for k in range(len(batch.begin))],
+            )
 
 
 def _count_up(files, name: str, more: int) -> None:

@@ -1,9 +1,9 @@
 """
 From raw messages to arrays.
 
-All that is read here has one shape: a header (stamp and frame_id), then nothing but doubles. Messages whose
-bytes have exactly that shape are decoded together, by one view of the buffer; each that has not, by the
-deserialiser of rosbags. Both give the same bits.
+All that is read here has one shape: a header (stamp and frame_id), then nothing but doubles.
+Messages whose bytes have exactly that shape are decoded together, by one view of the buffer; each
+that has not, by the deserialiser of rosbags. Both give the same bits.
 
 """
 
@@ -30,7 +30,12 @@ ACCEL, ACCEL_COVARIANCE = slice(25, 28), slice(28, 37)
 
 
 class Decoded(NamedTuple):
-    """Messages as arrays: header stamps (ns), doubles (n, k), and which of the batch could be read at all."""
+    """
+    Messages as arrays.
+
+    They are header stamps (ns), doubles (n, k), and which of the batch could be read at all.
+
+    """
 
     stamp: np.ndarray
     values: np.ndarray
@@ -77,12 +82,21 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
             stamp[k], frame[k], values[k] = found
             readable[k] = True
     first = np.flatnonzero(readable)[:1]
-    name = '' if not len(first) else frame.get(int(first[0]), '') if not seen[first[0]] else _frame(batch.take(first))
+    name = (
+        ''
+        if not len(first)
+        else frame.get(int(first[0]), '') if not seen[first[0]] else _frame(batch.take(first))
+    )
     return Decoded(stamp[readable], values[readable], name, readable)
 
 
 def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return stamps, doubles, and which of the messages, all of one length, have the expected bytes."""
+    """
+    Return stamps, doubles, and which messages have the expected bytes.
+
+    All of them are of one length.
+
+    """
     body = length - 8 * count
     ros1 = batch.connection.encoding == 'ros1'
     n = len(batch.begin)
@@ -91,17 +105,20 @@ def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray
     raw = rows(batch.data, batch.begin, length)
     big = False if ros1 else bool(raw[0, 1] == 0)
     order = '>' if big else '<'
-    head = np.ascontiguousarray(raw[:, 4:16]).view(f'{order}u4')       # sec, nanosec, length of frame_id
+    # sec, nanosec, length of frame_id
+    head = np.ascontiguousarray(raw[:, 4:16]).view(f'{order}u4')
     name = head[:, 2].astype(np.int64)
     if ros1:
         good = 16 + name == body
     else:
-        # CDR: four bytes say the encoding, places are counted from behind them, doubles are aligned to eight.
+        # CDR: four bytes say the encoding, places are counted from behind them, doubles are
+        # aligned to eight.
         good = (raw[:, 0] == 0) & (raw[:, 1] == (0 if big else 1))
         good &= (name > 0) & (4 + (12 + name + 7) // 8 * 8 == body)
         last = np.clip(15 + name, 0, length - 1)
         good &= raw[np.arange(n), last] == 0
-    if body > 16:               # plain ASCII is read here, other letters one by one; what pads may be anything
+    # plain ASCII is read here, other letters one by one; what pads may be anything
+    if body > 16:
         good &= np.all((raw[:, 16:body] < 128) | (np.arange(body - 16) >= name[:, None]), axis=1)
     seconds = head[:, 0].view(f'{order}u4' if ros1 else f'{order}i4').astype(np.int64)
     return (seconds * 1_000_000_000 + head[:, 1],

@@ -10,7 +10,9 @@ import numpy as np
 from .decode import ACCEL, ACCEL_COVARIANCE, GYRO, GYRO_COVARIANCE
 
 
-def serialise(stamp: np.ndarray, values: np.ndarray, frame_id: str, encoding: str = 'cdr') -> np.ndarray:
+def serialise(
+    stamp: np.ndarray, values: np.ndarray, frame_id: str, encoding: str = 'cdr'
+) -> np.ndarray:
     """
     Return messages of a header and doubles, one a row.
 
@@ -49,7 +51,9 @@ def serialise(stamp: np.ndarray, values: np.ndarray, frame_id: str, encoding: st
 def split_stamp(stamp: np.ndarray) -> np.ndarray:
     """Return seconds and nanoseconds as bytes, (n, 8) uint8."""
     seconds, rest = np.divmod(np.asarray(stamp, np.int64), 1_000_000_000)
-    return np.stack([seconds.astype('<u4'), rest.astype('<u4')], axis=1).view(np.uint8).reshape(-1, 8)
+    return (
+        np.stack([seconds.astype('<u4'), rest.astype('<u4')], axis=1).view(np.uint8).reshape(-1, 8)
+    )
 
 
 def imu_values(gyro: np.ndarray | None, accel: np.ndarray | None, gyro_covariance=None,
@@ -60,8 +64,8 @@ def imu_values(gyro: np.ndarray | None, accel: np.ndarray | None, gyro_covarianc
     Parameters
     ----------
     gyro, accel : ndarray (n, 3) or None
-        Angular rate and acceleration; a part that is None is left as it is in ``out``, and without that it is
-        zero and marked absent (-1), as is the orientation (REP-145).
+        Angular rate and acceleration; a part that is None is left as it is in ``out``, and without
+        that it is zero and marked absent (-1), as is the orientation (REP-145).
     gyro_covariance, accel_covariance : array (9,), (3, 3), (n, 9) or (n, 3, 3), optional
         Row-major; zeros mean unknown.
     out : ndarray (n, 37), optional
@@ -88,7 +92,12 @@ def imu_values(gyro: np.ndarray | None, accel: np.ndarray | None, gyro_covarianc
 
 @cache
 def definition(type: str, encoding: str) -> tuple[str, str]:
-    """Return a type's message definition and its hash (md5 for ROS 1, RIHS01 for ROS 2), as bags hold them."""
+    """
+    Return a type's message definition and its hash, as bags hold them.
+
+    The hash is an md5 for ROS 1, RIHS01 for ROS 2.
+
+    """
     from rosbags.typesys import get_typestore, Stores
     store = get_typestore(Stores.ROS1_NOETIC if encoding == 'ros1' else Stores.ROS2_JAZZY)
     text, md5 = store.generate_msgdef(type, ros_version=1 if encoding == 'ros1' else 2)

@@ -1,10 +1,10 @@
 """
 MCAP files, whole or cut short: https://mcap.dev/spec.
 
-A file is a row of records, op (1 byte), length (8) and content. It is read from the front, without need of
-the summary at its end, so that a recording which lost its end to a crash is read the same way. The index
-behind a chunk says where the messages of a topic lie in it, and each place is checked; without an index
-the records are walked.
+A file is a row of records, op (1 byte), length (8) and content. It is read from the front, without
+need of the summary at its end, so that a recording which lost its end to a crash is read the same
+way. The index behind a chunk says where the messages of a topic lie in it, and each place is
+checked; without an index the records are walked.
 
 """
 
@@ -18,8 +18,19 @@ import zlib
 
 import numpy as np
 
-from .container import (AT_LEAST, Batch, Connection, Counts, Damaged, decompress, normal_type, partly, Progress,
-                        rows, size_of)
+from .container import (
+    AT_LEAST,
+    Batch,
+    Connection,
+    Counts,
+    Damaged,
+    decompress,
+    normal_type,
+    partly,
+    Progress,
+    rows,
+    size_of,
+)
 
 MAGIC = b'\x89MCAP0\r\n'
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX = 1, 2, 3, 4, 5, 6, 7
@@ -72,7 +83,12 @@ class McapFile:
         return list(self._channels.values())
 
     def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
+        """
+        Return the number of messages by topic, and the first and last time (ns).
+
+        Without messages the times are 0.
+
+        """
         return self._messages, self.span
 
     @property
@@ -87,7 +103,7 @@ class McapFile:
     # -- the summary at the end
 
     def _read_summary(self) -> bool:
-        """Take topics and counts from the summary; False where there is none to be trusted."""
+        """Take topics and counts from the summary; return False where it cannot be trusted."""
         if self.size < 8 + 37:
             return False
         self.file.seek(self.size - 37)
@@ -107,7 +123,9 @@ class McapFile:
         if not self._channels or found is None:
             return False
         self.span = struct.unpack_from('<QQ', found, 26)
-        pairs = np.frombuffer(found[46:46 + (len(found) - 46) // 10 * 10], np.dtype([('id', '<u2'), ('n', '<u8')]))
+        pairs = np.frombuffer(
+            found[46:46 + (len(found) - 46) // 10 * 10], np.dtype([('id', '<u2'), ('n', '<u8')])
+        )
         self._messages = {int(p['id']): int(p['n']) for p in pairs}
         return True
 
@@ -126,7 +144,9 @@ class McapFile:
                 topic, at = _string(body, 4)
                 encoding, _ = _string(body, at)
                 name, text = self._schemas.get(schema, ('', ''))
-                self._channels.setdefault(id, Connection(id, topic, normal_type(name), encoding, text))
+                self._channels.setdefault(
+                    id, Connection(id, topic, normal_type(name), encoding, text)
+                )
                 self.raw_channels.setdefault(id, body)
         except (struct.error, UnicodeDecodeError, Damaged):
             self.problems.bad_chunks += 1
@@ -152,13 +172,20 @@ class McapFile:
 
     def batches_of(self, part: Chunk | bytes, wanted: set[int]) -> Iterator[Batch]:
         """Yield the messages of these channels in a chunk, or in a row of records."""
-        for id, receive, data, begin, length in sorted(self._groups(part, wanted), key=lambda g: g[0]):
+        for id, receive, data, begin, length in sorted(
+            self._groups(part, wanted), key=lambda g: g[0]
+        ):
             if id in wanted and id in self._channels:
                 batch = Batch(self._channels[id], receive, data, begin, length)
                 yield batch if _rising(receive) else batch.take(np.argsort(receive, kind='stable'))
 
     def parts(self, progress: Progress = None) -> Iterator[Chunk | bytes | Other]:
-        """Yield all of the file but its summary: chunks, rows of records outside of them, and other records."""
+        """
+        Yield all of the file but its summary.
+
+        It holds chunks, rows of records outside of them, and other records.
+
+        """
         return self._chunks(None, progress, others=True)
 
     def _groups(self, part: Chunk | bytes, wanted: set[int] | None) -> list[Group]:
@@ -176,7 +203,12 @@ class McapFile:
         return self._walk(raw) if found is None else found
 
     def content(self, chunk: Chunk) -> bytes:
-        """Return what a chunk holds, as far as it goes; raise Damaged where its checksum does not fit."""
+        """
+        Return what a chunk holds, as far as it goes.
+
+        Raise Damaged where its checksum does not fit.
+
+        """
         if not chunk.whole:
             return partly(chunk.compression, chunk.raw, min(chunk.size, AT_LEAST))
         raw = decompress(chunk.compression, chunk.raw, chunk.size)
@@ -196,7 +228,9 @@ class McapFile:
         data = np.frombuffer(raw, np.uint8)
         return [_group(data, id, np.concatenate(at)) for id, at in places.items()]
 
-    def _chunks(self, wanted: set[int] | None, progress: Progress, others: bool = False) -> Iterator:
+    def _chunks(
+        self, wanted: set[int] | None, progress: Progress, others: bool = False
+    ) -> Iterator:
         """Yield chunks that may hold what is wanted, and rows of messages outside of chunks."""
         at = len(MAGIC)
         while at + HEAD <= self.size:
@@ -248,7 +282,9 @@ class McapFile:
         self.file.seek(begin)
         return Chunk(compression, size, crc, self.file.read(stored), index), after
 
-    def _read_index(self, at: int, wanted: set[int] | None) -> tuple[dict[int, np.ndarray] | None, int]:
+    def _read_index(
+        self, at: int, wanted: set[int] | None
+    ) -> tuple[dict[int, np.ndarray] | None, int]:
         """Return the index records that follow a chunk, by channel, and where they end."""
         index: dict[int, np.ndarray] = {}
         self.file.seek(at)
@@ -335,12 +371,18 @@ class Group(NamedTuple):
 def _group(data: np.ndarray, id: int, at: np.ndarray) -> Group:
     """Return the messages whose records begin at these places."""
     heads = rows(data, at, MESSAGE_HEAD)
-    length = np.ascontiguousarray(heads[:, 1:9]).view('<u8')[:, 0].astype(np.int64) + HEAD - MESSAGE_HEAD
+    length = (
+        np.ascontiguousarray(heads[:, 1:9]).view('<u8')[:, 0].astype(np.int64)
+        + HEAD
+        - MESSAGE_HEAD
+    )
     receive = np.ascontiguousarray(heads[:, 15:23]).view('<i8')[:, 0]
     return Group(id, receive, data, at + MESSAGE_HEAD, length)
 
 
-def _indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) -> list[Group] | None:
+def _indexed(
+    data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]
+) -> list[Group] | None:
     """Return the messages where the index says that they are; None where it is not so."""
     found = []
     for id in sorted(index.keys() & wanted):
@@ -353,7 +395,9 @@ def _indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) -
             at = np.unique(at)
         heads = rows(data, at, HEAD + 2)
         group = _group(data, id, at)
-        true = np.all(heads[:, 0] == MESSAGE) and np.all(heads[:, HEAD:] == np.frombuffer(struct.pack('<H', id), np.uint8))
+        true = np.all(heads[:, 0] == MESSAGE) and np.all(
+            heads[:, HEAD:] == np.frombuffer(struct.pack('<H', id), np.uint8)
+        )
         if not true or np.any(group.length < 0) or np.any(group.begin + group.length > len(data)):
             return None
         found.append(group)

@@ -11,7 +11,19 @@ import numpy as np
 import zstandard
 
 from .encode import definition
-from .mcap import ATTACHMENT, CHANNEL, CHUNK, DATA_END, FOOTER, HEADER, INDEX, MAGIC, MESSAGE, SCHEMA, STATISTICS
+from .mcap import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    HEADER,
+    INDEX,
+    MAGIC,
+    MESSAGE,
+    SCHEMA,
+    STATISTICS,
+)
 
 CHUNK_INDEX, SUMMARY_OFFSET = 8, 14
 
@@ -90,9 +102,19 @@ class McapWriter:
         else:
             schema = max([self._taken[0], *self.schemas]) + 1
             form = 'ros1msg' if encoding == 'ros1' else 'ros2msg'
-            self.add_schema(struct.pack('<H', schema) + text(type) + text(form) + text(definition(type, encoding)[0]))
+            self.add_schema(
+                struct.pack('<H', schema)
+                + text(type)
+                + text(form)
+                + text(definition(type, encoding)[0])
+            )
         channel = max([self._taken[1], *self.channels]) + 1
-        self.add_channel(struct.pack('<HH', channel, schema) + text(name) + text(encoding) + struct.pack('<I', 0))
+        self.add_channel(
+            struct.pack('<HH', channel, schema)
+            + text(name)
+            + text(encoding)
+            + struct.pack('<I', 0)
+        )
         return channel
 
     def messages(self, parts: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> None:
@@ -115,8 +137,19 @@ class McapWriter:
             raw = np.empty((n, 31 + length), np.uint8)
             first = self._sequence.get(channel, 0)
             self._sequence[channel] = first + n
-            head = np.zeros(n, np.dtype([('op', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'),
-                                         ('log', '<u8'), ('publish', '<u8')]))
+            head = np.zeros(
+                n,
+                np.dtype(
+                    [
+                        ('op', 'u1'),
+                        ('length', '<u8'),
+                        ('channel', '<u2'),
+                        ('sequence', '<u4'),
+                        ('log', '<u8'),
+                        ('publish', '<u8'),
+                    ]
+                ),
+            )
             head['op'], head['length'], head['channel'] = MESSAGE, 22 + length, channel
             head['sequence'] = first + np.arange(n)
             head['log'] = head['publish'] = times
@@ -128,13 +161,28 @@ class McapWriter:
             at += n * (31 + length)
         raw = b''.join(content)
         if raw:
-            packed = zstandard.ZstdCompressor(level=1).compress(raw) if self.compression == 'zstd' else raw
+            packed = (
+                zstandard.ZstdCompressor(level=1).compress(raw)
+                if self.compression == 'zstd'
+                else raw
+            )
             self.chunk(packed, self.compression, len(raw), zlib.crc32(raw), index)
 
-    def chunk(self, packed: bytes, compression: str, size: int, crc: int, index: Mapping[int, np.ndarray]) -> None:
-        """Write a chunk as it is, and the index (log time, offset; (n, 2)) of its messages by channel."""
+    def chunk(
+        self, packed: bytes, compression: str, size: int, crc: int, index: Mapping[int, np.ndarray]
+    ) -> None:
+        """
+        Write a chunk as it is, and its index.
+
+        The index is (log time, offset), (n, 2), of its messages by channel.
+
+        """
         times = [i[:, 0] for i in index.values() if len(i)]
-        first, last = (int(min(t.min() for t in times)), int(max(t.max() for t in times))) if times else (0, 0)
+        first, last = (
+            (int(min(t.min() for t in times)), int(max(t.max() for t in times)))
+            if times
+            else (0, 0)
+        )
         if times:
             self._first, self._last = min(self._first, first), max(self._last, last)
         begin = self._at
@@ -150,8 +198,13 @@ class McapWriter:
             entries = np.ascontiguousarray(entries, '<i8').tobytes()
             self._write(record(INDEX, struct.pack('<HI', channel, len(entries)) + entries))
         self._indexes.append(
-            struct.pack('<QQQQ', first, last, begin, end - begin) + struct.pack('<I', len(offsets)) + offsets
-            + struct.pack('<Q', self._at - end) + text(compression) + struct.pack('<QQ', len(packed), size))
+            struct.pack('<QQQQ', first, last, begin, end - begin)
+            + struct.pack('<I', len(offsets))
+            + offsets
+            + struct.pack('<Q', self._at - end)
+            + text(compression)
+            + struct.pack('<QQ', len(packed), size)
+        )
 
     def other(self, op: int, body: bytes) -> None:
         """Take over an attachment or metadata record."""
@@ -182,5 +235,17 @@ class McapWriter:
         count = {c: self.count.get(c, 0) for c in self.channels}
         total = sum(count.values())
         pairs = b''.join(struct.pack('<HQ', c, n) for c, n in sorted(count.items()))
-        return struct.pack('<QHIIIIQQI', total, len(self.schemas), len(self.channels), *self._others,
-                           len(self._indexes), self._first if total else 0, self._last, len(pairs)) + pairs
+        return (
+            struct.pack(
+                '<QHIIIIQQI',
+                total,
+                len(self.schemas),
+                len(self.channels),
+                *self._others,
+                len(self._indexes),
+                self._first if total else 0,
+                self._last,
+                len(pairs),
+            )
+            + pairs
+        )

@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, UsageError
-from ..record import ImuRecord, regular_rate
-from ..units import DEG, G0
 from .container import Progress, rows
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
 from .encode import imu_values, serialise
 from .source import Bag
 from .tables import read_table, table_kind
 from .topics import Choice, choose, COVARIATES, covariates_of, list_topics, TopicInfo
+from ..errors import InputError, UsageError
+from ..record import ImuRecord, regular_rate
+from ..units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
 ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
@@ -27,22 +27,31 @@ NS = 1e-9
 EPOCH = 1_700_000_000_000_000_000
 
 
-def open_record(path, topic: str | None = None, *, gyro_unit: str | None = None, accel_unit: str | None = None,
-                input_kind: str = 'rate', rate_hz: float | None = None, progress: Progress = None) -> ImuRecord:
+def open_record(
+    path,
+    topic: str | None = None,
+    *,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
+    input_kind: str = 'rate',
+    rate_hz: float | None = None,
+    progress: Progress = None,
+) -> ImuRecord:
     """
     Read one IMU record.
 
     Parameters
     ----------
     path : str or Path
-        A rosbag1 file, a rosbag2 folder, an ``.mcap`` or ``.db3`` file (also compressed whole, ``.zstd``), a
-        ``.csv`` or an ``.npz``.
+        A rosbag1 file, a rosbag2 folder, an ``.mcap`` or ``.db3`` file (also compressed whole,
+        ``.zstd``), a ``.csv`` or an ``.npz``.
     topic : str, optional
         The Imu topic, or a pair ``gyro_topic,accel_topic``; needed only where there are several.
     gyro_unit, accel_unit : str, optional
         Unit of the data where it is not SI: ``deg/s``, ``mdeg/s``; ``g``, ``mg``.
     input_kind : str
-        ``rate``; ``delta``: each sample is an increment (rad, m/s); ``integrated``: the angle or velocity itself.
+        ``rate``; ``delta``: each sample is an increment (rad, m/s); ``integrated``: the angle or
+        velocity itself.
     rate_hz : float, optional
         Sample rate, in place of the stamps.
     progress : callable, optional
@@ -51,7 +60,8 @@ def open_record(path, topic: str | None = None, *, gyro_unit: str | None = None,
     Returns
     -------
     ImuRecord
-        As recorded, in order of receive time: nothing sorted out, nothing resampled but the covariates.
+        As recorded, in order of receive time: nothing sorted out, nothing resampled but the
+        covariates.
 
     Raises
     ------
@@ -64,7 +74,9 @@ def open_record(path, topic: str | None = None, *, gyro_unit: str | None = None,
     _check(gyro_unit, GYRO_UNITS, 'gyro')
     _check(accel_unit, ACCEL_UNITS, 'accel')
     if input_kind not in KINDS:
-        raise UsageError(f'there is no kind of input {input_kind}', f'kinds are {", ".join(KINDS)}')
+        raise UsageError(
+            f'there is no kind of input {input_kind}', f'kinds are {", ".join(KINDS)}'
+        )
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f'a rate of {rate_hz} Hz makes no sense', 'give a positive number')
     if table_kind(path):
@@ -100,7 +112,10 @@ def _check(unit: str | None, known: dict[str, float], sensor: str) -> None:
 
 
 def _in_si(record: ImuRecord, gyro_unit: str | None, accel_unit: str | None) -> ImuRecord:
-    for data, unit, known in ((record.gyro, gyro_unit, GYRO_UNITS), (record.accel, accel_unit, ACCEL_UNITS)):
+    for data, unit, known in (
+        (record.gyro, gyro_unit, GYRO_UNITS),
+        (record.accel, accel_unit, ACCEL_UNITS),
+    ):
         if data is not None and unit is not None and known[unit] != 1.0:
             data *= known[unit]
     return record
@@ -116,7 +131,10 @@ def _as_rate(record: ImuRecord, kind: str) -> ImuRecord:
                 data *= record.rate_hz
         return record
     later = record.part(1, record.n)
-    steps = [None if d is None else np.diff(d, axis=0) * record.rate_hz for d in (record.gyro, record.accel)]
+    steps = [
+        None if d is None else np.diff(d, axis=0) * record.rate_hz
+        for d in (record.gyro, record.accel)
+    ]
     return replace(later, gyro=steps[0], accel=steps[1])
 
 
@@ -125,7 +143,10 @@ class Columns:
 
     def __init__(self, **widths: int):
         self.n = 0
-        self._arrays = {name: np.empty((0, w) if w else 0, float if w else np.int64) for name, w in widths.items()}
+        self._arrays = {
+            name: np.empty((0, w) if w else 0, float if w else np.int64)
+            for name, w in widths.items()
+        }
 
     def extend(self, **more: np.ndarray) -> None:
         """Append rows to every column."""
@@ -140,7 +161,12 @@ class Columns:
         self.n += count
 
     def take(self) -> dict[str, np.ndarray]:
-        """Return the arrays, cut to size and in order of ``receive``; the object is empty afterwards."""
+        """
+        Return the arrays, cut to size and in order of ``receive``.
+
+        The object is empty afterwards.
+
+        """
         arrays, self._arrays = self._arrays, {}
         for a in arrays.values():
             a.resize((self.n, *a.shape[1:]), refcheck=False)
@@ -173,7 +199,9 @@ class _Reader:
         if type == IMU:
             self.columns = Columns(stamp=0, receive=0, gyro=3, accel=3)
         else:
-            self.columns = Columns(stamp=0, receive=0, values={VECTOR: 3}.get(type) or len(COVARIATES[type]))
+            self.columns = Columns(
+                stamp=0, receive=0, values={VECTOR: 3}.get(type) or len(COVARIATES[type])
+            )
 
     def add(self, batch) -> None:
         """Decode a batch and keep what is needed of it."""
@@ -208,7 +236,10 @@ def _from_bag(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
     said: list[str] = []
     for reader in readers.values():
         if reader.unreadable and reader.columns.n:
-            said.append(f'{reader.topic}: {reader.unreadable} message(s) could not be decoded and were left out')
+            said.append(
+                f'{reader.topic}: {reader.unreadable} message(s) could not be decoded and were '
+                'left out'
+            )
     parts = {name: _part(bag, readers[name], said) for name in choice.names}
     base = parts[choice.base]
     if choice.gyro and choice.accel and choice.gyro != choice.accel:
@@ -223,20 +254,42 @@ def _from_bag(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
         t = np.arange(len(t)) / rate_hz
     rate = rate_hz or regular_rate(t)
     if rate is None:
-        raise InputError(f'{bag.path}: {choice.base} has no rate to be had from its stamps', 'give one with --rate-hz')
-    return ImuRecord(gyro=base.gyro, accel=base.accel, t=t, rate_hz=rate, start=float(stamp[0]) * NS,
-                     covariates=covariates, topic=','.join(choice.names), frame_id=base.frame_id, path=str(bag.path),
-                     receive_t=receive_t, warnings=tuple(dict.fromkeys((*bag.warnings, *said))))
+        raise InputError(
+            f'{bag.path}: {choice.base} has no rate to be had from its stamps',
+            'give one with --rate-hz',
+        )
+    return ImuRecord(
+        gyro=base.gyro,
+        accel=base.accel,
+        t=t,
+        rate_hz=rate,
+        start=float(stamp[0]) * NS,
+        covariates=covariates,
+        topic=','.join(choice.names),
+        frame_id=base.frame_id,
+        path=str(bag.path),
+        receive_t=receive_t,
+        warnings=tuple(dict.fromkeys((*bag.warnings, *said))),
+    )
 
 
 def _part(bag: Bag, reader: _Reader, said: list[str]) -> Part:
-    """Return one topic, with receive times for stamps that are all zero; a part that holds nothing is None."""
+    """
+    Return one topic, with receive times for stamps that are all zero.
+
+    A part that holds nothing is None.
+
+    """
     if not reader.columns.n:
         if reader.unreadable:
-            raise InputError(f'{bag.path}: no message of {reader.topic} has the layout of {reader.type}',
-                             'it is of a custom type under a standard name; publish it as sensor_msgs/Imu')
-        raise InputError(f'{bag.path}: nothing of {reader.topic} can be recovered, it has no messages',
-                         'record again' if not bag.warnings else bag.warnings[0])
+            raise InputError(
+                f'{bag.path}: no message of {reader.topic} has the layout of {reader.type}',
+                'it is of a custom type under a standard name; publish it as sensor_msgs/Imu',
+            )
+        raise InputError(
+            f'{bag.path}: nothing of {reader.topic} can be recovered, it has no messages',
+            'record again' if not bag.warnings else bag.warnings[0],
+        )
     arrays = reader.columns.take()
     stamp, receive = arrays['stamp'], arrays['receive']
     if not stamp.any():
@@ -248,12 +301,17 @@ def _part(bag: Bag, reader: _Reader, said: list[str]) -> Part:
     for sensor, absent in zip(('gyro', 'accel'), reader.absent):
         x = arrays[sensor]
         if absent or not np.any((x != 0) & ~np.isnan(x)):
-            said.append(f'{reader.topic}: its {sensor} part is all zero or marked absent; left out')
+            said.append(
+                f'{reader.topic}: its {sensor} part is all zero or marked absent; left out'
+            )
             data.append(None)
         else:
             data.append(x)
     if data[0] is None and data[1] is None:
-        raise InputError(f'{bag.path}: {reader.topic} holds neither rates nor accelerations', 'choose another --topic')
+        raise InputError(
+            f'{bag.path}: {reader.topic} holds neither rates nor accelerations',
+            'choose another --topic',
+        )
     return Part(stamp, receive, data[0], data[1], reader.frame_id)
 
 
@@ -271,8 +329,12 @@ def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndar
     order = np.argsort(accel.stamp, kind='stable')
     stamp, data = accel.stamp[order], accel.accel[order]
     after = np.clip(np.searchsorted(stamp, gyro.stamp), 1, max(len(stamp) - 1, 1))
-    nearest = np.clip(after - (gyro.stamp - stamp[after - 1] <= stamp[np.minimum(after, len(stamp) - 1)] - gyro.stamp),
-                      0, len(stamp) - 1)
+    nearest = np.clip(
+        after
+        - (gyro.stamp - stamp[after - 1] <= stamp[np.minimum(after, len(stamp) - 1)] - gyro.stamp),
+        0,
+        len(stamp) - 1,
+    )
     step = np.median(np.diff(gyro.stamp)) if len(gyro.stamp) > 1 else 0
     close = np.abs(stamp[nearest] - gyro.stamp) <= step / 2
     once = np.all(np.diff(nearest) > 0)
@@ -280,8 +342,12 @@ def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndar
         taken = data[nearest].copy()
         taken[~close] = np.nan
         return taken
-    said.append(f'{choice.accel} and {choice.gyro} are sampled at different times; the accelerations were interpolated, '
-                f'so that their noise at short times reads low (choose --topic {choice.accel} for the accelerometer)')
+    said.append(
+        f'{choice.accel} and {choice.gyro} are sampled at different times; the accelerations '
+        'were interpolated, '
+        f'so that their noise at short times reads low (choose --topic {choice.accel} for the '
+        'accelerometer)'
+    )
     out = np.empty((len(gyro.stamp), 3))
     at, known = (gyro.stamp - stamp[0]) * NS, (stamp - stamp[0]) * NS
     for k in range(3):
@@ -289,7 +355,9 @@ def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndar
     return out
 
 
-def _resample(reader: _Reader, stamp: np.ndarray, receive: np.ndarray, covariates: dict, said: list[str]) -> None:
+def _resample(
+    reader: _Reader, stamp: np.ndarray, receive: np.ndarray, covariates: dict, said: list[str]
+) -> None:
     """Add a covariate topic, linearly interpolated to the Imu's times."""
     if not reader.columns.n:
         return
@@ -300,18 +368,28 @@ def _resample(reader: _Reader, stamp: np.ndarray, receive: np.ndarray, covariate
         if known.max() < at.min() or known.min() > at.max():
             said.append(f'{reader.topic}: recorded at another time than the Imu; not used')
             return
-        said.append(f'{reader.topic}: its stamps are not of the clock of the Imu; the times of receiving were used')
+        said.append(
+            f'{reader.topic}: its stamps are not of the clock of the Imu; the times of '
+            'receiving were used'
+        )
     order = np.argsort(known, kind='stable')
     zero = known[order[0]]
     names = COVARIATES[reader.type]
     number = 1 + sum(bool(re.fullmatch(rf'{next(iter(names))}(_\d+)?', c)) for c in covariates)
     suffix = f'_{number}' if number > 1 else ''
     for k, name in enumerate(names):
-        covariates[name + suffix] = np.interp((at - zero) * NS, (known[order] - zero) * NS, arrays['values'][order, k])
+        covariates[name + suffix] = np.interp(
+            (at - zero) * NS, (known[order] - zero) * NS, arrays['values'][order, k]
+        )
 
 
 class Block(NamedTuple):
-    """Some thousand samples in a row: times in ns, rad/s and m/s^2 (n, 3); a part may be absent."""
+    """
+    Some thousand samples in a row: times in ns, rad/s and m/s^2 (n, 3).
+
+    A part may be absent.
+
+    """
 
     stamp: np.ndarray
     receive: np.ndarray
@@ -324,8 +402,8 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
     """
     Yield the samples of a record block by block, in memory that does not grow with the bag.
 
-    Messages are in order of receive time within each chunk of the file. Pairs of topics and tables are read
-    whole first. A part that is not there is NaN, or as the messages have it.
+    Messages are in order of receive time within each chunk of the file. Pairs of topics and tables
+    are read whole first. A part that is not there is NaN, or as the messages have it.
 
     Parameters
     ----------
@@ -357,16 +435,22 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
                 if not len(receive):
                     continue
                 zero = not found.stamp.any() if zero is None else zero
-                yield Block(receive if zero else found.stamp, receive, np.ascontiguousarray(found.values[:, GYRO]),
-                            np.ascontiguousarray(found.values[:, ACCEL]), found.frame_id)
+                yield Block(
+                    receive if zero else found.stamp,
+                    receive,
+                    np.ascontiguousarray(found.values[:, GYRO]),
+                    np.ascontiguousarray(found.values[:, ACCEL]),
+                    found.frame_id,
+                )
 
 
 def iter_raw(path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]:
     """
     Yield the Imu messages one by one, for replay: receive time (ns), CDR bytes, header stamp (ns).
 
-    What is no CDR Imu message (ROS 1, big-endian, pairs of topics, tables) is made into one. A stamp in the bytes
-    is as recorded, zero too; the stamp beside them is the receive time where all of them are zero.
+    What is no CDR Imu message (ROS 1, big-endian, pairs of topics, tables) is made into one. A
+    stamp in the bytes is as recorded, zero too; the stamp beside them is the receive time where
+    all of them are zero.
 
     Raises
     ------
@@ -382,8 +466,11 @@ def iter_raw(path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]
                 return
     for block in iter_blocks(path, topic):
         values = imu_values(*(None if np.isnan(x).all() else x for x in (block.gyro, block.accel)))
-        for row, receive, stamp in zip(serialise(block.stamp, values, block.frame_id or 'imu_link'),
-                                       block.receive.tolist(), block.stamp.tolist()):
+        for row, receive, stamp in zip(
+            serialise(block.stamp, values, block.frame_id or 'imu_link'),
+            block.receive.tolist(),
+            block.stamp.tolist(),
+        ):
             yield receive, row.tobytes(), stamp
 
 
@@ -395,20 +482,31 @@ def _raw_of(bag: Bag, topic: str) -> Iterator[tuple[int, bytes, int]]:
         if not len(batch.receive):
             continue
         zero = not found.stamp.any() if zero is None else zero
-        as_it_is = batch.connection.encoding == 'cdr' and bool(np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1))
+        as_it_is = batch.connection.encoding == 'cdr' and bool(
+            np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1)
+        )
         made = None if as_it_is else serialise(found.stamp, found.values, found.frame_id)
         for k, (receive, stamp) in enumerate(zip(batch.receive.tolist(), found.stamp.tolist())):
-            yield receive, batch.message(k) if made is None else made[k].tobytes(), receive if zero else stamp
+            yield receive, batch.message(k) if made is None else made[k].tobytes(), (
+                receive if zero else stamp
+            )
 
 
 def _whole(record: ImuRecord, block: int) -> Iterator[Block]:
     for b in blocks_of(record, block):
         gap = np.full((len(b.stamp), 3), np.nan)
-        yield b._replace(gyro=gap if b.gyro is None else b.gyro, accel=gap if b.accel is None else b.accel)
+        yield b._replace(
+            gyro=gap if b.gyro is None else b.gyro, accel=gap if b.accel is None else b.accel
+        )
 
 
 def start_ns(record: ImuRecord) -> int:
-    """Return when a record began, ns; where it does not know, some day, since stamps of zero mean "unset"."""
+    """
+    Return when a record began, ns.
+
+    Where it does not know, that is some day: a stamp of zero would mean "unset".
+
+    """
     return round(record.start * 1e9) or EPOCH
 
 
@@ -418,5 +516,9 @@ def blocks_of(record: ImuRecord, block: int) -> Iterator[Block]:
     for k in range(0, record.n, block):
         part = record.part(k, k + block)
         stamp = start + np.round(part.t * 1e9).astype(np.int64)
-        receive = stamp if part.receive_t is None else start + np.round(part.receive_t * 1e9).astype(np.int64)
+        receive = (
+            stamp
+            if part.receive_t is None
+            else start + np.round(part.receive_t * 1e9).astype(np.int64)
+        )
         yield Block(stamp, receive, part.gyro, part.accel, record.frame_id)

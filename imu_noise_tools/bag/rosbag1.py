@@ -1,9 +1,9 @@
 """
 Rosbag1 files (version 2.0), whole or cut short: http://wiki.ros.org/Bags/Format/2.0.
 
-A file is a row of records, each a header of named fields and data. Messages lie in chunks; behind a chunk
-stands where the messages of each connection are in it. It is read from the front, so that a recording without
-the index at its end is read the same way.
+A file is a row of records, each a header of named fields and data. Messages lie in chunks; behind
+a chunk stands where the messages of each connection are in it. It is read from the front, so that
+a recording without the index at its end is read the same way.
 
 """
 
@@ -16,7 +16,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .container import AT_LEAST, Batch, Connection, Counts, Damaged, decompress, normal_type, partly, Progress, rows, size_of
+from .container import (
+    AT_LEAST,
+    Batch,
+    Connection,
+    Counts,
+    Damaged,
+    decompress,
+    normal_type,
+    partly,
+    Progress,
+    rows,
+    size_of,
+)
 
 MAGIC = b'#ROSBAG V2.0\n'
 MESSAGE, BAG, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
@@ -63,7 +75,12 @@ class Rosbag1File:
         return list(self._known.values())
 
     def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
+        """
+        Return the number of messages by topic, and the first and last time (ns).
+
+        Without messages the times are 0.
+
+        """
         return self._messages, self.span
 
     @property
@@ -89,7 +106,12 @@ class Rosbag1File:
         return Record(fields_of(header[:n]), begin, begin + int.from_bytes(header[n:], 'little'))
 
     def _read_summary(self) -> bool:
-        """Take topics and counts from the index at the end; False where there is none to be trusted."""
+        """
+        Take topics and counts from the index at the end.
+
+        Return False where there is none to be trusted.
+
+        """
         bag = self._record(len(MAGIC))
         if bag is None or bag.op != BAG:
             return False
@@ -119,7 +141,9 @@ class Rosbag1File:
         more = fields_of(body)
         try:
             id, topic = _number(fields, b'conn'), fields[b'topic'].decode()
-            type, text = more[b'type'].decode(), more.get(b'message_definition', b'').decode(errors='replace')
+            type, text = more[b'type'].decode(), more.get(b'message_definition', b'').decode(
+                errors='replace'
+            )
         except (KeyError, UnicodeDecodeError):
             self.problems.bad_chunks += 1
             return
@@ -148,7 +172,9 @@ class Rosbag1File:
         """Yield the messages of these connections in a chunk."""
         if part.index is not None and not part.index.keys() & wanted:
             return
-        for id, receive, data, begin, length in sorted(self._groups(part, wanted), key=lambda g: g[0]):
+        for id, receive, data, begin, length in sorted(
+            self._groups(part, wanted), key=lambda g: g[0]
+        ):
             if id in wanted and id in self._known:
                 batch = Batch(self._known[id], receive, data, begin, length)
                 rising = np.all(receive[1:] >= receive[:-1])
@@ -204,7 +230,10 @@ class Rosbag1File:
             found = indexed(data, part.index, wanted)
             if found is not None:
                 return found
-        return [(id, times, data, begin, length) for id, (_, times, begin, length) in self.walk(raw)[0].items()]
+        return [
+            (id, times, data, begin, length)
+            for id, (_, times, begin, length) in self.walk(raw)[0].items()
+        ]
 
     def _read_index(self, at: int) -> tuple[dict[int, np.ndarray] | None, int]:
         """Return the index records behind a chunk, by connection, and where they end."""
@@ -217,7 +246,9 @@ class Rosbag1File:
             if _number(record.fields, b'ver') != 1 or record.end - record.begin != 12 * count:
                 return None, at
             self.file.seek(record.begin)
-            index[_number(record.fields, b'conn')] = np.frombuffer(self.file.read(12 * count), '<u4').reshape(-1, 3)
+            index[_number(record.fields, b'conn')] = np.frombuffer(
+                self.file.read(12 * count), '<u4'
+            ).reshape(-1, 3)
             at = record.end
         return index or None, at
 
@@ -247,7 +278,9 @@ class Rosbag1File:
             op = (fields.get(b'op') or b'\0')[0]
             if op == MESSAGE:
                 id = _number(fields, b'conn')
-                found.setdefault(id, []).append((at, _time(fields.get(b'time', b'')), begin, length))
+                found.setdefault(id, []).append(
+                    (at, _time(fields.get(b'time', b'')), begin, length)
+                )
             elif op == CONNECTION:
                 self._learn(fields, raw[begin:begin + length])
             elif op == 0:
@@ -256,8 +289,15 @@ class Rosbag1File:
         return {id: np.array(places, np.int64).T for id, places in found.items()}, at
 
 
-def indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) -> list[tuple] | None:
-    """Return the messages where the index says that they are; None where it is not so, or not regular."""
+def indexed(
+    data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]
+) -> list[tuple] | None:
+    """
+    Return the messages where the index says that they are.
+
+    Return None where it is not so, or not regular.
+
+    """
     found = []
     for id in sorted(index.keys() & wanted):
         at = index[id][:, 2].astype(np.int64)
@@ -269,8 +309,11 @@ def indexed(data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]) ->
         if head > 256 or at[-1] + 8 + head > len(data):
             return None
         fields = fields_of(data[at[0] + 4:at[0] + 4 + head].tobytes())
-        if fields.get(b'op') != bytes([MESSAGE]) or fields.get(b'conn') != struct.pack('<I', id) or \
-                len(fields.get(b'time', b'')) != 8:
+        if (
+            fields.get(b'op') != bytes([MESSAGE])
+            or fields.get(b'conn') != struct.pack('<I', id)
+            or len(fields.get(b'time', b'')) != 8
+        ):
             return None
         heads = rows(data, at, 8 + head)
         when = heads[0].tobytes().index(b'time=') + 5

@@ -52,8 +52,12 @@ class Rosbag1Writer:
         self._head(0)
 
     def _head(self, index: int) -> None:
-        fields = {'op': bytes([BAG]), 'index_pos': struct.pack('<Q', index), 'conn_count': u32(len(self.connections)),
-                  'chunk_count': u32(len(self._infos))}
+        fields = {
+            'op': bytes([BAG]),
+            'index_pos': struct.pack('<Q', index),
+            'conn_count': u32(len(self.connections)),
+            'chunk_count': u32(len(self._infos)),
+        }
         head = header(**fields)
         self.file.write(head + u32(4096 - 4 - len(head)) + b' ' * (4096 - 4 - len(head)))
 
@@ -67,9 +71,15 @@ class Rosbag1Writer:
         """Add a topic; return its connection."""
         text, md5 = definition(type, 'ros1')
         id = max(self.connections, default=-1) + 1
-        data = header(topic=name.encode(), type=type.replace('/msg/', '/').encode(), md5sum=md5.encode(),
-                      message_definition=text.encode())[4:]
-        self.add_connection(id, record(data, op=bytes([CONNECTION]), conn=u32(id), topic=name.encode()))
+        data = header(
+            topic=name.encode(),
+            type=type.replace('/msg/', '/').encode(),
+            md5sum=md5.encode(),
+            message_definition=text.encode(),
+        )[4:]
+        self.add_connection(
+            id, record(data, op=bytes([CONNECTION]), conn=u32(id), topic=name.encode())
+        )
         return id
 
     def messages(self, parts: Mapping[int, tuple[np.ndarray, np.ndarray]], before: bytes = b'',
@@ -113,19 +123,44 @@ class Rosbag1Writer:
         if raw:
             self.chunk(PACK[compression](raw), compression, len(raw), found)
 
-    def chunk(self, packed: bytes, compression: str, size: int, index: Mapping[int, np.ndarray]) -> None:
-        """Write a chunk as it is, and the index (s, ns, offset; (n, 3)) of its messages by connection."""
+    def chunk(
+        self, packed: bytes, compression: str, size: int, index: Mapping[int, np.ndarray]
+    ) -> None:
+        """
+        Write a chunk as it is, and its index.
+
+        The index is (s, ns, offset), (n, 3), of its messages by connection.
+
+        """
         begin = self.file.tell()
-        self.file.write(record(packed, op=bytes([CHUNK]), compression=compression.encode(), size=u32(size)))
+        self.file.write(
+            record(packed, op=bytes([CHUNK]), compression=compression.encode(), size=u32(size))
+        )
         for id, entries in index.items():
             self.count[id] = self.count.get(id, 0) + len(entries)
-            self.file.write(record(np.ascontiguousarray(entries, '<u4').tobytes(), op=bytes([INDEX]), ver=u32(1),
-                                   conn=u32(id), count=u32(len(entries))))
-        times = np.concatenate([i[:, 0].astype(np.int64) * 10 ** 9 + i[:, 1] for i in index.values()] or [[0]])
-        self._infos.append(record(
-            b''.join(struct.pack('<II', id, len(i)) for id, i in index.items()),
-            op=bytes([CHUNK_INFO]), ver=u32(1), chunk_pos=struct.pack('<Q', begin), start_time=stamp(times.min()),
-            end_time=stamp(times.max()), count=u32(len(index))))
+            self.file.write(
+                record(
+                    np.ascontiguousarray(entries, '<u4').tobytes(),
+                    op=bytes([INDEX]),
+                    ver=u32(1),
+                    conn=u32(id),
+                    count=u32(len(entries)),
+                )
+            )
+        times = np.concatenate(
+            [i[:, 0].astype(np.int64) * 10**9 + i[:, 1] for i in index.values()] or [[0]]
+        )
+        self._infos.append(
+            record(
+                b''.join(struct.pack('<II', id, len(i)) for id, i in index.items()),
+                op=bytes([CHUNK_INFO]),
+                ver=u32(1),
+                chunk_pos=struct.pack('<Q', begin),
+                start_time=stamp(times.min()),
+                end_time=stamp(times.max()),
+                count=u32(len(index)),
+            )
+        )
 
     def finish(self) -> None:
         """Write the index and complete the head."""

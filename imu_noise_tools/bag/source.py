@@ -15,8 +15,8 @@ import yaml
 import zstandard
 
 from . import mcap, rosbag1, sqlite
-from ..errors import InputError
 from .container import AT_LEAST, BagFile, Batch, Connection, Damaged, EXPANSION, Progress
+from ..errors import InputError
 
 ZSTD = b'\x28\xb5\x2f\xfd'
 NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
@@ -85,10 +85,14 @@ class Bag:
         try:
             held = sorted(p for p in self.path.iterdir() if _kind_of_name(p))
         except OSError as error:
-            raise InputError(f'{self.path}: cannot be read ({(error.strerror or "").lower()})') from error
+            raise InputError(
+                f'{self.path}: cannot be read ({(error.strerror or "").lower()})'
+            ) from error
         about = self.metadata()
         names = about.get('relative_file_paths')
-        listed = [self.path / PurePath(str(n)).name for n in names] if isinstance(names, list) else []
+        listed = (
+            [self.path / PurePath(str(n)).name for n in names] if isinstance(names, list) else []
+        )
         parts = [p for p in listed if p.exists()]
         missing = [p.name for p in listed if not p.exists()]
         if missing:
@@ -96,9 +100,13 @@ class Bag:
         if not parts:
             parts = held
             if parts and not listed:
-                self._said.append('metadata.yaml is missing or cannot be used; all files of the folder were read')
+                self._said.append(
+                    'metadata.yaml is missing or cannot be used; all files of the folder were read'
+                )
         if not parts:
-            raise InputError(f'{self.path}: not a bag, there is no .mcap or .db3 file in the folder', NO_BAG)
+            raise InputError(
+                f'{self.path}: not a bag, there is no .mcap or .db3 file in the folder', NO_BAG
+            )
         return parts
 
     def metadata(self) -> dict:
@@ -131,9 +139,14 @@ class Bag:
             if head.startswith(sqlite.MAGIC):
                 return sqlite.SqliteFile(path)
         except OSError as error:
-            raise InputError(f'{path}: cannot be read ({(error.strerror or str(error)).lower()})') from error
+            raise InputError(
+                f'{path}: cannot be read ({(error.strerror or str(error)).lower()})'
+            ) from error
         if head.startswith(b'#ROSBAG'):
-            raise InputError(f'{path}: a bag of a version that is not known', 'only version 2.0 of rosbag1 is read')
+            raise InputError(
+                f'{path}: a bag of a version that is not known',
+                'only version 2.0 of rosbag1 is read',
+            )
         raise InputError(f'{path}: not a bag', NO_BAG)
 
     def _unpack(self, path: Path) -> Path:
@@ -152,8 +165,10 @@ class Bag:
                     if done > limit:
                         raise Damaged('unpacks to far more than a recording could')
                     if done > room:
-                        raise InputError(f'{path}: no room to unpack it in {tempfile.gettempdir()}',
-                                         'free some disk space or set TMPDIR')
+                        raise InputError(
+                            f'{path}: no room to unpack it in {tempfile.gettempdir()}',
+                            'free some disk space or set TMPDIR',
+                        )
                     sink.write(some)
         return target
 
@@ -168,7 +183,7 @@ class Bag:
         return tuple(dict.fromkeys((*self._said, *(w for f in self.files for w in f.warnings))))
 
     def counts(self) -> tuple[dict[tuple[str, str], int], float]:
-        """Return the number of messages by topic and type, and the span of the times of receiving, s."""
+        """Return the messages by topic and type, and the span of the receive times, s."""
         total = {(c.topic, c.type): 0 for c in self.connections}
         spans = []
         for file in self.files:
@@ -176,9 +191,13 @@ class Bag:
             spans += [span] if span[1] else []
             for c in file.connections:
                 total[c.topic, c.type] += count.get(c.id, 0)
-        return total, (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
+        return total, (
+            (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
+        )
 
-    def batches(self, topics: Collection[str], types: Collection[str], progress: Progress = None) -> Iterator[Batch]:
+    def batches(
+        self, topics: Collection[str], types: Collection[str], progress: Progress = None
+    ) -> Iterator[Batch]:
         """Yield the messages of these topics that have one of these types, file after file."""
         for k, file in enumerate(self.files):
             ids = [c.id for c in file.connections if c.topic in topics and c.type in types]
@@ -199,7 +218,12 @@ def _part_of(progress: Progress, k: int, n: int) -> Progress:
 
 
 def _is_compressed(batch: Batch) -> bool:
-    """Tell whether the messages are compressed one by one: CDR begins with two bytes that zstd's magic is not."""
+    """
+    Tell whether the messages are compressed one by one.
+
+    CDR begins with two bytes that zstd's does not begin with.
+
+    """
     return batch.connection.encoding == 'cdr' and batch.message(0)[:4] == ZSTD
 
 
@@ -217,21 +241,28 @@ def _unpacked(batch: Batch) -> Batch:
         except (zstandard.ZstdError, Damaged):
             found.append(b'')
     length = np.array([len(f) for f in found], np.int64)
-    return batch._replace(data=np.frombuffer(b''.join(found), np.uint8), begin=length.cumsum() - length,
-                          length=length)
+    return batch._replace(
+        data=np.frombuffer(b''.join(found), np.uint8),
+        begin=length.cumsum() - length,
+        length=length,
+    )
 
 
 def _too_many_aliases(text: str) -> bool:
-    """Tell whether a YAML text could unfold into something huge (a bag's metadata has no aliases)."""
+    """Tell whether a YAML text could unfold into something huge: metadata has no aliases."""
     return text.count('*') > 100 and text.count('&') > 3
 
 
 def _kind_of_name(path: Path) -> bool:
-    return path.name.endswith(('.mcap', '.db3', '.mcap.zstd', '.db3.zstd', '.mcap.zst', '.db3.zst'))
+    return path.name.endswith(
+        ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd', '.mcap.zst', '.db3.zst')
+    )
 
 
 def _nothing(path, why: str) -> InputError:
-    return InputError(f'{path}: nothing in it can be recovered ({why})', 'record again, or repair the file')
+    return InputError(
+        f'{path}: nothing in it can be recovered ({why})', 'record again, or repair the file'
+    )
 
 
 def _refuse_what_cannot_be_read(path: Path) -> None:

@@ -1,9 +1,9 @@
 """
 Rosbag2's sqlite3 files: a table of topics and one of messages.
 
-The messages are taken from the pages of the file (:mod:`sqlite_pages`) where these have the usual shape, and by
-SQL otherwise. A file that was cut short is read as far as its pages go. Reading never writes: the database is
-opened immutable, unless a write-ahead log lies beside it.
+The messages are taken from the pages of the file (:mod:`sqlite_pages`) where these have the usual
+shape, and by SQL otherwise. A file that was cut short is read as far as its pages go. Reading
+never writes: the database is opened immutable, unless a write-ahead log lies beside it.
 
 """
 
@@ -43,14 +43,16 @@ class SqliteFile:
         journal = self.path.with_name(self.path.name + '-wal')
         self._logged = journal.exists() and journal.stat().st_size > 0
         mode = 'mode=ro' if self._logged else 'immutable=1'
-        self.database = sqlite3.connect(f'file:{quote(str(self.path.absolute()))}?{mode}', uri=True,
-                                        check_same_thread=False)
+        self.database = sqlite3.connect(
+            f'file:{quote(str(self.path.absolute()))}?{mode}', uri=True, check_same_thread=False
+        )
         self.database.text_factory = lambda raw: raw.decode(errors='replace')
         try:
             try:
                 self._read_topics()
             except sqlite3.DatabaseError:
-                # A file shorter than its header says is refused as it is; with this flag its pages are read.
+                # A file shorter than its header says is refused as it is; with this flag its pages
+                # are read.
                 self.database.execute('PRAGMA writable_schema = ON')
                 self.problems.cut = True
                 self._read_topics()
@@ -73,29 +75,46 @@ class SqliteFile:
         tables = dict(ask("SELECT name, rootpage FROM sqlite_master WHERE type = 'table'"))
         if not {'topics', 'messages'} <= tables.keys():
             raise Damaged('it has no tables of topics and messages')
-        self._root = tables['messages'] if [r[1] for r in ask('PRAGMA table_info(messages)')] == COLUMNS else 0
+        self._root = (
+            tables['messages']
+            if [r[1] for r in ask('PRAGMA table_info(messages)')] == COLUMNS
+            else 0
+        )
         text = {}
         if 'message_definitions' in tables:
             try:
-                text = dict(ask('SELECT topic_type, encoded_message_definition FROM message_definitions'))
+                text = dict(
+                    ask('SELECT topic_type, encoded_message_definition FROM message_definitions')
+                )
             except sqlite3.DatabaseError:
                 pass
         self.qos: dict[int, str] = {}
         if 'offered_qos_profiles' in [r[1] for r in ask('PRAGMA table_info(topics)')]:
             self.qos = {id: str(q) for id, q in ask('SELECT id, offered_qos_profiles FROM topics')}
         self.connections = [
-            Connection(int(id), str(topic), normal_type(str(type)), str(form), str(text.get(type, '')))
-            for id, topic, type, form in ask('SELECT id, name, type, serialization_format FROM topics ORDER BY id')]
+            Connection(
+                int(id), str(topic), normal_type(str(type)), str(form), str(text.get(type, ''))
+            )
+            for id, topic, type, form in ask(
+                'SELECT id, name, type, serialization_format FROM topics ORDER BY id'
+            )
+        ]
 
     def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """Return the number of messages by topic, and the first and last time (ns); (0, 0) without messages."""
+        """
+        Return the number of messages by topic, and the first and last time (ns).
+
+        Without messages the times are 0.
+
+        """
         ask = self.database.execute
         if not self.problems.cut:
             try:
                 low, high = ask('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
                 return (dict(ask('SELECT topic_id, count(*) FROM messages GROUP BY topic_id')),
                         (int(low or 0), int(high or 0)))
-            except (sqlite3.DatabaseError, ValueError, TypeError):      # a number may have become a text
+            # a number may have become a text
+            except (sqlite3.DatabaseError, ValueError, TypeError):
                 self.problems.cut = True
         count: dict[int, int] = {}
         ends = []
@@ -106,7 +125,7 @@ class SqliteFile:
         return count, (min(ends), max(ends)) if ends else (0, 0)
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
-        """Yield the messages of these topics in the order of their rows, some thousand at a time."""
+        """Yield the messages of these topics in the order of their rows."""
         known = {c.id: c for c in self.connections if c.id in wanted}
         after = 0
         if self._root and not self._logged:
@@ -118,7 +137,13 @@ class SqliteFile:
                             continue
                         if rows.length[some].min() < 0:
                             raise Unexpected('long message')
-                        yield Batch(connection, rows.time[some], rows.data, rows.begin[some], rows.length[some])
+                        yield Batch(
+                            connection,
+                            rows.time[some],
+                            rows.data,
+                            rows.begin[some],
+                            rows.length[some],
+                        )
                     after = int(rows.id.max(initial=after))
                     if progress:
                         progress(done)
@@ -128,13 +153,23 @@ class SqliteFile:
         for id, connection in known.items():
             for times, blobs in self._by_sql(id, after):
                 length = np.fromiter(map(len, blobs), np.int64, len(blobs))
-                yield Batch(connection, np.array(times, np.int64), np.frombuffer(b''.join(blobs), np.uint8),
-                            np.cumsum(length) - length, length)
+                yield Batch(
+                    connection,
+                    np.array(times, np.int64),
+                    np.frombuffer(b''.join(blobs), np.uint8),
+                    np.cumsum(length) - length,
+                    length,
+                )
         if progress:
             progress(1.0)
 
     def _from_pages(self) -> Iterator[tuple]:
-        """Yield rows from the pages, and the fraction done; all that look like messages where the tree is broken."""
+        """
+        Yield rows from the pages, and the fraction done.
+
+        Where the tree is broken, all that look like messages are taken.
+
+        """
         pages = Pages(self.file, size_of(self.file))
         try:
             leaves = pages.leaves(self._root)
@@ -169,4 +204,6 @@ class SqliteFile:
 
 def _columns(rows: list[tuple]) -> tuple:
     _, times, blobs = zip(*rows)
-    return [t if isinstance(t, int) else 0 for t in times], [b if isinstance(b, bytes) else b'' for b in blobs]
+    return [t if isinstance(t, int) else 0 for t in times], [
+        b if isinstance(b, bytes) else b'' for b in blobs
+    ]

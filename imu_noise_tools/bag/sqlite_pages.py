@@ -1,9 +1,10 @@
 """
 The messages of a sqlite3 bag taken straight from the pages of the file, thousands at once.
 
-https://www.sqlite.org/fileformat2.html: a table is a tree of pages; its leaves hold the rows, each a cell of
-payload length, row id, and a record (types, then values). Only rows of the one expected shape are taken: id as
-row id, topic_id a small integer, timestamp 8 bytes, data a blob within the page.
+https://www.sqlite.org/fileformat2.html: a table is a tree of pages; its leaves hold the rows, each
+a cell of payload length, row id, and a record (types, then values). Only rows of the one expected
+shape are taken: id as row id, topic_id a small integer, timestamp 8 bytes, data a blob within the
+page.
 
 """
 
@@ -55,7 +56,12 @@ class Pages:
         return self.file.read(n)
 
     def leaves(self, root: int) -> np.ndarray:
-        """Return the numbers of a table's leaf pages in order of its rows; raise Damaged where the tree is broken."""
+        """
+        Return the numbers of a table's leaf pages in order of its rows.
+
+        Raise Damaged where the tree is broken.
+
+        """
         level, found = np.array([root]), []
         for _ in range(20):
             kinds = np.array([self._kind(p) for p in level[:1]])
@@ -83,7 +89,11 @@ class Pages:
         at = raw[start + 12:start + 12 + 2 * n].view('>u2').astype(np.int64)
         if n and at.max() + 4 > self.page:
             raise Damaged(f'page {page}')
-        left = raw[at[:, None] + np.arange(4)].copy().view('>u4')[:, 0] if n else np.empty(0, np.int64)
+        left = (
+            raw[at[:, None] + np.arange(4)].copy().view('>u4')[:, 0]
+            if n
+            else np.empty(0, np.int64)
+        )
         last = raw[start + 8:start + 12].view('>u4')
         return np.concatenate([left, last]).astype(np.int64)
 
@@ -128,7 +138,8 @@ class Pages:
         pointers = np.ascontiguousarray(pages[:, 8:8 + 2 * most]).view('>u2').astype(np.int64)
         used = np.arange(most) < number[:, None]
         begin = ((np.arange(count) * self.page)[:, None] + pointers)[used]
-        there = np.minimum(self.usable, self.size - (numbers - 1) * self.page)      # of the page, in the file
+        # of the page, in the file
+        there = np.minimum(self.usable, self.size - (numbers - 1) * self.page)
         end = np.repeat(np.arange(count) * self.page + there, number)
         return self._records(data, begin, end, strict)
 
@@ -141,20 +152,33 @@ class Pages:
         topic_type, time_at = _varint(data, topic_at)
         time_type, data_at = _varint(data, time_at)
         blob_type, after = _varint(data, data_at)
-        width = np.select([topic_type == 8, topic_type == 9, topic_type == 1, topic_type == 2], [0, 0, 1, 2], -1)
+        width = np.select(
+            [topic_type == 8, topic_type == 9, topic_type == 1, topic_type == 2], [0, 0, 1, 2], -1
+        )
         values = at + header
         length = (blob_type - 12) // 2
         begin = values + width + 8
-        good = ((first == 0) & (width >= 0) & (time_type == 6) & (blob_type >= 12) & (blob_type % 2 == 0)
-                & (after == values) & (values + width + 8 < len(data)))
+        good = (
+            (first == 0)
+            & (width >= 0)
+            & (time_type == 6)
+            & (blob_type >= 12)
+            & (blob_type % 2 == 0)
+            & (after == values)
+            & (values + width + 8 < len(data))
+        )
         whole = good & inside & (header + width + 8 + length == payload) & (begin + length <= end)
         if strict and not np.all(good & (whole | ~inside)):
             raise Unexpected('row')
         values = np.where(good, values, 0)
         width = np.where(good, width, 0)
         one, two = data[values].astype(np.int64), data[values + 1].astype(np.int64)
-        topic = np.select([topic_type == 8, topic_type == 9, width == 1], [0, 1, one], one << 8 | two)
-        time = np.ascontiguousarray(rows(data, values + width, 8)).view('>i8')[:, 0].astype(np.int64)
+        topic = np.select(
+            [topic_type == 8, topic_type == 9, width == 1], [0, 1, one], one << 8 | two
+        )
+        time = (
+            np.ascontiguousarray(rows(data, values + width, 8)).view('>i8')[:, 0].astype(np.int64)
+        )
         # A row that goes on in other pages has length -1: another topic's, or SQL has to read it.
         length = np.where(whole, length, -1)
         keep = good if strict else whole
@@ -162,7 +186,12 @@ class Pages:
 
 
 def _varint(data: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of 1 to 9 bytes, seven bits each, that begin at these places, and where they end."""
+    """
+    Return the numbers that begin at these places, and where they end.
+
+    A number has 1 to 9 bytes, seven bits in each.
+
+    """
     last = len(data) - 1
     byte = data[np.minimum(at, last)].astype(np.int64)
     value, at = byte & 127, at + 1

@@ -12,13 +12,16 @@ from .encode import definition
 
 TABLES = """
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
-CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL);
+CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL,
+    metadata TEXT NOT NULL);
 CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
-    serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL, type_description_hash TEXT NOT NULL);
-CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL, encoding TEXT NOT NULL,
-    encoded_message_definition TEXT NOT NULL, type_description_hash TEXT NOT NULL);
-CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,
-    data BLOB NOT NULL);
+    serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL,
+    type_description_hash TEXT NOT NULL);
+CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL,
+    encoding TEXT NOT NULL, encoded_message_definition TEXT NOT NULL,
+    type_description_hash TEXT NOT NULL);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,
+    timestamp INTEGER NOT NULL, data BLOB NOT NULL);
 INSERT INTO schema(schema_version, ros_distro) VALUES (4, 'jazzy');
 """
 INDEX = 'CREATE INDEX IF NOT EXISTS timestamp_idx ON messages (timestamp ASC)'
@@ -42,25 +45,49 @@ class SqliteWriter:
         ask = self.database.execute
         columns = [row[1] for row in ask('PRAGMA table_info(topics)')]
         text, digest = definition(type, 'cdr')
-        given = {'name': name, 'type': type, 'serialization_format': encoding, 'offered_qos_profiles': '',
-                 'type_description_hash': digest}
+        given = {
+            'name': name,
+            'type': type,
+            'serialization_format': encoding,
+            'offered_qos_profiles': '',
+            'type_description_hash': digest,
+        }
         used = [c for c in columns if c in given]
         id = ask(f'INSERT INTO topics({", ".join(used)}) VALUES ({", ".join("?" * len(used))})',
                  [given[c] for c in used]).lastrowid
-        if ask("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone() and \
-                not ask('SELECT 1 FROM message_definitions WHERE topic_type = ?', (type,)).fetchone():
-            ask('INSERT INTO message_definitions(topic_type, encoding, encoded_message_definition, '
-                'type_description_hash) VALUES (?, ?, ?, ?)', (type, 'ros2msg', text, digest))
+        if (
+            ask("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
+            and not ask(
+                'SELECT 1 FROM message_definitions WHERE topic_type = ?', (type,)
+            ).fetchone()
+        ):
+            ask(
+                'INSERT INTO message_definitions(topic_type, encoding, '
+                'encoded_message_definition, '
+                'type_description_hash) VALUES (?, ?, ?, ?)',
+                (type, 'ros2msg', text, digest),
+            )
         return int(id or 0)
 
     def plain_topic(self, name: str, type: str, encoding: str, qos: str) -> int:
         """Add a topic whose definition is not known; return its id."""
-        return int(self.database.execute('INSERT INTO topics(name, type, serialization_format, offered_qos_profiles, '
-                                         "type_description_hash) VALUES (?, ?, ?, ?, '')",
-                                         (name, type, encoding, qos)).lastrowid or 0)
+        return int(
+            self.database.execute(
+                'INSERT INTO topics(name, type, serialization_format, offered_qos_profiles, '
+                "type_description_hash) VALUES (?, ?, ?, ?, '')",
+                (name, type, encoding, qos),
+            ).lastrowid
+            or 0
+        )
 
     def messages(self, parts: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> None:
-        """Write rows; ``parts`` are receive times (ns) and messages (n, length) uint8 by topic, put in order of time."""
+        """
+        Write rows.
+
+        ``parts`` are receive times (ns) and messages (n, length) uint8 by topic, put in order of
+        time.
+
+        """
         for id, (times, rows) in parts.items():
             length = rows.shape[1] if len(rows) else 0
             raw = rows.tobytes()
@@ -68,16 +95,22 @@ class SqliteWriter:
 
     def blobs(self, id: int, times: np.ndarray, blobs: list[bytes]) -> None:
         """Write messages that may differ in length."""
-        self.database.executemany('INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)',
-                                  zip([id] * len(blobs), np.asarray(times).tolist(), blobs))
+        self.database.executemany(
+            'INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)',
+            zip([id] * len(blobs), np.asarray(times).tolist(), blobs),
+        )
 
     def finish(self, metadata: str = '') -> None:
         """Make the index, keep the folder's metadata, close."""
         self.database.execute(INDEX)
-        held = self.database.execute("SELECT 1 FROM sqlite_master WHERE name = 'metadata'").fetchone()
+        held = self.database.execute(
+            "SELECT 1 FROM sqlite_master WHERE name = 'metadata'"
+        ).fetchone()
         if metadata and held:
             self.database.execute('DELETE FROM metadata')
-            self.database.execute('INSERT INTO metadata(metadata_version, metadata) VALUES (9, ?)', (metadata,))
+            self.database.execute(
+                'INSERT INTO metadata(metadata_version, metadata) VALUES (9, ?)', (metadata,)
+            )
         self.database.execute('COMMIT')
         self.database.close()
 

@@ -1,4 +1,9 @@
-"""Records in a ``.csv`` or an ``.npz``: read without pickle, and with no more memory than the file warrants."""
+"""
+Records in a ``.csv`` or an ``.npz``.
+
+They are read without pickle, and with no more memory than the file warrants.
+
+"""
 
 from __future__ import annotations
 
@@ -9,13 +14,17 @@ import zipfile
 
 import numpy as np
 
-from ..errors import InputError
-from ..record import AXES, ImuRecord, regular_rate
 from .container import AT_LEAST, EXPANSION
 from .source import _refuse_what_cannot_be_read
+from ..errors import InputError
+from ..record import AXES, ImuRecord, regular_rate
 
-NPZ_ARRAYS = 'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'
-CSV_COLUMNS = 'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, m/s^2)'
+NPZ_ARRAYS = (
+    'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'
+)
+CSV_COLUMNS = (
+    'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, m/s^2)'
+)
 
 
 def table_kind(path) -> str:
@@ -25,24 +34,38 @@ def table_kind(path) -> str:
 
 
 def read_table(path: Path, rate_hz: float | None) -> ImuRecord:
-    """Read a table; ``rate_hz`` goes before stamps and labels. Raise InputError where it cannot be used."""
+    """
+    Read a table.
+
+    ``rate_hz`` goes before stamps and labels. Raise InputError where it cannot be used.
+
+    """
     said: list[str] = []
     return _record(path, table_arrays(path, said), rate_hz, said)
 
 
 def table_arrays(path: Path, said: list[str] | None = None) -> dict[str, np.ndarray]:
-    """Return all arrays of numbers of a table, gyro and accel as (n, 3); doubts are added to ``said``."""
+    """
+    Return all arrays of numbers of a table, gyro and accel as (n, 3).
+
+    Doubts are added to ``said``.
+
+    """
     _refuse_what_cannot_be_read(path)
     try:
         arrays, doubts = (_read_npz if table_kind(path) == 'npz' else _read_csv)(path)
     except OSError as error:
-        raise InputError(f'{path}: cannot be read ({(error.strerror or str(error)).lower()})') from error
+        raise InputError(
+            f'{path}: cannot be read ({(error.strerror or str(error)).lower()})'
+        ) from error
     if said is not None:
         said += doubts
     return arrays
 
 
-def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, said: list[str]) -> ImuRecord:
+def _record(
+    path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, said: list[str]
+) -> ImuRecord:
     said = list(said)
     data: dict[str, np.ndarray | None] = {}
     for sensor in ('gyro', 'accel'):
@@ -55,8 +78,11 @@ def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, sa
         data[sensor] = None if x is None else np.array(x, float)
     lengths = {len(x) for x in data.values() if x is not None}
     if len(lengths) != 1:
-        raise InputError(f'{path}: ' + ('gyro and accel differ in length' if lengths else 'has neither gyro nor accel'),
-                         NPZ_ARRAYS if table_kind(path) == 'npz' else CSV_COLUMNS)
+        raise InputError(
+            f'{path}: '
+            + ('gyro and accel differ in length' if lengths else 'has neither gyro nor accel'),
+            NPZ_ARRAYS if table_kind(path) == 'npz' else CSV_COLUMNS,
+        )
     n = lengths.pop()
     labelled = _number(arrays.pop('rate_hz', None))
     origin = _number(arrays.pop('start', None)) or 0.0
@@ -70,20 +96,35 @@ def _record(path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, sa
     usable = t is not None and np.isfinite(t).any()
     rate = rate_hz or (regular_rate(t) if usable else None) or labelled
     if rate is None or not np.isfinite(rate) or rate <= 0:
-        raise InputError(f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz')
+        raise InputError(
+            f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
+        )
     if not usable or rate_hz:
         t = np.arange(n) / rate
     start = float(t[np.isfinite(t)][0]) if usable and not rate_hz else 0.0
     covariates = {k: np.array(x, float) for k, x in arrays.items()
                   if x.ndim == 1 and len(x) == n and x.dtype.kind in 'fiu' and k not in AXES}
-    return ImuRecord(gyro=data['gyro'], accel=data['accel'], t=t - start, rate_hz=float(rate), start=origin + start,
-                     covariates=covariates, topic='imu', path=str(path), labelled_rate_hz=labelled,
-                     warnings=tuple(said))
+    return ImuRecord(
+        gyro=data['gyro'],
+        accel=data['accel'],
+        t=t - start,
+        rate_hz=float(rate),
+        start=origin + start,
+        covariates=covariates,
+        topic='imu',
+        path=str(path),
+        labelled_rate_hz=labelled,
+        warnings=tuple(said),
+    )
 
 
 def _number(array: np.ndarray | None) -> float | None:
     """Return the one number of an array, if it is one."""
-    return float(np.ravel(array)[0]) if array is not None and array.size == 1 and array.dtype.kind in 'fiu' else None
+    return (
+        float(np.ravel(array)[0])
+        if array is not None and array.size == 1 and array.dtype.kind in 'fiu'
+        else None
+    )
 
 
 def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -98,13 +139,23 @@ def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
                     continue
                 limit -= member.file_size
                 if limit < 0:
-                    raise InputError(f'{path}: unpacks to far more than a recording could', 'it is damaged or hostile')
+                    raise InputError(
+                        f'{path}: unpacks to far more than a recording could',
+                        'it is damaged or hostile',
+                    )
                 array = _member(archive, member)
                 if array is not None:
                     arrays[name] = array
                 elif name in ('gyro', 'accel', 't', 'rate_hz'):
                     raise InputError(f'{path}: {name} is not an array of numbers', NPZ_ARRAYS)
-    except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError, RuntimeError, MemoryError) as error:
+    except (
+        zipfile.BadZipFile,
+        ValueError,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        MemoryError,
+    ) as error:
         raise InputError(f'{path}: cannot be read as .npz ({error})', NPZ_ARRAYS) from error
     except Exception as error:
         if isinstance(error, (InputError, OSError)):
@@ -114,13 +165,22 @@ def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
 
 
 def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | None:
-    """Return one array, or None where it is not numbers; its header is checked before anything is allocated."""
+    """
+    Return one array, or None where it is not numbers.
+
+    Its header is checked before anything is allocated.
+
+    """
     raw = archive.read(member)
     file = io.BytesIO(raw)
     version = np.lib.format.read_magic(file)
     if version not in ((1, 0), (2, 0)):
         return None
-    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    header = (
+        np.lib.format.read_array_header_1_0
+        if version == (1, 0)
+        else np.lib.format.read_array_header_2_0
+    )
     shape, fortran, dtype = header(file)
     if dtype.kind not in 'fiub' or dtype.hasobject:
         return None
@@ -128,7 +188,9 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | N
     for k in shape:
         count *= int(k)
     if count < 0 or count * dtype.itemsize != len(raw) - file.tell():
-        raise ValueError(f'{member.filename} declares the shape {shape} and holds {len(raw)} bytes')
+        raise ValueError(
+            f'{member.filename} declares the shape {shape} and holds {len(raw)} bytes'
+        )
     array = np.frombuffer(raw, dtype, count, file.tell())
     return array.reshape(shape, order='F' if fortran else 'C')
 
@@ -136,7 +198,10 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | N
 def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return the columns of a .csv."""
     with open(path, encoding='utf-8', errors='replace', newline=None) as file:
-        names = [n.strip().strip('"').lower() for n in file.readline(1 << 16).lstrip('#\ufeff ').strip().split(',')]
+        names = [
+            n.strip().strip('"').lower()
+            for n in file.readline(1 << 16).lstrip('#\ufeff ').strip().split(',')
+        ]
         present = [a for a in AXES if a in names]
         if not present:
             raise InputError(f'{path}: its first line names no axis', CSV_COLUMNS)
@@ -179,13 +244,21 @@ def _numbers(path: Path, lines: list[str], width: int, first: int, said: list[st
         except ValueError:
             row = []
         if len(row) != width:
-            raise InputError(f'{path}: line {first + k} is not {width} numbers: {line.strip()[:40]!r}', CSV_COLUMNS)
+            raise InputError(
+                f'{path}: line {first + k} is not {width} numbers: {line.strip()[:40]!r}',
+                CSV_COLUMNS,
+            )
         table.append(row)
     return np.array(table, float).reshape(-1, width)
 
 
 def _is_cut(lines: list[str]) -> bool:
-    """Tell whether the last line is without its end: no newline, and fewer or shorter cells than those before."""
+    """
+    Tell whether the last line is without its end.
+
+    It has no newline then, and fewer or shorter cells than those before.
+
+    """
     *before, last = lines
     if last.endswith('\n') or not before:
         return False

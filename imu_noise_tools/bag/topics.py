@@ -1,4 +1,9 @@
-"""Which topics of a bag make a record: found by type, joined where gyroscope and accelerometer are apart."""
+"""
+Which topics of a bag make a record.
+
+They are found by type, and joined where gyroscope and accelerometer are apart.
+
+"""
 
 from __future__ import annotations
 
@@ -7,10 +12,20 @@ import re
 
 import numpy as np
 
-from ..errors import InputError
-from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, MAGNETIC, PRESSURE, \
-    TEMPERATURE, VECTOR
+from .decode import (
+    ACCEL,
+    ACCEL_COVARIANCE,
+    decode,
+    GYRO,
+    GYRO_COVARIANCE,
+    IMU,
+    MAGNETIC,
+    PRESSURE,
+    TEMPERATURE,
+    VECTOR,
+)
 from .source import Bag
+from ..errors import InputError
 
 # Names of the columns that a covariate's message holds, and where among its doubles they are.
 COVARIATES = {
@@ -47,7 +62,12 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class Choice:
-    """Topics to be read: ``gyro`` and ``accel`` are the same where one topic has both, or empty."""
+    """
+    Topics to be read.
+
+    ``gyro`` and ``accel`` are the same where one topic has both, or empty.
+
+    """
 
     gyro: str
     accel: str
@@ -88,7 +108,8 @@ def choose(bag: Bag, topic: str | None) -> Choice:
     Raises
     ------
     InputError
-        There is none, or several and none is chosen, or the chosen one is not there or of another type.
+        There is none, or several and none is chosen, or the chosen one is not there or of another
+        type.
 
     """
     known = _names(bag)
@@ -104,13 +125,20 @@ def choose(bag: Bag, topic: str | None) -> Choice:
         return Choice(imu[0].name, imu[0].name, IMU)
     if imu:
         parts = {t.name: _parts(bag, t.name) for t in imu}
-        pair = _pair([n for n, p in parts.items() if p == ('gyro',)], [n for n, p in parts.items() if p == ('accel',)])
+        pair = _pair(
+            [n for n, p in parts.items() if p == ('gyro',)],
+            [n for n, p in parts.items() if p == ('accel',)],
+        )
         if pair and len(imu) == 2:
             return Choice(*pair, IMU)
-        raise InputError(f'{bag.path}: has {len(imu)} Imu topics: {", ".join(t.name for t in imu)}',
-                         'choose one with --topic')
+        raise InputError(
+            f'{bag.path}: has {len(imu)} Imu topics: {", ".join(t.name for t in imu)}',
+            'choose one with --topic',
+        )
     vectors = [t.name for t in known if t.type == VECTOR]
-    pair = _pair([n for n in vectors if _says(n, 'gyro')], [n for n in vectors if _says(n, 'accel')])
+    pair = _pair(
+        [n for n in vectors if _says(n, 'gyro')], [n for n in vectors if _says(n, 'accel')]
+    )
     if pair:
         return Choice(*pair, VECTOR)
     raise _no_imu(bag, known)
@@ -121,7 +149,9 @@ def _pair(gyro: list[str], accel: list[str]) -> tuple[str, str] | None:
 
 
 def _says(topic: str, part: str) -> bool:
-    return bool(re.search(r'gyr|angular|omega' if part == 'gyro' else r'acc', topic, re.IGNORECASE))
+    return bool(
+        re.search(r'gyr|angular|omega' if part == 'gyro' else r'acc', topic, re.IGNORECASE)
+    )
 
 
 def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
@@ -133,7 +163,9 @@ def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
             raise InputError(f'{bag.path}: has no topic {name.strip()}', _has(known))
         readable = [t for t in same if t.type in (IMU, VECTOR)]
         if not readable:
-            raise InputError(f'{bag.path}: {same[0].name} is {same[0].type}, not sensor_msgs/Imu', _has(known))
+            raise InputError(
+                f'{bag.path}: {same[0].name} is {same[0].type}, not sensor_msgs/Imu', _has(known)
+            )
         found.append(readable[0])
     if len(found) > 2 or len({t.type for t in found}) > 1:
         raise InputError(f'{bag.path}: {topic} is not a pair of topics of one type', _has(known))
@@ -144,7 +176,11 @@ def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
     only = found[0]
     if only.type == IMU:
         return Choice(only.name, only.name, IMU)
-    return Choice('', only.name, VECTOR) if _says(only.name, 'accel') else Choice(only.name, '', VECTOR)
+    return (
+        Choice('', only.name, VECTOR)
+        if _says(only.name, 'accel')
+        else Choice(only.name, '', VECTOR)
+    )
 
 
 def _has(known: list[TopicInfo]) -> str:
@@ -155,14 +191,19 @@ def _no_imu(bag: Bag, known: list[TopicInfo]) -> InputError:
     custom = [t for t in known if re.search('imu', t.type.rpartition('/')[2], re.IGNORECASE)]
     if custom:
         return InputError(
-            f'{bag.path}: {custom[0].name} is of a custom type, {custom[0].type}, which is not read',
-            f'publish it as sensor_msgs/Imu and record that; {_has(known)}')
+            f'{bag.path}: {custom[0].name} is of a custom type, {custom[0].type}, which is not '
+            'read',
+            f'publish it as sensor_msgs/Imu and record that; {_has(known)}',
+        )
     return InputError(f'{bag.path}: has no Imu topic', f'record sensor_msgs/Imu; {_has(known)}')
 
 
 def parts_of(values: np.ndarray) -> tuple[bool, bool]:
     """Tell whether (gyro, accel) of Imu messages' doubles, (n, 37), hold anything at all."""
-    return (_there(values[:, GYRO], values[:, GYRO_COVARIANCE]), _there(values[:, ACCEL], values[:, ACCEL_COVARIANCE]))
+    return (
+        _there(values[:, GYRO], values[:, GYRO_COVARIANCE]),
+        _there(values[:, ACCEL], values[:, ACCEL_COVARIANCE]),
+    )
 
 
 def _there(data: np.ndarray, covariance: np.ndarray) -> bool:
@@ -183,4 +224,3 @@ def covariates_of(bag: Bag, near: str) -> list[TopicInfo]:
     space = near.rpartition('/')[0]
     found = [t for t in _names(bag) if t.role == 'covariate']
     return sorted(found, key=lambda t: (not (space and t.name.startswith(space)), t.name))
-

@@ -1,4 +1,9 @@
-"""Writing a record as a bag: rosbag2 (MCAP or sqlite3), rosbag1, .csv or .npz, whole or not at all."""
+"""
+Writing a record as a bag, whole or not at all.
+
+That is rosbag2 (MCAP or sqlite3), rosbag1, .csv or .npz.
+
+"""
 
 from __future__ import annotations
 
@@ -12,9 +17,6 @@ import sqlite3
 import numpy as np
 import yaml
 
-from ..errors import InputError, UsageError
-from ..files import atomic_path, cannot_write, new_folder
-from ..record import ImuRecord
 from .container import Progress
 from .decode import IMU, MAGNETIC, PRESSURE, TEMPERATURE
 from .encode import definition, imu_values, serialise
@@ -22,29 +24,47 @@ from .mcap_writer import McapWriter
 from .reading import Block, blocks_of, start_ns
 from .rosbag1_writer import Rosbag1Writer
 from .sqlite_writer import SqliteWriter
+from ..errors import InputError, UsageError
+from ..files import atomic_path, cannot_write, new_folder
+from ..record import ImuRecord
 
 STORAGES = ('mcap', 'sqlite3', 'rosbag1')
 SUFFIX = {'.mcap': 'mcap', '.db3': 'sqlite3', '.bag': 'rosbag1', '.csv': 'csv', '.npz': 'npz'}
 TOPIC = '/imu/data_raw'
-COVARIATE_TOPICS = {'temperature': ('/imu/temperature', TEMPERATURE), 'magnetic': ('/imu/mag', MAGNETIC),
-                    'pressure': ('/imu/pressure', PRESSURE)}
+COVARIATE_TOPICS = {
+    'temperature': ('/imu/temperature', TEMPERATURE),
+    'magnetic': ('/imu/mag', MAGNETIC),
+    'pressure': ('/imu/pressure', PRESSURE),
+}
 COVARIATE_HZ = 10.0         # what moves slower than a few hertz is written no faster
 BLOCK = 4096
 
 
-def write_bag(path, record: ImuRecord | Iterable[Block], *, storage: str | None = None, topic: str = TOPIC,
-              frame_id: str = '', compression: str = '', gyro_covariance=None, accel_covariance=None,
-              force: bool = False, progress: Progress = None) -> Path:
+def write_bag(
+    path,
+    record: ImuRecord | Iterable[Block],
+    *,
+    storage: str | None = None,
+    topic: str = TOPIC,
+    frame_id: str = '',
+    compression: str = '',
+    gyro_covariance=None,
+    accel_covariance=None,
+    force: bool = False,
+    progress: Progress = None,
+) -> Path:
     """
     Write a record as a bag.
 
     Parameters
     ----------
     path : str or Path
-        A folder (rosbag2), or a file that ends in ``.mcap``, ``.db3``, ``.bag``, ``.csv`` or ``.npz``.
+        A folder (rosbag2), or a file that ends in ``.mcap``, ``.db3``, ``.bag``, ``.csv`` or
+        ``.npz``.
     record : ImuRecord or iterable of Block
-        What to write; blocks where it is too long for memory. The covariates temperature, magnetic_x to z and
-        pressure become topics of their own, at 10 Hz at most; a .csv or .npz holds all of them, at every sample.
+        What to write; blocks where it is too long for memory. The covariates temperature,
+        magnetic_x to z and pressure become topics of their own, at 10 Hz at most; a .csv or .npz
+        holds all of them, at every sample.
     storage : str, optional
         ``mcap`` (default), ``sqlite3`` or ``rosbag1``; by the name where that says it.
     topic, frame_id : str
@@ -72,7 +92,9 @@ def write_bag(path, record: ImuRecord | Iterable[Block], *, storage: str | None 
     path = Path(path)
     kind = SUFFIX.get(path.suffix.lower()) or storage or 'mcap'
     if kind not in (*STORAGES, 'csv', 'npz') or storage not in (None, kind):
-        raise UsageError(f'{path.name} cannot be written as {storage}', f'storages are {", ".join(STORAGES)}')
+        raise UsageError(
+            f'{path.name} cannot be written as {storage}', f'storages are {", ".join(STORAGES)}'
+        )
     covariances = {'gyro_covariance': gyro_covariance, 'accel_covariance': accel_covariance}
     if kind in ('csv', 'npz'):
         if not isinstance(record, ImuRecord):
@@ -81,21 +103,49 @@ def write_bag(path, record: ImuRecord | Iterable[Block], *, storage: str | None 
             write_table(temporary, kind, table_of(record))
     elif SUFFIX.get(path.suffix.lower()) or kind == 'rosbag1':
         with writing_file(path, force) as temporary:
-            _write_one(temporary, kind, path.name, record, topic, frame_id, compression, covariances, progress)
+            _write_one(
+                temporary,
+                kind,
+                path.name,
+                record,
+                topic,
+                frame_id,
+                compression,
+                covariances,
+                progress,
+            )
     else:
         suffix = {'mcap': '.mcap', 'sqlite3': '.db3'}[kind]
         with new_folder(path, force) as folder:
             name = f'{path.name}_0{suffix}'
-            _write_one(folder / name, kind, name, record, topic, frame_id, compression, covariances, progress,
-                       folder / 'metadata.yaml')
+            _write_one(
+                folder / name,
+                kind,
+                name,
+                record,
+                topic,
+                frame_id,
+                compression,
+                covariances,
+                progress,
+                folder / 'metadata.yaml',
+            )
     return path
 
 
 @contextmanager
 def writing_file(path: Path, force: bool = True) -> Iterator[Path]:
-    """Give a temporary path that becomes ``path`` at success; raise InputError where something is in the way."""
+    """
+    Give a temporary path that becomes ``path`` at success.
+
+    Raise InputError where something is in the way.
+
+    """
     if path.exists() and not force:
-        raise InputError(f'{path}: there is a file of that name already', 'choose another place with -o, or --force')
+        raise InputError(
+            f'{path}: there is a file of that name already',
+            'choose another place with -o, or --force',
+        )
     try:
         with atomic_path(path) as temporary:
             yield temporary
@@ -103,8 +153,18 @@ def writing_file(path: Path, force: bool = True) -> Iterator[Path]:
         raise cannot_write(path, OSError(0, str(error))) from error
 
 
-def _write_one(path: Path, kind: str, name: str, record, topic: str, frame_id: str, compression: str,
-               covariances: dict, progress: Progress, metadata: Path | None = None) -> None:
+def _write_one(
+    path: Path,
+    kind: str,
+    name: str,
+    record,
+    topic: str,
+    frame_id: str,
+    compression: str,
+    covariances: dict,
+    progress: Progress,
+    metadata: Path | None = None,
+) -> None:
     """Write the one file of a bag, and the metadata beside it."""
     encoding = 'ros1' if kind == 'rosbag1' else 'cdr'
     topics = {topic: IMU}
@@ -119,7 +179,18 @@ def _write_one(path: Path, kind: str, name: str, record, topic: str, frame_id: s
     if kind == 'sqlite3':
         writer = SqliteWriter(path)
         try:
-            _write_blocks(writer, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress)
+            _write_blocks(
+                writer,
+                topics,
+                blocks,
+                beside,
+                frame_id,
+                encoding,
+                covariances,
+                summary,
+                total,
+                progress,
+            )
             text = metadata_text(name, kind, topics, summary)
             writer.finish(text)
         except BaseException:
@@ -128,7 +199,18 @@ def _write_one(path: Path, kind: str, name: str, record, topic: str, frame_id: s
     else:
         with open(path, 'xb') as file:
             to = Rosbag1Writer(file) if kind == 'rosbag1' else McapWriter(file, compression)
-            _write_blocks(to, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress)
+            _write_blocks(
+                to,
+                topics,
+                blocks,
+                beside,
+                frame_id,
+                encoding,
+                covariances,
+                summary,
+                total,
+                progress,
+            )
             to.finish()
         text = metadata_text(name, kind, topics, summary) if metadata else ''
     if metadata:
@@ -150,7 +232,9 @@ class Summary:
             self.last = max(self.last, int(times.max()))
 
 
-def _write_blocks(writer, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress) -> None:
+def _write_blocks(
+    writer, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress
+) -> None:
     ids = {name: writer.topic(name, type, encoding) for name, type in topics.items()}
     imu = next(iter(topics))
     done = 0
@@ -178,15 +262,24 @@ def _present(x: np.ndarray | None) -> np.ndarray | None:
 
 
 def _covariates(record: ImuRecord) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
-    """Yield topic, type, times (ns) and doubles of each covariate that a message type exists for."""
+    """
+    Yield topic, type, times (ns) and doubles of each covariate.
+
+    Those that no message type exists for are passed over.
+
+    """
     start = start_ns(record)
     step = max(1, int(record.rate_hz / COVARIATE_HZ))
     some = np.unique(np.append(np.arange(0, record.n, step), max(record.n - 1, 0)))
     times = start + np.round(record.t[some] * 1e9).astype(np.int64)
     order = np.argsort(times, kind='stable')
-    for suffix in sorted({m[1] for name in record.covariates if (m := re.fullmatch(r'[a-z_]+?((?:_\d+)?)', name))}):
+    for suffix in sorted(
+        {m[1] for name in record.covariates if (m := re.fullmatch(r'[a-z_]+?((?:_\d+)?)', name))}
+    ):
         for kind, (topic, type) in COVARIATE_TOPICS.items():
-            names = [f'magnetic_{a}{suffix}' for a in 'xyz'] if kind == 'magnetic' else [kind + suffix]
+            names = (
+                [f'magnetic_{a}{suffix}' for a in 'xyz'] if kind == 'magnetic' else [kind + suffix]
+            )
             if not all(n in record.covariates for n in names):
                 continue
             values = np.zeros((len(some), 12 if kind == 'magnetic' else 2))
@@ -202,13 +295,29 @@ def metadata_text(name: str, kind: str, topics: dict[str, str], summary: Summary
     when = {'starting_time': {'nanoseconds_since_epoch': begin}, 'duration': {'nanoseconds': span},
             'message_count': total}
     about = {
-        'version': 9, 'storage_identifier': kind, **when,
+        'version': 9,
+        'storage_identifier': kind,
+        **when,
         'topics_with_message_count': [
-            {'topic_metadata': {'name': topic, 'type': type, 'serialization_format': 'cdr', 'offered_qos_profiles': [],
-                                'type_description_hash': definition(type, 'cdr')[1]},
-             'message_count': summary.count.get(topic, 0)} for topic, type in topics.items()],
-        'compression_format': '', 'compression_mode': '', 'relative_file_paths': [name],
-        'files': [{'path': name, **when}], 'custom_data': None, 'ros_distro': 'jazzy'}
+            {
+                'topic_metadata': {
+                    'name': topic,
+                    'type': type,
+                    'serialization_format': 'cdr',
+                    'offered_qos_profiles': [],
+                    'type_description_hash': definition(type, 'cdr')[1],
+                },
+                'message_count': summary.count.get(topic, 0),
+            }
+            for topic, type in topics.items()
+        ],
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [name],
+        'files': [{'path': name, **when}],
+        'custom_data': None,
+        'ros_distro': 'jazzy',
+    }
     return yaml.safe_dump({'rosbag2_bagfile_information': about}, sort_keys=False)
 
 
@@ -242,6 +351,10 @@ def write_table(path: Path, kind: str, arrays: dict[str, np.ndarray]) -> None:
         n = len(next(iter(columns.values())))
         for k in range(0, n, BLOCK):
             text = io.StringIO()
-            np.savetxt(text, np.stack([c[k:k + BLOCK] for c in columns.values()], axis=1), fmt='%.17g', delimiter=',')
+            np.savetxt(
+                text,
+                np.stack([c[k:k + BLOCK] for c in columns.values()], axis=1),
+                fmt='%.17g',
+                delimiter=',',
+            )
             file.write(text.getvalue())
-

@@ -15,7 +15,7 @@ from ..errors import InputError, UsageError
 from ..noise.evidence import gather
 from ..noise.kinds import model_avar
 from ..noise.problem import METHODS, NoiseProblem
-from ..prepare import prepare
+from ..health import prepare
 from ..record import ImuRecord, sensor_of
 from ..study import Study
 

@@ -1,9 +1,9 @@
 """
 Which part of a record is at rest.
 
-What counts as motion is slow and large: below some 5 Hz, more than any sensor does at rest, and more than
-this sensor does where it is quietest. So a fan's vibration, a drift with temperature and a lone outlier are
-rest, and a turn, a tilt to another face, or handling are not.
+What counts as motion is slow and large: below some 5 Hz, more than any sensor does at rest, and
+more than this sensor does where it is quietest. So a fan's vibration, a drift with temperature and
+a lone outlier are rest, and a turn, a tilt to another face, or handling are not.
 
 """
 
@@ -11,17 +11,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from .record import ImuRecord
+from ..record import ImuRecord
 
 BOX_S = 0.07            # three running means of this length leave 1 % of a vibration above 20 Hz
 UNIT_S = 0.1            # smoothed values are taken this far apart
 VIEW = 10               # a view is this many of them
-TIMES_QUIET = 6.0       # motion spreads a view by this many times what it is where the record is quietest
-# Spread of a view that is no motion whatever the sensor, and the most that is believed to be rest (rad/s, m/s^2).
+# motion spreads a view by this many times what it is where the record is quietest
+TIMES_QUIET = 6.0
+# Spread of a view that is no motion whatever the sensor, and the most that is believed to be rest
+# (rad/s, m/s^2).
 LEAST = {'gyro': 0.0175, 'accel': 0.15}
 MOST = {'gyro': 0.01, 'accel': 0.1}
 TURNING = 0.035         # a steady rate that differs so much from the rest's is a turn, rad/s
-KNOCK_S = 3.0           # a disturbance no longer than this, after which nothing has changed, is a knock
+# a disturbance no longer than this, after which nothing has changed, is a knock
+KNOCK_S = 3.0
 SAME = {'gyro': 0.0087, 'accel': 0.15}
 
 
@@ -54,12 +57,16 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
         first = a // unit
         quiet = ~moving[first:(b - 1) // unit + 1]
         edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
-        found += [(max(a, (first + i) * unit), min(b, (first + j) * unit)) for i, j in edges.tolist()]
+        found += [
+            (max(a, (first + i) * unit), min(b, (first + j) * unit)) for i, j in edges.tolist()
+        ]
     least = max(2, round(seconds * record.rate_hz))
     return _not_turning(record, [(a, b) for a, b in found if b - a >= least])
 
 
-def without_knocks(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[list[tuple[int, int]]]:
+def without_knocks(
+    record: ImuRecord, stretches: list[tuple[int, int]]
+) -> list[list[tuple[int, int]]]:
     """
     Return the stretches in groups, between whose members there were only knocks.
 
@@ -69,7 +76,11 @@ def without_knocks(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[
     groups: list[list[tuple[int, int]]] = []
     for stretch in stretches:
         last = groups[-1][-1] if groups else None
-        if last and record.t[stretch[0]] - record.t[last[1] - 1] <= KNOCK_S and _same(record, last, stretch):
+        if (
+            last
+            and record.t[stretch[0]] - record.t[last[1] - 1] <= KNOCK_S
+            and _same(record, last, stretch)
+        ):
             groups[-1].append(stretch)
         else:
             groups.append([stretch])
@@ -77,28 +88,44 @@ def without_knocks(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[
 
 
 def longest_rest(record: ImuRecord) -> list[tuple[int, int]]:
-    """Return the longest group of stretches that are parted by knocks alone; empty where nothing rests."""
+    """
+    Return the longest group of stretches that are parted by knocks alone.
+
+    It is empty where nothing rests.
+
+    """
     groups = without_knocks(record, still_stretches(record))
     return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
 
 
 def quiet_level(spread: np.ndarray) -> np.ndarray:
-    """Return what views spread where the record is quietest, (axes,), from spreads (views, axes)."""
+    """Return what views spread where the record is quietest, (axes,), from (views, axes)."""
     # The 10th percentile of the spread of ten normal numbers is 0.72 of its median.
     return np.percentile(spread, 10, axis=0) / 0.72
 
 
 def _smooth(x: np.ndarray, unit: int, rate: float) -> np.ndarray:
-    """Return one axis without what is fast, a value for the middle of every unit, gaps closed; (units,)."""
+    """
+    Return one axis without what is fast, a value for the middle of every unit.
+
+    Gaps are closed.
+
+    """
     good = np.isfinite(x)
     if not good.all():
-        x = np.interp(np.arange(len(x)), np.flatnonzero(good), x[good]) if good.any() else np.zeros(len(x))
+        x = (
+            np.interp(np.arange(len(x)), np.flatnonzero(good), x[good])
+            if good.any()
+            else np.zeros(len(x))
+        )
     piece = max(1, round(0.01 * rate))
     x = x[:len(x) // piece * piece].reshape(-1, piece).mean(axis=1)
     box = max(1, round(BOX_S * rate / piece)) | 1
     x = x - x[0]
     for _ in range(3):
-        total = np.cumsum(np.concatenate([np.repeat(x[:1], box // 2 + 1), x, np.repeat(x[-1:], box // 2)]))
+        total = np.cumsum(
+            np.concatenate([np.repeat(x[:1], box // 2 + 1), x, np.repeat(x[-1:], box // 2)])
+        )
         x = (total[box:] - total[:-box]) / box
     middle = (np.arange(len(good) // unit) * unit + unit // 2) // piece
     return x[np.minimum(middle, len(x) - 1)]
@@ -109,7 +136,8 @@ def _moving(data: np.ndarray, unit: int, rate: float, sensor: str) -> np.ndarray
     smooth = np.stack([_smooth(data[:, k], unit, rate) for k in range(3)], axis=1)
     views = np.lib.stride_tricks.sliding_window_view(smooth, VIEW, axis=0)[::VIEW // 2]
     ordered = np.partition(views, (1, VIEW - 2), axis=2)
-    spread = ordered[:, :, VIEW - 2] - ordered[:, :, 1]         # the largest and the smallest may be outliers
+    # the largest and the smallest may be outliers
+    spread = ordered[:, :, VIEW - 2] - ordered[:, :, 1]
     white = _white(data) / np.sqrt(max(1.0, 2 * BOX_S * rate))
     quiet = np.minimum(quiet_level(spread), np.maximum(MOST[sensor], 4 * white))
     moves = np.any(spread > np.maximum(TIMES_QUIET * quiet, LEAST[sensor]), axis=1)
@@ -121,7 +149,12 @@ def _moving(data: np.ndarray, unit: int, rate: float, sensor: str) -> np.ndarray
 
 
 def _white(data: np.ndarray) -> np.ndarray:
-    """Return the scatter of the samples themselves, (3,), blind to whatever is smooth: from second differences."""
+    """
+    Return the scatter of the samples themselves, (3,), blind to whatever is smooth.
+
+    It is taken from second differences.
+
+    """
     some = data[:200_000]
     second = some[2:] - 2 * some[1:-1] + some[:-2]
     second = second[np.isfinite(second).all(axis=1)]

@@ -7,20 +7,32 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .errors import InputError
-from .prepare import (examine_stamps, finite, is_constant, LEAST_REST_S, LEAST_SAMPLES, losses, ordered, prepare,
-                      RECORDING, wrong_units)
-from .record import AXES, ImuRecord, regular_rate, sensor_of
+from .prepare import (
+    examine_stamps,
+    finite,
+    is_constant,
+    LEAST_REST_S,
+    LEAST_SAMPLES,
+    losses,
+    ordered,
+    RECORDING,
+    wrong_units,
+)
 from .stillness import finite_mean, still_stretches
+from ..record import AXES, ImuRecord, regular_rate, sensor_of
 
-__all__ = ['examine', 'Health', 'prepare', 'Resolution', 'resolution', 'still_stretches']
-
-WARM_UP = 5.0           # the first twentieth is off by so many times the scatter of those of the second half
+# the first twentieth is off by so many times the scatter of those of the second half
+WARM_UP = 5.0
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """Step of an axis's output and the number of different values; ``step`` is None where there is no grid."""
+    """
+    Step of an axis's output and the number of different values.
+
+    ``step`` is None where there is no grid.
+
+    """
 
     step: float | None
     levels: int
@@ -31,8 +43,8 @@ class Health:
     """
     What :func:`examine` found.
 
-    Rates are in Hz, times in s, ``start`` of the record being 0; shares are of all samples. ``clock_drift_ppm``
-    is by how much the stamps' clock runs faster than that of the receiver.
+    Rates are in Hz, times in s, ``start`` of the record being 0; shares are of all samples.
+    ``clock_drift_ppm`` is by how much the stamps' clock runs faster than that of the receiver.
 
     """
 
@@ -96,26 +108,38 @@ def examine(record: ImuRecord) -> Health:
     accel = None if rest.accel is None or not rest.n else finite_mean(rest.accel)
     positive = step[step > 0]
     found = Health(
-        samples=record.n, duration_s=tidy.duration_s, rate_hz=rate,
+        samples=record.n,
+        duration_s=tidy.duration_s,
+        rate_hz=rate,
         median_rate_hz=float(1 / np.median(positive)) if len(positive) else None,
         mean_rate_hz=(tidy.n - 1) / tidy.duration_s if tidy.duration_s > 0 else None,
-        labelled_rate_hz=record.labelled_rate_hz, receive_rate_hz=_receive_rate(record),
-        clock_drift_ppm=_drift(tidy), gaps=len(where), missing=int(np.sum(count)),
+        labelled_rate_hz=record.labelled_rate_hz,
+        receive_rate_hz=_receive_rate(record),
+        clock_drift_ppm=_drift(tidy),
+        gaps=len(where),
+        missing=int(np.sum(count)),
         longest_gap_s=float(step[where].max()) if len(where) else 0.0,
-        duplicates=stamps.repeated + stamps.duplicate, backward=stamps.backward,
+        duplicates=stamps.repeated + stamps.duplicate,
+        backward=stamps.backward,
         jitter_s=float(np.std(regular)) if len(regular) else None,
         not_finite=record.n - int(finite(record).sum()),
         stuck=tuple(a for a in there if is_constant(record.column(a))),
         saturated={a: k for a in there if (k := _saturated(record.column(a)))},
         resolution={a: resolution(record.column(a)) for a in there},
-        held=_held(record), absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
-        gravity=None if accel is None else float(np.linalg.norm(accel)), units=units,
+        held=_held(record),
+        absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
+        gravity=None if accel is None else float(np.linalg.norm(accel)),
+        units=units,
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and rate else 0.0,
         warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
-        temperature={k: (float(np.min(v)), float(np.max(v))) for k, v in record.covariates.items()
-                     if k.startswith('temperature') and len(v)},
-        covariates=tuple(record.covariates))
+        temperature={
+            k: (float(np.min(v)), float(np.max(v)))
+            for k, v in record.covariates.items()
+            if k.startswith('temperature') and len(v)
+        },
+        covariates=tuple(record.covariates),
+    )
     return _with_advice(record, found)
 
 
@@ -124,13 +148,22 @@ def _receive_rate(record: ImuRecord) -> float | None:
 
 
 def _drift(record: ImuRecord) -> float | None:
-    """Return how much faster the stamps' clock is than the receiver's, ppm, by the least delayed in each part."""
+    """
+    Return how much faster the stamps' clock is than the receiver's, ppm.
+
+    The least delayed samples of each part tell it.
+
+    """
     if record.receive_t is None or record.n < 100 or np.array_equal(record.receive_t, record.t):
         return None
     parts = np.array_split(np.arange(record.n), 20)
     delay = record.receive_t - record.t
     best = np.array([p[np.argmin(delay[p])] for p in parts])
-    slope = np.polyfit(record.t[best] - record.t[0], delay[best], 1)[0] if np.ptp(record.t[best]) > 0 else 0.0
+    slope = (
+        np.polyfit(record.t[best] - record.t[0], delay[best], 1)[0]
+        if np.ptp(record.t[best]) > 0
+        else 0.0
+    )
     return float(-slope * 1e6)
 
 
@@ -145,10 +178,15 @@ def _saturated(x: np.ndarray) -> int:
         count = int(at.sum())
         if count < 10 or count < 5e-4 * len(x):
             continue
-        # Noise thins out towards its end: the next value in is then commoner, and the end comes alone.
+        # Noise thins out towards its end: the next value in is then commoner, and the end comes
+        # alone.
         inner = x[~at]
         next_one = inner.min() if end < inner.mean() else inner.max()
-        if count > 3 * np.sum(x == next_one) and np.sum(at[1:] & at[:-1]) > 0.2 * count and len(np.unique(x[:20_000])) > 8:
+        if (
+            count > 3 * np.sum(x == next_one)
+            and np.sum(at[1:] & at[:-1]) > 0.2 * count
+            and len(np.unique(x[:20_000])) > 8
+        ):
             found += count
     return found
 
@@ -157,7 +195,8 @@ def resolution(x: np.ndarray) -> Resolution:
     """
     Return the step of an axis's output and how many different values it takes.
 
-    The smallest step between values that is more than rounding, where nearly all values lie on its grid.
+    The smallest step between values that is more than rounding, where nearly all values lie on its
+    grid.
 
     """
     some = x[np.isfinite(x)][:50_000]
@@ -186,13 +225,20 @@ def _held(record: ImuRecord) -> float:
 
 
 def _warms_up(x: np.ndarray) -> bool:
-    """Tell whether the beginning is off from the second half by more than that varies, and comes nearer to it."""
+    """
+    Tell whether the beginning comes from afar.
+
+    It is then off from the second half by more than that varies, and comes nearer to it.
+
+    """
     means = finite_mean(x[:len(x) // 20 * 20].reshape(20, -1).T)
     if not np.isfinite(means).all():
         return False
     late = means[10:]
     off = (means[:4] - late.mean()) / max(late.std(), np.ptp(late) / 3, 1e-12)
-    return bool(abs(off[0]) > WARM_UP and np.all(np.diff(np.abs(off)) < 0) and np.all(off[:3] * off[0] > 0))
+    return bool(
+        abs(off[0]) > WARM_UP and np.all(np.diff(np.abs(off)) < 0) and np.all(off[:3] * off[0] > 0)
+    )
 
 
 def _with_advice(record: ImuRecord, h: Health) -> Health:
@@ -207,49 +253,72 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
         if h.longest_still_s < LEAST_REST_S:
             say.append(f'The IMU moves ({rest}): for the noise, {RECORDING}.')
         else:
-            say.append(f'The IMU moves in {100 * h.moving:.2g} % of the time; {rest}, and that is what is analysed.')
+            say.append(
+                f'The IMU moves in {100 * h.moving:.2g} % of the time; {rest}, and that is what '
+                'is analysed.'
+            )
     elif h.duration_s < 3600 and h.samples >= LEAST_SAMPLES:
-        say.append(f'{_duration(h.duration_s)} show the white noise; bias instability takes an hour or more, '
-                   'random walk several.')
+        say.append(
+            f'{_duration(h.duration_s)} show the white noise; bias instability takes an hour or '
+            'more, '
+            'random walk several.'
+        )
     if h.gaps:
-        say.append(f'{h.missing} samples were lost in {h.gaps} gaps (the longest of {h.longest_gap_s:.3g} s): record fewer '
-                   'topics, to a faster disk, or with a larger queue.')
+        say.append(
+            f'{h.missing} samples were lost in {h.gaps} gaps (the longest of '
+            f'{h.longest_gap_s:.3g} s): record fewer '
+            'topics, to a faster disk, or with a larger queue.'
+        )
     if h.duplicates or h.backward:
-        say.append(f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and the clock.')
+        say.append(
+            f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
+            'the clock.'
+        )
     if h.jitter_s and h.rate_hz and h.jitter_s * h.rate_hz > 0.1:
-        say.append(f'The stamps jitter by {1e3 * h.jitter_s:.3g} ms: take them from the sensor, not on arrival.')
+        say.append(
+            f'The stamps jitter by {1e3 * h.jitter_s:.3g} ms: take them from the sensor, not on '
+            'arrival.'
+        )
     if h.clock_drift_ppm is not None and abs(h.clock_drift_ppm) > 500:
-        say.append(f"The sensor's clock is off by {h.clock_drift_ppm:.3g} ppm from the computer's.")
+        say.append(
+            f"The sensor's clock is off by {h.clock_drift_ppm:.3g} ppm from the computer's."
+        )
     if h.not_finite:
         say.append(f'{h.not_finite} samples are not finite: check the driver.')
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
     for axis, count in h.saturated.items():
-        say.append(f'{axis} stands at the end of its range in {count} samples: choose a larger range.')
+        say.append(
+            f'{axis} stands at the end of its range in {count} samples: choose a larger range.'
+        )
     if h.held > 0.02:
-        say.append(f'{100 * h.held:.3g} % of the samples repeat the one before: the driver publishes faster than the '
-                   'sensor measures.')
+        say.append(
+            f'{100 * h.held:.3g} % of the samples repeat the one before: the driver publishes '
+            'faster than the '
+            'sensor measures.'
+        )
     for sensor in h.absent:
-        say.append(f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.')
+        say.append(
+            f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.'
+        )
     say += [f'{s[0].upper()}{s[1:]}.' for s in h.units]
     if h.warm_up:
-        say.append(f'{", ".join(h.warm_up)} still change at the beginning: let the IMU warm up for half an hour.')
+        say.append(
+            f'{", ".join(h.warm_up)} still change at the beginning: let the IMU warm up for '
+            'half an hour.'
+        )
     if not h.temperature:
-        say.append('There is no temperature topic: record one along, drifts are mostly temperature.')
+        say.append(
+            'There is no temperature topic: record one along, drifts are mostly temperature.'
+        )
     for name, (low, high) in h.temperature.items():
         if high - low > 2:
-            say.append(f'{name} went from {low:.4g} to {high:.4g} degrees C: its effect can be told apart.')
+            say.append(
+                f'{name} went from {low:.4g} to {high:.4g} degrees C: its effect can be told '
+                'apart.'
+            )
     return Health(**{**h.__dict__, 'advice': tuple(say)})
 
 
 def _duration(seconds: float) -> str:
     return f'{seconds:.3g} s' if seconds < 120 else f'{seconds / 60:.3g} min'
-
-
-def summary(record: ImuRecord) -> str:
-    """Return one line on what of a record can be analysed, or why nothing can."""
-    try:
-        part = prepare(record)
-    except InputError as error:
-        return str(error)
-    return f'{part.n} samples, {part.duration_s:.4g} s at rest'

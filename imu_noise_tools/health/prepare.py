@@ -1,5 +1,7 @@
 """
-From a record as it was recorded to what an analysis needs: one stretch, at rest, with one sample every 1/rate.
+From a record as it was recorded to what an analysis needs.
+
+That is one stretch, at rest, with one sample every 1/rate.
 
 Whatever is done to the record is counted and said in its warnings.
 
@@ -11,17 +13,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .errors import InputError
-from .record import AXES, ImuRecord, regular_rate, sensor_of
 from .stillness import finite_mean, longest_rest
+from ..errors import InputError
+from ..record import AXES, ImuRecord, regular_rate, sensor_of
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
 LONG_GAP_S = 1.0            # a gap of so long (and of ten samples) ends a stretch
 NEAR = 8                    # samples on each side of a late stamp that tell a loss from a delay
-RECORDING = ('lay the IMU on something solid, at rest and away from people and machines, and record it still for '
-             'at least 60 s (hours, for all but the white noise)')
+RECORDING = (
+    'lay the IMU on something solid, at rest and away from people and machines, and record it '
+    'still for '
+    'at least 60 s (hours, for all but the white noise)'
+)
 
 
 def prepare(record: ImuRecord, keep_motion: bool = False) -> ImuRecord:
@@ -38,14 +43,15 @@ def prepare(record: ImuRecord, keep_motion: bool = False) -> ImuRecord:
     Returns
     -------
     ImuRecord
-        Stamps rise, samples are 1/``rate_hz`` apart by their number, ``rate_hz`` is (n - 1)/span, all values
-        are finite; ``missing`` counts the interpolated ones, ``stuck`` names axes that never change,
-        ``left_out`` the knocks within.
+        Stamps rise, samples are 1/``rate_hz`` apart by their number, ``rate_hz`` is (n - 1)/span,
+        all values are finite; ``missing`` counts the interpolated ones, ``stuck`` names axes that
+        never change, ``left_out`` the knocks within.
 
     Raises
     ------
     InputError
-        Fewer than 100 samples, more than 1 % not finite, every axis constant, or under 60 s at rest.
+        Fewer than 100 samples, more than 1 % not finite, every axis constant, or under 60 s at
+        rest.
 
     """
     _enough(record)
@@ -98,15 +104,20 @@ def examine_stamps(record: ImuRecord) -> Stamps:
 
 
 def _equal(record: ImuRecord, k: int) -> bool:
-    return all(np.array_equal(d[k], d[k + 1], equal_nan=True) for d in (record.gyro, record.accel) if d is not None)
+    return all(
+        np.array_equal(d[k], d[k + 1], equal_nan=True)
+        for d in (record.gyro, record.accel)
+        if d is not None
+    )
 
 
 def ordered(record: ImuRecord) -> ImuRecord:
     """
     Return the record with stamps that never fall, and no sample twice.
 
-    Samples that came in the wrong order are put right; where a clock was set back, what follows goes on
-    from there. A repeated message is dropped; a stamp given to two different samples stays with both.
+    Samples that came in the wrong order are put right; where a clock was set back, what follows
+    goes on from there. A repeated message is dropped; a stamp given to two different samples stays
+    with both.
 
     """
     found = examine_stamps(record)
@@ -119,7 +130,9 @@ def ordered(record: ImuRecord) -> ImuRecord:
         said.append(f'{found.backward} backward stamp(s): the samples were put in order')
     elif found.backward:
         record = replace(record, t=_going_on(record.t))
-        said.append(f'{found.backward} backward stamp(s): the clock was set back, later samples follow on')
+        said.append(
+            f'{found.backward} backward stamp(s): the clock was set back, later samples follow on'
+        )
     if found.repeated:
         step = np.diff(record.t)
         twice = [k + 1 for k in np.flatnonzero(step == 0) if _equal(record, k)]
@@ -128,12 +141,19 @@ def ordered(record: ImuRecord) -> ImuRecord:
         record = _take(record, keep)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
     if found.duplicate:
-        said.append(f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept')
+        said.append(
+            f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept'
+        )
     return record.warned(*said)
 
 
 def _going_on(t: np.ndarray) -> np.ndarray:
-    """Return stamps in which every backward step has become one regular step; a lone wrong stamp is mended."""
+    """
+    Return stamps in which every backward step has become one regular step.
+
+    A lone wrong stamp is mended.
+
+    """
     t = t.copy()
     rate = regular_rate(t)
     dt = 1 / rate if rate else 0.0
@@ -163,8 +183,8 @@ def losses(t: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """
     Return where samples were lost and how many.
 
-    A stamp can be late without a loss: then those after it catch up. A loss shifts all that follow, so the
-    median lag behind a regular clock is compared on both sides.
+    A stamp can be late without a loss: then those after it catch up. A loss shifts all that
+    follow, so the median lag behind a regular clock is compared on both sides.
 
     Returns
     -------
@@ -179,7 +199,9 @@ def losses(t: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     near = np.arange(NEAR)
     before = np.median(lag[np.clip(late[:, None] - near, 0, len(t) - 1)], axis=1)
     after = np.median(lag[np.clip(late[:, None] + 1 + near, 0, len(t) - 1)], axis=1)
-    count = np.minimum(np.round((after - before) / dt), np.round((t[late + 1] - t[late]) / dt) - 1).astype(np.int64)
+    count = np.minimum(
+        np.round((after - before) / dt), np.round((t[late + 1] - t[late]) / dt) - 1
+    ).astype(np.int64)
     return late[count > 0], count[count > 0]
 
 
@@ -187,7 +209,9 @@ def _without_gaps(record: ImuRecord) -> ImuRecord:
     """Return the longest stretch without a long gap."""
     rate = regular_rate(record.t)
     if rate is None:
-        raise InputError(f'{_name(record)} has no rate to be had from its stamps', 'give one with --rate-hz')
+        raise InputError(
+            f'{_name(record)} has no rate to be had from its stamps', 'give one with --rate-hz'
+        )
     where = np.flatnonzero(np.diff(record.t) > max(LONG_GAP_S, 10 / rate))
     record = replace(record, rate_hz=rate)
     if not len(where):
@@ -196,8 +220,11 @@ def _without_gaps(record: ImuRecord) -> ImuRecord:
     k = int(np.argmax(np.diff(ends)))
     longest = float(np.max(np.diff(record.t)[where]))
     part = record.part(int(ends[k]), int(ends[k + 1]))
-    return part.warned(f'{len(where)} long gap(s), the longest of {longest:.4g} s: the longest stretch without one is '
-                       f'analysed, {part.duration_s:.4g} s from {part.t[0]:.4g} s on')
+    return part.warned(
+        f'{len(where)} long gap(s), the longest of {longest:.4g} s: the longest stretch without '
+        'one is '
+        f'analysed, {part.duration_s:.4g} s from {part.t[0]:.4g} s on'
+    )
 
 
 def finite(record: ImuRecord) -> np.ndarray:
@@ -205,22 +232,33 @@ def finite(record: ImuRecord) -> np.ndarray:
     good = np.ones(record.n, bool)
     for data in (record.gyro, record.accel):
         for k in range(3 if data is not None else 0):
-            good &= np.isfinite(data[:, k])         # column by column: many times faster than along the rows
+            # column by column: many times faster than along the rows
+            good &= np.isfinite(data[:, k])
     return good
 
 
 def _finite_enough(record: ImuRecord) -> None:
     bad = record.n - int(finite(record).sum())
     if bad > MOST_MISSING * record.n:
-        raise InputError(f'{_name(record)}: {100 * bad / record.n:.3g} % of the samples are not finite (NaN or infinite)',
-                         'mend the driver and record again')
+        raise InputError(
+            f'{_name(record)}: {100 * bad / record.n:.3g} % of the samples are not finite (NaN '
+            'or infinite)',
+            'mend the driver and record again',
+        )
 
 
 def _stuck(record: ImuRecord) -> ImuRecord:
-    stuck = tuple(a for a in AXES if getattr(record, sensor_of(a)) is not None and is_constant(record.column(a)))
+    stuck = tuple(
+        a
+        for a in AXES
+        if getattr(record, sensor_of(a)) is not None and is_constant(record.column(a))
+    )
     there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
     if len(stuck) == len(there):
-        raise InputError(f'{_name(record)}: every axis is constant', 'check that the sensor is powered and its driver reads it')
+        raise InputError(
+            f'{_name(record)}: every axis is constant',
+            'check that the sensor is powered and its driver reads it',
+        )
     if not stuck:
         return record
     return replace(record, stuck=stuck).warned(
@@ -242,10 +280,16 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
     whole = a == 0 and b == record.n
     span = record.t[b - 1] - record.t[a] if b > a else 0.0
     if not whole and span + record.dt < LEAST_REST_S:
-        raise InputError(f'{_name(record)}: the IMU moves; its longest still stretch is {span:.3g} s, under '
-                         f'{LEAST_REST_S:g} s at rest', f'{RECORDING}, or override with --keep-motion')
+        raise InputError(
+            f'{_name(record)}: the IMU moves; its longest still stretch is {span:.3g} s, under '
+            f'{LEAST_REST_S:g} s at rest',
+            f'{RECORDING}, or override with --keep-motion',
+        )
     part = record.part(a, b)
-    knocks = tuple((float(record.t[i[1] - 1]), float(record.t[j[0]]), 'knock') for i, j in zip(pieces, pieces[1:]))
+    knocks = tuple(
+        (float(record.t[i[1] - 1]), float(record.t[j[0]]), 'knock')
+        for i, j in zip(pieces, pieces[1:])
+    )
     part = replace(part, left_out=(*part.left_out, *knocks))
     if knocks:
         part = part.warned(f'{len(knocks)} knock(s) are left out of the noise fit')
@@ -259,16 +303,22 @@ def _filled(record: ImuRecord) -> ImuRecord:
     """Return the record with lost and non-finite samples interpolated, and counted."""
     good = finite(record)
     where, count = losses(record.t, record.dt)
-    # One sample lost by itself is left as it is: the rest moves by one step, and nothing is made up.
+    # One sample lost by itself is left as it is: the rest moves by one step, and nothing is made
+    # up.
     alone = int(np.sum(count == 1))
     where, count = where[count > 1], count[count > 1]
     if alone:
-        record = record.warned(f'{alone} sample(s) lost one at a time; analysed as if they had not been taken')
+        record = record.warned(
+            f'{alone} sample(s) lost one at a time; analysed as if they had not been taken'
+        )
     bad, lost = record.n - int(good.sum()), int(count.sum())
     if bad == 0 and lost == 0:
         return record
     if lost > record.n:
-        raise InputError(f'{_name(record)}: more samples were lost than recorded', 'record with fewer topics or a faster disk')
+        raise InputError(
+            f'{_name(record)}: more samples were lost than recorded',
+            'record with fewer topics or a faster disk',
+        )
     # Places of the recorded samples on the regular grid.
     place = np.arange(record.n)
     shift = np.zeros(record.n, np.int64)
@@ -293,16 +343,22 @@ def _filled(record: ImuRecord) -> ImuRecord:
 
 
 def _rate_doubts(record: ImuRecord) -> list[str]:
-    """Return sentences where the file's label or the times of receiving tell another rate than the stamps."""
+    """Return sentences where the label or the receive times tell another rate."""
     said = []
     label = record.labelled_rate_hz
     if label and abs(label / record.rate_hz - 1) > 0.01:
-        said.append(f'the stamps give {record.rate_hz:.6g} Hz where the file says {label:.6g} Hz; the stamps were used')
+        said.append(
+            f'the stamps give {record.rate_hz:.6g} Hz where the file says {label:.6g} Hz; the '
+            'stamps were used'
+        )
     if record.receive_t is not None and record.n > 1:
         span = float(record.receive_t[-1] - record.receive_t[0])
         if span > 10 and abs(record.duration_s / span - 1) > 0.01:
-            said.append(f'the stamps span {record.duration_s:.5g} s and the times of receiving {span:.5g} s; '
-                        'the stamps were used')
+            said.append(
+                f'the stamps span {record.duration_s:.5g} s and the times of receiving '
+                f'{span:.5g} s; '
+                'the stamps were used'
+            )
     return said
 
 
@@ -312,15 +368,21 @@ def wrong_units(record: ImuRecord) -> list[str]:
     if record.accel is not None:
         g = float(np.linalg.norm(finite_mean(record.accel)))
         if not (7 <= g <= 12.5 or np.isnan(g)):
-            said.append(f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
-                        + _likely_accel(g))
+            said.append(
+                f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
+                + _likely_accel(g)
+            )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
         scatter = float(np.max(_scatter(record.gyro)))
-        # 30 deg/s of bias or 11 deg/s of sample noise: no gyro is so bad; the same numbers in deg/s are common.
+        # 30 deg/s of bias or 11 deg/s of sample noise: no gyro is so bad; the same numbers in
+        # deg/s are common.
         if rate > 0.52 or scatter > 0.2:
-            said.append(f'wrong unit suspected: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) at rest; '
-                        'if it is in deg/s, use --gyro-unit deg/s')
+            said.append(
+                f'wrong unit suspected: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
+                'at rest; '
+                'if it is in deg/s, use --gyro-unit deg/s'
+            )
     return said
 
 
@@ -337,4 +399,6 @@ def _likely_accel(g: float) -> str:
 def _scatter(data: np.ndarray) -> np.ndarray:
     """Return the scatter of the samples, (3,), from neighbours."""
     step = np.diff(data[:100_000], axis=0)
-    return np.array([x[good].std() if (good := np.isfinite(x)).any() else 0.0 for x in step.T]) / np.sqrt(2)
+    return np.array(
+        [x[good].std() if (good := np.isfinite(x)).any() else 0.0 for x in step.T]
+    ) / np.sqrt(2)

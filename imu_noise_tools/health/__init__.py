@@ -1,0 +1,9 @@
+"""Whether a record is fit to be analysed: its health, its rest, and the part to analyse."""
+
+from __future__ import annotations
+
+from .examine import examine, Health, Resolution, resolution
+from .prepare import prepare
+from .stillness import still_stretches
+
+__all__ = ['examine', 'Health', 'prepare', 'Resolution', 'resolution', 'still_stretches']
