@@ -13,6 +13,7 @@ import io
 import math
 from pathlib import Path
 import zipfile
+import zlib
 
 import numpy as np
 import yaml
@@ -76,6 +77,11 @@ def load_yaml(path):
         raise InputError(f'{path}: {error.strerror or error}', 'name a folder that analyse wrote') from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f'{path}: not readable as YAML ({str(error).splitlines()[0]})', 'analyse again with --force') from None
+
+
+def parse_yaml(text: str):
+    """Return the plain data of a short YAML text (the answer of a service)."""
+    return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
 
 
 def study_to_dict(study: Study) -> dict:
@@ -184,7 +190,7 @@ def read(folder) -> dict:
     if not path.is_file():
         raise InputError(f'{folder}: no study.yaml in it', 'name a folder that analyse, calibrate or filter wrote')
     data = load_yaml(path)
-    if not isinstance(data, dict) or data.get('format') != FORMAT or data.get('domain') not in _PROBLEMS:
+    if not isinstance(data, dict) or data.get('format') != FORMAT or str(data.get('domain')) not in _PROBLEMS:
         raise InputError(f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force')
     return data
 
@@ -227,5 +233,6 @@ def load_arrays(path) -> dict[str, np.ndarray]:
             return {k: data[k] for k in data.files}
     except OSError as error:
         raise InputError(f'{path}: {error.strerror or error}', 'analyse the bag again with --force') from None
-    except (zipfile.BadZipFile, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, MemoryError,
+            zlib.error) as error:
         raise InputError(f'{path}: damaged ({error})', 'analyse the bag again with --force') from None
