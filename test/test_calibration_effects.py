@@ -18,7 +18,7 @@ DEG = np.pi / 180
 DEVICE = ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity')
 
 
-def table(rng, device, rates=(20, 60, 120, 200)):
+def table(rng, device, rates=(30, 100, 200)):
     """Return a rate table: each axis up and down, both ways, several rates, changing heat."""
     rows = [(way * r * DEG * axis, up * sim.G * axis) for axis in np.eye(3) for up in (1, -1)
             for way in (1, -1)
