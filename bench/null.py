@@ -1,5 +1,5 @@
 """
-Gains that candidates reach where nothing is hidden: writes imu_noise_tools/noise/null.yaml.
+Gains that candidates reach where nothing is hidden: writes imu_noise_tools/noise/null.py.
 
     python bench/null.py [--records 200] [--write]
 
@@ -25,7 +25,6 @@ from imu_noise_tools.effect import model_of  # noqa: E402
 from imu_noise_tools.noise.candidates import candidates  # noqa: E402
 from imu_noise_tools.noise.evidence import gather  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
-from imu_noise_tools.store import dump_yaml  # noqa: E402
 
 CELLS = ((1.0, 50.0), (0.5, 100.0), (2.0, 50.0), (3.0, 100.0), (0.1, 100.0))     # hours, Hz
 LEVEL = 1e-3
@@ -75,9 +74,9 @@ def main():
         print(f'{name:20s} {len(gains):5d}  90 % {np.quantile(gains, .9):6.2f}  99 % {np.quantile(gains, .99):6.2f}  '
               f'largest {max(gains):6.2f}  penalty {table[name]:6.2f}')
     if args.write:
-        (TOP / 'imu_noise_tools' / 'noise' / 'null.yaml').write_text(
-            '# Gain in nats that a candidate exceeds by chance in one axis of a thousand (bench/null.py writes this file).\n'
-            + dump_yaml({'default': 10.0, 'axes': total, 'penalty': table}))
+        lines = ['"""Gain in nats that a candidate exceeds by chance in one axis of a thousand; bench/null.py writes this file."""', '',
+                 f'AXES = {total}', 'DEFAULT = 10.0', 'PENALTY = {', *(f'    {k!r}: {v},' for k, v in table.items()), '}']
+        (TOP / 'imu_noise_tools' / 'noise' / 'null.py').write_text('\n'.join(lines) + '\n')
 
 
 if __name__ == '__main__':

@@ -167,6 +167,20 @@ def interval(dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95):
     return dev * np.sqrt(edf / chdtri(edf, tail)), dev * np.sqrt(edf / chdtri(edf, 1 - tail))
 
 
+def smooth_slope(m, dev, decades: float = 0.5) -> np.ndarray:
+    """Return the slope of log dev against log m, of a straight line through half a decade around each point."""
+    x, y = np.log(np.asarray(m, float)), np.log(dev)
+    out = np.full(len(x), -0.5)
+    reach = 0.5 * decades * np.log(10)
+    for i in range(len(x) if len(x) > 1 else 0):
+        near = np.abs(x - x[i]) <= reach
+        if near.sum() < 3:
+            near[max(0, i - 1):i + 2] = True
+        u = x[near] - x[near].mean()
+        out[i] = np.sum(u * y[near]) / np.sum(u * u)
+    return out
+
+
 def degrees_of_freedom(dev, m, n, overlapping=True) -> np.ndarray:
     """
     Return equivalent degrees of freedom for the power law that the local slope shows.
@@ -176,7 +190,7 @@ def degrees_of_freedom(dev, m, n, overlapping=True) -> np.ndarray:
 
     """
     m = np.asarray(m, float)
-    slope = np.gradient(np.log(dev), np.log(m)) if len(m) > 1 else np.full(len(m), -0.5)
+    slope = smooth_slope(m, dev)
     law = np.clip(np.round(-2 * slope), -1, 2).astype(int)          # 2 quantization ... -1 random walk
     # Quantization shows at the short end or nowhere. A chance fall at the long end looks as steep and would claim hundreds of
     # degrees of freedom where there are five.
@@ -207,7 +221,7 @@ def dominant_shape(curve_: AllanCurve) -> str:
     good = curve_.edf > 5
     if good.sum() < 4:
         return 'too short to tell a shape'
-    slope, tau = curve_.slope[good], curve_.tau[good]
+    slope, tau = smooth_slope(curve_.m, curve_.dev)[good], curve_.tau[good]
     steep = np.mean(slope < -0.75)
     if steep > 0.5:
         return 'ring-laser-like: slope -1 over most of the curve'

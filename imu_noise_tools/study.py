@@ -253,7 +253,7 @@ def fall_in_words(before: Score, after: Score, fall: float) -> str:
         return 'not to be compared'
     if fall > FALL:
         return 'falls to chance' if after.within_chance else 'falls'
-    if fall < -FALL:
+    if fall < -FALL and not after.within_chance:
         return 'rises'
     return 'does not fall'
 

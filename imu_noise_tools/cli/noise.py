@@ -58,7 +58,6 @@ def analyse(args) -> int:
         common.print_json(study_to_dict(study))
         return 0
     from .. import report
-    print(report.text(study, verbose=args.verbose))
-    print(f'\nwritten to {folder}: study.yaml imu.yaml allan.csv allan.png report.html evidence.npz\n'
-          f'next: imu_noise compare {folder}    imu_noise diagnose {folder}')
+    print(report.text(study, folder, verbose=args.verbose))
+    print(f'written to {folder}: study.yaml imu.yaml allan.csv allan.png report.html evidence.npz')
     return 0

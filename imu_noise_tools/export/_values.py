@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effect import find_effect, unfitted
 from ..errors import UsageError
-from ..noise.kinds import model_avar
+from ..noise.curve import model_curve
 from ..study import State, Study
 
 PARAMETERS = {'N': 'white', 'K': 'random_walk', 'B': 'flicker'}
@@ -87,7 +87,7 @@ def covering(state: State, horizon: float) -> dict[str, float]:
     if not some.any():
         some = c.tau <= c.tau[0]
     tau = c.tau[some]
-    wanted = np.maximum(c.dev[some] ** 2, model_avar(state.model, c.m[some], c.dt))
+    wanted = np.maximum(c.dev[some] ** 2, model_curve(state.problem.evidence, state.model, c.m[some]))
     best = None
     for i in range(1, len(tau) + 1):
         n2 = float(np.max(tau[:i] * wanted[:i]))

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from importlib.resources import files as resources
-
 import numpy as np
-import yaml
 
 from ..effect import Finding, Fit, Model, registry, unfitted
 from . import views
 from .evidence import Evidence
 from .fit import fit as fit_part, measure, MEASURED, with_units
 from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
+from .null import DEFAULT, PENALTY
 
 
 def candidates(problem, fit: Fit) -> list[Finding]:
@@ -45,7 +42,7 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
     more = _refitted(evidence, fit, effect)
     label = more.model.labels[-1]
     gain = more.details['ml'] - fit.details['ml']
-    return Finding(effect.name, float(gain), more.model[label], more.estimates[label], penalty(effect.name, evidence),
+    return Finding(effect.name, float(gain), more.model[label], more.estimates[label], penalty(effect.name),
                    _view_of(effect), _where(evidence, fit, more, effect))
 
 
@@ -66,7 +63,7 @@ def _line(evidence, fit, effect):
     v = fit.details['v']
     gain = 0.5 * float(np.sum(evidence.whole.bins.count * evidence.whole.lines[i] / v))
     harmonic = _harmonic(evidence, fit, frequency)
-    return Finding(effect.name, gain, effect.with_values(**values), estimates, penalty(effect.name, evidence), 'frequency',
+    return Finding(effect.name, gain, effect.with_values(**values), estimates, penalty(effect.name), 'frequency',
                    f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around it, coherent through the '
                    f'record{harmonic}{_as_rpm(frequency)}')
 
@@ -94,7 +91,7 @@ def _measured(evidence, fit, effect):
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
         gain += more.details['ml'] - fit.details['ml']
-    return Finding(effect.name, float(gain), finding.effect, finding.estimates, penalty(effect.name, evidence),
+    return Finding(effect.name, float(gain), finding.effect, finding.estimates, penalty(effect.name),
                    finding.view, finding.evidence)
 
 
@@ -127,16 +124,6 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
     return f'the spectrum asks for it between {f0:.3g} and {f1:.3g} Hz'
 
 
-@lru_cache(maxsize=1)
-def _null_table() -> dict:
-    """Return the thresholds that records with nothing hidden gave (``bench/null.py`` writes the file)."""
-    try:
-        return yaml.safe_load((resources(__package__) / 'null.yaml').read_text()) or {}
-    except FileNotFoundError:
-        return {}
-
-
-def penalty(name: str, evidence: Evidence) -> float:
+def penalty(name: str) -> float:
     """Return the gain (nats) that one in a thousand records with nothing hidden reaches by chance."""
-    table = _null_table().get('penalty', {})
-    return float(table.get(name, _null_table().get('default', 9.0)))
+    return PENALTY.get(name, DEFAULT)

@@ -65,4 +65,4 @@ def duration_for(model: Model, label: str, name: str, dt: float, wanted: float =
 
 def in_words(seconds: float) -> str:
     """Return a duration as a person would plan it."""
-    return f'{seconds / 60:.0f} min' if seconds < 5400 else f'{seconds / 3600:.2g} h'
+    return f'{seconds / 60:.0f} min' if seconds < 5400 else f'{float(f"{seconds / 3600:.2g}"):g} h'

@@ -9,9 +9,10 @@ import numpy as np
 from . import classic, views
 from ..effect import Finding, Fit, Model, Score, unfitted
 from ..errors import UsageError
+from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
-from .kinds import model_avar, Spectrum
+from .kinds import Spectrum
 from .plan import duration_for, in_words
 
 METHODS = ('likelihood', 'avar', 'slopes')
@@ -116,7 +117,7 @@ class NoiseProblem:
         some = c.tau <= c.n * c.dt / 10
         if some.sum() < 2 or c.deviation not in ('oadev', 'adev'):
             return {}
-        model = np.sqrt(np.maximum(model_avar(fit.model, c.m[some], c.dt), 1e-300))
+        model = np.sqrt(model_curve(self.evidence, fit.model, c.m[some]))
         return {'misfit_percent': 100 * float(np.sqrt(np.mean((model / c.dev[some] - 1) ** 2))),
                 'misfit_expected': 100 * float(np.sqrt(np.mean(1 / (2 * c.edf[some]))))}
 

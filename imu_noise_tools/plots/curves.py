@@ -7,16 +7,13 @@ from typing import cast
 
 import numpy as np
 
-from ..allan import AllanCurve, degrees_of_freedom, overlapping_variance
-from ..effect import Effect, Model
+from ..allan import AllanCurve, degrees_of_freedom
 from ..noise.classic import FLAT, READINGS
+from ..noise.curve import effect_avar
 from ..noise.evidence import Evidence
-from ..noise.fit import Likelihood
-from ..noise.kinds import Coupling, Defect, Inputs, Line, Mean, model_avar
-from ..noise.kinds import Response, Spectrum
+from ..noise.kinds import Line, Mean
 from ..noise.problem import NoiseProblem
 from ..noise.views import gamma_pull
-from ..spectrum import quadrature_avar
 from ..study import State
 
 # A run is marked where |pull| > 2 for three points or more, one of them > 3; or for one alone > 5.
@@ -68,62 +65,6 @@ def _degrees(c: AllanCurve, total, steady):
     noise = np.maximum(total - steady, 1e-6 * total)
     edf = degrees_of_freedom(np.sqrt(noise), c.m, c.n, c.deviation == 'oadev')
     return edf * (total / noise) ** 2 / (1 + 2 * steady / noise)
-
-
-def effect_avar(evidence: Evidence, model: Model, effect: Effect, m: np.ndarray):
-    """Return what one effect adds to the Allan variance at cluster sizes m (k,); None: nothing."""
-    dt = evidence.dt
-    if isinstance(effect, Mean) and type(effect).avar is Mean.avar:
-        return _drift_avar(evidence, effect, m)
-    if isinstance(effect, Spectrum):
-        behind = [r for r in model.of(Response) if r is not effect]
-        return model_avar(Model([effect, *behind]), m, dt)
-    if isinstance(effect, (Mean, Line)):
-        return effect.avar(m, dt)
-    if isinstance(effect, Coupling):
-        return _coupled_avar(evidence, effect, m)
-    if isinstance(effect, Defect) and _screens(effect):
-        return _screened_avar(evidence, m)
-    return None
-
-
-def _drift_avar(evidence, effect, m):
-    """Allan variance of a fitted mean by its block means; below a block, of a straight line."""
-    length = evidence.common.slow_length
-    y = effect.mean(Inputs(evidence.slow_t, evidence.dt, evidence.slow_others))
-    blocks = np.unique(np.clip(np.round(m / length), 1, len(y) // 3).astype(int))
-    v = np.maximum(overlapping_variance(y, blocks), 1e-300)
-    out = np.exp(np.interp(np.log(m), np.log(blocks * length), np.log(v)))
-    return np.where(m < length, v[0] * (m / length) ** 2, out)
-
-
-def _coupled_avar(evidence, effect, m):
-    """Allan variance of what other channels put into this one, from the binned cross-spectra."""
-    alone = Model([effect])
-    likelihood = Likelihood(evidence, 'whole', alone)
-    s = np.maximum(likelihood.power - likelihood.without_couplings(alone), 0)
-    at = np.log(likelihood.bins.f)
-    return quadrature_avar(lambda f: np.interp(np.log(f), at, s), m, evidence.dt)
-
-
-def _screens(effect):
-    own, none = (getattr(c.screen, '__func__', None) for c in (type(effect), Defect))
-    return own is not none
-
-
-def _screened_avar(evidence, m):
-    """
-    Allan variance of isolated samples that are screened before the fit, and stay in the curve.
-
-    They are white; their level is that of the curve at one sample less that of the spectrum, which
-    was made without them: 2 int S(f) sin^2(pi f dt) df.
-
-    """
-    bins, curve, part = evidence.whole.bins, evidence.curve, evidence.whole
-    width = bins.count / (2 * bins.n * bins.dt)
-    s = part.power + part.lines.sum(axis=0)
-    clean = 2 * np.sum(s * np.sin(np.pi * bins.f * bins.dt) ** 2 * width)
-    return max(curve.dev[0] ** 2 * curve.m[0] - clean, 0.0) / m
 
 
 def line_envelope(effect: Line, m: np.ndarray, dt: float) -> np.ndarray:

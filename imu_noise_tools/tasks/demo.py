@@ -54,7 +54,7 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
         for t, d in study.diagnosis.items():
             say(f'   {t}: {d.verdict}')
         study.source['path'] = str(out / 'bag')
-        for name, data in noise.outputs(study).items():
+        for name, data in noise.outputs(study, out / 'study').items():
             files.atomic_write(new / 'study' / name, data)
             if name == 'report.html':
                 files.atomic_write(new / name, data)

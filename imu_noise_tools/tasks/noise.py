@@ -12,8 +12,8 @@ import numpy as np
 from .. import export, files, store
 from ..effect import model_of
 from ..errors import InputError, UsageError
+from ..noise.curve import model_curve
 from ..noise.evidence import gather
-from ..noise.kinds import model_avar
 from ..noise.problem import METHODS, NoiseProblem
 from ..health import prepare
 from ..record import ImuRecord, sensor_of
@@ -86,7 +86,7 @@ def source_of(record: ImuRecord, method: str) -> dict:
     return {'path': record.path, 'topic': record.topic, 'samples': record.n, 'rate_hz': record.rate_hz,
             'duration_s': record.duration_s, 'start': record.start + float(record.t[0]), 'frame_id': record.frame_id,
             'method': method, 'covariates': list(record.covariates), 'warnings': list(record.warnings),
-            'left_out': [list(x) for x in record.left_out]}
+            'left_out': [[a - float(record.t[0]), b - float(record.t[0]), why] for a, b, why in record.left_out]}
 
 
 def analyse(bag, out=None, *, topic=None, rate_hz=None, input_kind='rate', gyro_unit=None, accel_unit=None, force=False,
@@ -107,7 +107,7 @@ def analyse(bag, out=None, *, topic=None, rate_hz=None, input_kind='rate', gyro_
         rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
         study = analyse_record(record, progress=rest, **options)
         del record
-        for name, data in outputs(study).items():
+        for name, data in outputs(study, folder).items():
             files.atomic_write(Path(new) / name, data)
     return study, folder
 
@@ -118,13 +118,12 @@ def default_folder(bag) -> Path:
     return path.parent / f'{path.resolve().name if path.name in ("", ".", "..") else path.name}.study'
 
 
-def outputs(study: Study) -> dict[str, str | bytes]:
-    """Return all files of a noise study by name."""
+def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+    """Return all files of a noise study by name; ``folder`` is what the page's next commands name."""
     from .. import report
-    from ..plots import noise as plots
-    picture = plots.png(plots.allan_figure(study))
+    shown = report.pictures(study)
     return {**store.study_files(study), 'imu.yaml': export.export(study, 'kalibr'), 'allan.csv': allan_csv(study),
-            'allan.png': picture, 'report.html': report.html(study)}
+            'allan.png': shown['allan'], 'report.html': report.html(study, shown, folder=str(folder or 'DIR'))}
 
 
 def allan_csv(study: Study) -> str:
@@ -134,7 +133,7 @@ def allan_csv(study: Study) -> str:
     writer.writerow(['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model'])
     for axis, state in study.states.items():
         c = state.problem.evidence.curve
-        model = np.sqrt(np.maximum(model_avar(state.model, c.m, c.dt), 0))
+        model = np.sqrt(model_curve(state.problem.evidence, state.model, c.m))
         for row in zip(c.tau, c.count, c.dev, c.lo, c.hi, c.percent_error, c.edf, model):
             writer.writerow([axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])])
     return text.getvalue()
@@ -156,9 +155,9 @@ def save(study: Study, folder) -> None:
 def outputs_of(study: Study, folder) -> dict[str, str | bytes]:
     """Return all files of a study of any domain."""
     if study.domain == 'noise':
-        return outputs(study)
+        return outputs(study, folder)
     if study.domain == 'calibration':
         from . import calibration
         return calibration.outputs(study)
     from .. import report
-    return {**store.study_files(study), 'report.html': report.html(study)}
+    return {**store.study_files(study), 'report.html': report.html(study, folder=str(folder))}
