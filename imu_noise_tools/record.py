@@ -95,6 +95,11 @@ class ImuRecord:
             a for a in AXES if getattr(self, sensor_of(a)) is not None and a not in self.stuck
         )
 
+    @property
+    def data(self) -> list[np.ndarray]:
+        """Rates and accelerations, (n, 3) each, as far as they are there."""
+        return [x for x in (self.gyro, self.accel) if x is not None]
+
     def column(self, axis: str) -> np.ndarray:
         """Return one axis, (n,); raise UsageError where it is not there."""
         data = getattr(self, sensor_of(axis))

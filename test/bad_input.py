@@ -74,6 +74,11 @@ def names() -> list[str]:
     return [make.__name__ for make, *_ in _MAKERS]
 
 
+def opening() -> list[str]:
+    """Return the names of those that can be inspected."""
+    return [make.__name__ for make, _, _, opens in _MAKERS if opens]
+
+
 def make_one(name: str, folder: Path) -> Case:
     """Make one of them."""
     for make, outcome, words, opens in _MAKERS:
@@ -337,12 +342,12 @@ def huge_header(path):
 
 @case('refused', 'far more', opens=False)
 def zstd_bomb(path):
-    """Compress a gigabyte of nothing into some kilobytes."""
+    """Compress 300 MB of nothing into some kilobytes."""
     path = path.with_name(path.name + '.db3.zstd')
     pack = zstandard.ZstdCompressor().compressobj()
     with open(path, 'xb') as file:
         file.write(pack.compress(b'SQLite format 3\0'))
-        for _ in range(1000):
+        for _ in range(300):
             file.write(pack.compress(bytes(1 << 20)))
         file.write(pack.flush())
     return path
@@ -350,14 +355,14 @@ def zstd_bomb(path):
 
 @case('refused', 'far more', opens=False)
 def zip_bomb(path):
-    """Compress a gigabyte of zeros into an .npz of a megabyte."""
+    """Compress 300 MB of zeros into an .npz of a megabyte."""
     path = path.with_suffix('.npz')
-    n = (1 << 30) // 24
+    n = 300 * (1 << 20) // 24
     with zipfile.ZipFile(path, 'x', zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         with archive.open('gyro.npy', 'w', force_zip64=True) as member:
             np.lib.format.write_array_header_1_0(
                 member, {'descr': '<f8', 'fortran_order': False, 'shape': (n, 3)})
-            for _ in range(1024):
+            for _ in range(300):
                 member.write(bytes(1 << 20))
     return path
 

@@ -440,6 +440,20 @@ def test_vector_topics(tmp_path):
     record = open_record(path)
     np.testing.assert_array_equal(record.gyro, r.gyro)
     np.testing.assert_array_equal(record.accel, r.accel)
+    alone = open_record(path, 'angular_velocity')
+    assert alone.accel is None and np.array_equal(alone.gyro, r.gyro)
+    alone = open_record(path, 'acceleration')
+    assert alone.gyro is None and np.array_equal(alone.accel, r.accel)
+
+
+def test_a_pair_without_one_part(tmp_path):
+    """A pair of which one has not what it should have is refused."""
+    r = bad_input.still(30)
+    stamps = START + np.arange(r.n) * 10 ** 7
+    path = bag_of(tmp_path / 'x.mcap', {'/a': (IMU, stamps, part(r, True, False)),
+                                        '/b': (IMU, stamps, part(r, True, False))})
+    with pytest.raises(InputError, match='/b holds no such part'):
+        open_record(path, '/a,/b')
 
 
 def test_chosen_topic(tmp_path):

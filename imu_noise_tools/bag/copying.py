@@ -264,7 +264,7 @@ class _Copy:
                 self._mcap(file, plain)
             elif isinstance(file, Rosbag1File):
                 self._rosbag1(file, plain)
-            else:
+            elif isinstance(file, SqliteFile):
                 self._sqlite(file, plain)
             if packed:
                 with open(plain, 'rb') as read, open(path, 'xb') as write:
@@ -309,23 +309,24 @@ class _Copy:
                 part.compression if part.compression == 'zstd' else writer.compression
             )
             raw = file.content(part)
-            if part.index is not None and part.whole and file.indexed:
-                writer.chunk(part.raw, part.compression, part.size, part.crc, part.index)
+            if part.places is not None and part.whole and file.indexed:
+                writer.chunk(part.raw, part.compression, part.size, part.crc, part.places)
                 return
         else:
             raw = part
-        kept, index = [], {}
+        kept: list[bytes] = []
+        index: dict[int, list[np.ndarray]] = {}
         at = 0
         for run in walk(raw):
-            kept.append(raw[run.begin:run.begin + run.step * run.count])
+            kept.append(raw[run.begin:run.begin + run.step * run.number])
             if run.op == MESSAGE:
                 channel = int.from_bytes(raw[run.begin + 9:run.begin + 11], 'little')
-                begin = run.begin + run.step * np.arange(run.count)
+                begin = run.begin + run.step * np.arange(run.number)
                 when = np.ascontiguousarray(
                     rows(np.frombuffer(raw, np.uint8), begin + 15, 8)
                 ).view('<i8')[:, 0]
                 index.setdefault(channel, []).append(
-                    np.stack([when, at + run.step * np.arange(run.count)], axis=1)
+                    np.stack([when, at + run.step * np.arange(run.number)], axis=1)
                 )
             at += len(kept[-1])
         whole = b''.join(kept)
@@ -353,7 +354,7 @@ class _Copy:
                     content = file.content(part)
                 except Damaged:
                     continue
-                index = part.index
+                index = part.places
                 if index is None or part.record.end > file.size:
                     found, end = file.walk(content)
                     index = {

@@ -10,7 +10,7 @@ that has not, by the deserialiser of rosbags. Both give the same bits.
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
             readable[some[good]] = True
     seen = readable.copy()
     frame: dict[int, str] = {}
-    for k in np.flatnonzero(~seen):
+    for k in np.flatnonzero(~seen).tolist():
         found = _plain(batch.message(k), batch.connection, count)
         if found is not None:
             stamp[k], frame[k], values[k] = found
@@ -128,7 +128,7 @@ def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray
 def _frame(batch: Batch) -> str:
     """Return the frame_id of the first message, whose bytes have the expected shape."""
     raw = batch.message(0)
-    order = 'big' if batch.connection.encoding == 'cdr' and raw[1] == 0 else 'little'
+    order: Literal['big', 'little'] = 'big' if batch.connection.encoding == 'cdr' and raw[1] == 0 else 'little'
     name = raw[16:16 + int.from_bytes(raw[12:16], order)]
     return name.rstrip(b'\0').decode(errors='replace')
 

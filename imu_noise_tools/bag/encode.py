@@ -72,10 +72,9 @@ def imu_values(gyro: np.ndarray | None, accel: np.ndarray | None, gyro_covarianc
         What to start from.
 
     """
-    n = len(gyro if gyro is not None else accel)
     fresh = out is None
-    if fresh:
-        out = np.zeros((n, 37))
+    if out is None:
+        out = np.zeros((max(len(x) for x in (gyro, accel) if x is not None), 37))
         out[:, 3] = 1.0
         out[:, 4] = -1.0
     for data, place, covariance, where in ((gyro, GYRO, gyro_covariance, GYRO_COVARIANCE),

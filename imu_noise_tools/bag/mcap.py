@@ -47,7 +47,7 @@ class Chunk(NamedTuple):
     size: int
     crc: int
     raw: bytes
-    index: dict[int, np.ndarray] | None         # (n, 2): log time, offset
+    places: dict[int, np.ndarray] | None         # (n, 2): log time, offset
     whole: bool = True
 
 
@@ -198,8 +198,8 @@ class McapFile:
             self.problems.bad_chunks += 1
             return []
         found = None
-        if wanted is not None and part.index is not None:
-            found = _indexed(np.frombuffer(raw, np.uint8), part.index, wanted)
+        if wanted is not None and part.places is not None:
+            found = _indexed(np.frombuffer(raw, np.uint8), part.places, wanted)
         return self._walk(raw) if found is None else found
 
     def content(self, chunk: Chunk) -> bytes:
@@ -222,7 +222,7 @@ class McapFile:
         for run in walk(raw):
             if run.op == MESSAGE and run.step >= MESSAGE_HEAD:
                 id = int.from_bytes(raw[run.begin + HEAD:run.begin + HEAD + 2], 'little')
-                places.setdefault(id, []).append(run.begin + run.step * np.arange(run.count))
+                places.setdefault(id, []).append(run.begin + run.step * np.arange(run.number))
             elif run.op in (SCHEMA, CHANNEL):
                 self._learn(run.op, raw[run.begin + HEAD:run.begin + run.step])
         data = np.frombuffer(raw, np.uint8)
@@ -311,7 +311,7 @@ class McapFile:
         for run in walk(raw):
             if run.op in (CHUNK, FOOTER, DATA_END):
                 break
-            stop = run.begin + run.step * run.count
+            stop = run.begin + run.step * run.number
         return raw[:stop], at + stop if stop else self.size + 1
 
 
@@ -321,7 +321,7 @@ class Run(NamedTuple):
     op: int
     begin: int
     step: int
-    count: int
+    number: int
 
 
 def walk(raw: bytes) -> Iterator[Run]:
@@ -417,5 +417,5 @@ def _string(body: bytes, at: int) -> tuple[str, int]:
 
 def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
     for run in walk(data):
-        for k in range(run.count):
+        for k in range(run.number):
             yield run.op, data[run.begin + k * run.step + HEAD:run.begin + (k + 1) * run.step]

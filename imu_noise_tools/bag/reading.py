@@ -244,6 +244,10 @@ def _from_bag(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
     base = parts[choice.base]
     if choice.gyro and choice.accel and choice.gyro != choice.accel:
         base = base._replace(accel=_joined(choice, base, parts[choice.accel], said))
+    elif not choice.gyro:
+        base = base._replace(gyro=None)
+    elif not choice.accel:
+        base = base._replace(accel=None)
     stamp = base.stamp
     covariates: dict[str, np.ndarray] = {}
     for info in beside:
@@ -297,7 +301,7 @@ def _part(bag: Bag, reader: _Reader, said: list[str]) -> Part:
         stamp = receive
     if reader.type == VECTOR:
         return Part(stamp, receive, arrays['values'], arrays['values'], reader.frame_id)
-    data = []
+    data: list[np.ndarray | None] = []
     for sensor, absent in zip(('gyro', 'accel'), reader.absent):
         x = arrays[sensor]
         if absent or not np.any((x != 0) & ~np.isnan(x)):
@@ -324,6 +328,9 @@ def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndar
 
     """
     said[:] = [s for s in said if 'part is all zero' not in s]
+    if gyro.gyro is None or accel.accel is None:
+        empty = choice.gyro if gyro.gyro is None else choice.accel
+        raise InputError(f'{empty} holds no such part', 'choose another pair with --topic')
     if len(gyro.stamp) == len(accel.stamp) and np.array_equal(gyro.stamp, accel.stamp):
         return accel.accel
     order = np.argsort(accel.stamp, kind='stable')
@@ -429,7 +436,7 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
         zero: bool | None = None
         for batch in bag.batches([choice.base], [IMU]):
             for k in range(0, len(batch.begin), block):
-                some = batch.take(slice(k, k + block))
+                some = batch.take(np.arange(k, min(k + block, len(batch.begin))))
                 found = decode(some)
                 receive = some.receive[found.readable]
                 if not len(receive):
@@ -465,7 +472,7 @@ def iter_raw(path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]
                 yield from _raw_of(bag, choice.base)
                 return
     for block in iter_blocks(path, topic):
-        values = imu_values(*(None if np.isnan(x).all() else x for x in (block.gyro, block.accel)))
+        values = imu_values(*(None if x is None or np.isnan(x).all() else x for x in (block.gyro, block.accel)))
         for row, receive, stamp in zip(
             serialise(block.stamp, values, block.frame_id or 'imu_link'),
             block.receive.tolist(),

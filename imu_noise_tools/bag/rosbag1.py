@@ -51,7 +51,7 @@ class Chunk(NamedTuple):
     """A chunk record, and the index records behind it (s, ns, offset; (n, 3)) by connection."""
 
     record: Record
-    index: dict[int, np.ndarray] | None
+    places: dict[int, np.ndarray] | None
 
 
 class Rosbag1File:
@@ -170,7 +170,7 @@ class Rosbag1File:
 
     def batches_of(self, part: Chunk, wanted: set[int]) -> Iterator[Batch]:
         """Yield the messages of these connections in a chunk."""
-        if part.index is not None and not part.index.keys() & wanted:
+        if part.places is not None and not part.places.keys() & wanted:
             return
         for id, receive, data, begin, length in sorted(
             self._groups(part, wanted), key=lambda g: g[0]
@@ -226,8 +226,8 @@ class Rosbag1File:
             self.problems.bad_chunks += 1
             return []
         data = np.frombuffer(raw, np.uint8)
-        if part.index is not None and wanted is not None:
-            found = indexed(data, part.index, wanted)
+        if part.places is not None and wanted is not None:
+            found = indexed(data, part.places, wanted)
             if found is not None:
                 return found
         return [

@@ -11,7 +11,8 @@ page.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import BinaryIO, NamedTuple
+from io import BufferedReader
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Rows(NamedTuple):
 class Pages:
     """The pages of a database file."""
 
-    def __init__(self, file: BinaryIO, size: int):
+    def __init__(self, file: BufferedReader, size: int):
         self.file = file
         head = self._read(0, 100)
         declared = int.from_bytes(head[16:18], 'big')
@@ -121,7 +122,7 @@ class Pages:
     def _fill(self, data: np.ndarray, pages: np.ndarray) -> None:
         """Read pages into a buffer, those that follow each other together."""
         cuts = np.r_[0, np.flatnonzero(np.diff(pages) != 1) + 1, len(pages)]
-        view = memoryview(data)
+        view = data.data
         for a, b in zip(cuts[:-1], cuts[1:]):
             self.file.seek((int(pages[a]) - 1) * self.page)
             self.file.readinto(view[int(a) * self.page:int(b) * self.page])

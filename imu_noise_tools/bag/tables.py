@@ -93,15 +93,18 @@ def _record(
     if t is not None and n and not np.any(t):
         said.append('all stamps are zero; the rate was used')
         t = None
-    usable = t is not None and np.isfinite(t).any()
-    rate = rate_hz or (regular_rate(t) if usable else None) or labelled
+    if t is not None and not np.isfinite(t).any():
+        t = None
+    rate = rate_hz or (None if t is None else regular_rate(t)) or labelled
     if rate is None or not np.isfinite(rate) or rate <= 0:
         raise InputError(
             f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
         )
-    if not usable or rate_hz:
+    start = 0.0
+    if t is None or rate_hz:
         t = np.arange(n) / rate
-    start = float(t[np.isfinite(t)][0]) if usable and not rate_hz else 0.0
+    else:
+        start = float(t[np.isfinite(t)][0])
     covariates = {k: np.array(x, float) for k, x in arrays.items()
                   if x.ndim == 1 and len(x) == n and x.dtype.kind in 'fiu' and k not in AXES}
     return ImuRecord(
@@ -207,7 +210,9 @@ def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
             raise InputError(f'{path}: its first line names no axis', CSV_COLUMNS)
         if len(set(names)) != len(names):
             raise InputError(f'{path}: its first line names a column twice', CSV_COLUMNS)
-        blocks, said, line = [], [], 2
+        blocks: list[np.ndarray] = []
+        said: list[str] = []
+        line = 2
         while lines := file.readlines(1 << 22):
             blocks.append(_numbers(path, lines, len(names), line, said))
             line += len(lines)

@@ -334,7 +334,7 @@ def write_table(path: Path, kind: str, arrays: dict[str, np.ndarray]) -> None:
     """Write arrays as .npz, or as .csv with a column for each (and for each axis)."""
     if kind == 'npz':
         with open(path, 'xb') as file:
-            np.savez(file, **arrays)
+            np.savez(file, **arrays)       # type: ignore[arg-type]
         return
     columns: dict[str, np.ndarray] = {}
     if 't' in arrays and 'start' in arrays:

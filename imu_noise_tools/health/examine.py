@@ -218,8 +218,8 @@ def resolution(x: np.ndarray) -> Resolution:
 
 def _held(record: ImuRecord) -> float:
     same = np.ones(max(record.n - 1, 0), bool)
-    for data in (record.gyro, record.accel):
-        for k in range(3 if data is not None else 0):
+    for data in record.data:
+        for k in range(3):
             same &= data[1:, k] == data[:-1, k]
     return float(same.mean()) if len(same) else 0.0
 

@@ -186,7 +186,7 @@ def _not_turning(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[tu
     """Leave out stretches at a steady rate that is not that of the slowest one: a turntable."""
     means = [_mean(record, 'gyro', a, b) for a, b in stretches]
     known = [m for m in means if m is not None]
-    if not known:
+    if record.gyro is None or not known:
         return stretches
     rest = min(known, key=np.linalg.norm)
     most = max(TURNING, 10 * float(np.max(_white(record.gyro))) / np.sqrt(record.rate_hz))
