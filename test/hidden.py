@@ -323,12 +323,16 @@ def _intermittent_line(s):
 # --- effects that act on the samples: (samples, values, nats) ------------------------------------
 
 def _quantization(s, strength):
-    """The angle is read to a finite step; sqrt(3) Q/dt = strength N/sqrt(dt) at the first tau."""
+    """
+    The angle is read to a finite step; sqrt(3) Q/dt = strength N/sqrt(dt) at the first tau.
+
+    As ring lasers do, it is dithered by a step, so that errors are independent: Q^2 = step^2/6.
+    """
     q = strength * s.base[s.target]['N'] * np.sqrt(s.dt / 3)
-    step = q * np.sqrt(12)
-    # a bias of many steps a sample, as every sensor has, makes the rounding errors independent
-    angle = np.cumsum(np.append(0.0, (s.y + 37.7 * step / s.dt) * s.dt))
-    after = np.diff(step * np.round(angle / step)) / s.dt
+    step = q * np.sqrt(6)
+    angle = np.cumsum(np.append(0.0, s.y * s.dt)) / step
+    read = step * np.round(angle + s.rng.uniform(-0.5, 0.5, s.n + 1))
+    after = np.diff(read) / s.dt
     return after, {'Q': q}, nats_of(after - s.y, s.base[s.target], s.dt)
 
 
