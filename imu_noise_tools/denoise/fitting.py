@@ -100,7 +100,7 @@ def maximise(model: Model, fixed, evaluate: Evaluate) -> tuple[Model, float]:
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
     found = minimize(lambda v: -_finite(evaluate([free.at(v)])[0]), x, method='Nelder-Mead',
-                     options={'initial_simplex': simplex, 'xatol': 0.01, 'fatol': 0.01, 'maxfev': 120 * len(x)})
+                     options={'initial_simplex': simplex, 'xatol': 0.1, 'fatol': 0.01, 'maxfev': 80 * len(x)})
     return free.at(found.x), -float(found.fun)
 
 
@@ -145,7 +145,8 @@ def estimates(model: Model, fixed, log_likelihood: float, evaluate: Evaluate, se
                      for p in e.parameters} for e in model if e.label in fixed}
     x = free.vector()
     flags = []
-    sd = np.sqrt(np.maximum(np.diag(_covariance(free, x, log_likelihood, evaluate)), 0)) if len(x) else x
+    able = len(x) and np.isfinite(log_likelihood)
+    sd = np.sqrt(np.maximum(np.diag(_covariance(free, x, log_likelihood, evaluate)), 0)) if able else np.full(len(x), np.inf)
     for i, (label, p) in enumerate(free.parts):
         value = model[label][p.name]
         unit = si(p.unit, sensor)
@@ -189,7 +190,7 @@ def _covariance(free, x, best, evaluate):
     eye = np.diag(h)
     pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
     points = [x + e for e in eye] + [x - e for e in eye] + [x + eye[i] + eye[j] for i, j in pairs]
-    value = np.nan_to_num(evaluate([free.at(v) for v in points]), neginf=best - 1e6)
+    value = np.maximum(evaluate([free.at(v) for v in points]), max(best, -1e300) - 1e6)
     up, down, both = value[:k], value[k:2 * k], value[2 * k:]
     curve = np.diag(np.maximum(-(up + down - 2 * best), 1e-6))
     for (i, j), v in zip(pairs, both):

@@ -24,7 +24,7 @@ from .statespace import state_space, StateSpace
 SOJOURN = 10.0                                     # s that a mode of the default bank lasts on average
 WANDER = (1e-5, 3e4)                               # random walks of the rate, (deg/s)^2/s: at rest, and jumps
 NEVER = 1e-15                                      # probability of a step within no time
-ACCELERATION = (0.3, 10.0, 300.0, 1e4, 3e5)        # random walks of the acceleration, (deg/s^2)^2/s
+ACCELERATION = (0.3, 10.0, 300.0, 1e4, 5e5, 3e7)   # random walks of the acceleration, (deg/s^2)^2/s: to vigorous hands
 
 
 @dataclass(frozen=True)

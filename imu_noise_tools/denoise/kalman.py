@@ -69,9 +69,10 @@ def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray
     for _ in range(doublings):
         w = eye + g @ p
         try:
-            v, u = np.split(np.linalg.solve(w, np.hstack([a, g])), 2, axis=1)
+            both = np.linalg.solve(w, np.concatenate([a, g], axis=1))
         except np.linalg.LinAlgError:
             return None
+        v, u = both[:, :len(h)], both[:, len(h):]
         new = p + a.T @ p @ v
         g = g + a @ u @ a.T
         a = a @ v
@@ -108,6 +109,15 @@ def steady_state(space: StateSpace, alpha: float = 1.0) -> Steady | None:
     return Steady(space, p, gain, s, after, closed)
 
 
+def _powers(a: np.ndarray, b: int) -> np.ndarray:
+    """Return a^0 ... a^b, (b + 1, d, d), by doubling."""
+    out, last = np.eye(len(a))[None], a
+    while len(out) <= b:
+        out = np.concatenate([out, out @ last])
+        last = last @ last
+    return out[:b + 1]
+
+
 def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     """
     Filter z (n,) or (n, axes) from the state x (d,) or (d, axes) at constant gain.
@@ -120,17 +130,16 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     z, x = (z[:, None], np.reshape(x, (-1, 1))) if flat else (z, x)
     n, axes = z.shape
     space, a, k, b = steady.space, steady.closed, steady.gain, min(BLOCK, len(z)) or 1
-    powers = [np.eye(space.size)]
-    for _ in range(b):
-        powers.append(a @ powers[-1])
-    rate_of = np.array([space.rate @ m for m in powers[1:]])                   # rate_j from the state before the block
-    nu_of = np.array([-space.h @ space.phi @ m for m in powers[:-1]])
-    response = np.array([space.rate @ m @ k for m in powers[:-1]])             # rate after a unit sample, by lag
-    nu_response = np.concatenate([[1.0], [-space.h @ space.phi @ m @ k for m in powers[:b - 1]]])
+    powers = _powers(a, b)
+    rate_of = space.rate @ powers[1:]                  # (b, d): rate after j samples, from the state before the block
+    seen = space.h @ space.phi
+    nu_of = -(seen @ powers[:-1])
+    response = space.rate @ powers[:-1] @ k                   # after a unit sample, by lag
+    nu_response = np.concatenate([[1.0], nu_of[:b - 1] @ k])
     lag = np.subtract.outer(np.arange(b), np.arange(b))
     lower = lag >= 0
     t_rate, t_nu = (np.where(lower, v[np.maximum(lag, 0)], 0.0) for v in (response, nu_response))
-    drive = np.stack([m @ k for m in powers[b - 1::-1]], 1)                    # (d, b): block's samples to its last state
+    drive = (powers[b - 1::-1] @ k).T                  # (d, b): the block's samples to the state at its end
     full = n // b
     # one row a block and axis, so that each step is one large matrix product
     zb = z[:full * b].reshape(full, b, axes).transpose(0, 2, 1).reshape(full * axes, b)
