@@ -6,7 +6,7 @@ import numpy as np
 
 from ..effect import Finding, Fit, Model, registry, unfitted
 from . import views
-from .evidence import Evidence
+from .evidence import Evidence, line_penalty
 from .fit import fit as fit_part, measure, MEASURED, with_units
 from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
 from .null import DEFAULT, PENALTY
@@ -63,7 +63,7 @@ def _line(evidence, fit, effect):
     v = fit.details['v']
     gain = 0.5 * float(np.sum(evidence.whole.bins.count * evidence.whole.lines[i] / v))
     harmonic = _harmonic(evidence, fit, frequency)
-    return Finding(effect.name, gain, effect.with_values(**values), estimates, penalty(effect.name), 'frequency',
+    return Finding(effect.name, gain, effect.with_values(**values), estimates, line_penalty(evidence.n), 'frequency',
                    f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around it, coherent through the '
                    f'record{harmonic}{_as_rpm(frequency)}')
 

@@ -27,13 +27,12 @@ from .grid import grid_step
 from .kinds import Defect, Inputs
 
 SLOW = 1 << 14           # block means kept (up to twice as many)
-LOW = 4096               # signed coefficients kept
+LOW = 1024               # signed coefficients kept
 BLOCKS = 256             # blocks in time
 BANDS = 20               # bands of the power in time
 CELLS = 64               # equiprobable cells of the distribution
 ENVELOPE = 1000          # columns of the picture of the time series
 MOST_LINES = 12
-LINE_Z = 6.0             # a line is what exceeds its surroundings by this many standard deviations
 PARTS = ('whole', 'first', 'second')
 
 
@@ -294,6 +293,11 @@ def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
     return np.exp(np.interp(np.log(np.arange(1, n)), np.log(centres), np.log(values)))
 
 
+def line_penalty(n: int) -> float:
+    """Return the gain (nats) that the highest of n coefficients of noise exceeds once in a thousand records: ln(500 n)."""
+    return float(np.log(500.0 * n))
+
+
 def _find_lines(c, y, dt) -> np.ndarray:
     """Return (l, 4): frequency, a, b, z of the coherent lines, strongest first."""
     n = len(c)
@@ -302,8 +306,8 @@ def _find_lines(c, y, dt) -> np.ndarray:
     ratio = 2 * dt * c[1:] ** 2 / reference_spectrum(c, dt)
     window = np.convolve(ratio, np.ones(4), mode='same')
     window[:16] = 0
-    # four coefficients hold a line of any phase; chi-squared with four degrees of freedom at the level of z = 6
-    threshold = 46.0
+    # four coefficients hold a line of any phase; the level is a little below that at which a line is believed
+    threshold = 2 * line_penalty(n) - 2
     found = []
     while len(found) < MOST_LINES:
         k = int(np.argmax(window))

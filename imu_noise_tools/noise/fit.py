@@ -92,6 +92,7 @@ class Likelihood:
             top = int(np.argmax(row))
             self.weight[top] = max(self.weight[top] - 3, 0.0)
         self._slow = None
+        self._columns: dict[tuple, np.ndarray] = {}
         if self.means:
             self._prepare_slow(mean)
 
@@ -137,7 +138,12 @@ class Likelihood:
         columns = []
         for e in (model[m.label] for m in self.means):
             rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
-            columns.append(self._slow_transform(e.columns(self.inputs, **rest)))
+            key = (e.label, *rest.values())
+            if key not in self._columns:
+                if len(self._columns) > 8:
+                    self._columns.clear()
+                self._columns[key] = self._slow_transform(e.columns(self.inputs, **rest))
+            columns.append(self._columns[key])
         return np.concatenate(columns, axis=1)
 
     def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
