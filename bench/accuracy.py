@@ -4,8 +4,8 @@ How good are the estimates: error over the Cramer-Rao bound, coverage of interva
     python bench/accuracy.py [--records 334] [--hours 1] [--rate 25] [--data ../shared/data]
 
 Records come from test/hidden.py (recursions in time, no formula of the package); their three axes
-are independent draws. The bound is the Fisher information of the cosine coefficients, each with the
-expectation that the process gives it in a finite record: computed here, not by the package.
+are independent draws. The bound is the Fisher information of the cosine coefficients, each with
+the expectation that the process gives it in a finite record: computed here, not by the package.
 """
 
 from __future__ import annotations
@@ -146,10 +146,11 @@ def table_row(name, truth, some, other, limit) -> str:
     rmse = spread(some, truth)
     null = [e for e in some if e.value is None]
     rest = [f'{100 * spread(m[name], truth):.3g}' if m[name] else '-' for m in other.values()]
-    return ' | '.join([
-        f'| {name}', f'{truth:.3g}', f'{100 * limit:.3g}', f'{100 * rmse:.3g}', f'{rmse / limit:.2f}',
-        share(e.ci95[0] <= truth <= e.ci95[1] for e in some if e.ci95),
-        f'{100 * len(null) / len(some):.1f}', share(truth <= e.upper95 for e in null), *rest]) + ' |'
+    covers = share(e.ci95[0] <= truth <= e.ci95[1] for e in some if e.ci95)
+    holds = share(truth <= e.upper95 for e in null)
+    return ' | '.join([f'| {name}', f'{truth:.3g}', f'{100 * limit:.3g}', f'{100 * rmse:.3g}',
+                       f'{rmse / limit:.2f}', covers, f'{100 * len(null) / len(some):.1f}', holds,
+                       *rest]) + ' |'
 
 
 def value_of(estimate, unit, sensor) -> str:
@@ -202,7 +203,7 @@ def main():
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--records', type=int, default=334, help='of three axes each, for each case')
+    parser.add_argument('--records', type=int, default=334, help='of three axes, for each case')
     parser.add_argument('--hours', type=float, default=1.0)
     parser.add_argument('--rate', type=float, default=25.0)
     parser.add_argument('--data', type=Path, default=TOP.parent / 'shared' / 'data',
