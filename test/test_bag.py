@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 import sqlite3
 import struct
+import subprocess
+import sys
 
 import bad_input
 from hypothesis import given, settings, strategies as st
@@ -362,6 +364,24 @@ def test_zstd_sqlite3_and_rosbag1_by_storage(tmp_path):
     assert (write_bag(tmp_path / 'lite', record, storage='sqlite3') / 'lite_0.db3').is_file()
     with pytest.raises(UsageError, match='storages are'):
         write_bag(tmp_path / 'x', record, storage='tape')
+
+
+@pytest.mark.parametrize('name', ['a', 'b.mcap', 'c.db3', 'd.bag', 'e.csv', 'f.npz'])
+def test_no_room(name, tmp_path):
+    """Where a file cannot grow any more, that is one line for a person, and nothing is left."""
+    code = ('import resource, sys\n'
+            'sys.path.insert(0, "test")\n'
+            'import bad_input\n'
+            'from imu_noise_tools.bag import write_bag\n'
+            'from imu_noise_tools.errors import InputError\n'
+            'resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))\n'
+            'try:\n    write_bag(sys.argv[1], bad_input.still(60))\n'
+            'except InputError as error:\n    print(error)\n')
+    done = subprocess.run([sys.executable, '-c', code, str(tmp_path / name)], capture_output=True,
+                          text=True, cwd=Path(__file__).parents[1])
+    assert 'cannot be written' in done.stdout and done.stderr == ''
+    assert done.stdout.count('\n') == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_interrupted_writing_leaves_nothing(tmp_path):

@@ -11,7 +11,7 @@ import pytest
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.errors import InputError, UsageError
 from imu_noise_tools.health import examine, prepare, resolution, still_stretches
-from imu_noise_tools.health.prepare import losses
+from imu_noise_tools.health.stamps import losses
 from imu_noise_tools.record import ImuRecord, regular_rate
 
 DEG = np.pi / 180

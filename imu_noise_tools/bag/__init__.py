@@ -7,8 +7,10 @@ Bags: reading any kind of them, writing them in bulk, copying one with a topic m
 
 from __future__ import annotations
 
-from .copying import Changed, copy_bag
-from .reading import Block, iter_blocks, iter_raw, open_record, topics
+from .blocks import Block, iter_blocks, iter_raw
+from .copy_files import Changed
+from .copying import copy_bag
+from .reading import open_record, topics
 from .topics import TopicInfo
 from .writing import write_bag
 

@@ -128,7 +128,8 @@ def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray
 def _frame(batch: Batch) -> str:
     """Return the frame_id of the first message, whose bytes have the expected shape."""
     raw = batch.message(0)
-    order: Literal['big', 'little'] = 'big' if batch.connection.encoding == 'cdr' and raw[1] == 0 else 'little'
+    big = batch.connection.encoding == 'cdr' and raw[1] == 0
+    order: Literal['big', 'little'] = 'big' if big else 'little'
     name = raw[16:16 + int.from_bytes(raw[12:16], order)]
     return name.rstrip(b'\0').decode(errors='replace')
 

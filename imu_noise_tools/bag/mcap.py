@@ -10,7 +10,7 @@ checked; without an index the records are walked.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 import struct
 from typing import NamedTuple
@@ -18,25 +18,13 @@ import zlib
 
 import numpy as np
 
-from .container import (
-    AT_LEAST,
-    Batch,
-    Connection,
-    Counts,
-    Damaged,
-    decompress,
-    normal_type,
-    partly,
-    Progress,
-    rows,
-    size_of,
+from .chunked import ChunkedFile, Group
+from .container import AT_LEAST, Connection, Damaged, decompress, normal_type, partly, Progress
+from .mcap_records import (
+    ATTACHMENT, CHANNEL, CHUNK, DATA_END, FOOTER, group_of, HEAD, HEADER, INDEX, indexed,
+    MAGIC, MESSAGE, MESSAGE_HEAD, METADATA, records, SCHEMA, STATISTICS, string_at, walk,
 )
 
-MAGIC = b'\x89MCAP0\r\n'
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX = 1, 2, 3, 4, 5, 6, 7
-ATTACHMENT, STATISTICS, METADATA, DATA_END = 9, 11, 12, 15
-HEAD = 9                # op and length
-MESSAGE_HEAD = 31       # and channel (2), sequence (4), log time (8), publish time (8)
 WINDOW = 1 << 22        # how much of a file without chunks is looked at together
 
 
@@ -58,51 +46,17 @@ class Other(NamedTuple):
     body: bytes
 
 
-class McapFile:
+class McapFile(ChunkedFile):
     """One MCAP file, open for reading."""
 
-    def __init__(self, path: Path, file=None):
-        self.path = path
-        self.file = file or open(path, 'rb')
-        self.size = size_of(self.file)
-        self.problems = Counts()
-        self.span = (0, 0)
+    def __init__(self, path: Path):
         self._schemas: dict[int, tuple[str, str]] = {}
-        self._channels: dict[int, Connection] = {}
-        self._messages: dict[int, int] = {}
         self.raw_schemas: dict[int, bytes] = {}
         self.raw_channels: dict[int, bytes] = {}
         self.profile = 'ros2'
-        self.indexed = self._read_summary()
-        if not self.indexed:
-            self._scan()
+        super().__init__(path)
 
-    @property
-    def connections(self) -> list[Connection]:
-        """Topics."""
-        return list(self._channels.values())
-
-    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """
-        Return the number of messages by topic, and the first and last time (ns).
-
-        Without messages the times are 0.
-
-        """
-        return self._messages, self.span
-
-    @property
-    def warnings(self) -> list[str]:
-        """What went wrong so far."""
-        return self.problems.sentences(self.path.name)
-
-    def close(self) -> None:
-        """Close the file."""
-        self.file.close()
-
-    # -- the summary at the end
-
-    def _read_summary(self) -> bool:
+    def read_summary(self) -> bool:
         """Take topics and counts from the summary; return False where it cannot be trusted."""
         if self.size < 8 + 37:
             return False
@@ -116,68 +70,40 @@ class McapFile:
         self.file.seek(start)
         summary = self.file.read(self.size - 37 - start)
         found = None
-        for op, body in _records(summary):
+        for op, body in records(summary):
             self._learn(op, body)
             if op == STATISTICS and len(body) >= 46:
                 found = body
-        if not self._channels or found is None:
+        if not self.known or found is None:
             return False
         self.span = struct.unpack_from('<QQ', found, 26)
         pairs = np.frombuffer(
             found[46:46 + (len(found) - 46) // 10 * 10], np.dtype([('id', '<u2'), ('n', '<u8')])
         )
-        self._messages = {int(p['id']): int(p['n']) for p in pairs}
+        self.messages = {int(p['id']): int(p['n']) for p in pairs}
         return True
 
     def _learn(self, op: int, body: bytes) -> None:
         """Remember a schema or a channel; what cannot be read is left alone."""
         try:
             if op == SCHEMA:
-                name, at = _string(body, 2)
-                encoding, at = _string(body, at)
-                text, _ = _string(body, at)
+                name, at = string_at(body, 2)
+                encoding, at = string_at(body, at)
+                text, _ = string_at(body, at)
                 id = struct.unpack_from('<H', body)[0]
                 self._schemas[id] = (name, text if encoding == 'ros2msg' else '')
                 self.raw_schemas.setdefault(id, body)
             elif op == CHANNEL:
                 id, schema = struct.unpack_from('<HH', body)
-                topic, at = _string(body, 4)
-                encoding, _ = _string(body, at)
+                topic, at = string_at(body, 4)
+                encoding, _ = string_at(body, at)
                 name, text = self._schemas.get(schema, ('', ''))
-                self._channels.setdefault(
+                self.known.setdefault(
                     id, Connection(id, topic, normal_type(name), encoding, text)
                 )
                 self.raw_channels.setdefault(id, body)
         except (struct.error, UnicodeDecodeError, Damaged):
             self.problems.bad_chunks += 1
-
-    def _scan(self) -> None:
-        """Count the messages of every topic by reading the whole file."""
-        first, last = [], []
-        for part in self._chunks(None, None):
-            for id, receive, *_ in self._groups(part, None):
-                self._messages[id] = self._messages.get(id, 0) + len(receive)
-                first.append(int(receive.min()))
-                last.append(int(receive.max()))
-        self.span = (min(first), max(last)) if first else (0, 0)
-        self.problems.bad_chunks = 0          # they are counted again when they are read
-
-    # -- the data
-
-    def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
-        """Yield the messages of these channels, chunk by chunk, each by log time."""
-        wanted = set(wanted)
-        for part in self._chunks(wanted, progress):
-            yield from self.batches_of(part, wanted)
-
-    def batches_of(self, part: Chunk | bytes, wanted: set[int]) -> Iterator[Batch]:
-        """Yield the messages of these channels in a chunk, or in a row of records."""
-        for id, receive, data, begin, length in sorted(
-            self._groups(part, wanted), key=lambda g: g[0]
-        ):
-            if id in wanted and id in self._channels:
-                batch = Batch(self._channels[id], receive, data, begin, length)
-                yield batch if _rising(receive) else batch.take(np.argsort(receive, kind='stable'))
 
     def parts(self, progress: Progress = None) -> Iterator[Chunk | bytes | Other]:
         """
@@ -186,9 +112,9 @@ class McapFile:
         It holds chunks, rows of records outside of them, and other records.
 
         """
-        return self._chunks(None, progress, others=True)
+        return self.chunks(None, progress, others=True)
 
-    def _groups(self, part: Chunk | bytes, wanted: set[int] | None) -> list[Group]:
+    def groups(self, part: Chunk | bytes, wanted: set[int] | None) -> list[Group]:
         """Return the messages of a chunk by channel; nothing of one that is damaged."""
         if isinstance(part, bytes):
             return self._walk(part)
@@ -199,7 +125,7 @@ class McapFile:
             return []
         found = None
         if wanted is not None and part.places is not None:
-            found = _indexed(np.frombuffer(raw, np.uint8), part.places, wanted)
+            found = indexed(np.frombuffer(raw, np.uint8), part.places, wanted)
         return self._walk(raw) if found is None else found
 
     def content(self, chunk: Chunk) -> bytes:
@@ -226,10 +152,10 @@ class McapFile:
             elif run.op in (SCHEMA, CHANNEL):
                 self._learn(run.op, raw[run.begin + HEAD:run.begin + run.step])
         data = np.frombuffer(raw, np.uint8)
-        return [_group(data, id, np.concatenate(at)) for id, at in places.items()]
+        return [group_of(data, id, np.concatenate(at)) for id, at in places.items()]
 
-    def _chunks(
-        self, wanted: set[int] | None, progress: Progress, others: bool = False
+    def chunks(
+        self, wanted: set[int] | None, progress: Progress = None, others: bool = False
     ) -> Iterator:
         """Yield chunks that may hold what is wanted, and rows of messages outside of chunks."""
         at = len(MAGIC)
@@ -313,109 +239,3 @@ class McapFile:
                 break
             stop = run.begin + run.step * run.number
         return raw[:stop], at + stop if stop else self.size + 1
-
-
-class Run(NamedTuple):
-    """Records of one kind and size (and, if messages, one channel) that follow each other."""
-
-    op: int
-    begin: int
-    step: int
-    number: int
-
-
-def walk(raw: bytes) -> Iterator[Run]:
-    """Yield the whole records of a buffer, alike ones together."""
-    data = np.frombuffer(raw, np.uint8)
-    at, n = 0, len(raw)
-    while at + HEAD <= n:
-        op = raw[at]
-        step = HEAD + int.from_bytes(raw[at + 1:at + HEAD], 'little')
-        if at + step > n or op == 0:
-            return
-        count = 1
-        if op == MESSAGE and step >= MESSAGE_HEAD:
-            alike = raw[at:at + HEAD + 2]
-            if raw[at + step:at + step + HEAD + 2] == alike:
-                count = _how_many(data[at:], step, alike)
-        yield Run(op, at, step, count)
-        at += step * count
-
-
-def _how_many(data: np.ndarray, step: int, alike: bytes) -> int:
-    """Return how many records from the front of ``data`` on begin with the same bytes."""
-    known, most = 2, len(data) // step
-    block = 64
-    want = np.frombuffer(alike, np.uint8)
-    while known < most:
-        some = min(block, most - known)
-        heads = rows(data, (known + np.arange(some)) * step, len(alike))
-        same = np.all(heads == want, axis=1)
-        if not same.all():
-            return known + int(np.argmin(same))
-        known += some
-        block *= 8
-    return known
-
-
-class Group(NamedTuple):
-    """Messages of one channel in one buffer."""
-
-    id: int
-    receive: np.ndarray
-    data: np.ndarray
-    begin: np.ndarray
-    length: np.ndarray
-
-
-def _group(data: np.ndarray, id: int, at: np.ndarray) -> Group:
-    """Return the messages whose records begin at these places."""
-    heads = rows(data, at, MESSAGE_HEAD)
-    length = (
-        np.ascontiguousarray(heads[:, 1:9]).view('<u8')[:, 0].astype(np.int64)
-        + HEAD
-        - MESSAGE_HEAD
-    )
-    receive = np.ascontiguousarray(heads[:, 15:23]).view('<i8')[:, 0]
-    return Group(id, receive, data, at + MESSAGE_HEAD, length)
-
-
-def _indexed(
-    data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]
-) -> list[Group] | None:
-    """Return the messages where the index says that they are; None where it is not so."""
-    found = []
-    for id in sorted(index.keys() & wanted):
-        if not len(index[id]):
-            continue
-        if index[id][:, 1].max() + MESSAGE_HEAD > len(data):
-            return None
-        at = index[id][:, 1].astype(np.int64)
-        if np.any(np.diff(at) <= 0):
-            at = np.unique(at)
-        heads = rows(data, at, HEAD + 2)
-        group = _group(data, id, at)
-        true = np.all(heads[:, 0] == MESSAGE) and np.all(
-            heads[:, HEAD:] == np.frombuffer(struct.pack('<H', id), np.uint8)
-        )
-        if not true or np.any(group.length < 0) or np.any(group.begin + group.length > len(data)):
-            return None
-        found.append(group)
-    return found
-
-
-def _rising(x: np.ndarray) -> bool:
-    return bool(np.all(x[1:] >= x[:-1]))
-
-
-def _string(body: bytes, at: int) -> tuple[str, int]:
-    n = struct.unpack_from('<I', body, at)[0]
-    if at + 4 + n > len(body):
-        raise Damaged('string')
-    return body[at + 4:at + 4 + n].decode(), at + 4 + n
-
-
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    for run in walk(data):
-        for k in range(run.number):
-            yield run.op, data[run.begin + k * run.step + HEAD:run.begin + (k + 1) * run.step]

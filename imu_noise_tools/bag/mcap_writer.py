@@ -11,10 +11,11 @@ import numpy as np
 import zstandard
 
 from .encode import definition
-from .mcap import (
+from .mcap_records import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
+    CHUNK_INDEX,
     DATA_END,
     FOOTER,
     HEADER,
@@ -23,9 +24,8 @@ from .mcap import (
     MESSAGE,
     SCHEMA,
     STATISTICS,
+    SUMMARY_OFFSET,
 )
-
-CHUNK_INDEX, SUMMARY_OFFSET = 8, 14
 
 
 def record(op: int, body: bytes) -> bytes:

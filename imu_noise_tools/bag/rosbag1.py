@@ -9,25 +9,16 @@ a recording without the index at its end is read the same way.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 import struct
 from typing import NamedTuple
 
 import numpy as np
 
+from .chunked import ChunkedFile, Group
 from .container import (
-    AT_LEAST,
-    Batch,
-    Connection,
-    Counts,
-    Damaged,
-    decompress,
-    normal_type,
-    partly,
-    Progress,
-    rows,
-    size_of,
+    AT_LEAST, Connection, Damaged, decompress, normal_type, partly, Progress, rows,
 )
 
 MAGIC = b'#ROSBAG V2.0\n'
@@ -54,43 +45,14 @@ class Chunk(NamedTuple):
     places: dict[int, np.ndarray] | None
 
 
-class Rosbag1File:
+class Rosbag1File(ChunkedFile):
     """One rosbag1 file, open for reading."""
 
-    def __init__(self, path: Path, file=None):
-        self.path = path
-        self.file = file or open(path, 'rb')
-        self.size = size_of(self.file)
-        self.problems = Counts()
-        self.span = (0, 0)
-        self._known: dict[int, Connection] = {}
-        self._messages: dict[int, int] = {}
+    def __init__(self, path: Path):
         self.raw_connections: dict[int, tuple[dict[bytes, bytes], bytes]] = {}
-        if not self._read_summary():
-            self._scan()
-
-    @property
-    def connections(self) -> list[Connection]:
-        """Topics."""
-        return list(self._known.values())
-
-    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """
-        Return the number of messages by topic, and the first and last time (ns).
-
-        Without messages the times are 0.
-
-        """
-        return self._messages, self.span
-
-    @property
-    def warnings(self) -> list[str]:
-        """What went wrong so far."""
-        return self.problems.sentences(self.path.name)
-
-    def close(self) -> None:
-        """Close the file."""
-        self.file.close()
+        super().__init__(path)
+        if not self.indexed:
+            self.problems.cut = True
 
     def _record(self, at: int) -> Record | None:
         """Return the record at a place of the file, or None where there is no whole header."""
@@ -105,7 +67,7 @@ class Rosbag1File:
         begin = at + 8 + n
         return Record(fields_of(header[:n]), begin, begin + int.from_bytes(header[n:], 'little'))
 
-    def _read_summary(self) -> bool:
+    def read_summary(self) -> bool:
         """
         Take topics and counts from the index at the end.
 
@@ -129,13 +91,13 @@ class Rosbag1File:
                 self._learn(record.fields, body)
             elif record.op == CHUNK_INFO:
                 for id, count in struct.iter_unpack('<II', body[:len(body) // 8 * 8]):
-                    self._messages[id] = self._messages.get(id, 0) + count
+                    self.messages[id] = self.messages.get(id, 0) + count
                 if body:
                     first.append(_time(record.fields.get(b'start_time', b'')))
                     last.append(_time(record.fields.get(b'end_time', b'')))
             at = record.end
         self.span = (min(first), max(last)) if first else (0, 0)
-        return bool(self._known)
+        return bool(self.known)
 
     def _learn(self, fields: dict[bytes, bytes], body: bytes) -> None:
         more = fields_of(body)
@@ -148,40 +110,10 @@ class Rosbag1File:
             self.problems.bad_chunks += 1
             return
         self.raw_connections.setdefault(id, (fields, body))
-        self._known.setdefault(id, Connection(id, topic, normal_type(type), 'ros1', text))
+        self.known.setdefault(id, Connection(id, topic, normal_type(type), 'ros1', text))
 
-    def _scan(self) -> None:
-        """Count the messages of every topic by reading the whole file."""
-        self._known, self._messages = {}, {}
-        first, last = [], []
-        for part in self.parts():
-            for id, receive, *_ in self._groups(part, None):
-                self._messages[id] = self._messages.get(id, 0) + len(receive)
-                first.append(int(receive.min()))
-                last.append(int(receive.max()))
-        self.span = (min(first), max(last)) if first else (0, 0)
-        self.problems = Counts(cut=True)
-
-    def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
-        """Yield the messages of these connections, chunk by chunk, each by receive time."""
-        wanted = set(wanted)
-        for part in self.parts(progress):
-            yield from self.batches_of(part, wanted)
-
-    def batches_of(self, part: Chunk, wanted: set[int]) -> Iterator[Batch]:
-        """Yield the messages of these connections in a chunk."""
-        if part.places is not None and not part.places.keys() & wanted:
-            return
-        for id, receive, data, begin, length in sorted(
-            self._groups(part, wanted), key=lambda g: g[0]
-        ):
-            if id in wanted and id in self._known:
-                batch = Batch(self._known[id], receive, data, begin, length)
-                rising = np.all(receive[1:] >= receive[:-1])
-                yield batch if rising else batch.take(np.argsort(receive, kind='stable'))
-
-    def parts(self, progress: Progress = None) -> Iterator[Chunk]:
-        """Yield where the chunks are."""
+    def chunks(self, wanted: set[int] | None, progress: Progress = None) -> Iterator[Chunk]:
+        """Yield the chunks that may hold messages of these connections."""
         at = len(MAGIC)
         while at < self.size:
             record = self._record(at)
@@ -191,7 +123,8 @@ class Rosbag1File:
             after = record.end
             if record.op == CHUNK:
                 index, after = self._read_index(record.end)
-                yield Chunk(record, index)
+                if wanted is None or index is None or index.keys() & wanted:
+                    yield Chunk(record, index)
             elif record.op == CONNECTION and record.end <= self.size:
                 self.file.seek(record.begin)
                 self._learn(record.fields, self.file.read(record.end - record.begin))
@@ -219,7 +152,8 @@ class Rosbag1File:
         except (ValueError, OSError, EOFError, RuntimeError) as error:
             raise Damaged(str(error)) from error
 
-    def _groups(self, part: Chunk, wanted: set[int] | None) -> list[tuple]:
+    def groups(self, part: Chunk, wanted: set[int] | None) -> list[Group]:
+        """Return the messages of a chunk by connection; nothing of one that is damaged."""
         try:
             raw = self.content(part)
         except Damaged:
@@ -230,10 +164,8 @@ class Rosbag1File:
             found = indexed(data, part.places, wanted)
             if found is not None:
                 return found
-        return [
-            (id, times, data, begin, length)
-            for id, (_, times, begin, length) in self.walk(raw)[0].items()
-        ]
+        return [Group(id, times, data, begin, length)
+                for id, (_, times, begin, length) in self.walk(raw)[0].items()]
 
     def _read_index(self, at: int) -> tuple[dict[int, np.ndarray] | None, int]:
         """Return the index records behind a chunk, by connection, and where they end."""
@@ -291,7 +223,7 @@ class Rosbag1File:
 
 def indexed(
     data: np.ndarray, index: dict[int, np.ndarray], wanted: set[int]
-) -> list[tuple] | None:
+) -> list[Group] | None:
     """
     Return the messages where the index says that they are.
 
@@ -326,7 +258,7 @@ def indexed(
         begin = at + 8 + head
         if np.any(begin + length > len(data)):
             return None
-        found.append((id, time[:, 0] * 10 ** 9 + time[:, 1], data, begin, length))
+        found.append(Group(id, time[:, 0] * 10 ** 9 + time[:, 1], data, begin, length))
     return found
 
 

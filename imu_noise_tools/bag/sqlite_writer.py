@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import errno
 from pathlib import Path
 import sqlite3
 
@@ -28,7 +29,7 @@ INDEX = 'CREATE INDEX IF NOT EXISTS timestamp_idx ON messages (timestamp ASC)'
 
 
 class SqliteWriter:
-    """One sqlite3 file, or more rows for one that is there."""
+    """One sqlite3 file, or more rows for one that is there; use it in a ``with``."""
 
     def __init__(self, path: Path):
         fresh = not path.exists()
@@ -101,7 +102,7 @@ class SqliteWriter:
         )
 
     def finish(self, metadata: str = '') -> None:
-        """Make the index, keep the folder's metadata, close."""
+        """Make the index, and keep the folder's metadata."""
         self.database.execute(INDEX)
         held = self.database.execute(
             "SELECT 1 FROM sqlite_master WHERE name = 'metadata'"
@@ -112,8 +113,14 @@ class SqliteWriter:
                 'INSERT INTO metadata(metadata_version, metadata) VALUES (9, ?)', (metadata,)
             )
         self.database.execute('COMMIT')
-        self.database.close()
 
-    def abandon(self) -> None:
-        """Close without keeping anything."""
+    def __enter__(self) -> SqliteWriter:
+        """Return itself."""
+        return self
+
+    def __exit__(self, kind, error, _) -> None:
+        """Close; say as an OSError what went wrong in writing."""
         self.database.close()
+        if isinstance(error, sqlite3.Error):
+            number = errno.ENOSPC if 'full' in str(error) else errno.EIO
+            raise OSError(number, str(error)) from error

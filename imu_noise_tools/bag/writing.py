@@ -12,20 +12,19 @@ from contextlib import contextmanager
 import io
 from pathlib import Path
 import re
-import sqlite3
 
 import numpy as np
 import yaml
 
+from .blocks import Block, blocks_of, present, start_ns
 from .container import Progress
 from .decode import IMU, MAGNETIC, PRESSURE, TEMPERATURE
 from .encode import definition, imu_values, serialise
 from .mcap_writer import McapWriter
-from .reading import Block, blocks_of, start_ns
 from .rosbag1_writer import Rosbag1Writer
 from .sqlite_writer import SqliteWriter
 from ..errors import InputError, UsageError
-from ..files import atomic_path, cannot_write, new_folder
+from ..files import atomic_path, new_folder
 from ..record import ImuRecord
 
 STORAGES = ('mcap', 'sqlite3', 'rosbag1')
@@ -95,41 +94,22 @@ def write_bag(
         raise UsageError(
             f'{path.name} cannot be written as {storage}', f'storages are {", ".join(STORAGES)}'
         )
-    covariances = {'gyro_covariance': gyro_covariance, 'accel_covariance': accel_covariance}
     if kind in ('csv', 'npz'):
         if not isinstance(record, ImuRecord):
             raise UsageError(f'{path.name}: a table is written from a whole record', 'write a bag')
         with writing_file(path, force) as temporary:
             write_table(temporary, kind, table_of(record))
-    elif SUFFIX.get(path.suffix.lower()) or kind == 'rosbag1':
+        return path
+    covariances = {'gyro_covariance': gyro_covariance, 'accel_covariance': accel_covariance}
+    content = Content(record, kind, topic, frame_id, covariances)
+    if SUFFIX.get(path.suffix.lower()) or kind == 'rosbag1':
         with writing_file(path, force) as temporary:
-            _write_one(
-                temporary,
-                kind,
-                path.name,
-                record,
-                topic,
-                frame_id,
-                compression,
-                covariances,
-                progress,
-            )
+            _write_one(temporary, kind, path.name, content, compression, progress)
     else:
-        suffix = {'mcap': '.mcap', 'sqlite3': '.db3'}[kind]
+        name = f'{path.name}_0{".mcap" if kind == "mcap" else ".db3"}'
         with new_folder(path, force) as folder:
-            name = f'{path.name}_0{suffix}'
-            _write_one(
-                folder / name,
-                kind,
-                name,
-                record,
-                topic,
-                frame_id,
-                compression,
-                covariances,
-                progress,
-                folder / 'metadata.yaml',
-            )
+            _write_one(folder / name, kind, name, content, compression, progress,
+                       folder / 'metadata.yaml')
     return path
 
 
@@ -146,73 +126,26 @@ def writing_file(path: Path, force: bool = True) -> Iterator[Path]:
             f'{path}: there is a file of that name already',
             'choose another place with -o, or --force',
         )
-    try:
-        with atomic_path(path) as temporary:
-            yield temporary
-    except sqlite3.OperationalError as error:
-        raise cannot_write(path, OSError(0, str(error))) from error
+    with atomic_path(path) as temporary:
+        yield temporary
 
 
 def _write_one(
-    path: Path,
-    kind: str,
-    name: str,
-    record,
-    topic: str,
-    frame_id: str,
-    compression: str,
-    covariances: dict,
-    progress: Progress,
+    path: Path, kind: str, name: str, content: Content, compression: str, progress: Progress,
     metadata: Path | None = None,
 ) -> None:
     """Write the one file of a bag, and the metadata beside it."""
-    encoding = 'ros1' if kind == 'rosbag1' else 'cdr'
-    topics = {topic: IMU}
-    if isinstance(record, ImuRecord):
-        beside = list(_covariates(record))
-        topics |= {name: type for name, type, *_ in beside}
-        blocks: Iterable[Block] = blocks_of(record, BLOCK)
-        total = record.n
-    else:
-        beside, blocks, total = [], record, 0
-    summary = Summary()
     if kind == 'sqlite3':
-        writer = SqliteWriter(path)
-        try:
-            _write_blocks(
-                writer,
-                topics,
-                blocks,
-                beside,
-                frame_id,
-                encoding,
-                covariances,
-                summary,
-                total,
-                progress,
-            )
-            text = metadata_text(name, kind, topics, summary)
+        with SqliteWriter(path) as writer:
+            content.write(writer, progress)
+            text = metadata_text(name, kind, content.topics, content.summary)
             writer.finish(text)
-        except BaseException:
-            writer.abandon()
-            raise
     else:
         with open(path, 'xb') as file:
             to = Rosbag1Writer(file) if kind == 'rosbag1' else McapWriter(file, compression)
-            _write_blocks(
-                to,
-                topics,
-                blocks,
-                beside,
-                frame_id,
-                encoding,
-                covariances,
-                summary,
-                total,
-                progress,
-            )
+            content.write(to, progress)
             to.finish()
-        text = metadata_text(name, kind, topics, summary) if metadata else ''
+        text = metadata_text(name, kind, content.topics, content.summary) if metadata else ''
     if metadata:
         metadata.write_text(text)
 
@@ -232,33 +165,49 @@ class Summary:
             self.last = max(self.last, int(times.max()))
 
 
-def _write_blocks(
-    writer, topics, blocks, beside, frame_id, encoding, covariances, summary, total, progress
-) -> None:
-    ids = {name: writer.topic(name, type, encoding) for name, type in topics.items()}
-    imu = next(iter(topics))
-    done = 0
-    pending = {name: (times, rows_of) for name, _, times, rows_of in beside}
-    for block in blocks:
-        times = np.asarray(block.receive, np.int64)
-        values = imu_values(_present(block.gyro), _present(block.accel), **covariances)
-        frame = block.frame_id or frame_id or 'imu_link'
-        parts = {ids[imu]: (times, serialise(block.stamp, values, frame, encoding))}
-        summary.add(imu, times)
-        done += len(times)
-        until = times.max() if len(times) and done < total else np.iinfo(np.int64).max
-        for name, (when, rows_of) in list(pending.items()):
-            k = int(np.searchsorted(when, until, 'right'))
-            parts[ids[name]] = (when[:k], serialise(when[:k], rows_of[:k], frame, encoding))
-            summary.add(name, when[:k])
-            pending[name] = (when[k:], rows_of[k:])
-        writer.messages(parts)
-        if progress and total:
-            progress(done / total)
+class Content:
+    """What is written: blocks of an Imu topic, and the covariates of a record beside it."""
 
+    def __init__(
+        self, record: ImuRecord | Iterable[Block], kind: str, topic: str, frame_id: str,
+        covariances: dict,
+    ):
+        self.encoding = 'ros1' if kind == 'rosbag1' else 'cdr'
+        self.frame_id, self.covariances = frame_id or 'imu_link', covariances
+        self.imu = topic
+        self.topics = {topic: IMU}
+        self.summary = Summary()
+        self.beside: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.blocks: Iterable[Block]
+        self.total = 0
+        if isinstance(record, ImuRecord):
+            for name, type, times, values in _covariates(record):
+                self.topics[name] = type
+                self.beside[name] = times, values
+            self.blocks, self.total = blocks_of(record, BLOCK), record.n
+        else:
+            self.blocks = record
 
-def _present(x: np.ndarray | None) -> np.ndarray | None:
-    return None if x is None or (len(x) and np.isnan(x).all()) else x
+    def write(self, writer, progress: Progress) -> None:
+        """Write all of it, the covariates with the block of their time."""
+        ids = {name: writer.topic(name, type, self.encoding) for name, type in self.topics.items()}
+        done = 0
+        for block in self.blocks:
+            times = np.asarray(block.receive, np.int64)
+            done += len(times)
+            values = imu_values(present(block.gyro), present(block.accel), **self.covariances)
+            frame = block.frame_id or self.frame_id
+            parts = {ids[self.imu]: (times, serialise(block.stamp, values, frame, self.encoding))}
+            self.summary.add(self.imu, times)
+            until = times.max() if len(times) and done < self.total else np.iinfo(np.int64).max
+            for name, (when, numbers) in list(self.beside.items()):
+                k = int(np.searchsorted(when, until, 'right'))
+                parts[ids[name]] = when[:k], serialise(when[:k], numbers[:k], frame, self.encoding)
+                self.summary.add(name, when[:k])
+                self.beside[name] = when[k:], numbers[k:]
+            writer.messages(parts)
+            if progress and self.total:
+                progress(done / self.total)
 
 
 def _covariates(record: ImuRecord) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:

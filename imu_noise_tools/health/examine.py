@@ -7,18 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .prepare import (
-    examine_stamps,
-    finite,
-    is_constant,
-    LEAST_REST_S,
-    LEAST_SAMPLES,
-    losses,
-    ordered,
-    RECORDING,
-    wrong_units,
-)
+from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
+from .stamps import examine_stamps, losses, ordered
 from .stillness import finite_mean, still_stretches
+from .values import finite, is_constant, wrong_units
 from ..record import AXES, ImuRecord, regular_rate, sensor_of
 
 # the first twentieth is off by so many times the scatter of those of the second half

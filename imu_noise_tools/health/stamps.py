@@ -1,0 +1,138 @@
+"""The stamps of a record: what is wrong with them, their order, and what was lost between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..record import ImuRecord, regular_rate
+
+NEAR = 8                # samples on each side of a late stamp that tell a loss from a delay
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """What is wrong with the stamps of a record."""
+
+    not_finite: int
+    repeated: int           # same stamp and same data as the sample before
+    duplicate: int          # same stamp, other data
+    backward: int           # stamps before that of the sample before
+    swapped: bool           # sorting by stamp puts the backward ones right
+
+
+def examine_stamps(record: ImuRecord) -> Stamps:
+    """Count what is wrong with the stamps."""
+    t = record.t[np.isfinite(record.t)]
+    step = np.diff(t)
+    same = np.flatnonzero(np.diff(record.t) == 0)
+    repeated = sum(_equal(record, k) for k in same.tolist()) if len(same) < 100_000 else 0
+    backward = int(np.sum(step < 0))
+    swapped = False
+    if backward:
+        after = np.diff(np.sort(t))
+        swapped = bool(np.sum(after < 0.25 * np.median(after)) <= np.sum(step == 0))
+    return Stamps(record.n - len(t), repeated, len(same) - repeated, backward, swapped)
+
+
+def _equal(record: ImuRecord, k: int) -> bool:
+    return all(
+        np.array_equal(d[k], d[k + 1], equal_nan=True)
+        for d in (record.gyro, record.accel)
+        if d is not None
+    )
+
+
+def ordered(record: ImuRecord) -> ImuRecord:
+    """
+    Return the record with stamps that never fall, and no sample twice.
+
+    Samples that came in the wrong order are put right; where a clock was set back, what follows
+    goes on from there. A repeated message is dropped; a stamp given to two different samples stays
+    with both.
+
+    """
+    found = examine_stamps(record)
+    said = []
+    if found.not_finite:
+        record = _take(record, np.isfinite(record.t))
+        said.append(f'{found.not_finite} sample(s) without a stamp were dropped')
+    if found.backward and found.swapped:
+        record = _take(record, np.argsort(record.t, kind='stable'))
+        said.append(f'{found.backward} backward stamp(s): the samples were put in order')
+    elif found.backward:
+        record = replace(record, t=_going_on(record.t))
+        said.append(
+            f'{found.backward} backward stamp(s): the clock was set back, later samples follow on'
+        )
+    if found.repeated:
+        step = np.diff(record.t)
+        twice = [k + 1 for k in np.flatnonzero(step == 0).tolist() if _equal(record, k)]
+        keep = np.ones(record.n, bool)
+        keep[twice] = False
+        record = _take(record, keep)
+        said.append(f'{found.repeated} duplicate message(s) were dropped')
+    if found.duplicate:
+        said.append(
+            f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept'
+        )
+    return record.warned(*said)
+
+
+def _going_on(t: np.ndarray) -> np.ndarray:
+    """
+    Return stamps in which every backward step has become one regular step.
+
+    A lone wrong stamp is mended.
+
+    """
+    t = t.copy()
+    rate = regular_rate(t)
+    dt = 1 / rate if rate else 0.0
+    for k in np.flatnonzero(np.diff(t) < 0):
+        if k + 1 < len(t) and t[k] > t[k + 1]:
+            before = t[k - 1] if k else t[k] - dt
+            if 0 < k and before < t[k + 1] and t[k + 1] - before < 3 * dt:
+                t[k] = 0.5 * (before + t[k + 1])                    # this one alone ran ahead
+            elif k + 2 < len(t) and 0 < t[k + 2] - t[k] < 3 * dt:
+                t[k + 1] = 0.5 * (t[k] + t[k + 2])                  # the next one alone fell back
+            else:
+                t[k + 1:] += t[k] + dt - t[k + 1]
+    return np.maximum.accumulate(t)
+
+
+def _take(record: ImuRecord, which: np.ndarray) -> ImuRecord:
+    """Return some samples, by mask or index."""
+    return replace(
+        record, t=record.t[which],
+        gyro=None if record.gyro is None else record.gyro[which],
+        accel=None if record.accel is None else record.accel[which],
+        receive_t=None if record.receive_t is None else record.receive_t[which],
+        covariates={k: v[which] for k, v in record.covariates.items()})
+
+
+def losses(t: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return where samples were lost and how many.
+
+    A stamp can be late without a loss: then those after it catch up. A loss shifts all that
+    follow, so the median lag behind a regular clock is compared on both sides.
+
+    Returns
+    -------
+    ndarray (gaps,), ndarray (gaps,)
+        Index of the last sample before each gap, and the number of samples missing in it.
+
+    """
+    late = np.flatnonzero(np.diff(t) > 1.5 * dt)
+    if not len(late):
+        return late, late
+    lag = t - np.arange(len(t)) * dt
+    near = np.arange(NEAR)
+    before = np.median(lag[np.clip(late[:, None] - near, 0, len(t) - 1)], axis=1)
+    after = np.median(lag[np.clip(late[:, None] + 1 + near, 0, len(t) - 1)], axis=1)
+    count = np.minimum(
+        np.round((after - before) / dt), np.round((t[late + 1] - t[late]) / dt) - 1
+    ).astype(np.int64)
+    return late[count > 0], count[count > 0]

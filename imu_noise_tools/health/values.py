@@ -1,0 +1,68 @@
+"""The values of a record: finite, constant, in which unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .stillness import finite_mean
+from ..record import ImuRecord
+
+
+def finite(record: ImuRecord) -> np.ndarray:
+    """Tell of every sample whether all its values are finite, (n,)."""
+    good = np.ones(record.n, bool)
+    for data in record.data:
+        for k in range(3):
+            # column by column: many times faster than along the rows
+            good &= np.isfinite(data[:, k])
+    return good
+
+
+def is_constant(x: np.ndarray) -> bool:
+    """Tell whether the finite values of an axis are all the same."""
+    if len(x) > 1000 and not is_constant(x[:1000]):
+        return False
+    some = x[np.isfinite(x)]
+    return not len(some) or bool(np.all(some == some[0]))
+
+
+def wrong_units(record: ImuRecord) -> list[str]:
+    """Return sentences where the values at rest are such as no IMU gives in SI."""
+    said = []
+    if record.accel is not None:
+        g = float(np.linalg.norm(finite_mean(record.accel)))
+        if not (7 <= g <= 12.5 or np.isnan(g)):
+            said.append(
+                f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
+                + _likely_accel(g)
+            )
+    if record.gyro is not None:
+        rate = float(np.max(np.abs(finite_mean(record.gyro))))
+        scatter = float(np.max(_scatter(record.gyro)))
+        # 30 deg/s of bias or 11 deg/s of sample noise: no gyro is so bad; the same numbers in
+        # deg/s are common.
+        if rate > 0.52 or scatter > 0.2:
+            said.append(
+                f'wrong unit suspected: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
+                'at rest; '
+                'if it is in deg/s, use --gyro-unit deg/s'
+            )
+    return said
+
+
+def _likely_accel(g: float) -> str:
+    if 0.7 <= g <= 1.3:
+        return '; if it is in g, use --accel-unit g'
+    if 700 <= g <= 1300:
+        return '; if it is in mg, use --accel-unit mg'
+    if g > 100:
+        return '; these may be raw counts, which need the scale of the sensor'
+    return '; gravity may have been removed' if g < 0.5 else ''
+
+
+def _scatter(data: np.ndarray) -> np.ndarray:
+    """Return the scatter of the samples, (3,), from neighbours."""
+    step = np.diff(data[:100_000], axis=0)
+    return np.array(
+        [x[good].std() if (good := np.isfinite(x)).any() else 0.0 for x in step.T]
+    ) / np.sqrt(2)
