@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import numpy as np
@@ -170,18 +171,40 @@ def test_the_filter_of_parameters_is_the_augmented_one(stream):
     assert np.allclose([m.angular_velocity.x for m in got[50:]], wanted[50:], rtol=1e-4, atol=1e-7)
 
 
-def test_services_answer_while_the_stream_goes_on(ros, stream):
-    s = stream()
-    success, answer = ros.trigger(f'{s.process.full}/compare')
-    assert not success and 'few' in answer['error'] or 'stamps' in answer['error']
-    n = 1000
-    t = np.arange(n) * 0.005
-    z = noise(n) + 0.5 * np.sin(2 * np.pi * 0.5 * t)[:, None]
-    sent = [imu(START + k * 5_000_000, z[k]) for k in range(n)]
-    s.send(sent)
-    success, answer = ros.trigger(f'{s.process.full}/compare')
-    assert success and set(answer['targets']) == {'gyro_x', 'gyro_y', 'gyro_z'}
-    assert answer['targets']['gyro_x']['effects'] == ['constant_rate', 'ar_increment', 'white']
-    assert ros.trigger(f'{s.process.full}/history')[1]['history'][0]['target'] == 'gyro_x'
-    assert ros.trigger(f'{s.process.full}/reset') == (True, {'reset': True})
-    assert s.counts(lambda c: c['samples'] == '0')['motion'] == 'auto'
+def test_the_loop_finds_the_motion_while_the_stream_goes_on(ros, stream):
+    """A filter for constant rates, swayed: the diagnosis names it, adding it halves the error."""
+    s = stream(motion=['constant_rate', 'ar_increment'], rate_hz=200.0)
+
+    def call(name):
+        return ros.trigger(f'{s.process.full}/{name}', 200)
+
+    def error(got, truth):
+        return np.std(np.array([rate(m) for m in got])[:, 0] - truth)
+    success, answer = call('compare')
+    assert not success and answer['error'] and answer['remedy']
+    n = 1500
+    true = 0.5 * np.sin(2 * np.pi * 0.5 * np.arange(3 * n) * 0.005)
+    sent = [imu(START + k * 5_000_000, true[k] + z) for k, z in enumerate(noise(3 * n))]
+    before = error(s.send(sent[:n]), true[:n])
+    answers = []
+    asking = threading.Thread(target=lambda: answers.append(call('diagnose')))
+    asking.start()
+    s.send(sent[n:2 * n])                       # comes back, all of it, before the answer does
+    assert not answers
+    asking.join(200)
+    success, answer = answers[0]
+    found = answer['diagnosis']['gyro_x']
+    assert success and found['verdict'] == 'missing'
+    assert found['ranked'][0]['effect'] == 'harmonic'
+    success, answer = call('add_best')
+    assert success and {step['added'] for step in answer['added']} == {'harmonic'}
+    assert s.counts(lambda c: c['motion'] == 'constant_rate ar_increment harmonic')
+    assert error(s.send(sent[2 * n:]), true[2 * n:]) < 0.5 * before
+    success, answer = call('remove_last')
+    assert success and {step['removed'] for step in answer['removed']} == {'harmonic'}
+    assert s.counts(lambda c: c['motion'] == 'constant_rate ar_increment')
+    first = call('history')[1]['history'][0]
+    assert first['effects'] == ['constant_rate', 'ar_increment', 'white']
+    assert call('compare')[1]['targets'].keys() == {'gyro_x', 'gyro_y', 'gyro_z'}
+    assert call('reset') == (True, {'reset': True})
+    assert s.counts(lambda c: c['samples'] == '0')

@@ -1,14 +1,15 @@
-"""Services in a node and a thread of their own, beside a node that must not wait for them."""
+"""Work a stream must not wait for: services in another thread, computing in a process."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Callable
+from multiprocessing import get_context
+import os
+import signal
 import threading
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-
-_SWITCH = 5e-4          # s that a thread computes before another has its turn (Python: 5e-3)
 
 
 class Aside:
@@ -17,7 +18,8 @@ class Aside:
 
     The events executor runs one callback at a time, and coroutine callbacks do not work in it: a
     service that computes for seconds would hold the stream. The node here is hidden; its services
-    bear the names of the other.
+    bear the names of the other. What computes long runs in a process, since two threads of Python
+    take turns: beside one that computes, 1 kHz of messages would wait for half a second.
 
     Parameters
     ----------
@@ -34,19 +36,27 @@ class Aside:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
-        sys.setswitchinterval(_SWITCH)
+        self._pool = None
 
     def begin(self) -> None:
         """Start, once everything is there."""
         self._thread.start()
 
     def end(self) -> None:
-        """Stop; what is under way is left alone."""
+        """Stop; what is under way is dropped."""
         self._stop.set()
+        if self._pool is not None:
+            self._pool.terminate()
         self._thread.join(0.5)
         if not self._thread.is_alive():
             self._executor.shutdown()
             self._node.destroy_node()
+
+    def compute(self, function: Callable, *args):
+        """Return function(*args), computed in a process that is kept for the next time."""
+        if self._pool is None:
+            self._pool = get_context('spawn').Pool(1, _modest)
+        return self._pool.apply(function, args)
 
     def _spin(self) -> None:
         while not self._stop.is_set():
@@ -64,3 +74,10 @@ class Aside:
     def create_timer(self, period: float, callback, clock=None):
         """Create a timer."""
         return self._node.create_timer(period, callback, clock=clock)
+
+
+def _modest() -> None:
+    """Make a process give way to the stream, and end when its parent says so, not by Ctrl-C."""
+    os.nice(5)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -66,7 +66,8 @@ class Filter(Node):
         self._innovations = self.create_publisher(DiagnosticArray, '~/innovations', result())
         self._topic = ImuInput(self, self._take, live, drain=False).topic
         self._aside = Aside(self)
-        Loop(self._aside, self._the_study, self._adopt, fresh=self._begin)
+        Loop(self._aside, self._the_study, self._adopt, fresh=self._begin,
+             compute=self._aside.compute)
         serve(self._aside, 'reset', self.reset)
         self._aside.create_timer(1.0, self._tell, clock=STEADY)
         self._aside.begin()
@@ -132,9 +133,9 @@ class Filter(Node):
         if p['model']:
             stated = {**stated, **from_study(p['model'], p['motion'], p['noise'])[2]}
         stated = {axis: {**stated[axis], **self._given(p)} for axis in GYRO}
-        study = begin_study(t, z, design, stated, {
-            'path': self._topic, 'topic': self._topic, 'samples': counts.samples,
-            'rate_hz': self._engine.rate_hz, 'judged': len(t), **design.names})
+        source = {'path': self._topic, 'topic': self._topic, 'samples': counts.samples,
+                  'rate_hz': self._engine.rate_hz, 'judged': len(t), **design.names}
+        study = self._aside.compute(begin_study, t, z, design, stated, source)
         if self._study:
             study.history = [*self._study.history, *study.history]
         self._study = study

@@ -53,14 +53,17 @@ class Loop:
         Called with the study when its models or its diagnosis have changed.
     fresh : callable or None
         Returns the study that is diagnosed, where that is not the one at hand.
+    compute : callable or None
+        Called as compute(function, ...) where the work is to be done elsewhere.
     group : rclpy.callback_groups.CallbackGroup
         Of the services, so that data go on arriving while they work.
 
     """
 
     def __init__(self, node, study: Callable[[], Study], changed: Callable[[Study], None],
-                 group=None, fresh: Callable[[], Study] | None = None):
+                 group=None, fresh: Callable[[], Study] | None = None, compute=None):
         self._study, self._changed, self._fresh = study, changed, fresh or study
+        self._compute = compute or (lambda function, *args: function(*args))
         for name in ('compare', 'diagnose', 'add_best', 'remove_last', 'history'):
             serve(node, name, getattr(self, name), group)
 
@@ -75,14 +78,14 @@ class Loop:
     def diagnose(self) -> dict:
         """Find out what is missing."""
         study = self._fresh()
-        found = study.diagnose()
+        found = self._done(study, 'diagnose')
         self._changed(study)
         return {'diagnosis': {t: diagnosis_to_dict(study.domain, t, d) for t, d in found.items()}}
 
     def add_best(self) -> dict:
         """Put what the diagnosis names into the model; nothing missing is a success, too."""
         study = self._study()
-        steps = study.add()
+        steps = self._done(study, 'add')
         if steps:
             self._changed(study)
         return {'added': [step_to_dict(s) for s in steps]}
@@ -90,7 +93,7 @@ class Loop:
     def remove_last(self) -> dict:
         """Take out what was added last."""
         study = self._study()
-        steps = study.undo()
+        steps = self._done(study, 'undo')
         if steps:
             self._changed(study)
         return {'removed': [step_to_dict(s) for s in steps]}
@@ -98,3 +101,13 @@ class Loop:
     def history(self) -> dict:
         """Return the ladder."""
         return {'history': [step_to_dict(s) for s in self._study().history]}
+
+    def _done(self, study: Study, what: str):
+        """Return what a method of the study returns; the study is changed wherever it is done."""
+        answer, after = self._compute(_do, study, what)
+        vars(study).update(vars(after))
+        return answer
+
+
+def _do(study: Study, what: str):
+    return getattr(study, what)(), study

@@ -27,8 +27,8 @@ def complete(reliability=ReliabilityPolicy.RELIABLE) -> QoSProfile:
 
 
 def live(reliability=ReliabilityPolicy.RELIABLE) -> QoSProfile:
-    """Return the profile of what must be recent: two seconds at 1 kHz, then the oldest goes."""
-    return QoSProfile(depth=2000, reliability=reliability)
+    """Return the profile of what must be recent: five seconds at 1 kHz, then the oldest goes."""
+    return QoSProfile(depth=5000, reliability=reliability)
 
 
 def overridable(*but: QoSPolicyKind) -> QoSOverridingOptions:
