@@ -52,6 +52,11 @@ def _view(name, x, pull, excess, variance, unit, extra=0.0):
                 float(np.sqrt(np.sum(variance) + extra)) / count, unit)
 
 
+def _nothing(name, unit):
+    """A view that can say nothing of this record and model."""
+    return View(name, np.zeros(0), np.zeros(0), float('nan'), float('nan'), unit)
+
+
 def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
     """Return the power (b,) of the lines that the model does not hold."""
     lines = evidence.part(part).lines
@@ -225,6 +230,8 @@ def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 
 
 def variance(evidence: Evidence, fit: Fit) -> View:
     """Return the power in time beside its mean over the record, in four groups of bands."""
+    if any('variance' in e.hides for e in fit.model):
+        return _nothing('variance', 's')
     t, x, w = power_in_time(evidence, fit.model)
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
@@ -236,7 +243,7 @@ def variance(evidence: Evidence, fit: Fit) -> View:
 def distribution(evidence: Evidence, fit: Fit) -> View:
     """Return the whitened samples in equiprobable cells beside the normal distribution."""
     if any('distribution' in e.hides for e in fit.model):
-        return View('distribution', np.zeros(0), np.zeros(0), float('nan'), float('nan'), 'quantile')
+        return _nothing('distribution', 'quantile')
     cells = evidence.cells_of(fit.model).astype(float)
     # cells narrower than a few steps of the output would show the converter's own unevenness
     sigma = np.sqrt(np.median(evidence.whole.power[-20:]) / (2 * evidence.dt))
@@ -260,7 +267,7 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
         excess.append(w * r ** 2 - 1)
         spread.append(2 * (w - 1) / (w + 2))
     if not x:
-        return View('coherence', np.zeros(0), np.zeros(0), float('nan'), float('nan'), 'Hz')
+        return _nothing('coherence', 'Hz')
     return _view('coherence', np.concatenate(x), np.concatenate(pulls), np.concatenate(excess), np.concatenate(spread), 'Hz')
 
 

@@ -11,6 +11,7 @@ from ..allan import AllanCurve, degrees_of_freedom
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effect_avar
 from ..noise.evidence import Evidence
+from ..noise.fit import Likelihood
 from ..noise.kinds import Line, Mean
 from ..noise.problem import NoiseProblem
 from ..noise.views import gamma_pull

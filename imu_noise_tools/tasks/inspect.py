@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..bag import open_record, TopicInfo, topics
-from ..health import examine, Health
+from ..errors import InputError
+from ..health import examine, Health, prepare
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,14 @@ class Inspection:
 
 def inspect(bag, topic=None, progress=None) -> Inspection:
     """Return what a bag holds; raises what reading it raises."""
-    from ..health import summary
     record = open_record(bag, topic, progress=progress)
-    return Inspection(tuple(topics(bag)), record.topic, examine(record), record.warnings, summary(record))
+    return Inspection(tuple(topics(bag)), record.topic, examine(record), record.warnings, _analysed(record))
+
+
+def _analysed(record) -> str:
+    """Return one line on what of a record can be analysed, or why nothing can."""
+    try:
+        part = prepare(record)
+    except InputError as error:
+        return error.message
+    return f'{part.n} samples, {part.duration_s:.4g} s at rest'

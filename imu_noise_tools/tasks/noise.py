@@ -13,9 +13,9 @@ from .. import export, files, store
 from ..effect import model_of
 from ..errors import InputError, UsageError
 from ..noise.curve import model_curve
+from ..health import prepare
 from ..noise.evidence import gather
 from ..noise.problem import METHODS, NoiseProblem
-from ..health import prepare
 from ..record import ImuRecord, sensor_of
 from ..study import Study
 

@@ -21,7 +21,7 @@ class RateQuantization(Spectrum, Defect):
     parameters = (Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),)
     filtered = False
     views = ()
-    hides = ('distribution',)        # samples on a coarse grid are not normal
+    hides = ('distribution', 'variance')        # samples on a coarse grid are not normal, and their power moves with the mean
 
     @classmethod
     def statistics(cls, y, inputs):
