@@ -1,7 +1,9 @@
 """
-The paper's chain on a record at rest: outliers, stationarity, order, coefficient, whiteness; each a line of a report.
+The paper's chain on a record at rest: outliers, stationarity, order, coefficient, whiteness; each
+a line of a report.
 
-Qian, Xia, Que, Zhang 2010; Box, Jenkins (order and adequacy); Bendat, Piersol 4.5.2 (reverse arrangements).
+Qian, Xia, Que, Zhang 2010; Box, Jenkins (order and adequacy); Bendat, Piersol 4.5.2 (reverse
+arrangements).
 
 """
 
@@ -18,12 +20,15 @@ from ..errors import InputError
 SEGMENTS = 100          # of the test of reverse arrangements
 
 
-def moving_average_outliers(z: np.ndarray, window: int = 25, threshold: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
+def moving_average_outliers(
+    z: np.ndarray, window: int = 25, threshold: float = 4.0
+) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return z (n,) with its outliers replaced by the moving average of their neighbours, and the mask of them.
+    Return z (n,) with its outliers replaced by the moving average of their neighbours, and the
+    mask of them.
 
-    An outlier is further than ``threshold`` robust standard deviations from the centred moving average of ``window``
-    samples, itself left out.
+    An outlier is further than ``threshold`` robust standard deviations from the centred moving
+    average of ``window`` samples, itself left out.
 
     """
     z = np.asarray(z, float)
@@ -55,7 +60,8 @@ def reverse_arrangements(values: np.ndarray) -> float:
     """
     Return u, standard normal for a series (n,) without trend: |u| > 1.96 is a trend at 5 %.
 
-    The number of pairs i < j with values_i > values_j has mean n(n-1)/4 and variance n(2n+5)(n-1)/72.
+    The number of pairs i < j with values_i > values_j has mean n(n-1)/4 and variance
+    n(2n+5)(n-1)/72.
 
     """
     v = np.asarray(values, float)
@@ -65,7 +71,11 @@ def reverse_arrangements(values: np.ndarray) -> float:
 
 
 def stationarity(z: np.ndarray, segments: int = SEGMENTS) -> tuple[float, float]:
-    """Return u of the reverse arrangements of segment means and of segment mean squares (about the mean) of z (n,)."""
+    """
+    Return u of the reverse arrangements of segment means and of segment mean squares (about the
+    mean) of z (n,).
+
+    """
     size = len(z) // segments
     if size < 2:
         raise InputError(f'{len(z)} samples are too few', f'give at least {2 * segments}')
@@ -75,7 +85,11 @@ def stationarity(z: np.ndarray, segments: int = SEGMENTS) -> tuple[float, float]
 
 
 def yule_walker(z: np.ndarray, order: int) -> tuple[np.ndarray, float]:
-    """Return (coefficients (order,), innovation variance) from the biased autocovariance: always a stable model."""
+    """
+    Return (coefficients (order,), innovation variance) from the biased autocovariance: always a
+    stable model.
+
+    """
     d = np.asarray(z, float) - np.mean(z)
     r = autocorrelation(d, order) * float(np.mean(d * d))
     lag = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
@@ -101,7 +115,8 @@ def residual(z: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 
 def whiteness(rest: np.ndarray, z: np.ndarray) -> tuple[float, float, float]:
     """
-    Return the residual's autocorrelation at lag 1, its correlation with the series a sample before, and p.
+    Return the residual's autocorrelation at lag 1, its correlation with the series a sample
+    before, and p.
 
     p is the Ljung-Box test's over 20 lags: below 0.05 the order is too low.
 
@@ -112,7 +127,9 @@ def whiteness(rest: np.ndarray, z: np.ndarray) -> tuple[float, float, float]:
     d = np.asarray(z, float) - np.mean(z)
     earlier = d[len(d) - n - 1:-1] if len(d) > n else d[:-1]
     m = min(len(earlier), n)
-    cross = float(rest[-m:] @ earlier[-m:]) / max(float(np.sqrt((rest @ rest) * (earlier @ earlier))), 1e-300)
+    cross = float(rest[-m:] @ earlier[-m:]) / max(
+        float(np.sqrt((rest @ rest) * (earlier @ earlier))), 1e-300
+    )
     return float(r[1]), cross, float(stats.chi2.sf(box, 19))
 
 
@@ -136,15 +153,25 @@ class ArReport:
         """Return the report, a line a step."""
         least = min(self.aic)
         return [
-            f'outliers          {self.outliers} of {self.samples} samples replaced by the moving average',
-            f'stationarity      reverse arrangements u = {self.u_square:+.4f} (mean squares), {self.u_mean:+.4f} (means); '
-            f'|u| < 1.96 is no trend at 5 %',
-            'order             AIC less its least: ' + ', '.join(f'{p}: {v - least:.1f}'
-                                                                  for p, v in enumerate(self.aic)),
+            (
+                f'outliers          {self.outliers} of {self.samples} samples replaced by the'
+                ' moving average'
+            ),
+            (
+                f'stationarity      reverse arrangements u = {self.u_square:+.4f} (mean squares),'
+                f' {self.u_mean:+.4f} (means); |u| < 1.96 is no trend at 5 %'
+            ),
+            'order             AIC less its least: '
+            + ', '.join(f'{p}: {v - least:.1f}' for p, v in enumerate(self.aic)),
             f'                  least at {self.order}; AR(1) is used',
-            f'coefficient       phi = {self.phi:.4f} (Yule-Walker), innovation variance {self.variance:.4g}',
-            f'adequacy          residual autocorrelation {self.autocorrelation:+.4f}, with the series '
-            f'{self.cross_correlation:+.4f}, Ljung-Box p = {self.p_white:.3g}',
+            (
+                f'coefficient       phi = {self.phi:.4f} (Yule-Walker), innovation variance'
+                f' {self.variance:.4g}'
+            ),
+            (
+                f'adequacy          residual autocorrelation {self.autocorrelation:+.4f}, with the'
+                f' series {self.cross_correlation:+.4f}, Ljung-Box p = {self.p_white:.3g}'
+            ),
         ]
 
 
@@ -156,5 +183,16 @@ def chain(z: np.ndarray) -> ArReport:
     a, variance = yule_walker(clean, 1)
     rest = residual(clean, a)
     auto, cross, p = whiteness(rest, clean)
-    return ArReport(len(clean), int(bad.sum()), u_mean, u_square, tuple(aic.tolist()), int(np.argmin(aic)),
-                    float(a[0]), variance, auto, cross, p)
+    return ArReport(
+        len(clean),
+        int(bad.sum()),
+        u_mean,
+        u_square,
+        tuple(aic.tolist()),
+        int(np.argmin(aic)),
+        float(a[0]),
+        variance,
+        auto,
+        cross,
+        p,
+    )

@@ -1,4 +1,8 @@
-"""What a filter is made of, before it sees a sample: motion, noise, memory; and R where nobody states it."""
+"""
+What a filter is made of, before it sees a sample: motion, noise, memory; and R where nobody states
+it.
+
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import motion as _motion, output_noise as _output_noise  # noqa: F401  (their effects register)
-from ..effect import find_effect, Model
-from ..errors import UsageError
-from .imm import default_modes, Modes, modes_of
+from . import motion as _motion, output_noise as _output_noise
+from .modes import default_modes, Modes, modes_of
 from .output_noise import White
 from .statespace import DOMAIN, state_space
+from ..effect import find_effect, Model
+from ..errors import UsageError
 
+EFFECTS = _motion, _output_noise        # imported so that what is in them registers
 AUTO = 'auto'
 DIFFERENCES = np.array([1.0, -3.0, 3.0, -1.0])      # their squares sum to 20
 QUIET = 128             # samples of a block of which the noise is read
-QUIETEST = 0.25         # which quantile of the blocks is taken: in motion the others hold the motion
-QUANTILE_BIAS = 0.92    # what that quantile shows of sigma when all blocks are still (simulated; exact for one block: 1)
+QUIETEST = 0.25  # which quantile of the blocks is taken: in motion the others hold the motion
+QUANTILE_BIAS = 0.92    # what that quantile shows of sigma when all blocks are still (simulated)
 
 
 @dataclass(frozen=True)
@@ -26,8 +31,8 @@ class Design:
     """
     A filter for some axes.
 
-    ``noise`` and ``motion`` hold a model for each axis; ``motion`` None is the default bank. ``unknown_r``: no R was
-    given, it is read from the samples. ``alpha`` is the fading memory.
+    ``noise`` and ``motion`` hold a model for each axis; ``motion`` None is the default bank.
+    ``unknown_r``: no R was given, it is read from the samples. ``alpha`` is the fading memory.
 
     """
 
@@ -40,17 +45,25 @@ class Design:
     def linear(self) -> bool:
         """Whether each axis is one linear Gaussian model, which has a steady state."""
         kinds = {'rate_step', 'outliers'}
-        return self.motion is not None and not any(e.name in kinds for m in (*self.motion, *self.noise) for e in m)
+        return self.motion is not None and not any(
+            e.name in kinds for m in (*self.motion, *self.noise) for e in m
+        )
 
     @property
     def names(self) -> dict:
         """Labels of motion and noise, for people."""
-        return {'motion': [AUTO] if self.motion is None else self.motion[0].labels, 'noise': self.noise[0].labels}
+        return {
+            'motion': [AUTO] if self.motion is None else self.motion[0].labels,
+            'noise': self.noise[0].labels,
+        }
 
     def with_r(self, r) -> Design:
         """Return the design with the variance of the white noise of each axis, (axes,), given."""
-        return Design(self.motion, tuple(m.with_effect(White({'R': float(v)})) for m, v in zip(self.noise, r)),
-                      self.alpha)
+        return Design(
+            self.motion,
+            tuple(m.with_effect(White({'R': float(v)})) for m, v in zip(self.noise, r)),
+            self.alpha,
+        )
 
     def models(self) -> list[Model]:
         """Return motion and noise of each axis as one model; the default bank has none."""
@@ -58,10 +71,16 @@ class Design:
 
     def modes(self, dt: float) -> Modes:
         """Return the bank over an interval dt, s."""
-        return default_modes(list(self.noise), dt) if self.motion is None else modes_of(self.models(), dt)
+        return (
+            default_modes(list(self.noise), dt)
+            if self.motion is None
+            else modes_of(self.models(), dt)
+        )
 
 
-def design(motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes: int = 3) -> Design:
+def design(
+    motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes: int = 3
+) -> Design:
     """
     Return a design from names.
 
@@ -79,12 +98,15 @@ def design(motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes:
     Raises
     ------
     UsageError
-        An unknown or repeated effect, a motion among the noise or the reverse, alpha out of range, no motion.
+        An unknown or repeated effect, a motion among the noise or the reverse, alpha out of range,
+        no motion.
 
     """
     if not (np.isscalar(alpha) and np.isfinite(alpha) and 0 < alpha <= 1):
         raise UsageError(f'alpha is {alpha}', 'it must be above 0 and at most 1')
-    values = [values or {}] * axes if values is None or isinstance(values, Mapping) else list(values)
+    values = (
+        [values or {}] * axes if values is None or isinstance(values, Mapping) else list(values)
+    )
     automatic = not isinstance(motion, Model) and (motion == AUTO or list(motion) == [AUTO])
     motions = aligned([_named(m, 'motion') for m in motion]) if _by_axis(motion) else \
         [] if automatic else [_named(motion, 'motion')] * axes
@@ -97,7 +119,9 @@ def design(motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes:
         noises = [_named(noise, 'noise')] * axes
     noises = [m if 'white' in m else m + White() for m in noises]
     unknown = any(not m['white'].fitted and not v.get('white') for m, v in zip(noises, values))
-    made = Design(moving, tuple(_valued(m, v) for m, v in zip(noises, values)), float(alpha), unknown)
+    made = Design(
+        moving, tuple(_valued(m, v) for m, v in zip(noises, values)), float(alpha), unknown
+    )
     if moving is not None:
         state_space(made.models()[0], 0.01)          # refuse here what cannot be built
     return made
@@ -112,7 +136,9 @@ def _named(names, kind: str) -> Model:
         model = Model(find_effect(DOMAIN, n)() for n in names if n)
     for e in model:
         if e.kind != kind:
-            raise UsageError(f'{e.name} is a {e.kind} effect, not a {kind} effect', f'name it under {e.kind}')
+            raise UsageError(
+                f'{e.name} is a {e.kind} effect, not a {kind} effect', f'name it under {e.kind}'
+            )
     return model
 
 
@@ -131,8 +157,13 @@ def aligned(models: list[Model]) -> list[Model]:
     order = list(dict.fromkeys(label for m in models for label in m.labels))
     out = []
     for m in models:
-        lacking = {x: every[x].with_values(**{p.name: p.lower for p in every[x].parameters if p.amplitude})
-                   for x in order if x not in m}
+        lacking = {
+            x: every[x].with_values(
+                **{p.name: p.lower for p in every[x].parameters if p.amplitude}
+            )
+            for x in order
+            if x not in m
+        }
         out.append(Model(m[x] if x in m else lacking[x] for x in order))
     return out
 
@@ -147,13 +178,19 @@ def quiet_variance(z: np.ndarray) -> np.ndarray:
     """
     Return the variance of the white noise of z (n, axes), motion or not, (axes,).
 
-    Third differences have variance 20 R and leave little of any motion slower than a tenth of the rate; the median
-    of their sizes in blocks is deaf to outliers, and the quiet quarter of the blocks to what motion is left. Noise
-    that is not white (a sensor that smooths its output) is read too low: then give R, or a study.
+    Third differences have variance 20 R and leave little of any motion slower than a tenth of the
+    rate; the median of their sizes in blocks is deaf to outliers, and the quiet quarter of the
+    blocks to what motion is left. Noise that is not white (a sensor that smooths its output) is
+    read too low: then give R, or a study.
 
     """
     z = np.asarray(z, float)
-    d = DIFFERENCES[0] * z[:-3] + DIFFERENCES[1] * z[1:-2] + DIFFERENCES[2] * z[2:-1] + DIFFERENCES[3] * z[3:]
+    d = (
+        DIFFERENCES[0] * z[:-3]
+        + DIFFERENCES[1] * z[1:-2]
+        + DIFFERENCES[2] * z[2:-1]
+        + DIFFERENCES[3] * z[3:]
+    )
     blocks = len(d) // QUIET
     if blocks >= 4:
         sizes = np.median(np.abs(d[:blocks * QUIET]).reshape(blocks, QUIET, -1), axis=1) / 0.6745
@@ -161,5 +198,5 @@ def quiet_variance(z: np.ndarray) -> np.ndarray:
     else:
         sigma = np.median(np.abs(d), axis=0) / 0.6745
     rough = np.sqrt(np.mean(d * d, axis=0))
-    sigma = np.where(sigma > 0, sigma, rough)                # most samples equal: a coarse output at rest
+    sigma = np.where(sigma > 0, sigma, rough)  # most samples equal: a coarse output at rest
     return np.maximum(sigma ** 2 / 20, 1e-16)

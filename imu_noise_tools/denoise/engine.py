@@ -1,4 +1,8 @@
-"""The filter on line: one message in, one estimate out; every flaw of a real stream handled, switching while it runs."""
+"""
+The filter on line: one message in, one estimate out; every flaw of a real stream handled,
+switching while it runs.
+
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,10 @@ class Counts:
 
 @dataclass
 class History:
-    """The last samples and normalised innovations, a ring; what a diagnosis while running looks at."""
+    """
+    The last samples and normalised innovations, a ring; what a diagnosis while running looks at.
+
+    """
 
     size: int
     axes: int
@@ -75,18 +82,28 @@ class Engine:
     motion, noise, alpha, values
         As in :func:`imu_noise_tools.denoise.design.design`; motion 'auto' is the default bank.
     rate_hz : float or None
-        Nominal rate; by default read from the first 16 stamps, during which samples pass unfiltered.
+        Nominal rate; by default read from the first 16 stamps, during which samples pass
+        unfiltered.
     history : int
         Samples kept for a diagnosis.
 
-    Rules (stamps in s): the interval is that of the stamps; a sample with the stamp of the one before is weighed in
-    without a prediction (an exact copy is not weighed again); after a gap (1 s, or ten intervals) or a jump backward
-    the filter starts again; a sample that is not finite is refused and counted.
+    Rules (stamps in s): the interval is that of the stamps; a sample with the stamp of the one
+    before is weighed in without a prediction (an exact copy is not weighed again); after a gap (1
+    s, or ten intervals) or a jump backward the filter starts again; a sample that is not finite is
+    refused and counted.
 
     """
 
-    def __init__(self, motion=AUTO, noise=('white',), alpha: float = 1.0, rate_hz: float | None = None, values=None,
-                 history: int = 32768, axes: int = 3):
+    def __init__(
+        self,
+        motion=AUTO,
+        noise=('white',),
+        alpha: float = 1.0,
+        rate_hz: float | None = None,
+        values=None,
+        history: int = 32768,
+        axes: int = 3,
+    ):
         self.axes = axes
         self.counts = Counts()
         self.history = History(history, axes)
@@ -110,7 +127,9 @@ class Engine:
     def _build(self):
         """Make the bank for the nominal interval; others are added as they come."""
         self._entries: dict = {}
-        self._bank = Bank(Coefficients([self.design.modes(self._clock.interval)], self.design.alpha), self.axes)
+        self._bank = Bank(
+            Coefficients([self.design.modes(self._clock.interval)], self.design.alpha), self.axes
+        )
         self._entries[0] = self._bank.table.at(0)
 
     def reset(self):
@@ -238,8 +257,9 @@ class Engine:
         """
         Change motion, noise, alpha or values while running, without a jump in the output.
 
-        The new model is run over the last samples and takes over at once; the difference to the old one's answer
-        dies out within a quarter of a second, and counts as variance while it does.
+        The new model is run over the last samples and takes over at once; the difference to the
+        old one's answer dies out within a quarter of a second, and counts as variance while it
+        does.
 
         Raises
         ------

@@ -1,9 +1,9 @@
 """
 Is a filter right? From its innovations alone; and against the truth where there is one.
 
-Everything looks at the scores u of :mod:`imm`: independent standard normal numbers if, and only if, the model is
-right. The information that a wrong model loses is that between u and such numbers: one part lies in their spectrum,
-one in their distribution.
+Everything looks at the scores u of :mod:`imm`: independent standard normal numbers if, and only
+if, the model is right. The information that a wrong model loses is that between u and such
+numbers: one part lies in their spectrum, one in their distribution.
 
 """
 
@@ -28,7 +28,8 @@ class Innovations:
     """
     Figures of normalised innovations, all with their value under a true model.
 
-    ``nis`` mean square (1); ``mean`` (0); ``lag1`` autocorrelation (0); ``kurtosis`` (0, excess); ``n`` of them.
+    ``nis`` mean square (1); ``mean`` (0); ``lag1`` autocorrelation (0); ``kurtosis`` (0, excess);
+    ``n`` of them.
 
     """
 
@@ -45,7 +46,9 @@ class Innovations:
         if len(u) < 10:
             return cls(len(u), *[float('nan')] * 4)
         r = autocorrelation(u, 1)
-        return cls(len(u), float(np.mean(u * u)), float(np.mean(u)), float(r[1]), float(stats.kurtosis(u)))
+        return cls(
+            len(u), float(np.mean(u * u)), float(np.mean(u)), float(r[1]), float(stats.kurtosis(u))
+        )
 
 
 def autocorrelation(u: np.ndarray, lags: int) -> np.ndarray:
@@ -59,8 +62,9 @@ def spectrum_view(u: np.ndarray, dt: float) -> View:
     """
     Return the spectrum of the scores against the flat one of a true model.
 
-    The deviance is the sum of w (x - ln x - 1), x the binned periodogram over its expectation, w coefficients a bin,
-    less what chance gives: twice the Gaussian information (Whittle 1953), noise level and mean included.
+    The deviance is the sum of w (x - ln x - 1), x the binned periodogram over its expectation, w
+    coefficients a bin, less what chance gives: twice the Gaussian information (Whittle 1953),
+    noise level and mean included.
 
     """
     n = len(u)
@@ -82,8 +86,8 @@ def distribution_view(u: np.ndarray) -> View:
     """
     Return the distribution of the scores, their scale removed, in classes against the normal.
 
-    The deviance is the likelihood-ratio statistic less its degrees of freedom: twice n times the negentropy, binned.
-    The outermost classes begin at three and a half standard deviations.
+    The deviance is the likelihood-ratio statistic less its degrees of freedom: twice n times the
+    negentropy, binned. The outermost classes begin at three and a half standard deviations.
 
     """
     n = len(u)
@@ -101,7 +105,11 @@ def distribution_view(u: np.ndarray) -> View:
 
 
 def time_view(u: np.ndarray, dt: float) -> View:
-    """Return the mean square of the scores in blocks; its excess is within the others', so it counts for nothing."""
+    """
+    Return the mean square of the scores in blocks; its excess is within the others', so it counts
+    for nothing.
+
+    """
     size = max(1, len(u) // BLOCKS)
     count = len(u) // size
     level = np.mean(u[:count * size].reshape(count, size) ** 2, axis=1)
@@ -111,10 +119,11 @@ def time_view(u: np.ndarray, dt: float) -> View:
 
 def score_of(u: np.ndarray, dt: float) -> Score:
     """
-    Return the error of the loop: excess deviance per bin, 0 for a true model in expectation, the views averaged.
+    Return the error of the loop: excess deviance per bin, 0 for a true model in expectation, the
+    views averaged.
 
-    The deviance of both views together is 2 n times the mean innovation log-likelihood that a true model would have
-    scored above this one: u and the samples carry the same information.
+    The deviance of both views together is 2 n times the mean innovation log-likelihood that a true
+    model would have scored above this one: u and the samples carry the same information.
 
     """
     u = np.clip(u, -1e6, 1e6)
@@ -123,10 +132,12 @@ def score_of(u: np.ndarray, dt: float) -> Score:
 
 def omnibus(u: np.ndarray, dt: float) -> list[Finding]:
     """
-    Return tests of u (n,) that fail when anything is missing, each with its p-value and what it saw.
+    Return tests of u (n,) that fail when anything is missing, each with its p-value and what it
+    saw.
 
-    Spectrum and autocorrelation are tested on the side of too much: innovations with too little power at low
-    frequency say that the model allows for motion that the record does not hold, and nothing is missing then.
+    Spectrum and autocorrelation are tested on the side of too much: innovations with too little
+    power at low frequency say that the model allows for motion that the record does not hold, and
+    nothing is missing then.
 
     """
     n = len(u)
@@ -139,25 +150,54 @@ def omnibus(u: np.ndarray, dt: float) -> list[Finding]:
     peak = int(np.argmax(power_k)) + 1
     level = max(float(np.mean(power_k)), 1e-300)
     tests = [
-        ('level', 2 * min(stats.chi2.cdf(n * nis, n), stats.chi2.sf(n * nis, n)), 'level',
-         f'normalised innovation squared is {nis:.3g}, not 1'),
-        ('mean', 2 * stats.norm.sf(abs(float(np.mean(u))) * np.sqrt(n)), 'level',
-         f'innovations have a mean of {float(np.mean(u)):.3g} sigma'),
-        ('autocorrelation', _positive_correlation(r, n), 'lag',
-         f'autocorrelation is {r[1]:.3g} at lag 1, {r[LAGS]:.3g} at {LAGS}'),
+        (
+            'level',
+            2 * min(stats.chi2.cdf(n * nis, n), stats.chi2.sf(n * nis, n)),
+            'level',
+            f'normalised innovation squared is {nis:.3g}, not 1',
+        ),
+        (
+            'mean',
+            2 * stats.norm.sf(abs(float(np.mean(u))) * np.sqrt(n)),
+            'level',
+            f'innovations have a mean of {float(np.mean(u)):.3g} sigma',
+        ),
+        (
+            'autocorrelation',
+            _positive_correlation(r, n),
+            'lag',
+            f'autocorrelation is {r[1]:.3g} at lag 1, {r[LAGS]:.3g} at {LAGS}',
+        ),
         ('spectrum', p_spectrum, 'spectrum', f'too much power, most near {where:.3g} Hz'),
-        ('line', -np.expm1(n * np.log1p(-_chi2_tail(float(power_k[peak - 1]) / level))), 'spectrum',
-         f'a line at {peak / (2 * n * dt):.4g} Hz'),
-        ('kurtosis', float(kurtosis.pvalue), 'distribution', f'excess kurtosis is {float(stats.kurtosis(u)):.3g}'),
-        ('variance in time', stats.chi2.sf(float(np.sum(blocks.pull ** 2)), len(blocks.pull) - 1), 'time',
-         f'noise level changes, most at {blocks.x[int(np.argmax(np.abs(blocks.pull)))]:.4g} s'),
+        (
+            'line',
+            -np.expm1(n * np.log1p(-_chi2_tail(float(power_k[peak - 1]) / level))),
+            'spectrum',
+            f'a line at {peak / (2 * n * dt):.4g} Hz',
+        ),
+        (
+            'kurtosis',
+            float(kurtosis.pvalue),
+            'distribution',
+            f'excess kurtosis is {float(stats.kurtosis(u)):.3g}',
+        ),
+        (
+            'variance in time',
+            stats.chi2.sf(float(np.sum(blocks.pull**2)), len(blocks.pull) - 1),
+            'time',
+            f'noise level changes, most at {blocks.x[int(np.argmax(np.abs(blocks.pull)))]:.4g} s',
+        ),
     ]
     return [Finding(name, 0.0, view=where, evidence=words, p_value=float(np.clip(p, 0.0, 1.0)))
             for name, p, where, words in tests]
 
 
 def _positive_correlation(r, n) -> float:
-    """Return the p-value of sums of the first 1, 2, 4 ... autocorrelations being positive (each normal, variance m/n)."""
+    """
+    Return the p-value of sums of the first 1, 2, 4 ... autocorrelations being positive (each
+    normal, variance m/n).
+
+    """
     sums = np.cumsum(r[1:])
     m = np.array([1, 2, 4, 8, 16])
     m = m[m <= len(sums)]
@@ -166,9 +206,11 @@ def _positive_correlation(r, n) -> float:
 
 def _too_much_power(u, dt) -> tuple[float, float]:
     """
-    Return the p-value of too much power in some stretch of the spectrum, of 1, 4, 16 ... bins, and where (Hz).
+    Return the p-value of too much power in some stretch of the spectrum, of 1, 4, 16 ... bins, and
+    where (Hz).
 
-    The power of w coefficients is chi-squared with w degrees of freedom; by Bonferroni over all stretches.
+    The power of w coefficients is chi-squared with w degrees of freedom; by Bonferroni over all
+    stretches.
 
     """
     bins = bins_of(len(u), dt)
@@ -192,12 +234,19 @@ def _chi2_tail(x: float) -> float:
 
 
 def rms(error: np.ndarray) -> np.ndarray:
-    """Return the root mean square of errors (n, ...) over the first axis; NaN samples are left out."""
+    """
+    Return the root mean square of errors (n, ...) over the first axis; NaN samples are left out.
+
+    """
     return np.sqrt(np.nanmean(np.square(error), axis=0))
 
 
 def delay(rate: np.ndarray, truth: np.ndarray, frequency: float, dt: float) -> float:
-    """Return by how many seconds a filtered sinusoid lags behind the true one: difference of their phases."""
+    """
+    Return by how many seconds a filtered sinusoid lags behind the true one: difference of their
+    phases.
+
+    """
     t = np.arange(len(truth)) * dt
     wave = np.exp(-2j * np.pi * frequency * t)
     phase = np.angle((truth - truth.mean()) @ wave) - np.angle((rate - rate.mean()) @ wave)

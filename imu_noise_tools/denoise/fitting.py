@@ -1,34 +1,41 @@
-"""Maximum likelihood of the innovations: which values of a model's effects predict a series best."""
+"""
+Maximum likelihood of the innovations: which values of a model's effects predict a series best.
+
+"""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import minimize
 
+from .predict import by_bank, jumps, predict
 from ..effect import Effect, Estimate, Model
 from ..units import si
-from .predict import by_bank, jumps, predict
 
 NULL = 1.92             # nats: an amplitude that loses less by going to zero is not observable
 ONE_SIDED = 1.353       # nats, for a one-sided 95 % limit
-Evaluate = Callable[[list[Model]], np.ndarray]
 
 
-def evaluator(z: np.ndarray, dt: float, alpha: float) -> Evaluate:
-    """Return a function from models of one structure to their log-likelihoods."""
-    def evaluate(models):
+class Likelihood:
+    """The log-likelihoods of models of one structure on one series z (n,) at dt (s)."""
+
+    def __init__(self, z: np.ndarray, dt: float, alpha: float):
+        self.z, self.dt, self.alpha = z, dt, alpha
+        self.samples, self.span = len(z), len(z) * dt
+
+    def __call__(self, models) -> np.ndarray:
+        """Return the log-likelihood of each."""
         models = list(models)
         if models and jumps(models[0]):
-            return by_bank(models, z, dt, alpha, scores=False)[0]
-        return np.array([predict(m, z, dt, alpha).log_likelihood for m in models])
-    evaluate.samples, evaluate.span = len(z), len(z) * dt
-    return evaluate
+            return by_bank(models, self.z, self.dt, self.alpha, scores=False)[0]
+        return np.array([predict(m, self.z, self.dt, self.alpha).log_likelihood for m in models])
 
 
 class Free:
-    """The free parameters of a model as a vector: logarithms where the parameter is searched for so."""
+    """
+    The free parameters of a model as a vector: logarithms where the parameter is searched for so.
+
+    """
 
     def __init__(self, model: Model, fixed):
         self.model = model
@@ -40,9 +47,21 @@ class Free:
         return np.array([self._to(p, self.model[label][p.name]) for label, p in self.parts])
 
     def scale(self, span: float) -> np.ndarray:
-        """Return how far each parameter may move at first: a frequency no further than its line is wide in ``span`` s."""
-        return np.array([0.2 / (span * self.model[label]['frequency']) if p.name == 'frequency' else
-                         0.5 if p.log else 0.1 for label, p in self.parts])
+        """
+        Return how far each parameter may move at first: a frequency no further than its line is
+        wide in ``span`` s.
+
+        """
+        return np.array(
+            [
+                (
+                    0.2 / (span * self.model[label]['frequency'])
+                    if p.name == 'frequency'
+                    else 0.5 if p.log else 0.1
+                )
+                for label, p in self.parts
+            ]
+        )
 
     def at(self, x) -> Model:
         """Return the model at x, held within bounds."""
@@ -57,15 +76,23 @@ class Free:
         return np.log(max(value, 1e-300)) if p.log else value
 
 
-def start(model: Model, fixed, look, evaluate: Evaluate) -> Model | None:
+def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
     """
-    Return the model with starting values: effect after effect, the best guess of each with the others held.
+    Return the model with starting values: effect after effect, the best guess of each with the
+    others held.
 
     None where an effect does not apply to these data.
 
     """
-    order = sorted(model, key=lambda e: (e.name in ('outliers', 'rate_step'), e.label not in fixed,
-                                         e.name not in ('constant_rate', 'white'), e.name != 'ar_increment'))
+    order = sorted(
+        model,
+        key=lambda e: (
+            e.name in ('outliers', 'rate_step'),
+            e.label not in fixed,
+            e.name not in ('constant_rate', 'white'),
+            e.name != 'ar_increment',
+        ),
+    )
     held: list[Effect] = []
     for effect in order:
         if effect.label in fixed:
@@ -73,7 +100,9 @@ def start(model: Model, fixed, look, evaluate: Evaluate) -> Model | None:
         elif not effect.parameters:
             held.append(effect)
         else:
-            guesses = [type(effect)(dict(g.values), effect.label) for g in type(effect).guesses(look)]
+            guesses = [
+                type(effect)(dict(g.values), effect.label) for g in type(effect).guesses(look)
+            ]
             if not guesses:
                 return None
             tried = [Model([*held, g]) for g in guesses]
@@ -89,7 +118,7 @@ def _complete(model: Model) -> bool:
     return any(e.kind == 'motion' and e.name != 'rate_step' for e in model) and 'white' in model
 
 
-def maximise(model: Model, fixed, evaluate: Evaluate) -> tuple[Model, float]:
+def maximise(model: Model, fixed, evaluate: Likelihood) -> tuple[Model, float]:
     """Return the model at its largest likelihood, from its own values, and that log-likelihood."""
     free = Free(model, fixed)
     x = free.vector()
@@ -99,8 +128,12 @@ def maximise(model: Model, fixed, evaluate: Evaluate) -> tuple[Model, float]:
         x, best = _pattern(free, x, evaluate)
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
-    found = minimize(lambda v: -_finite(evaluate([free.at(v)])[0]), x, method='Nelder-Mead',
-                     options={'initial_simplex': simplex, 'xatol': 0.1, 'fatol': 0.01, 'maxfev': 80 * len(x)})
+    found = minimize(
+        lambda v: -_finite(evaluate([free.at(v)])[0]),
+        x,
+        method='Nelder-Mead',
+        options={'initial_simplex': simplex, 'xatol': 0.1, 'fatol': 0.01, 'maxfev': 80 * len(x)},
+    )
     return free.at(found.x), -float(found.fun)
 
 
@@ -109,7 +142,11 @@ def _finite(value):
 
 
 def _pattern(free: Free, x, evaluate, rounds: int = 9):
-    """Climb by trying every coordinate both ways and all their parabolas at once: one pass of lanes a round."""
+    """
+    Climb by trying every coordinate both ways and all their parabolas at once: one pass of lanes a
+    round.
+
+    """
     step = 1.6 * free.scale(evaluate.span)
     least = 0.1 * step
     best = float(evaluate([free.at(x)])[0])
@@ -132,21 +169,35 @@ def _pattern(free: Free, x, evaluate, rounds: int = 9):
     return x, best
 
 
-def estimates(model: Model, fixed, log_likelihood: float, evaluate: Evaluate, sensor: str = 'gyro'):
+def estimates(
+    model: Model, fixed, log_likelihood: float, evaluate: Likelihood, sensor: str = 'gyro'
+):
     """
     Return the estimate of each parameter, and flags.
 
-    Standard deviations from the curvature of the likelihood, intervals symmetric in its scale; an amplitude that can be
-    zero is None, with its upper limit. What was stated is marked as fixed.
+    Standard deviations from the curvature of the likelihood, intervals symmetric in its scale; an
+    amplitude that can be zero is None, with its upper limit. What was stated is marked as fixed.
 
     """
     free = Free(model, fixed)
-    out = {e.label: {p.name: Estimate(e[p.name], None, None, si(p.unit, sensor), point=e[p.name], fixed=True)
-                     for p in e.parameters} for e in model if e.label in fixed}
+    out = {
+        e.label: {
+            p.name: Estimate(
+                e[p.name], None, None, si(p.unit, sensor), point=e[p.name], fixed=True
+            )
+            for p in e.parameters
+        }
+        for e in model
+        if e.label in fixed
+    }
     x = free.vector()
     flags = []
     able = len(x) and np.isfinite(log_likelihood)
-    sd = np.sqrt(np.maximum(np.diag(_covariance(free, x, log_likelihood, evaluate)), 0)) if able else np.full(len(x), np.inf)
+    sd = (
+        np.sqrt(np.maximum(np.diag(_covariance(free, x, log_likelihood, evaluate)), 0))
+        if able
+        else np.full(len(x), np.inf)
+    )
     for i, (label, p) in enumerate(free.parts):
         value = model[label][p.name]
         unit = si(p.unit, sensor)
@@ -154,11 +205,17 @@ def estimates(model: Model, fixed, log_likelihood: float, evaluate: Evaluate, se
         std = sd[i]
         if p.log:
             spread = min(float(sd[i]), 50.0)
-            low, high, std = value * np.exp(-1.96 * spread), value * np.exp(1.96 * spread), value * min(spread, 1e3)
+            low, high, std = (
+                value * np.exp(-1.96 * spread),
+                value * np.exp(1.96 * spread),
+                value * min(spread, 1e3),
+            )
         entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
         if p.amplitude and label != 'white' and _vanishes(free, x, i, log_likelihood, evaluate):
             upper = _upper(free, x, i, log_likelihood, evaluate)
-            entry = Estimate(None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value)
+            entry = Estimate(
+                None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
+            )
             flags.append(f'{label}: {p.name} is not observable in this record')
         elif value <= p.lower * 1.001 or value >= p.upper * 0.999:
             flags.append(f'{label}: {p.name} is at the limit of its range')
@@ -166,25 +223,40 @@ def estimates(model: Model, fixed, log_likelihood: float, evaluate: Evaluate, se
     for e in model:
         for p in e.parameters:
             if e.label not in fixed and p.name in e.measured:
-                out.setdefault(e.label, {})[p.name], flag = _measured(model, e, p, log_likelihood, evaluate, sensor)
+                out.setdefault(e.label, {})[p.name], flag = _measured(
+                    model, e, p, log_likelihood, evaluate, sensor
+                )
                 flags += flag
-    return {e.label: {p.name: out[e.label][p.name] for p in e.parameters} for e in model}, tuple(flags)
+    return {e.label: {p.name: out[e.label][p.name] for p in e.parameters} for e in model}, tuple(
+        flags
+    )
 
 
 def _measured(model, effect, p, best, evaluate, sensor):
-    """Return the estimate of an amplitude read from the samples; null where the likelihood does without the effect."""
+    """
+    Return the estimate of an amplitude read from the samples; null where the likelihood does
+    without the effect.
+
+    """
     value, unit = effect[p.name], si(p.unit, sensor)
-    std = float(np.sqrt(2 * model['white']['R'] / evaluate.samples))         # least squares of a line in white noise
+    std = float(
+        np.sqrt(2 * model['white']['R'] / evaluate.samples)
+    )  # least squares of a line in white noise
     without = float(evaluate([model.with_effect(effect.with_values(**{p.name: p.lower}))])[0])
     if best - without < NULL:
         upper = value + 1.645 * std
-        return Estimate(None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value), \
-            [f'{effect.label}: {p.name} is not observable in this record']
+        return Estimate(
+            None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
+        ), [f'{effect.label}: {p.name} is not observable in this record']
     return Estimate(value, std, (value - 1.96 * std, value + 1.96 * std), unit, point=value), []
 
 
 def _covariance(free, x, best, evaluate):
-    """Return the inverse of the likelihood's negative curvature by central differences; diagonal where it is flat."""
+    """
+    Return the inverse of the likelihood's negative curvature by central differences; diagonal
+    where it is flat.
+
+    """
     k = len(x)
     h = 0.3 * free.scale(evaluate.span)
     eye = np.diag(h)
@@ -210,7 +282,11 @@ def _vanishes(free, x, i, best, evaluate) -> bool:
 
 
 def _upper(free, x, i, best, evaluate) -> float:
-    """Return the one-sided 95 % limit of a log parameter: where the likelihood has fallen by 1.35 nats, others held."""
+    """
+    Return the one-sided 95 % limit of a log parameter: where the likelihood has fallen by 1.35
+    nats, others held.
+
+    """
     steps = np.arange(0.0, 14.0, 0.5)
     fallen = best - evaluate([free.at(_moved(x, i, s)) for s in steps]) > ONE_SIDED
     label, p = free.parts[i]

@@ -1,124 +1,70 @@
 """
-A bank of linear models, run side by side and mixed: the interacting-multiple-model filter (Blom, Bar-Shalom 1988).
+A bank of linear models, run side by side and mixed: the interacting-multiple-model filter (Blom,
+Bar-Shalom 1988).
 
-One model is a bank of one; a model with steps of the rate is a bank of two whose modes are drawn anew each sample.
-All modes share one state vector. The bank runs over *lanes*: the three axes online, chunks times axes for a recorded
-bag. States and covariances are kept component by component as arrays (modes, lanes) with structural zeros left out:
-for two states that is several times faster than stacked matrices, online as in bulk.
+One model is a bank of one; a model with steps of the rate is a bank of two whose modes are drawn
+anew each sample. All modes share one state vector. The bank runs over *lanes*: the three axes
+online, chunks times axes for a recorded bag. States and covariances are kept component by
+component as arrays (modes, lanes) with structural zeros left out: for two states that is several
+times faster than stacked matrices, online as in bulk.
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ..effect import Model
-from ..units import DEG
 from .kalman import LOG_2PI
-from .motion import AngularAcceleration, ConstantRate
-from .statespace import state_space, StateSpace
-
-SOJOURN = 10.0                                     # s that a mode of the default bank lasts on average
-WANDER = (1e-5, 3e4)                               # random walks of the rate, (deg/s)^2/s: at rest, and jumps
-NEVER = 1e-15                                      # probability of a step within no time
-ACCELERATION = (0.3, 10.0, 300.0, 1e4, 5e5, 3e7)   # random walks of the acceleration, (deg/s^2)^2/s: to vigorous hands
-
-
-@dataclass(frozen=True)
-class Modes:
-    """
-    The models of a bank for each axis, over one interval.
-
-    ``spaces[axis][mode]`` share their states; ``prior`` (modes,) is what the mode probabilities drift towards, ``stay``
-    how much of them is kept in one interval: P(j | i) = prior_j (1 - stay) + stay [i = j].
-
-    """
-
-    spaces: tuple[tuple[StateSpace, ...], ...]
-    prior: np.ndarray
-    stay: float
-
-
-def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wander=WANDER,
-                  acceleration=ACCELERATION) -> Modes:
-    """
-    Return the default bank: from rest over turns by hand to impacts, one fixed setting for every motion.
-
-    Motion is physical: the setting does not depend on the sensor, whose noise (a model for each axis) sets R.
-
-    """
-    axes = []
-    for model in noise:
-        smooth = state_space(AngularAcceleration({'q': DEG ** 2}) + model, dt)
-        still = state_space(ConstantRate() + model, dt)
-        axes.append(tuple([_wandering(smooth, still, q * DEG ** 2 * dt) for q in wander]
-                          + [_accelerating(smooth, q) for q in acceleration]))
-    count = len(wander) + len(acceleration)
-    leave = -np.expm1(-dt / sojourn) * count / (count - 1)
-    return Modes(tuple(axes), np.full(count, 1 / count), 1 - min(leave, 1.0))
-
-
-def _wandering(smooth: StateSpace, still: StateSpace, q: float) -> StateSpace:
-    """Return a random walk of the rate in the states of ``smooth``: the acceleration (state 1) is held at zero."""
-    keep = np.array([0, *range(2, smooth.size)])
-    phi, cov, p0 = np.zeros_like(smooth.phi), np.zeros_like(smooth.q), np.zeros_like(smooth.p0)
-    phi[np.ix_(keep, keep)], cov[np.ix_(keep, keep)], p0[np.ix_(keep, keep)] = still.phi, still.q, still.p0
-    cov[0, 0] += q
-    return replace(smooth, phi=phi, q=cov, p0=p0)
-
-
-def _accelerating(smooth: StateSpace, factor: float) -> StateSpace:
-    q = smooth.q.copy()
-    q[:2, :2] *= factor
-    return replace(smooth, q=q)
-
-
-def modes_of(models: list[Model], dt: float) -> Modes:
-    """Return the bank that a model is for each axis: one mode, or two where the rate may step."""
-    axes = []
-    step = None
-    for model in models:
-        space = state_space(model, dt)
-        modes = [space]
-        if space.step:
-            step = max(space.step[0], NEVER), space.step[1]
-            q = space.q.copy()
-            q[0, 0] += step[1]
-            modes.append(replace(space, q=q))
-        axes.append(tuple(modes))
-    prior = np.array([1.0]) if step is None else np.array([1 - step[0], step[0]])
-    return Modes(tuple(axes), prior, 0.0)
+from .modes import Modes
 
 
 class Coefficients:
-    """The entries of a bank's matrices over each of several intervals: None where zero everywhere, 1.0 where one."""
+    """
+    The entries of a bank's matrices over each of several intervals: None where zero everywhere,
+    1.0 where one.
+
+    """
 
     def __init__(self, choices: list[Modes], alpha: float = 1.0):
         first = choices[0].spaces[0][0]
-        self.axes, self.modes, self.size, self.alpha = len(choices[0].spaces), len(choices[0].prior), first.size, alpha
+        self.axes, self.modes, self.size, self.alpha = (
+            len(choices[0].spaces),
+            len(choices[0].prior),
+            first.size,
+            alpha,
+        )
         self.prior = np.array([c.prior for c in choices])
         self.stay = np.array([c.stay for c in choices])
         self.h, self.rate = first.h, first.rate
         self.p0 = self._stack([choices[0]], 'p0')[0]
         d = range(self.size)
         phi, q = self._stack(choices, 'phi'), self._stack(choices, 'q')
-        self.phi = {(i, j): phi[..., i, j] for i in d for j in d if i == j or np.any(phi[..., i, j])}
-        self.q = {(i, j): q[..., i, j] for i in d for j in range(i, self.size) if np.any(q[..., i, j])}
-        self.r = np.array([[[s.r for s in axis] for axis in c.spaces] for c in choices]).swapaxes(1, 2)
+        self.phi = {
+            (i, j): phi[..., i, j] for i in d for j in d if i == j or np.any(phi[..., i, j])
+        }
+        self.q = {
+            (i, j): q[..., i, j] for i in d for j in range(i, self.size) if np.any(q[..., i, j])
+        }
+        self.r = np.array([[[s.r for s in axis] for axis in c.spaces] for c in choices]).swapaxes(
+            1, 2
+        )
         mixture = [axis[0].outliers for axis in choices[0].spaces]
         self.outliers = np.array(mixture).T if all(mixture) else None
 
     @staticmethod
     def _stack(choices, name):
         """Return (choices, modes, axes, d, d)."""
-        return np.array([[[getattr(s, name) for s in axis] for axis in c.spaces] for c in choices]).swapaxes(1, 2)
+        return np.array(
+            [[[getattr(s, name) for s in axis] for axis in c.spaces] for c in choices]
+        ).swapaxes(1, 2)
 
     def at(self, which) -> Entries:
         """
-        Return the entries for lanes, chunk after chunk with all axes each; ``which`` (chunks,) names the interval.
+        Return the entries for lanes, chunk after chunk with all axes each; ``which`` (chunks,)
+        names the interval.
 
         One whole number: the same interval for every chunk; entries (modes, axes) then.
 
@@ -144,18 +90,27 @@ class Entries:
     q: dict
     r: np.ndarray
     prior: np.ndarray
-    stay: object
+    stay: float | np.ndarray
 
     def tiled(self, chunks: int) -> Entries:
         """Return entries (modes, axes) repeated for every chunk."""
         def lanes(a):
             return a if isinstance(a, float) else np.tile(a, (1, chunks))
-        return Entries({k: lanes(v) for k, v in self.phi.items()}, {k: lanes(v) for k, v in self.q.items()},
-                       lanes(self.r), self.prior, self.stay)
+        return Entries(
+            {k: lanes(v) for k, v in self.phi.items()},
+            {k: lanes(v) for k, v in self.q.items()},
+            lanes(self.r),
+            self.prior,
+            self.stay,
+        )
 
 
 class Bank:
-    """A bank at one moment: probabilities (modes, lanes), states and covariances component by component."""
+    """
+    A bank at one moment: probabilities (modes, lanes), states and covariances component by
+    component.
+
+    """
 
     def __init__(self, table: Coefficients, lanes: int):
         self.table, self.lanes = table, lanes
@@ -181,7 +136,11 @@ class Bank:
             p[:, lanes] = self.start[k][:, lanes]
 
     def mix(self, e: Entries):
-        """Let the modes interact: each starts from what all of them say, weighed by how it may have come about."""
+        """
+        Let the modes interact: each starts from what all of them say, weighed by how it may have
+        come about.
+
+        """
         if self.table.modes == 1:
             return
         mu, x, p = self.mu, self.x, self.p
@@ -215,7 +174,11 @@ class Bank:
         self.p = new
 
     def update(self, z: np.ndarray, e: Entries):
-        """Weigh the samples z (lanes,) in; return (innovation, S, log-likelihood) of each mode, prior weights included."""
+        """
+        Weigh the samples z (lanes,) in; return (innovation, S, log-likelihood) of each mode, prior
+        weights included.
+
+        """
         p = self.p
         ph = [_sum(w * p[min(i, k), max(i, k)] for k, w in self.seen) for i in self.rows]
         spread = _sum(w * ph[i] for i, w in self.seen)
@@ -241,7 +204,8 @@ class Bank:
 
     def _robust(self, nu, s, r):
         """
-        Weigh a sample as good or as an outlier, and keep the two moments of what both say (Sorenson, Alspach 1971).
+        Weigh a sample as good or as an outlier, and keep the two moments of what both say
+        (Sorenson, Alspach 1971).
 
         Return (K nu over P H, what shrinks the covariance, log-likelihood): P - Ph Ph^T shrink.
 
@@ -260,14 +224,20 @@ class Bank:
     def rate(self):
         """Return the rate and its variance, over all modes, (lanes,) each."""
         x = _sum(w * self.x[i] for i, w in self.moving)
-        var = _sum(w * v * self.p[min(i, j), max(i, j)] for i, w in self.moving for j, v in self.moving)
+        var = _sum(
+            w * v * self.p[min(i, j), max(i, j)] for i, w in self.moving for j, v in self.moving
+        )
         if self.table.modes == 1:
             return x[0], var[0]
         mean = (self.mu * x).sum(0)
         return mean, (self.mu * (var + (x - mean) ** 2)).sum(0)
 
     def step(self, z: np.ndarray, e: Entries | None):
-        """Mix, predict and update with samples z (lanes,); e None: the first sample, nothing to predict."""
+        """
+        Mix, predict and update with samples z (lanes,); e None: the first sample, nothing to
+        predict.
+
+        """
         if e is not None:
             self.mix(e)
             self.predict(e)
@@ -275,14 +245,19 @@ class Bank:
         return self.update(z, self.table.at(0) if e is None else e)
 
     def score(self, nu, s, e: Entries) -> np.ndarray:
-        """Return the normalised innovation, (lanes,), of a mixture its transform: standard normal if the model is right."""
+        """
+        Return the normalised innovation, (lanes,), of a mixture its transform: standard normal if
+        the model is right.
+
+        """
         if self.table.modes == 1 and self.mixture is None:
             return (nu / np.sqrt(s))[0]
         return self.transform(nu, s, e)
 
     def transform(self, nu, s, e: Entries) -> np.ndarray:
         """
-        Return the standard normal value at the sample's place in its predictive distribution, (lanes,).
+        Return the standard normal value at the sample's place in its predictive distribution,
+        (lanes,).
 
         The probability integral transform of the mixture (Rosenblatt 1952).
 
@@ -294,7 +269,9 @@ class Bank:
                      (self.prior * fraction, nu / np.sqrt(s + e.r * (factor - 1)))]
         below = sum((w * ndtr(a)).sum(0) for w, a in parts)
         above = sum((w * ndtr(-a)).sum(0) for w, a in parts)
-        return np.where(below < above, ndtri(np.maximum(below, 1e-300)), -ndtri(np.maximum(above, 1e-300)))
+        return np.where(
+            below < above, ndtri(np.maximum(below, 1e-300)), -ndtri(np.maximum(above, 1e-300))
+        )
 
 
 def _sum(terms):

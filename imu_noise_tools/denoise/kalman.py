@@ -13,8 +13,10 @@ import numpy as np
 
 from .statespace import StateSpace
 
-BLOCK = 64             # samples per matrix product: a triangle this large still costs less than a Python loop
-SETTLED = 1e-10        # relative change of the covariance at which the recursion has become its steady state
+BLOCK = 64  # samples per matrix product: a triangle this large still costs less than a Python loop
+SETTLED = (
+    1e-10  # relative change of the covariance at which the recursion has become its steady state
+)
 LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -27,7 +29,8 @@ def update(space: StateSpace, x, p, z):
     """
     Return (x, P, innovation, S) with the sample z weighed in; Joseph form.
 
-    P = (I - K H) P (I - K H)^T + K R K^T stays symmetric and positive whatever the gain's rounding.
+    P = (I - K H) P (I - K H)^T + K R K^T stays symmetric and positive whatever the gain's
+    rounding.
 
     """
     ph = p @ space.h
@@ -36,12 +39,21 @@ def update(space: StateSpace, x, p, z):
     innovation = z - space.h @ x
     keep = np.eye(space.size) - np.outer(gain, space.h)
     p = keep @ p @ keep.T + space.r * np.outer(gain, gain)
-    return x + (np.outer(gain, innovation) if np.ndim(x) > 1 else gain * innovation), 0.5 * (p + p.T), innovation, s
+    return (
+        x + (np.outer(gain, innovation) if np.ndim(x) > 1 else gain * innovation),
+        0.5 * (p + p.T),
+        innovation,
+        s,
+    )
 
 
 @dataclass(frozen=True)
 class Steady:
-    """A filter in steady state: covariance predicted and after the update, gain (d,), variance of the innovations."""
+    """
+    A filter in steady state: covariance predicted and after the update, gain (d,), variance of the
+    innovations.
+
+    """
 
     space: StateSpace
     predicted: np.ndarray
@@ -60,7 +72,8 @@ def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray
     """
     Return the predicted covariance P^- in steady state, or None where there is none.
 
-    Structure-preserving doubling (Chu, Fan, Lin, Wang 2004): step k gives the covariance after 2^k samples.
+    Structure-preserving doubling (Chu, Fan, Lin, Wang 2004): step k gives the covariance after 2^k
+    samples.
 
     """
     a, g, p = phi.T / np.sqrt(alpha), np.outer(h, h) / r, np.array(q, float)
@@ -90,7 +103,8 @@ def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray
 
 def steady_state(space: StateSpace, alpha: float = 1.0) -> Steady | None:
     """
-    Return the steady state of a model, or None: nothing drives one of its states, and the gain never settles.
+    Return the steady state of a model, or None: nothing drives one of its states, and the gain
+    never settles.
 
     The gain is right where (I - K H) Phi/sqrt(alpha) is stable (Anderson, Moore 1979, ch. 4).
 
@@ -122,8 +136,9 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     """
     Filter z (n,) or (n, axes) from the state x (d,) or (d, axes) at constant gain.
 
-    Return (rate, innovations, x at the end). In steady state the filter is an IIR filter; it is run by blocks of
-    matrix products, which stay exact for poles crowded at 1, where polynomial coefficients (lfilter) lose digits.
+    Return (rate, innovations, x at the end). In steady state the filter is an IIR filter; it is
+    run by blocks of matrix products, which stay exact for poles crowded at 1, where polynomial
+    coefficients (lfilter) lose digits.
 
     """
     flat = z.ndim == 1
@@ -131,7 +146,9 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     n, axes = z.shape
     space, a, k, b = steady.space, steady.closed, steady.gain, min(BLOCK, len(z)) or 1
     powers = _powers(a, b)
-    rate_of = space.rate @ powers[1:]                  # (b, d): rate after j samples, from the state before the block
+    rate_of = (
+        space.rate @ powers[1:]
+    )  # (b, d): rate after j samples, from the state before the block
     seen = space.h @ space.phi
     nu_of = -(seen @ powers[:-1])
     response = space.rate @ powers[:-1] @ k                   # after a unit sample, by lag
@@ -139,7 +156,7 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     lag = np.subtract.outer(np.arange(b), np.arange(b))
     lower = lag >= 0
     t_rate, t_nu = (np.where(lower, v[np.maximum(lag, 0)], 0.0) for v in (response, nu_response))
-    drive = (powers[b - 1::-1] @ k).T                  # (d, b): the block's samples to the state at its end
+    drive = (powers[b - 1::-1] @ k).T  # (d, b): the block's samples to the state at its end
     full = n // b
     # one row a block and axis, so that each step is one large matrix product
     zb = z[:full * b].reshape(full, b, axes).transpose(0, 2, 1).reshape(full * axes, b)
@@ -164,7 +181,11 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
 
 @dataclass(frozen=True)
 class Run:
-    """A filtered stretch, (n,) each: rate, its variance, innovations and their variance; the state (x, P) at its end."""
+    """
+    A filtered stretch, (n,) each: rate, its variance, innovations and their variance; the state
+    (x, P) at its end.
+
+    """
 
     rate: np.ndarray
     variance: np.ndarray
@@ -174,15 +195,23 @@ class Run:
     p: np.ndarray
 
 
-def resume(space: StateSpace, z: np.ndarray, x, p, alpha: float = 1.0, steady: Steady | None = None) -> Run:
-    """Filter evenly spaced z (n,) from the prediction (x, P) of its first sample: recursion, then steady state."""
+def resume(
+    space: StateSpace, z: np.ndarray, x, p, alpha: float = 1.0, steady: Steady | None = None
+) -> Run:
+    """
+    Filter evenly spaced z (n,) from the prediction (x, P) of its first sample: recursion, then
+    steady state.
+
+    """
     n = len(z)
     out = np.empty((4, n))
     for k in range(n):
         if k:
             before = x
             x, p = predict(space, x, p, alpha)
-            if steady and np.max(np.abs(p - steady.predicted)) <= SETTLED * np.max(np.abs(steady.predicted)):
+            if steady and np.max(np.abs(p - steady.predicted)) <= SETTLED * np.max(
+                np.abs(steady.predicted)
+            ):
                 rate, nu, x = run_steady(steady, z[k:], before)
                 out[:, k:] = rate, np.full(n - k, steady.variance), nu, np.full(n - k, steady.s)
                 p = steady.after
@@ -199,6 +228,10 @@ def run(space: StateSpace, z: np.ndarray, alpha: float = 1.0, steady: Steady | N
 
 
 def log_likelihood(innovations: np.ndarray, s) -> float:
-    """Return the log-likelihood of innovations (n,) with variances s: the prediction-error decomposition."""
+    """
+    Return the log-likelihood of innovations (n,) with variances s: the prediction-error
+    decomposition.
+
+    """
     s = np.broadcast_to(s, np.shape(innovations))
     return float(-0.5 * np.sum(LOG_2PI + np.log(s) + innovations ** 2 / s))

@@ -1,32 +1,44 @@
-"""What can drive a rate: each a small class, in the units of the rate (``{rate}``) and its derivative (``{slope}``)."""
+"""
+What can drive a rate: each a small class, in the units of the rate (``{rate}``) and its derivative
+(``{slope}``).
+
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .statespace import Block, Motion, nothing
 from .. import ar1
 from ..effect import Parameter
 from ..units import DEG
-from .statespace import Block, Motion, nothing
 
-DIFFUSE = (3000 * DEG) ** 2      # no gyroscope turns faster: the variance of a rate nothing is known of
+DIFFUSE = (
+    3000 * DEG
+) ** 2  # no gyroscope turns faster: the variance of a rate nothing is known of
 
 
 def _integrator(phi, q, p0=0.0) -> Block:
-    """Return a block whose first state is the rate; p0 is the variance of the state that drives it."""
+    """
+    Return a block whose first state is the rate; p0 is the variance of the state that drives it.
+
+    """
     d = len(phi)
     start = np.zeros((d, d))
     start[0, 0] = DIFFUSE
     if d > 1:
         start[1, 1] = p0
-    return Block(np.asarray(phi, float), np.asarray(q, float), np.eye(d)[0], start, integrates=True)
+    return Block(
+        np.asarray(phi, float), np.asarray(q, float), np.eye(d)[0], start, integrates=True
+    )
 
 
 def oscillator(amplitude: float, frequency: float, tc: float, dt: float) -> Block:
     """
     Return a random-phase oscillation: a rotation by 2 pi f dt that forgets its phase within tc.
 
-    Stationary variance amplitude^2/2 in each of its two states (a Gauss-Markov pair turned by the carrier).
+    Stationary variance amplitude^2/2 in each of its two states (a Gauss-Markov pair turned by the
+    carrier).
 
     """
     keep, angle = ar1.phi(dt, tc), 2 * np.pi * frequency * dt
@@ -53,7 +65,11 @@ class ConstantRate(Motion):
 
 
 class ArIncrement(Motion):
-    """The increments of the rate, message by message, are a first-order autoregression: the paper's augmentation."""
+    """
+    The increments of the rate, message by message, are a first-order autoregression: the paper's
+    augmentation.
+
+    """
 
     name = 'ar_increment'
     symbol = 'w'
@@ -62,8 +78,19 @@ class ArIncrement(Motion):
     signature = 'innovations that follow the rotation, more so the larger it is'
     hint = 'q is a choice, not a measurement: a record at rest does not hold it'
     reference = 'Qian, Xia, Que, Zhang 2010'
-    parameters = (Parameter('phi', '1', -0.99, 0.99, log=False, title='correlation of neighbouring increments'),
-                  Parameter('q', '{rate}^2', 1e-16, 1.0, amplitude=True, title='variance of the innovation, each step'))
+    parameters = (
+        Parameter(
+            'phi', '1', -0.99, 0.99, log=False, title='correlation of neighbouring increments'
+        ),
+        Parameter(
+            'q',
+            '{rate}^2',
+            1e-16,
+            1.0,
+            amplitude=True,
+            title='variance of the innovation, each step',
+        ),
+    )
 
     @classmethod
     def example(cls):
@@ -92,7 +119,9 @@ class AngularAcceleration(Motion):
     hint = 'the filter lags behind every change of rate; turning by hand, rocking, vehicles'
     reference = 'Bar-Shalom, Li, Kirubarajan 2001, 6.2.2'
     heals = 'autocorrelation'
-    parameters = (Parameter('q', '{slope}^2/s', 1e-12, 1e6, amplitude=True, title='density of its changes'),)
+    parameters = (
+        Parameter('q', '{slope}^2/s', 1e-12, 1e6, amplitude=True, title='density of its changes'),
+    )
 
     @classmethod
     def example(cls):
@@ -122,7 +151,11 @@ class Jerk(Motion):
     reference = 'Mehrotra, Mahapatra 1997'
     after = 'angular_acceleration'
     heals = 'autocorrelation'
-    parameters = (Parameter('q', '{slope}^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'),)
+    parameters = (
+        Parameter(
+            'q', '{slope}^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'
+        ),
+    )
 
     @classmethod
     def example(cls):
@@ -136,15 +169,25 @@ class Jerk(Motion):
 
     def block(self, dt):
         """Return the triply integrated white noise."""
-        power = np.array([[dt ** 5 / 20, dt ** 4 / 8, dt ** 3 / 6], [dt ** 4 / 8, dt ** 3 / 3, dt ** 2 / 2],
-                          [dt ** 3 / 6, dt ** 2 / 2, dt]])
-        block = _integrator([[1, dt, dt ** 2 / 2], [0, 1, dt], [0, 0, 1]], self['q'] * power, (100 * DEG) ** 2)
+        power = np.array(
+            [
+                [dt**5 / 20, dt**4 / 8, dt**3 / 6],
+                [dt**4 / 8, dt**3 / 3, dt**2 / 2],
+                [dt**3 / 6, dt**2 / 2, dt],
+            ]
+        )
+        block = _integrator(
+            [[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]], self['q'] * power, (100 * DEG) ** 2
+        )
         block.p0[2, 2] = (1000 * DEG) ** 2
         return block
 
 
 class Singer(Motion):
-    """A manoeuvre: angular acceleration that lasts about tc and then is forgotten (Gauss-Markov)."""
+    """
+    A manoeuvre: angular acceleration that lasts about tc and then is forgotten (Gauss-Markov).
+
+    """
 
     name = 'singer'
     symbol = 'a'
@@ -154,8 +197,10 @@ class Singer(Motion):
     hint = 'turns that begin and end'
     reference = 'Singer 1970; Bar-Shalom, Li, Kirubarajan 2001, 8.2.3'
     heals = 'autocorrelation'
-    parameters = (Parameter('sigma', '{slope}', 1e-6, 1e3, amplitude=True, title='standard deviation of it'),
-                  Parameter('tc', 's', 0.02, 100.0, title='how long it lasts'))
+    parameters = (
+        Parameter('sigma', '{slope}', 1e-6, 1e3, amplitude=True, title='standard deviation of it'),
+        Parameter('tc', 's', 0.02, 100.0, title='how long it lasts'),
+    )
 
     @classmethod
     def example(cls):
@@ -164,18 +209,30 @@ class Singer(Motion):
 
     @classmethod
     def guesses(cls, look):
-        """Return manoeuvres of a few samples to many seconds, of a fraction of the noise to far above it."""
+        """
+        Return manoeuvres of a few samples to many seconds, of a fraction of the noise to far above
+        it.
+
+        """
         sizes = np.sqrt(look.r) * np.array([0.3, 3.0, 30.0])
-        return [cls({'sigma': a / tc, 'tc': tc}) for tc in (0.05, 0.3, 2.0, 10.0) for a in sizes if tc > 2 * look.dt]
+        return [
+            cls({'sigma': a / tc, 'tc': tc})
+            for tc in (0.05, 0.3, 2.0, 10.0)
+            for a in sizes
+            if tc > 2 * look.dt
+        ]
 
     def block(self, dt):
-        """Return the sampled form; its series where dt << tc, since the closed one cancels there."""
+        """
+        Return the sampled form; its series where dt << tc, since the closed one cancels there.
+
+        """
         sigma2, tc = self['sigma'] ** 2, self['tc']
         x = dt / tc
         e, one_less = np.exp(-x), -np.expm1(-x)
         q11 = -sigma2 * np.expm1(-2 * x)
         q01 = sigma2 * tc * one_less ** 2
-        q00 = sigma2 * tc ** 2 * (2 * x ** 3 / 3 - x ** 4 / 2 if x < 1e-3 else 2 * x - 3 + 4 * e - e * e)
+        q00 = sigma2 * tc**2 * (2 * x**3 / 3 - x**4 / 2 if x < 1e-3 else 2 * x - 3 + 4 * e - e * e)
         return _integrator([[1, tc * one_less], [0, e]], [[q00, q01], [q01, q11]], sigma2)
 
 
@@ -187,7 +244,10 @@ class Harmonic(Motion):
     title = 'sway'
     equation = 'x = A cos(2 pi f t + phase)'
     signature = 'innovations oscillate at one slow frequency'
-    hint = 'ships, cranes, a pendulum, a rocking table; above 3 Hz an oscillation is taken for vibration (sinusoid)'
+    hint = (
+        'ships, cranes, a pendulum, a rocking table; above 3 Hz an oscillation is taken for'
+        ' vibration (sinusoid)'
+    )
     reference = 'Harvey 1989, 2.3.3'
     heals = 'autocorrelation'
     parameters = (Parameter('amplitude', '{rate}', 1e-6, 1e2, amplitude=True, title='amplitude'),
@@ -205,7 +265,11 @@ class Harmonic(Motion):
     def guesses(cls, look):
         """Return the strongest slow lines of the series."""
         slow = [(f, a) for f, a in look.lines if 0.02 <= f <= 3.0][:2]
-        return [cls({'amplitude': a, 'frequency': f, 'tc': tc}) for f, a in slow for tc in (10.0, 1e3, 1e5)]
+        return [
+            cls({'amplitude': a, 'frequency': f, 'tc': tc})
+            for f, a in slow
+            for tc in (10.0, 1e3, 1e5)
+        ]
 
     def block(self, dt):
         """Return an oscillator beside the rate."""
@@ -233,10 +297,18 @@ class RateStep(Motion):
 
     @classmethod
     def guesses(cls, look):
-        """Return steps of two to two hundred times the noise, from twice in a minute to twice a second."""
+        """
+        Return steps of two to two hundred times the noise, from twice in a minute to twice a
+        second.
+
+        """
         if not look.tails:
             return []
-        return [cls({'size': k * np.sqrt(look.r), 'rate': rate}) for k in (2, 6, 20, 60, 200) for rate in (0.03, 0.2, 2.0)]
+        return [
+            cls({'size': k * np.sqrt(look.r), 'rate': rate})
+            for k in (2, 6, 20, 60, 200)
+            for rate in (0.03, 0.2, 2.0)
+        ]
 
     def block(self, dt):
         """Return what a bank of two makes of it: with and without a jump in this interval."""

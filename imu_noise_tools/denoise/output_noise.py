@@ -1,4 +1,8 @@
-"""What adds to the output of a gyroscope, as blocks of the filter; and what an analysed study says of it."""
+"""
+What adds to the output of a gyroscope, as blocks of the filter; and what an analysed study says of
+it.
+
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from .motion import oscillator
+from .statespace import Block, nothing, OutputNoise
 from .. import ar1
 from ..effect import Model, Parameter
 from ..units import DEG
-from .motion import oscillator
-from .statespace import Block, nothing, OutputNoise
 
 STEADY = 1e3            # s that a line keeps its phase where nobody says how long
 LONGEST = 3600.0        # s: a slower wander of the bias cannot be told from rotation
@@ -26,7 +30,9 @@ class White(OutputNoise):
     signature = 'the level of the innovations'
     hint = 'N of an analysed study: R = N^2 rate'
     reference = 'IEEE 952 C.1.1'
-    parameters = (Parameter('R', '{rate}^2', 1e-16, 1e2, amplitude=True, title='variance of a sample'),)
+    parameters = (
+        Parameter('R', '{rate}^2', 1e-16, 1e2, amplitude=True, title='variance of a sample'),
+    )
 
     @classmethod
     def example(cls):
@@ -58,8 +64,13 @@ class NoiseLevel(OutputNoise):
 
     @classmethod
     def guesses(cls, look):
-        """Return what third differences show, over what was stated, and the level of the scores."""
-        return [cls({'factor': float(np.clip(f, 1e-3, 1e3))}) for f in (0.3, 1.5, np.mean(look.u ** 2))]
+        """
+        Return what third differences show, over what was stated, and the level of the scores.
+
+        """
+        return [
+            cls({'factor': float(np.clip(f, 1e-3, 1e3))}) for f in (0.3, 1.5, np.mean(look.u**2))
+        ]
 
     def block(self, dt):
         """Return the factor."""
@@ -77,8 +88,10 @@ class GaussMarkov(OutputNoise):
     hint = "the sensor's own filter, or a drift of bias"
     reference = 'IEEE 952 C.1.5'
     heals = 'autocorrelation'
-    parameters = (Parameter('sigma', '{rate}', 1e-8, 10.0, amplitude=True, title='standard deviation of it'),
-                  Parameter('tc', 's', 1e-3, 1e5, title='correlation time'))
+    parameters = (
+        Parameter('sigma', '{rate}', 1e-8, 10.0, amplitude=True, title='standard deviation of it'),
+        Parameter('tc', 's', 1e-3, 1e5, title='correlation time'),
+    )
     several = True
 
     @classmethod
@@ -90,22 +103,30 @@ class GaussMarkov(OutputNoise):
     def guesses(cls, look):
         """Return colours of a few samples to a tenth of the record."""
         longest = 0.1 * len(look.z) * look.dt
-        return [cls({'sigma': k * np.sqrt(look.r), 'tc': tc}) for tc in np.geomspace(2 * look.dt, longest, 5)
-                for k in (0.1, 0.5, 2.0)]
+        return [
+            cls({'sigma': k * np.sqrt(look.r), 'tc': tc})
+            for tc in np.geomspace(2 * look.dt, longest, 5)
+            for k in (0.1, 0.5, 2.0)
+        ]
 
     def block(self, dt):
         """Return one AR(1) state."""
         sigma, tc = self['sigma'], self['tc']
-        return Block(np.array([[ar1.phi(dt, tc)]]), np.array([[ar1.innovation_variance(sigma, tc, dt)]]), np.ones(1),
-                     np.array([[sigma ** 2]]))
+        return Block(
+            np.array([[ar1.phi(dt, tc)]]),
+            np.array([[ar1.innovation_variance(sigma, tc, dt)]]),
+            np.ones(1),
+            np.array([[sigma**2]]),
+        )
 
 
 class RandomWalk(OutputNoise):
     """
     Rate random walk of the bias, over an hour at most.
 
-    Beyond that it is held to a Gauss-Markov process of the same density with tc = 1 h: from the output alone a bias
-    that wanders without bound is the same as a rotation that does, and the filter would have no steady state.
+    Beyond that it is held to a Gauss-Markov process of the same density with tc = 1 h: from the
+    output alone a bias that wanders without bound is the same as a rotation that does, and the
+    filter would have no steady state.
 
     """
 
@@ -116,7 +137,9 @@ class RandomWalk(OutputNoise):
     signature = 'slow wander at rest'
     hint = 'K of an analysed study'
     reference = 'IEEE 952 C.1.3'
-    parameters = (Parameter('K', '{slope}/sqrt(Hz)', 1e-12, 1.0, amplitude=True, title='coefficient'),)
+    parameters = (
+        Parameter('K', '{slope}/sqrt(Hz)', 1e-12, 1.0, amplitude=True, title='coefficient'),
+    )
 
     @classmethod
     def example(cls):
@@ -136,7 +159,10 @@ class Sinusoid(OutputNoise):
     title = 'vibration line'
     equation = 'v = A cos(2 pi f t + phase)'
     signature = 'a line in the spectrum of the innovations'
-    hint = 'motor, fan, resonance of the mount; below 3 Hz an oscillation is taken for motion (harmonic)'
+    hint = (
+        'motor, fan, resonance of the mount; below 3 Hz an oscillation is taken for motion'
+        ' (harmonic)'
+    )
     reference = 'IEEE 952 C.1.7'
     heals = 'line'
     parameters = (Parameter('amplitude', '{rate}', 1e-8, 1e2, amplitude=True, title='amplitude'),
@@ -154,7 +180,11 @@ class Sinusoid(OutputNoise):
     def guesses(cls, look):
         """Return the strongest fast lines of the series."""
         fast = [(f, a) for f, a in look.lines if 3.0 <= f < 0.49 / look.dt][:2]
-        return [cls({'amplitude': a, 'frequency': f, 'tc': tc}) for f, a in fast for tc in (10.0, 1e3, 1e5)]
+        return [
+            cls({'amplitude': a, 'frequency': f, 'tc': tc})
+            for f, a in fast
+            for tc in (10.0, 1e3, 1e5)
+        ]
 
     def block(self, dt):
         """Return an oscillator."""
@@ -162,7 +192,11 @@ class Sinusoid(OutputNoise):
 
 
 class Outliers(OutputNoise):
-    """Now and then a sample is wrong by much more than the noise: the update weighs every sample by how likely that is."""
+    """
+    Now and then a sample is wrong by much more than the noise: the update weighs every sample by
+    how likely that is.
+
+    """
 
     name = 'outliers'
     symbol = 'o'
@@ -182,23 +216,34 @@ class Outliers(OutputNoise):
 
     @classmethod
     def guesses(cls, look):
-        """Return from one in a thousand to one in twenty, from three to a hundred times the noise."""
+        """
+        Return from one in a thousand to one in twenty, from three to a hundred times the noise.
+
+        """
         if not look.tails:
             return []
-        return [cls({'fraction': p, 'factor': c}) for p in (1e-3, 0.01, 0.05) for c in (10.0, 100.0, 1e3, 1e4)]
+        return [
+            cls({'fraction': p, 'factor': c})
+            for p in (1e-3, 0.01, 0.05)
+            for c in (10.0, 100.0, 1e3, 1e4)
+        ]
 
     def block(self, dt):
         """Return the mixture."""
         return nothing(outliers=(self['fraction'], self['factor']))
 
 
-def flicker_terms(b: float, shortest: float, longest: float, per_decade: int = 1) -> tuple[Model, float]:
+def flicker_terms(
+    b: float, shortest: float, longest: float, per_decade: int = 1
+) -> tuple[Model, float]:
     """
-    Return Gauss-Markov terms that stand for flicker noise of coefficient b, and how far their spectrum is off.
+    Return Gauss-Markov terms that stand for flicker noise of coefficient b, and how far their
+    spectrum is off.
 
-    Flicker, B^2/(2 pi f) two-sided, has no finite state space. Terms of equal variance B^2 ln(ratio)/pi whose tc
-    stand in a fixed ratio from ``shortest`` to ``longest`` (s) have its slope between 1/(2 pi tc) of the two; the
-    error is the largest relative one of the density over that band, less its outermost half decade at either end.
+    Flicker, B^2/(2 pi f) two-sided, has no finite state space. Terms of equal variance B^2
+    ln(ratio)/pi whose tc stand in a fixed ratio from ``shortest`` to ``longest`` (s) have its
+    slope between 1/(2 pi tc) of the two; the error is the largest relative one of the density over
+    that band, less its outermost half decade at either end.
 
     """
     count = max(2, int(round(np.log10(longest / shortest) * per_decade)) + 1)
@@ -210,15 +255,19 @@ def flicker_terms(b: float, shortest: float, longest: float, per_decade: int = 1
     return Model(GaussMarkov({'sigma': sigma, 'tc': c}) for c in tc), error
 
 
-def noise_blocks(values: Mapping[str, Mapping[str, float]], dt: float) -> tuple[Model, tuple[str, ...]]:
+def noise_blocks(
+    values: Mapping[str, Mapping[str, float]], dt: float
+) -> tuple[Model, tuple[str, ...]]:
     """
-    Return the noise part of a filter from the values of an analysed study, and notes on what it leaves out.
+    Return the noise part of a filter from the values of an analysed study, and notes on what it
+    leaves out.
 
     Parameters
     ----------
     values : mapping of label to mapping of parameter to value
-        As in study.yaml, plain numbers in SI: ``{'white': {'N': ...}, 'flicker': {'B': ...}, 'random_walk': {'K': ...},
-        'gauss_markov': {'sigma': ..., 'tc': ...}, 'sinusoid': {'amplitude': ..., 'frequency': ...}}``.
+        As in study.yaml, plain numbers in SI: ``{'white': {'N': ...}, 'flicker': {'B': ...},
+        'random_walk': {'K': ...}, 'gauss_markov': {'sigma': ..., 'tc': ...}, 'sinusoid':
+        {'amplitude': ..., 'frequency': ...}}``.
     dt : float
         Sample interval, s: R = N^2/dt.
 
@@ -233,14 +282,18 @@ def noise_blocks(values: Mapping[str, Mapping[str, float]], dt: float) -> tuple[
         elif name == 'flicker':
             terms, error = flicker_terms(v['B'], 1.0, LONGEST)
             model = model + terms
-            notes.append(f'flicker stands as {len(terms)} Gauss-Markov terms from 1 s to {LONGEST:.0f} s, '
-                         f'density within {100 * error:.0f} %')
+            notes.append(
+                f'flicker stands as {len(terms)} Gauss-Markov terms from 1 s to {LONGEST:.0f} s, '
+                f'density within {100 * error:.0f} %'
+            )
         elif name == 'random_walk':
             model = model + RandomWalk({'K': v['K']})
         elif name == 'gauss_markov':
             model = model + GaussMarkov({'sigma': v['sigma'], 'tc': v['tc']})
         elif name == 'sinusoid' and 3.0 <= v['frequency'] < 0.5 / dt:
-            model = model + Sinusoid({'amplitude': v['amplitude'], 'frequency': v['frequency'], 'tc': STEADY})
+            model = model + Sinusoid(
+                {'amplitude': v['amplitude'], 'frequency': v['frequency'], 'tc': STEADY}
+            )
         else:
             notes.append(f'{label} left out: it has no state space in the filter')
     return model, tuple(notes)

@@ -1,4 +1,8 @@
-"""A model's one-step predictions of one series: log-likelihood and scores; many sets of values at once where it must be."""
+"""
+A model's one-step predictions of one series: log-likelihood and scores; many sets of values at
+once where it must be.
+
+"""
 
 from __future__ import annotations
 
@@ -6,17 +10,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effect import Model
 from . import kalman
-from .imm import Bank, Coefficients, log_density, modes_of
+from .imm import Bank, Coefficients, log_density
+from .modes import modes_of
 from .statespace import state_space
+from ..effect import Model
 
-CHUNK, WARM = 1024, 512      # samples: of a chunk run beside others, and of what it is warmed up on
+CHUNK, WARM = 1024, 512  # samples: of a chunk run beside others, and of what it is warmed up on
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Log-likelihood of the samples after the first ``settle``, and the scores of those, (n - settle,)."""
+    """
+    Log-likelihood of the samples after the first ``settle``, and the scores of those, (n -
+    settle,).
+
+    """
 
     log_likelihood: float
     u: np.ndarray
@@ -41,7 +50,8 @@ def _from_best_start(steady, z, x):
     """
     Return innovations (n,) from the initial state that makes them least: they are linear in it.
 
-    A narrow line's phase is learnt more slowly than any settling time; one least-squares problem finds it at once.
+    A narrow line's phase is learnt more slowly than any settling time; one least-squares problem
+    finds it at once.
 
     """
     d = len(x)
@@ -53,7 +63,10 @@ def _from_best_start(steady, z, x):
 
 
 def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Prediction:
-    """Return the prediction of z (n,) by one model; impossible values predict with likelihood 0."""
+    """
+    Return the prediction of z (n,) by one model; impossible values predict with likelihood 0.
+
+    """
     if jumps(model):
         log_l, u = by_bank([model], z, dt, alpha)
         return Prediction(float(log_l[0]), u[0])
@@ -62,7 +75,8 @@ def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Predi
     steady = kalman.steady_state(space, alpha)
     start = float(np.mean(z[:32]))
     if steady is None:
-        # a rate that nothing drives: over n samples it is one that wanders by less than can be seen
+        # a rate that nothing drives: over n samples it is one that wanders by less than can be
+        # seen
         at = int(np.argmax(space.rate != 0))
         q = space.q.copy()
         q[at, at] += 4 * space.r / len(z) ** 2
@@ -72,14 +86,19 @@ def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Predi
         return Prediction(-np.inf, np.full(len(z) - settle, np.nan))
     x = np.zeros(space.size)
     x[int(np.argmax(space.rate != 0))] = start
-    nu = _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
+    nu = (
+        _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
+    )
     nu = nu[settle:]
     return Prediction(kalman.log_likelihood(nu, steady.s), nu / np.sqrt(steady.s))
 
 
-def by_bank(models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, scores: bool = True):
+def by_bank(
+    models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, scores: bool = True
+):
     """
-    Return (log-likelihoods (k,), scores (k, n - settle)) of k models of one structure, by the recursion.
+    Return (log-likelihoods (k,), scores (k, n - settle)) of k models of one structure, by the
+    recursion.
 
     Chunks of the series run side by side, each warmed up on the samples before it.
 
@@ -99,7 +118,9 @@ def by_bank(models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, s
         at = begin + step
         live = (at >= first) & (at < np.minimum(first + CHUNK, n))
         samples = np.repeat(z[np.minimum(at, n - 1)], k)
-        nu, s, density = bank.step(samples, e if step else None) if step else _first(bank, samples, e)
+        nu, s, density = (
+            bank.step(samples, e if step else None) if step else _first(bank, samples, e)
+        )
         if not live.any():
             continue
         counted = live & (at >= settle)

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from . import motion as _motion, output_noise as _output_noise  # noqa: F401  (their effects register)
 from .design import quiet_variance
 from .evaluate import omnibus, score_of
-from .fitting import estimates, evaluator, maximise, start
+from .fitting import estimates, Likelihood, maximise, start
 from .predict import predict, Prediction
 from .statespace import DOMAIN, Look
 from ..effect import Finding, Fit, Model, registry, Score
@@ -19,31 +18,54 @@ from ..spectrum import cosine_transform
 
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
-NEVER = ('constant_rate', 'white', 'random_walk')      # not candidates: without parameters, always there, not told apart
-MENDED = 0.5            # share of the lost information that may be left by an effect that explains the rest
-SEARCH = {'harmonic': 2.0, 'sinusoid': 2.0, 'outliers': 4.0, 'rate_step': 4.0}     # nats: places where it was looked for
+NEVER = (
+    'constant_rate',
+    'white',
+    'random_walk',
+)  # not candidates: without parameters, always there, not told apart
+MENDED = 0.5  # share of the lost information that may be left by an effect that explains the rest
+SEARCH = {
+    'harmonic': 2.0,
+    'sinusoid': 2.0,
+    'outliers': 4.0,
+    'rate_step': 4.0,
+}  # nats: places where it was looked for
 
 
 class FilterProblem:
     """
     One axis: a series z (n,), evenly spaced by dt (s).
 
-    ``stated`` holds the values of effects (by label) that are given rather than fitted: the model whose innovations
-    are judged. The first half is fitted, the second scored.
+    ``stated`` holds the values of effects (by label) that are given rather than fitted: the model
+    whose innovations are judged. The first half is fitted, the second scored.
 
     """
 
     domain = DOMAIN
 
-    def __init__(self, z: np.ndarray, dt: float, target: str = 'gyro_x', stated: Mapping | None = None, alpha: float = 1.0,
-                 whole: FilterProblem | None = None):
-        self.z, self.dt, self.target, self.alpha = np.asarray(z, float), float(dt), target, float(alpha)
+    def __init__(
+        self,
+        z: np.ndarray,
+        dt: float,
+        target: str = 'gyro_x',
+        stated: Mapping | None = None,
+        alpha: float = 1.0,
+        whole: FilterProblem | None = None,
+    ):
+        self.z, self.dt, self.target, self.alpha = (
+            np.asarray(z, float),
+            float(dt),
+            target,
+            float(alpha),
+        )
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
         self._fits: dict[Model, Fit] = {}
         self._seen: dict[Model, Prediction] = {}
         if len(self.z) < 400 and whole is None:
-            raise InputError(f'{len(self.z)} samples are too few to judge a filter', 'give at least 400')
+            raise InputError(
+                f'{len(self.z)} samples are too few to judge a filter', 'give at least 400'
+            )
         if np.ptp(self.z) == 0 and whole is None:
             raise InputError(f'{target} is constant', 'leave it out')
 
@@ -61,7 +83,7 @@ class FilterProblem:
         return self._fits[model]
 
     def _fit(self, model):
-        evaluate = evaluator(self.z, self.dt, self.alpha)
+        evaluate = Likelihood(self.z, self.dt, self.alpha)
         if self.whole is not None:
             begin = self.whole.fit(model).model
         else:
@@ -72,15 +94,25 @@ class FilterProblem:
         if self.whole is None:
             best = self._with_amplitudes(best)
             log_l = float(evaluate([best])[0])
-        found, flags = estimates(best, self.stated, log_l, evaluate) if self.whole is None else ({}, ())
+        found, flags = (
+            estimates(best, self.stated, log_l, evaluate) if self.whole is None else ({}, ())
+        )
         return Fit(best, found, log_l, flags)
 
     def _with_amplitudes(self, model: Model) -> Model:
-        """Return the model with the amplitude of each fitted line read at its frequency; how fast it changes is kept."""
+        """
+        Return the model with the amplitude of each fitted line read at its frequency; how fast it
+        changes is kept.
+
+        """
         for e in model:
             if e.label not in self.stated and 'amplitude' in e.measured:
                 t = np.arange(len(self.z)) * self.dt
-                read = 2 * abs(np.exp(-2j * np.pi * e['frequency'] * t) @ (self.z - np.mean(self.z))) / len(t)
+                read = (
+                    2
+                    * abs(np.exp(-2j * np.pi * e['frequency'] * t) @ (self.z - np.mean(self.z)))
+                    / len(t)
+                )
                 tc = next(p for p in e.parameters if p.name == 'tc')
                 longer = float(np.clip(e['tc'] * (read / e['amplitude']) ** 2, tc.lower, tc.upper))
                 model = model.with_effect(e.with_values(amplitude=read, tc=longer))
@@ -101,11 +133,19 @@ class FilterProblem:
         return omnibus(self.prediction(fit.model).u, self.dt)
 
     def candidates(self, fit: Fit) -> list[Finding]:
-        """Return what could be added: gain of log-likelihood refitted, penalty by BIC and by where it was looked for."""
+        """
+        Return what could be added: gain of log-likelihood refitted, penalty by BIC and by where it
+        was looked for.
+
+        """
         out = []
         n = len(self.z)
         for name, effect in registry(DOMAIN).items():
-            if name in NEVER or not effect.parameters or (name in fit.model and not effect.several):
+            if (
+                name in NEVER
+                or not effect.parameters
+                or (name in fit.model and not effect.several)
+            ):
                 continue
             if name == 'noise_level' and 'white' not in self.stated:
                 continue
@@ -120,17 +160,32 @@ class FilterProblem:
             penalty = 0.5 * len(effect.parameters) * np.log(n) + SEARCH.get(name, 0.0) + 2.0
             heals = effect.heals
             if gain > penalty and self._lost(after) < MENDED * self._lost(fit):
-                heals = ''                             # most is explained: what is left is another effect's
-            out.append(Finding(name, float(gain), new, after.estimates.get(new.label, {}), float(penalty), heals,
-                               f'{effect.signature} (log-likelihood {gain:+.1f}, chance {penalty:.1f})'))
+                heals = ''  # most is explained: what is left is another effect's
+            out.append(
+                Finding(
+                    name,
+                    float(gain),
+                    new,
+                    after.estimates.get(new.label, {}),
+                    float(penalty),
+                    heals,
+                    f'{effect.signature} (log-likelihood {gain:+.1f}, chance {penalty:.1f})',
+                )
+            )
         return sorted(out, key=lambda f: f.penalty - f.gain)
 
     def _lost(self, fit: Fit) -> float:
         """Return the deviance from what a true model would score."""
-        return sum(v.excess * len(v.pull) for v in score_of(self.prediction(fit.model).u, self.dt).views.values())
+        return sum(
+            v.excess * len(v.pull)
+            for v in score_of(self.prediction(fit.model).u, self.dt).views.values()
+        )
 
     def summary(self, fit: Fit) -> dict[str, float]:
-        """Return the information lost per sample, nats, on the second half by the fit of the first."""
+        """
+        Return the information lost per sample, nats, on the second half by the fit of the first.
+
+        """
         first, second = self.split()[0]
         bare = Model(type(e)({}, e.label) for e in fit.model)
         u = second.prediction(first.fit(bare).model).u
@@ -145,9 +200,13 @@ class FilterProblem:
         if verdict == 'complete':
             return 'innovations are white and of the right size: nothing is missing'
         if verdict == 'unknown':
-            return 'something fails that no known effect explains: ' + '; '.join(f.evidence for f in failed[:2])
+            return 'something fails that no known effect explains: ' + '; '.join(
+                f.evidence for f in failed[:2]
+            )
         names = ' or '.join(f.name for f in ranked[:2])
-        return f'{names}: record longer, at rest and in the motion in question apart from each other'
+        return (
+            f'{names}: record longer, at rest and in the motion in question apart from each other'
+        )
 
     def look(self) -> Look:
         """Return a first look at the series, for starting values."""
@@ -159,7 +218,11 @@ class FilterProblem:
 
 
 def _lines(z: np.ndarray, dt: float, most: int = 3) -> np.ndarray:
-    """Return (frequency, amplitude) of the strongest slow lines, then of the fast ones that stand out most."""
+    """
+    Return (frequency, amplitude) of the strongest slow lines, then of the fast ones that stand out
+    most.
+
+    """
     n = len(z)
     c2 = cosine_transform(z) ** 2
     f = np.arange(n) / (2 * n * dt)
@@ -189,14 +252,21 @@ def _line_near(z, f, dt):
     width = 1 / (n * dt)
     grid = np.clip(f + width * np.linspace(-0.75, 0.75, 7), 0.25 * width, None)
     near = grid[int(np.argmax([abs(wave(x)) for x in grid]))]
-    found = minimize_scalar(lambda x: -abs(wave(x)), bounds=(max(near - width / 4, 0.2 * width), near + width / 4),
-                            method='bounded', options={'maxiter': 12})
+    found = minimize_scalar(
+        lambda x: -abs(wave(x)),
+        bounds=(max(near - width / 4, 0.2 * width), near + width / 4),
+        method='bounded',
+        options={'maxiter': 12},
+    )
     return float(found.x), 2 * abs(wave(found.x)) / n
 
 
-def problem_of(t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: float = 1.0) -> FilterProblem:
+def problem_of(
+    t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: float = 1.0
+) -> FilterProblem:
     """
-    Return the problem of one axis of a record: its longest stretch without a gap, at most the first 2 x 16384 samples.
+    Return the problem of one axis of a record: its longest stretch without a gap, at most the
+    first 2 x 16384 samples.
 
     """
     good = np.isfinite(z) & np.isfinite(t)
@@ -204,7 +274,9 @@ def problem_of(t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: fl
     dt = np.diff(t)
     usual = float(np.median(dt[dt > 0])) if np.any(dt > 0) else 0.0
     if not usual:
-        raise InputError('the stamps never advance', 'state the rate and give stamps, or use the receive times')
+        raise InputError(
+            'the stamps never advance', 'state the rate and give stamps, or use the receive times'
+        )
     cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt > 1.9 * usual)) + 1, [len(t)]])
     longest = int(np.argmax(np.diff(cut)))
     z = z[cut[longest]:cut[longest + 1]]
@@ -232,7 +304,11 @@ def arrays_of(found: Mapping[str, FilterProblem]) -> dict[str, np.ndarray]:
     """Return the arrays of evidence.npz, which :func:`problems` reads back."""
     out = {'targets': np.array(list(found))}
     for target, p in found.items():
-        pairs = [(f'{label}:{k}', v) for label, values in p.stated.items() for k, v in (values or {'': 0.0}).items()]
+        pairs = [
+            (f'{label}:{k}', v)
+            for label, values in p.stated.items()
+            for k, v in (values or {'': 0.0}).items()
+        ]
         out[f'{target}.z'] = p.z
         out[f'{target}.settings'] = np.array([p.dt, p.alpha])
         out[f'{target}.stated_names'] = np.array([k for k, _ in pairs], dtype=str)

@@ -1,4 +1,7 @@
-"""A recorded bag through the filter, as fast as arrays go: the same rules, and numbers, as live."""
+"""
+A recorded bag through the filter, as fast as arrays go: the same rules, and numbers, as live.
+
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ from ..errors import InputError
 
 WARM_UP = 60.0         # s that a chunk starts ahead, for the bank to forget how it was started
 LANES = 200            # chunks at once: more would spend their time on warming up, fewer on Python
-IRREGULAR = 0.002      # share of odd intervals above which the steady state is left for the bank's recursion
+IRREGULAR = (
+    0.002  # share of odd intervals above which the steady state is left for the bank's recursion
+)
 
 
 @dataclass(frozen=True)
@@ -23,8 +28,10 @@ class Filtered:
     """
     A filtered record; arrays (n, axes) unless said otherwise.
 
-    ``rate`` and its ``variance``; ``score`` the normalised innovations (standard normal if the model is right);
-    ``used`` (n,) False where a sample was refused (not finite) and rate is NaN; ``counts`` of what was met.
+    ``rate`` and its ``variance``; ``score`` the normalised innovations (standard normal if the
+    model is right);
+    ``used`` (n,) False where a sample was refused (not finite) and rate is NaN; ``counts`` of what
+    was met.
 
     """
 
@@ -37,7 +44,9 @@ class Filtered:
     counts: dict = field(default_factory=dict)
 
 
-def filter_record(t: np.ndarray, z: np.ndarray, design: Design, rate_hz: float | None = None, progress=None) -> Filtered:
+def filter_record(
+    t: np.ndarray, z: np.ndarray, design: Design, rate_hz: float | None = None, progress=None
+) -> Filtered:
     """
     Filter samples z (n, axes) at stamps t (s) in the order in which they came.
 
@@ -57,29 +66,45 @@ def filter_record(t: np.ndarray, z: np.ndarray, design: Design, rate_hz: float |
     t, z = np.asarray(t, float), np.asarray(z, float)
     finite = np.isfinite(z).all(axis=1) & np.isfinite(t)
     if finite.sum() < 10:
-        raise InputError(f'{int(finite.sum())} finite samples are too few to filter', 'give a longer recording')
+        raise InputError(
+            f'{int(finite.sum())} finite samples are too few to filter', 'give a longer recording'
+        )
     kept_t, kept = t[finite], z[finite]
     rate_hz = rate_hz or usual_rate(kept_t)
     if not rate_hz:
-        raise InputError('the stamps never advance', 'state the rate and give stamps, or use the receive times')
+        raise InputError(
+            'the stamps never advance', 'state the rate and give stamps, or use the receive times'
+        )
     clock = Clock.of(rate_hz)
     if design.unknown_r:
         design = design.with_r(quiet_variance(kept))
     keys = np.concatenate([[RESTART], clock.keys(np.diff(kept_t))])
-    twice = np.concatenate([[False], (keys[1:] == DUPLICATE) & (kept[1:] == kept[:-1]).all(axis=1)])
-    counts = {'samples': len(t), 'refused': int((~finite).sum()), 'duplicates': int((keys == DUPLICATE).sum()),
-              'restarts': int((keys == RESTART).sum()) - 1}
+    twice = np.concatenate(
+        [[False], (keys[1:] == DUPLICATE) & (kept[1:] == kept[:-1]).all(axis=1)]
+    )
+    counts = {
+        'samples': len(t),
+        'refused': int((~finite).sum()),
+        'duplicates': int((keys == DUPLICATE).sum()),
+        'restarts': int((keys == RESTART).sum()) - 1,
+    }
     work, todo = kept[~twice], keys[~twice]
     odd = np.count_nonzero((todo != 0) & (todo != RESTART))
     starts = np.count_nonzero(todo == RESTART)
     straight = design.linear and odd <= IRREGULAR * len(todo) and starts <= 1 + 1e-4 * len(todo)
-    steady = [kalman.steady_state(state_space(m, clock.interval), design.alpha) for m in design.models()] \
-        if straight else [None]
+    steady = (
+        [
+            kalman.steady_state(state_space(m, clock.interval), design.alpha)
+            for m in design.models()
+        ]
+        if straight
+        else [None]
+    )
     if all(steady):
         parts = _by_steady_state(work, todo, design, clock, steady)
     else:
         parts = _by_chunks(work, todo, design, clock, progress)
-    back = np.cumsum(~twice) - 1                       # a copy of a message gets its original's answer
+    back = np.cumsum(~twice) - 1  # a copy of a message gets its original's answer
     out = []
     for part in parts:
         whole = np.full(z.shape, np.nan)
@@ -92,7 +117,9 @@ def _by_steady_state(z, keys, design, clock, steady):
     """Filter by recursion until it settles, then at constant gain, up to the next odd interval."""
     rate, variance, score = np.empty_like(z), np.empty_like(z), np.empty_like(z)
     for axis, (model, end) in enumerate(zip(design.models(), steady)):
-        spaces = {k: state_space(model, clock.span(k)) for k in np.unique(keys[keys != RESTART]).tolist()}
+        spaces = {
+            k: state_space(model, clock.span(k)) for k in np.unique(keys[keys != RESTART]).tolist()
+        }
         spaces.setdefault(0, state_space(model, clock.interval))
         x = p = None
         for begin, stop in _stretches(keys):
@@ -101,7 +128,9 @@ def _by_steady_state(z, keys, design, clock, steady):
             if keys[begin] == RESTART:
                 x, p = np.zeros(first.size), first.p0
             else:
-                x, p = kalman.predict(first, x, p, design.alpha if keys[begin] != DUPLICATE else 1.0)
+                x, p = kalman.predict(
+                    first, x, p, design.alpha if keys[begin] != DUPLICATE else 1.0
+                )
             got = kalman.resume(spaces[0], series, x, p, design.alpha, end)
             rate[begin:stop, axis], variance[begin:stop, axis] = got.rate, got.variance
             score[begin:stop, axis] = got.innovations / np.sqrt(got.s)
@@ -165,4 +194,3 @@ def _by_chunks(z, keys, design, clock, progress):
         if progress and k % 1000 == 0:
             progress(k / steps)
     return rate, variance, score
-

@@ -1,4 +1,8 @@
-"""What stamps say of a stream: intervals, duplicates, gaps, jumps backward; the same rules live and recorded."""
+"""
+What stamps say of a stream: intervals, duplicates, gaps, jumps backward; the same rules live and
+recorded.
+
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-GRID = 0.05            # intervals are rounded to steps of 5 % from the nominal one: jitter is the clock's, not motion
+GRID = 0.05            # intervals are rounded to steps of 5 %: jitter is the clock's, not motion
 DUPLICATE = -10 ** 6   # the key of an interval of zero
 RESTART = 10 ** 6      # the key of a sample that nothing is known before
 
@@ -25,15 +29,24 @@ class Clock:
 
     @classmethod
     def of(cls, rate_hz: float) -> Clock:
-        """Return the rules for a rate: a gap is a second, or ten intervals where that is longer."""
+        """
+        Return the rules for a rate: a gap is a second, or ten intervals where that is longer.
+
+        """
         return cls(1 / rate_hz, max(1.0, 10 / rate_hz))
 
     def keys(self, dt: np.ndarray) -> np.ndarray:
-        """Return for intervals dt (s) which step of the grid they are, DUPLICATE (0) or RESTART (a gap, backward)."""
+        """
+        Return for intervals dt (s) which step of the grid they are, DUPLICATE (0) or RESTART (a
+        gap, backward).
+
+        """
         dt = np.asarray(dt, float)
         with np.errstate(divide='ignore', invalid='ignore'):
             k = np.round(np.log(np.maximum(dt, 1e-9) / self.interval) / GRID)
-        return np.where((dt < 0) | (dt > self.gap), RESTART, np.where(dt == 0, DUPLICATE, k)).astype(np.int64)
+        return np.where(
+            (dt < 0) | (dt > self.gap), RESTART, np.where(dt == 0, DUPLICATE, k)
+        ).astype(np.int64)
 
     def key(self, dt: float) -> int:
         """Return the key of one interval."""
@@ -49,7 +62,11 @@ class Clock:
 
 
 def usual_rate(t: np.ndarray) -> float | None:
-    """Return the usual rate, Hz, of stamps t (s): one over the median positive interval; None where there is none."""
+    """
+    Return the usual rate, Hz, of stamps t (s): one over the median positive interval; None where
+    there is none.
+
+    """
     dt = np.diff(t)
     dt = dt[dt > 0]
     return float(1 / np.median(dt)) if dt.size else None

@@ -1,9 +1,11 @@
 """
-Blocks of a linear state space that add: x_k = Phi x_{k-1} + w_k, z_k = H x_k + v_k, cov w = Q, var v = R.
+Blocks of a linear state space that add: x_k = Phi x_{k-1} + w_k, z_k = H x_k + v_k, cov w = Q, var
+v = R.
 
-Blocks stand side by side on the diagonal. The one exception: motions that *integrate* (their first state is the
-rate, driven by the rest) share that first state. Side by side, each would bring an integrator of its own; of
-parallel integrators only the sum can be seen, and the filter's covariance would grow without end in what cannot.
+Blocks stand side by side on the diagonal. The one exception: motions that *integrate* (their first
+state is the rate, driven by the rest) share that first state. Side by side, each would bring an
+integrator of its own; of parallel integrators only the sum can be seen, and the filter's
+covariance would grow without end in what cannot.
 
 """
 
@@ -23,11 +25,12 @@ DOMAIN = 'filter'
 @dataclass(frozen=True)
 class Block:
     """
-    One effect's part: ``phi`` and ``q`` (d, d), ``h`` (d,), ``p0`` (d, d) the covariance it starts with.
+    One effect's part: ``phi`` and ``q`` (d, d), ``h`` (d,), ``p0`` (d, d) the covariance it starts
+    with.
 
-    ``r`` is variance added to the measurement, ``r_factor`` multiplies what all blocks add. ``integrates``: the first
-    state is the rate itself, to be shared. ``outliers`` is (fraction, variance factor), ``step`` (probability,
-    variance) of a jump of the rate within one interval.
+    ``r`` is variance added to the measurement, ``r_factor`` multiplies what all blocks add.
+    ``integrates``: the first state is the rate itself, to be shared. ``outliers`` is (fraction,
+    variance factor), ``step`` (probability, variance) of a jump of the rate within one interval.
 
     """
 
@@ -47,8 +50,8 @@ class StateSpace:
     """
     The sum of blocks over one interval dt.
 
-    ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion; ``r`` the variance
-    of the white part; ``outliers`` and ``step`` as in :class:`Block`.
+    ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion;
+    ``r`` the variance of the white part; ``outliers`` and ``step`` as in :class:`Block`.
 
     """
 
@@ -71,10 +74,12 @@ class StateSpace:
 @dataclass(frozen=True)
 class Look:
     """
-    What a first look at a series shows, for starting values; ``z`` (n,) at ``dt`` s, ``u`` its scores so far.
+    What a first look at a series shows, for starting values; ``z`` (n,) at ``dt`` s, ``u`` its
+    scores so far.
 
-    ``r`` is the variance of its white noise, ``lines`` (k, 2) frequency and amplitude of what stands out of the
-    spectrum, the strongest first; ``tails`` tells whether single scores are far larger than chance.
+    ``r`` is the variance of its white noise, ``lines`` (k, 2) frequency and amplitude of what
+    stands out of the spectrum, the strongest first; ``tails`` tells whether single scores are far
+    larger than chance.
 
     """
 
@@ -91,14 +96,20 @@ class FilterEffect(Effect):
 
     domain: ClassVar[str] = DOMAIN
     kind: ClassVar[str] = ''               # motion drives the rate, noise adds to the output
-    heals: ClassVar[str] = ''              # the test of evaluate.omnibus that it must mend to be believed
-    measured: ClassVar[tuple[str, ...]] = ()   # parameters read from the samples, not from the likelihood
-    after: ClassVar[str] = ''              # it is a candidate only where this is in the model already
+    heals: ClassVar[str] = ''  # the test of evaluate.omnibus that it must mend to be believed
+    measured: ClassVar[
+        tuple[str, ...]
+    ] = ()  # parameters read from the samples, not from the likelihood
+    after: ClassVar[str] = ''  # it is a candidate only where this is in the model already
     views: ClassVar[tuple[str, ...]] = ()  # an effect of the filter is judged by all views
 
     @classmethod
     def guesses(cls, look: Look) -> list[Effect]:
-        """Return where a fit may start; none: the effect does not apply to these data. By default the typical one."""
+        """
+        Return where a fit may start; none: the effect does not apply to these data. By default the
+        typical one.
+
+        """
         return [cls.example()]
 
     def block(self, dt: float) -> Block:
@@ -147,20 +158,35 @@ def state_space(model: Model, dt: float) -> StateSpace:
         raise UsageError('the model has no motion', 'add constant_rate or another motion')
     r = sum(b.r for b in noises) * float(np.prod([b.r_factor for b in noises]))
     if not r > 0:
-        raise UsageError('the model has no white noise', 'add white: without it every sample is exact')
+        raise UsageError(
+            'the model has no white noise', 'add white: without it every sample is exact'
+        )
     parts = ([_share(sharing)] if sharing else []) + own
     if not any(b.h.size for b in parts):
-        raise UsageError('no motion of the model has a state', 'add constant_rate or another motion')
+        raise UsageError(
+            'no motion of the model has a state', 'add constant_rate or another motion'
+        )
     everything = parts + noises
     rate = np.concatenate([*(b.h for b in parts), *(0 * b.h for b in noises)])
-    return StateSpace(_diagonal([b.phi for b in everything]), _diagonal([b.q for b in everything]),
-                      np.concatenate([b.h for b in everything]), rate, r, _diagonal([b.p0 for b in everything]), dt,
-                      next((b.outliers for _, b in blocks if b.outliers), None),
-                      next((b.step for _, b in blocks if b.step), None))
+    return StateSpace(
+        _diagonal([b.phi for b in everything]),
+        _diagonal([b.q for b in everything]),
+        np.concatenate([b.h for b in everything]),
+        rate,
+        r,
+        _diagonal([b.p0 for b in everything]),
+        dt,
+        next((b.outliers for _, b in blocks if b.outliers), None),
+        next((b.step for _, b in blocks if b.step), None),
+    )
 
 
 def _share(blocks: list[Block]) -> Block:
-    """Return the blocks with their integrators, states 0, made one: rows, columns and covariances add."""
+    """
+    Return the blocks with their integrators, states 0, made one: rows, columns and covariances
+    add.
+
+    """
     d = 1 + sum(len(b.h) - 1 for b in blocks)
     phi, q, p0 = np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, d))
     at = 1

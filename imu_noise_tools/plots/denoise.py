@@ -1,12 +1,16 @@
-"""Pictures of a filter: before and after against the truth, innovations, the autoregression of a record at rest."""
+"""
+Pictures of a filter: before and after against the truth, innovations, the autoregression of a
+record at rest.
+
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .style import dress, EFFECTS, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, SMALL
 from ..denoise.evaluate import autocorrelation, distribution_view, spectrum_view
 from ..units import DEG
-from .style import dress, EFFECTS, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, SMALL
 
 POINTS = 4000           # drawn of a series at most
 
@@ -23,12 +27,25 @@ def before_after(ax, t, raw, filtered, truth=None, variance=None, title: str = '
     ax.plot(t[some], raw[some] / DEG, color=FAINT, linewidth=0.5, alpha=0.7, label='raw')
     if variance is not None:
         half = 1.96 * np.sqrt(variance[some])
-        ax.fill_between(t[some], (filtered[some] - half) / DEG, (filtered[some] + half) / DEG, color=MODEL, alpha=0.25,
-                        linewidth=0)
+        ax.fill_between(
+            t[some],
+            (filtered[some] - half) / DEG,
+            (filtered[some] + half) / DEG,
+            color=MODEL,
+            alpha=0.25,
+            linewidth=0,
+        )
     if truth is not None:
         ax.plot(t[some], truth[some] / DEG, color=GOOD, linewidth=1.4, label='true')
     ax.plot(t[some], filtered[some] / DEG, color=MODEL, linewidth=1.0, label='filtered')
-    ax.legend(fontsize=SMALL, frameon=False, loc='lower right', bbox_to_anchor=(1, 1), ncols=3, borderpad=0)
+    ax.legend(
+        fontsize=SMALL,
+        frameon=False,
+        loc='lower right',
+        bbox_to_anchor=(1, 1),
+        ncols=3,
+        borderpad=0,
+    )
     return ax
 
 
@@ -38,19 +55,38 @@ def error_before_after(ax, t, raw, filtered, title: str = ''):
     some = slice(None, None, max(1, len(t) // POINTS))
     ax.plot(t[some], raw[some] / DEG, color=FAINT, linewidth=0.5, alpha=0.7,
             label=f'before: std {np.std(raw) / DEG:.3g}')
-    ax.plot(t[some], filtered[some] / DEG, color=MODEL, linewidth=1.0, label=f'after: std {np.std(filtered) / DEG:.3g}')
-    ax.legend(fontsize=SMALL, frameon=False, loc='lower right', bbox_to_anchor=(1, 1), ncols=2, borderpad=0)
+    ax.plot(
+        t[some],
+        filtered[some] / DEG,
+        color=MODEL,
+        linewidth=1.0,
+        label=f'after: std {np.std(filtered) / DEG:.3g}',
+    )
+    ax.legend(
+        fontsize=SMALL,
+        frameon=False,
+        loc='lower right',
+        bbox_to_anchor=(1, 1),
+        ncols=2,
+        borderpad=0,
+    )
     return ax
 
 
 def error_by_filter(ax, names, errors, raw: float, title: str = ''):
-    """Draw the rms error of filters side by side on a log scale, deg/s, and that of no filter as a line."""
+    """
+    Draw the rms error of filters side by side on a log scale, deg/s, and that of no filter as a
+    line.
+
+    """
     dress(ax, title, '', 'rms error, °/s')
     errors = np.asarray(errors, float)
     top, low = 2.2 * max(errors.max(), raw), 0.6 * min(errors.min(), raw)
     log_scale(ax.yaxis, low, top)
     x = np.arange(len(names))
-    ax.bar(x, errors - low, bottom=low, width=0.6, color=[MODEL if e > raw else GOOD for e in errors])
+    ax.bar(
+        x, errors - low, bottom=low, width=0.6, color=[MODEL if e > raw else GOOD for e in errors]
+    )
     ax.axhline(raw, color=MEASURED, linewidth=1.0, linestyle='--')
     ax.text(len(names) - 0.55, raw * 1.05, 'no filter', fontsize=SMALL, color=MEASURED, ha='right')
     for i, e in enumerate(errors):
@@ -62,13 +98,25 @@ def error_by_filter(ax, names, errors, raw: float, title: str = ''):
 
 
 def error_by_amplitude(ax, amplitude, series, title: str = ''):
-    """Draw error (deg/s) against amplitude of rocking (deg), one line for each name of ``series``, both logarithmic."""
+    """
+    Draw error (deg/s) against amplitude of rocking (deg), one line for each name of ``series``,
+    both logarithmic.
+
+    """
     dress(ax, title, 'amplitude of rocking, °', 'rms error, °/s')
     every = np.concatenate([np.asarray(v) for v in series.values()])
     log_scale(ax.xaxis, 0.8 * min(amplitude), 1.25 * max(amplitude))
     log_scale(ax.yaxis, 0.7 * every.min(), 1.5 * every.max())
     for i, (name, v) in enumerate(series.items()):
-        ax.plot(amplitude, v, 'o-', color=EFFECTS[i % len(EFFECTS)], linewidth=1.3, markersize=4, label=name)
+        ax.plot(
+            amplitude,
+            v,
+            'o-',
+            color=EFFECTS[i % len(EFFECTS)],
+            linewidth=1.3,
+            markersize=4,
+            label=name,
+        )
     ax.legend(fontsize=SMALL, frameon=False, loc='upper left')
     return ax
 
@@ -79,15 +127,27 @@ def correlation(ax, z, lags: int = 40, title: str = ''):
     r = autocorrelation(z, lags)
     limit = 1.96 / np.sqrt(len(z))
     ax.axhspan(-limit, limit, color=GOOD, alpha=0.15, linewidth=0)
-    ax.vlines(np.arange(1, lags + 1), 0, r[1:], color=np.where(np.abs(r[1:]) > limit, MODEL, MEASURED), linewidth=1.5)
+    ax.vlines(
+        np.arange(1, lags + 1),
+        0,
+        r[1:],
+        color=np.where(np.abs(r[1:]) > limit, MODEL, MEASURED),
+        linewidth=1.5,
+    )
     ax.axhline(0, color=FAINT, linewidth=0.8)
     ax.set_xlim(0, lags + 1)
     return ax
 
 
 def innovations(figure, u, dt: float, title: str = ''):
-    """Draw scores u (n,) in time, their spectrum, distribution and autocorrelation: all flat if the model is right."""
-    grid = figure.add_gridspec(2, 2, left=0.08, right=0.98, top=0.9, bottom=0.1, hspace=0.5, wspace=0.24)
+    """
+    Draw scores u (n,) in time, their spectrum, distribution and autocorrelation: all flat if the
+    model is right.
+
+    """
+    grid = figure.add_gridspec(
+        2, 2, left=0.08, right=0.98, top=0.9, bottom=0.1, hspace=0.5, wspace=0.24
+    )
     if title:
         figure.suptitle(title, fontsize=11, fontweight='bold', x=0.01, ha='left')
     ax = dress(figure.add_subplot(grid[0, 0]), 'innovations', 'time, s', 'sigma')
@@ -95,11 +155,18 @@ def innovations(figure, u, dt: float, title: str = ''):
     ax.plot((np.arange(len(u)) * dt)[some], u[some], '.', markersize=1.5, color=MEASURED)
     ax.axhspan(-1.96, 1.96, color=GOOD, alpha=0.15, linewidth=0)
     view = spectrum_view(u, dt)
-    ax = dress(figure.add_subplot(grid[0, 1]), 'spectrum: pull from flat', 'frequency, Hz', 'sigma')
+    ax = dress(
+        figure.add_subplot(grid[0, 1]), 'spectrum: pull from flat', 'frequency, Hz', 'sigma'
+    )
     log_scale(ax.xaxis, view.x[0], view.x[-1])
     _pulls(ax, view.x, view.pull)
     view = distribution_view(u)
-    ax = dress(figure.add_subplot(grid[1, 0]), 'distribution: pull from normal', 'sigma of the innovation', 'sigma')
+    ax = dress(
+        figure.add_subplot(grid[1, 0]),
+        'distribution: pull from normal',
+        'sigma of the innovation',
+        'sigma',
+    )
     _pulls(ax, view.x, view.pull)
     correlation(figure.add_subplot(grid[1, 1]), u, title='autocorrelation')
     return figure

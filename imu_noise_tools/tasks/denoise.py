@@ -1,4 +1,8 @@
-"""Filter a recorded bag: what a command and a script both call; and what an analysed study says of the noise."""
+"""
+Filter a recorded bag: what a command and a script both call; and what an analysed study says of
+the noise.
+
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from ..denoise.design import aligned, AUTO, Design, design
 from ..denoise.evaluate import Innovations
 from ..denoise.output_noise import noise_blocks
 from ..denoise.problem import problem_of, START
-from ..denoise.recorded import Filtered, filter_record
+from ..denoise.recorded import filter_record, Filtered
 from ..denoise.statespace import DOMAIN
 from ..effect import find_effect, Model, model_of
 from ..errors import InputError, UsageError
@@ -22,8 +26,10 @@ from ..study import Study
 
 TOPIC = 'imu/data_filtered'
 AXES = ('gyro_x', 'gyro_y', 'gyro_z')
-CORRELATED = ('the error of the filtered rate is correlated in time: give an estimator (a navigation filter, visual-inertial '
-              'odometry) the raw rate')
+CORRELATED = (
+    'the error of the filtered rate is correlated in time: give an estimator (a navigation filter,'
+    ' visual-inertial odometry) the raw rate'
+)
 BIAS = 'a constant bias stays: a gyroscope alone cannot tell it from rotation'
 Progress = Callable[[float | None, str], None]
 
@@ -33,8 +39,9 @@ class Done:
     """
     What filtering a bag gave.
 
-    ``bag`` and ``folder`` (of the study; None where the record is too short for one) are what was written; ``figures``
-    are the innovations' of each axis under the filter that was run; ``notes`` say what was left out or is doubtful.
+    ``bag`` and ``folder`` (of the study; None where the record is too short for one) are what was
+    written; ``figures`` are the innovations' of each axis under the filter that was run; ``notes``
+    say what was left out or is doubtful.
 
     """
 
@@ -47,34 +54,68 @@ class Done:
 
     def as_dict(self) -> dict:
         """Return the result as plain data."""
-        return store.plain({
-            'bag': str(self.bag), 'study': None if self.folder is None else str(self.folder), 'topic': TOPIC,
-            **self.filtered.design.names, 'alpha': self.filtered.design.alpha, 'rate_hz': 1 / self.filtered.clock.interval,
-            'counts': self.filtered.counts, 'notes': list(self.notes),
-            'axes': {a: {'nis': f.nis, 'mean': f.mean, 'lag1': f.lag1, 'kurtosis': f.kurtosis, 'samples': f.n,
-                         'sigma_before': float(np.sqrt(m['white']['R'])),
-                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i])))}
-                     for i, (m, (a, f)) in enumerate(zip(self.filtered.design.noise, self.figures.items()))},
-            'targets': {} if self.study is None else store.study_to_dict(self.study)['targets']})
+        return store.plain(
+            {
+                'bag': str(self.bag),
+                'study': None if self.folder is None else str(self.folder),
+                'topic': TOPIC,
+                **self.filtered.design.names,
+                'alpha': self.filtered.design.alpha,
+                'rate_hz': 1 / self.filtered.clock.interval,
+                'counts': self.filtered.counts,
+                'notes': list(self.notes),
+                'axes': {
+                    a: {
+                        'nis': f.nis,
+                        'mean': f.mean,
+                        'lag1': f.lag1,
+                        'kurtosis': f.kurtosis,
+                        'samples': f.n,
+                        'sigma_before': float(np.sqrt(m['white']['R'])),
+                        'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
+                    }
+                    for i, (m, (a, f)) in enumerate(
+                        zip(self.filtered.design.noise, self.figures.items())
+                    )
+                },
+                'targets': (
+                    {} if self.study is None else store.study_to_dict(self.study)['targets']
+                ),
+            }
+        )
 
 
-def denoise(bag, out, *, model=None, motion=AUTO, noise=('white',), alpha: float = 1.0, values: Mapping | None = None,
-            topic: str | None = None, rate_hz: float | None = None, force: bool = False,
-            progress: Progress | None = None) -> Done:
+def denoise(
+    bag,
+    out,
+    *,
+    model=None,
+    motion=AUTO,
+    noise=('white',),
+    alpha: float = 1.0,
+    values: Mapping | None = None,
+    topic: str | None = None,
+    rate_hz: float | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Done:
     """
-    Write a bag that holds all of another one and ``imu/data_filtered`` beside, and a study of the innovations.
+    Write a bag that holds all of another one and ``imu/data_filtered`` beside, and a study of the
+    innovations.
 
-    The study, ``<out>.study``, starts from constant_rate + ar_increment + white, or from the motion and noise named;
-    what is given with ``model`` or ``values`` is stated, the rest fitted.
+    The study, ``<out>.study``, starts from constant_rate + ar_increment + white, or from the
+    motion and noise named; what is given with ``model`` or ``values`` is stated, the rest fitted.
 
     Parameters
     ----------
     bag, out : str or Path
         The bag, and the one to write, of the same kind.
     model : str, Path or None
-        Folder of a study: of noise (then it states the noise) or of a filter (then it states motion and noise).
+        Folder of a study: of noise (then it states the noise) or of a filter (then it states
+        motion and noise).
     motion, noise, alpha, values
-        As :func:`imu_noise_tools.denoise.design.design`; the noise of ``model`` and the noise named add.
+        As :func:`imu_noise_tools.denoise.design.design`; the noise of ``model`` and the noise
+        named add.
     rate_hz : float or None
         Nominal rate; by default that of the stamps.
 
@@ -88,26 +129,53 @@ def denoise(bag, out, *, model=None, motion=AUTO, noise=('white',), alpha: float
     """
     from ..bag import copy_bag
     folder = Path(f'{str(out).rstrip("/")}.study')
-    design(motion, noise, alpha, values)                         # wrong usage is said before anything is read
+    design(motion, noise, alpha, values)  # wrong usage is said before anything is read
     made: dict = {}
 
     def transform(record: ImuRecord):
-        made.update(_filtered(record, model, motion, noise, alpha, values, rate_hz,
-                              None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what)))
+        made.update(
+            _filtered(
+                record,
+                model,
+                motion,
+                noise,
+                alpha,
+                values,
+                rate_hz,
+                None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what),
+            )
+        )
         return made['changed']
 
-    share = None if progress is None else lambda p: progress(0.3 * p / 0.4 if p < 0.4 else 0.7 + 0.3 * (p - 0.4) / 0.6,
-                                                             'reading' if p < 0.4 else 'writing')
+    share = (
+        None
+        if progress is None
+        else lambda p: progress(
+            0.3 * p / 0.4 if p < 0.4 else 0.7 + 0.3 * (p - 0.4) / 0.6,
+            'reading' if p < 0.4 else 'writing',
+        )
+    )
     if not force and folder.exists():
-        raise InputError(f'{folder}: is there already', 'use --force to replace it, or another name')
-    written = copy_bag(bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share)
+        raise InputError(
+            f'{folder}: is there already', 'use --force to replace it, or another name'
+        )
+    written = copy_bag(
+        bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
+    )
     study = made['study']
     if study is not None:
         from .noise import outputs_of
         with files.new_folder(folder, force=force) as new:
             for name, data in outputs_of(study, folder).items():
                 files.atomic_write(Path(new) / name, data)
-    return Done(written, None if study is None else folder, made['filtered'], study, made['figures'], made['notes'])
+    return Done(
+        written,
+        None if study is None else folder,
+        made['filtered'],
+        study,
+        made['figures'],
+        made['notes'],
+    )
 
 
 def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) -> dict:
@@ -123,8 +191,11 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
                          None if progress is None else lambda p: progress(p, 'filtering'))
     c = done.counts
-    for count, what in ((c['refused'], 'not finite: refused'), (c['duplicates'], 'with the stamp of the one before'),
-                        (c['restarts'], 'after a gap or a jump backward: the filter began again')):
+    for count, what in (
+        (c['refused'], 'not finite: refused'),
+        (c['duplicates'], 'with the stamp of the one before'),
+        (c['restarts'], 'after a gap or a jump backward: the filter began again'),
+    ):
         if count:
             notes.append(f'{count} samples {what}')
     gyro = np.where(done.used[:, None], done.rate, record.gyro)
@@ -132,12 +203,21 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
     covariance[:, [0, 4, 8]] = np.where(done.used[:, None], done.variance, 0.0)
     figures = {a: Innovations.of(done.score[:, i]) for i, a in enumerate(AXES)}
     study = _study(record, chosen, motion, stated, values, alpha, notes)
-    return {'changed': Changed(gyro=gyro, gyro_covariance=covariance), 'filtered': done, 'figures': figures, 'study': study,
-            'notes': tuple(dict.fromkeys([*record.warnings, *notes, BIAS, CORRELATED]))}
+    return {
+        'changed': Changed(gyro=gyro, gyro_covariance=covariance),
+        'filtered': done,
+        'figures': figures,
+        'study': study,
+        'notes': tuple(dict.fromkeys([*record.warnings, *notes, BIAS, CORRELATED])),
+    }
 
 
 def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Study | None:
-    """Return the study of the innovations, or None, with a note, where the record is too short or stands still."""
+    """
+    Return the study of the innovations, or None, with a note, where the record is too short or
+    stands still.
+
+    """
     problems, models = {}, {}
     for i, axis in enumerate(AXES):
         given = {**stated.get(axis, {}), **(values or {})}
@@ -149,9 +229,18 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         return None
     names = list(START[:2]) if chosen.motion is None else [e.name for e in chosen.motion[0]]
     models = model_of(DOMAIN, [*names, *(e.name for e in chosen.noise[0])])
-    source = {'path': record.path, 'topic': record.topic, 'samples': record.n, 'rate_hz': record.rate_hz,
-              'duration_s': record.duration_s, 'start': record.start, 'frame_id': record.frame_id, **chosen.names,
-              'alpha': alpha, 'warnings': [*record.warnings, *notes, BIAS, CORRELATED]}
+    source = {
+        'path': record.path,
+        'topic': record.topic,
+        'samples': record.n,
+        'rate_hz': record.rate_hz,
+        'duration_s': record.duration_s,
+        'start': record.start,
+        'frame_id': record.frame_id,
+        **chosen.names,
+        'alpha': alpha,
+        'warnings': [*record.warnings, *notes, BIAS, CORRELATED],
+    }
     return Study.begin(problems, models, source)
 
 
@@ -159,8 +248,9 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     """
     Return (motion, noise, stated values by axis and label, notes) from the folder of a study.
 
-    A noise study states the noise of each axis, as blocks over the interval dt (s); a study of a filter its motion and
-    noise, where the caller names no motion. Effects of ``noise`` that the study has not are added, typical.
+    A noise study states the noise of each axis, as blocks over the interval dt (s); a study of a
+    filter its motion and noise, where the caller names no motion. Effects of ``noise`` that the
+    study has not are added, typical.
 
     Raises
     ------
@@ -170,7 +260,9 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     """
     data = store.read(folder)
     if data['domain'] not in ('noise', DOMAIN):
-        raise InputError(f'{folder}: a study of a {data["domain"]}', 'give one that analyse or filter wrote')
+        raise InputError(
+            f'{folder}: a study of a {data["domain"]}', 'give one that analyse or filter wrote'
+        )
     entries = {a: data['targets'][a] for a in AXES if a in data['targets']}
     if not entries:
         raise InputError(f'{folder}: has no gyroscope axis', 'analyse one')
@@ -178,10 +270,15 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     for axis, entry in entries.items():
         if data['domain'] == 'noise':
             rate = data['source'].get('rate_hz')
-            model, more = noise_blocks({k: _values(e) for k, e in entry['effects'].items()}, dt or 1 / rate)
+            model, more = noise_blocks(
+                {k: _values(e) for k, e in entry['effects'].items()}, dt or 1 / rate
+            )
             notes += [f'{axis}: {m}' for m in more]
         else:
-            model = Model(find_effect(DOMAIN, e['effect'])(_points(e), label) for label, e in entry['effects'].items())
+            model = Model(
+                find_effect(DOMAIN, e['effect'])(_points(e), label)
+                for label, e in entry['effects'].items()
+            )
         found[axis] = model
     some = next(iter(found.values()))
     whole = aligned([found.get(a, some) for a in AXES])
@@ -195,7 +292,10 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     moving = [Model(e for e in m if e.kind == 'motion') for m in whole]
     if data['domain'] == DOMAIN and motion in (AUTO, [AUTO], (AUTO,)):
         motion = moving
-    stated = {a: {e.label: dict(e.values) for e in m if e.fitted and e.parameters} for a, m in zip(AXES, noises)}
+    stated = {
+        a: {e.label: dict(e.values) for e in m if e.fitted and e.parameters}
+        for a, m in zip(AXES, noises)
+    }
     return motion, noises, stated, notes
 
 
@@ -206,5 +306,8 @@ def _values(entry) -> dict:
 
 def _points(entry) -> dict:
     """Return the most likely values of an effect in study.yaml."""
-    return {k: e['value'] if e.get('value') is not None else e.get('point', 0.0) for k, e in entry.items()
-            if isinstance(e, dict)}
+    return {
+        k: e['value'] if e.get('value') is not None else e.get('point', 0.0)
+        for k, e in entry.items()
+        if isinstance(e, dict)
+    }
