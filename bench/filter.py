@@ -1,10 +1,12 @@
 """
-The default filter in one fixed setting: rms errors, delay, real motion against optical attitude, CPU time.
+The default filter in one fixed setting: rms errors, delay, real motion against optical attitude,
+CPU time.
 
     python bench/filter.py [table] [delay] [motion] [speed]      (all by default)
 
-Verdicts on hidden effects: bench/filter_verdicts.py. The data of `motion` are looked for in IMU_NOISE_DATA or
-../shared/data; their licence is CC BY 4.0 (Laidig, Caruso, Cereatti, Seel: BROAD, 2021).
+Verdicts on hidden effects: bench/filter_verdicts.py. The data of `motion` are looked for in
+IMU_NOISE_DATA or ../shared/data; their licence is CC BY 4.0 (Laidig, Caruso, Cereatti, Seel:
+BROAD, 2021).
 
 """
 
@@ -19,10 +21,10 @@ import numpy as np
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from imu_noise_tools.denoise import imm
+from imu_noise_tools.denoise import modes
 from imu_noise_tools.denoise.design import design
 from imu_noise_tools.denoise.evaluate import delay, rms
-from imu_noise_tools.denoise.imm import default_modes
+from imu_noise_tools.denoise.modes import default_modes
 from imu_noise_tools.denoise.recorded import filter_record
 from imu_noise_tools.units import DEG
 
@@ -31,8 +33,20 @@ SIGMA, RATE = 0.6, 100.0
 SEED = ('constant_rate', 'ar_increment')
 KNOWN = {'white': {'R': (SIGMA * DEG) ** 2}, 'ar_increment': {'phi': 0.107, 'q': 4e-4 * DEG ** 2}}
 MOTIONS = ('static', '15', '50', '150', 'mixed')
-REFERENCE = (0.046, 0.206, 0.240, 0.278, 0.305)       # interacting multiple models, as measured when this was designed
-WIENER = (np.nan, 0.182, 0.242, 0.310, np.nan)        # causal, for narrow-band motion of unknown frequency
+REFERENCE = (
+    0.046,
+    0.206,
+    0.240,
+    0.278,
+    0.305,
+)  # interacting multiple models, as measured when this was designed
+WIENER = (
+    np.nan,
+    0.182,
+    0.242,
+    0.310,
+    np.nan,
+)  # causal, for narrow-band motion of unknown frequency
 FIRST_SETTING = {'wander': (1e-5, 3e3), 'acceleration': (1.0, 100.0, 1e4)}
 
 
@@ -40,8 +54,8 @@ def motion(kind: str, n: int, rate: float, seed: int) -> np.ndarray:
     """
     Return n rates, deg/s.
 
-    Rocking by an amplitude in degrees at a period of 10 s; `mixed` is rest, steps, rocking by 150 deg and a sway of
-    60 deg/s at 1 Hz, 20 s each, over and over.
+    Rocking by an amplitude in degrees at a period of 10 s; `mixed` is rest, steps, rocking by 150
+    deg and a sway of 60 deg/s at 1 Hz, 20 s each, over and over.
 
     """
     t = np.arange(n) / rate
@@ -73,7 +87,11 @@ class FirstSetting:
     def __enter__(self):
         """Put it in place."""
         self.default = default_modes.__kwdefaults__, default_modes.__defaults__
-        default_modes.__defaults__ = (imm.SOJOURN, FIRST_SETTING['wander'], FIRST_SETTING['acceleration'])
+        default_modes.__defaults__ = (
+            modes.SOJOURN,
+            FIRST_SETTING['wander'],
+            FIRST_SETTING['acceleration'],
+        )
 
     def __exit__(self, *_):
         """Put the default back."""
@@ -107,14 +125,23 @@ def rows(seconds=140.0, runs=8, skip=10.0):
     z = truth + SIGMA * rng.standard_normal(truth.shape)
 
     def error(y):
-        return np.sqrt(np.mean((y - truth)[head:] ** 2, axis=0).reshape(len(MOTIONS), runs).mean(axis=1))
+        return np.sqrt(
+            np.mean((y - truth)[head:] ** 2, axis=0).reshape(len(MOTIONS), runs).mean(axis=1)
+        )
 
     yield 'raw', error(z)
     yield 'paper', error(run(z, RATE, motion=SEED))
     yield 'paper, alpha 0.7', error(run(z, RATE, motion=SEED, alpha=0.7))
     q = (1e-4, 3.0, 100.0, 1e3, 1e5)
-    with_q = [run(z[:, i * runs:(i + 1) * runs], RATE, motion=('constant_rate', 'angular_acceleration'),
-                  values={**KNOWN, 'angular_acceleration': {'q': v * DEG ** 2}}) for i, v in enumerate(q)]
+    with_q = [
+        run(
+            z[:, i * runs:(i + 1) * runs],
+            RATE,
+            motion=('constant_rate', 'angular_acceleration'),
+            values={**KNOWN, 'angular_acceleration': {'q': v * DEG**2}},
+        )
+        for i, v in enumerate(q)
+    ]
     yield 'acceleration, q by motion', error(np.concatenate(with_q, axis=1))
     with FirstSetting():
         yield 'first setting', error(run(z, RATE))
@@ -128,19 +155,28 @@ def rows(seconds=140.0, runs=8, skip=10.0):
 
 def table():
     """Print the table of rms errors."""
-    print(f'rms error, deg/s; {RATE:g} Hz, white noise of {SIGMA} deg/s; rocking by 15, 50, 150 deg at 10 s')
+    print(
+        f'rms error, deg/s; {RATE:g} Hz, white noise of {SIGMA} deg/s; rocking by 15, 50, 150 deg'
+        ' at 10 s'
+    )
     print(f'  {"filter":>28s}' + ''.join(f'{k:>9s}' for k in MOTIONS))
     for name, values in (('(design: bank)', REFERENCE), ('(design: causal Wiener)', WIENER)):
         print(f'  {name:>28s}' + ''.join(f'{v:9.3f}' for v in values))
     for name, values in rows():
         print(f'  {name:>28s}' + ''.join(f'{v:9.4f}' for v in values), flush=True)
         if name.startswith('DEFAULT'):
-            print(f'  {"over the design bank":>28s}' + ''.join(f'{v / r:9.3f}' for v, r in zip(values, REFERENCE)))
+            print(
+                f'  {"over the design bank":>28s}'
+                + ''.join(f'{v / r:9.3f}' for v, r in zip(values, REFERENCE))
+            )
 
 
 def delays():
     """Print the delay of the default filter for sinusoidal rates, beside a low-pass's."""
-    print('\ndelay, ms (mean of 24 runs of 60 s, standard error), and gain of a sinusoidal rate; default filter')
+    print(
+        '\ndelay, ms (mean of 24 runs of 60 s, standard error), and gain of a sinusoidal rate;'
+        ' default filter'
+    )
     n = int(80 * RATE)
     t = np.arange(n) / RATE
     head = int(20 * RATE)
@@ -149,17 +185,26 @@ def delays():
             truth = amplitude * np.sin(2 * np.pi * f * t)[:, None] * np.ones(24)
             y = run(truth + SIGMA * np.random.default_rng(3).standard_normal(truth.shape), RATE)
             late = [1e3 * delay(y[head:, i], truth[head:, i], f, 1 / RATE) for i in range(24)]
-            gain = np.mean([y[head:, i] @ truth[head:, i] for i in range(24)]) / (truth[head:, 0] @ truth[head:, 0])
-            print(f'  {amplitude:5g} deg/s at {f:4g} Hz: {np.mean(late):6.2f} +- {np.std(late) / np.sqrt(24):.2f}   '
-                  f'gain {gain:.4f}   rms {rms((y - truth)[head:]).mean():.3f}')
+            gain = np.mean([y[head:, i] @ truth[head:, i] for i in range(24)]) / (
+                truth[head:, 0] @ truth[head:, 0]
+            )
+            print(
+                f'  {amplitude:5g} deg/s at {f:4g} Hz: {np.mean(late):6.2f} +-'
+                f' {np.std(late) / np.sqrt(24):.2f}   gain {gain:.4f}   rms'
+                f' {rms((y - truth)[head:]).mean():.3f}'
+            )
 
 
 def reference_rate(quaternions, rate):
-    """Return the body rate (n, 3), rad/s, of optical attitudes [w x y z], by a local quadratic fit of rotation vectors."""
+    """
+    Return the body rate (n, 3), rad/s, of optical attitudes [w x y z], by a local quadratic fit of
+    rotation vectors.
+
+    """
     good = np.isfinite(quaternions).all(axis=1)
     q = np.where(good[:, None], quaternions, [1.0, 0, 0, 0])
     r = Rotation.from_quat(q[:, [1, 2, 3, 0]])
-    half = 4                                             # over 9 frames, 31 ms: marker noise down, motion up to 10 Hz kept
+    half = 4  # over 9 frames, 31 ms: marker noise down, motion up to 10 Hz kept
     total, weight = np.zeros((len(q), 3)), 0.0
     ok = good.copy()
     for k in range(1, half + 1):
@@ -172,7 +217,11 @@ def reference_rate(quaternions, rate):
 
 
 def aligned(gyro, reference, ok, rate):
-    """Return the reference in the gyroscope's frame and time: rotation, delay (to a hundredth of a sample), and bias."""
+    """
+    Return the reference in the gyroscope's frame and time: rotation, delay (to a hundredth of a
+    sample), and bias.
+
+    """
     best = None
     index = np.arange(len(gyro), dtype=float)
     for shift in np.concatenate([np.arange(-8, 9, 1.0)]):
@@ -197,7 +246,11 @@ def _fit(gyro, reference, ok, index, shift):
 
 
 def attitude_error(rate_estimate, truth, good, rate, seconds=5.0):
-    """Return the rms angle (deg) by which integrated rates and the reference's drift apart over windows."""
+    """
+    Return the rms angle (deg) by which integrated rates and the reference's drift apart over
+    windows.
+
+    """
     size = int(seconds * rate)
     out = []
     for begin in range(0, len(truth) - size, size):
@@ -210,15 +263,20 @@ def attitude_error(rate_estimate, truth, good, rate, seconds=5.0):
 
 def _integral(rates, rate):
     steps = list(Rotation.from_rotvec(rates / rate))
-    while len(steps) > 1:                                # a product tree: fast, and short of rounding
+    while len(steps) > 1:  # a product tree: fast, and short of rounding
         last = [steps[-1]] if len(steps) % 2 else []
-        a, b = Rotation.concatenate(steps[0:len(steps) - len(last):2]), Rotation.concatenate(steps[1:len(steps):2])
+        even = len(steps) - len(last)
+        a, b = (Rotation.concatenate(steps[k:even:2]) for k in (0, 1))
         steps = [*(a * b), *last]
     return steps[0]
 
 
 def measured_delay(y, z, rate):
-    """Return by how many seconds y lags behind z: the shift of least squared difference, all axes, sub-sample."""
+    """
+    Return by how many seconds y lags behind z: the shift of least squared difference, all axes,
+    sub-sample.
+
+    """
     lags = np.arange(-2, 30)
     cost = [np.mean((y[40:-40] - z[40 - k:len(z) - 40 - k]) ** 2) for k in lags]
     k = int(np.clip(np.argmin(cost), 1, len(lags) - 2))
@@ -227,10 +285,20 @@ def measured_delay(y, z, rate):
 
 
 def real_motion():
-    """Print errors against optical attitude, raw beside filtered and low-pass filters of the same delay."""
+    """
+    Print errors against optical attitude, raw beside filtered and low-pass filters of the same
+    delay.
+
+    """
     folder = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data') / 'records'
-    print('\nreal motion against differentiated optical attitude (BROAD); noise as recorded, and with 0.6 deg/s added;')
-    print('"from recorded": rms in motion from the rates as recorded, whose own noise is small: what filtering costs and gains')
+    print(
+        '\nreal motion against differentiated optical attitude (BROAD); noise as recorded, and'
+        ' with 0.6 deg/s added;'
+    )
+    print(
+        '"from recorded": rms in motion from the rates as recorded, whose own noise is small: what'
+        ' filtering costs and gains'
+    )
     if not folder.is_dir():
         print(f'  no recordings at {folder}')
         return
@@ -241,22 +309,38 @@ def real_motion():
             quaternions, moving = data['opt_quat'].astype(float), data['movement'].astype(bool)
         _, shift, truth, good = aligned(gyro, *reference_rate(quaternions, rate), rate)
         print(f'  {path.stem}: {rate:.1f} Hz, reference shifted by {1e3 * shift / rate:.2f} ms')
-        print(f'    {"":26s} {"delay":>8s} {"rms, deg/s":>12s} {"in motion":>10s} {"at rest":>9s} {"attitude, 5 s":>14s} {"from recorded":>14s}')
+        print(
+            f'    {"":26s} {"delay":>8s} {"rms, deg/s":>12s} {"in motion":>10s} {"at rest":>9s}'
+            f' {"attitude, 5 s":>14s} {"from recorded":>14s}'
+        )
         for added in (0.0, SIGMA):
             z = gyro + added * DEG * rng.standard_normal(gyro.shape)
             ours = filter_record(np.arange(len(z)) / rate, z, design(), rate).rate
             late = max(measured_delay(ours, gyro, rate), 2e-4)
-            candidates = {'raw': z, 'default': ours,
-                          'Butterworth 1, same delay': _tuned(lambda c: butterworth(z, rate, c), gyro, rate, late),
-                          'Butterworth 2, same delay': _tuned(lambda c: butterworth(z, rate, c, 2), gyro, rate, late),
-                          'one-euro, same delay': _tuned(lambda c: one_euro(z, rate, c, 1.0), gyro, rate, late)}
+            candidates = {
+                'raw': z,
+                'default': ours,
+                'Butterworth 1, same delay': _tuned(
+                    lambda c: butterworth(z, rate, c), gyro, rate, late
+                ),
+                'Butterworth 2, same delay': _tuned(
+                    lambda c: butterworth(z, rate, c, 2), gyro, rate, late
+                ),
+                'one-euro, same delay': _tuned(
+                    lambda c: one_euro(z, rate, c, 1.0), gyro, rate, late
+                ),
+            }
             for name, y in candidates.items():
                 e = (y - truth) / DEG
-                print(f'    {name + (" +0.6" if added else ""):26s} {1e3 * measured_delay(y, gyro, rate):5.2f} ms '
-                      f'{rms(e[good].ravel()):12.4f} {rms(e[good & moving].ravel()):10.4f} '
-                      f'{rms((e - np.mean(e[good & ~moving], axis=0))[good & ~moving].ravel()):9.4f} '
-                      f'{attitude_error(y, truth, good & moving, rate):10.3f} deg '
-                      f'{rms((y - gyro)[moving].ravel()) / DEG:14.4f}', flush=True)
+                print(
+                    f'    {name + (" +0.6" if added else ""):26s}'
+                    f' {1e3 * measured_delay(y, gyro, rate):5.2f} ms {rms(e[good].ravel()):12.4f}'
+                    f' {rms(e[good & moving].ravel()):10.4f}'
+                    f' {rms((e - e[good & ~moving].mean(axis=0))[good & ~moving].ravel()):9.4f}'
+                    f' {attitude_error(y, truth, good & moving, rate):10.3f} deg'
+                    f' {rms((y - gyro)[moving].ravel()) / DEG:14.4f}',
+                    flush=True,
+                )
 
 
 def _tuned(filtered, reference, rate, late):
@@ -277,8 +361,14 @@ def speed():
     n = 2_160_000
     t = np.arange(n) / 200.0
     z = SIGMA * DEG * np.random.default_rng(1).standard_normal((n, 3))
-    print('\nCPU seconds for 2.16 M messages (3 h, 200 Hz, three axes), reading and writing not counted')
-    for name, settings, limit in (('single model', {'motion': SEED}, 10), ('default bank', {}, 30)):
+    print(
+        '\nCPU seconds for 2.16 M messages (3 h, 200 Hz, three axes), reading and writing not'
+        ' counted'
+    )
+    for name, settings, limit in (
+        ('single model', {'motion': SEED}, 10),
+        ('default bank', {}, 30),
+    ):
         begin = time.process_time()
         filter_record(t, z, design(**settings))
         print(f'  {name}: {time.process_time() - begin:.1f} (limit {limit})', flush=True)
@@ -289,7 +379,10 @@ def speed():
             begin = time.perf_counter()
             engine.step(k * 1e-3, z[k])
             taken.append(time.perf_counter() - begin)
-        print(f'  live, {name}: median {1e6 * np.median(taken):.0f} us, p99 {1e6 * np.percentile(taken, 99):.0f} us a message')
+        print(
+            f'  live, {name}: median {1e6 * np.median(taken):.0f} us, p99'
+            f' {1e6 * np.percentile(taken, 99):.0f} us a message'
+        )
 
 
 def main(names) -> int:

@@ -3,8 +3,9 @@ Hidden effects in the filter's model: how often the innovations name the right o
 
     python bench/filter_verdicts.py [RUNS] [SEED]
 
-The model is stated (constant_rate + ar_increment + white, the ADIS16350's values); the data hold one effect more, at a
-strength of one or more, or none. Data come from recursions in the time domain, not from the filter's own blocks.
+The model is stated (constant_rate + ar_increment + white, the ADIS16350's values); the data hold
+one effect more, at a strength of one or more, or none. Data come from recursions in the time
+domain, not from the filter's own blocks.
 
 """
 
@@ -24,8 +25,12 @@ from imu_noise_tools.units import DEG
 RATE, SECONDS = 100.0, 120.0
 R, Q, PHI = 0.36, 4e-4, 0.107                     # (deg/s)^2
 STATED = {'white': {'R': R * DEG ** 2}, 'ar_increment': {'phi': PHI, 'q': Q * DEG ** 2}}
-# What may be named: in rocking an angular acceleration is there as well as a sway; a manoeuvre is one, limited in time.
-RIGHT = {'harmonic': {'harmonic', 'angular_acceleration'}, 'singer': {'singer', 'angular_acceleration'}}
+# What may be named: in rocking an angular acceleration is there as well as a sway; a manoeuvre is
+# one, limited in time.
+RIGHT = {
+    'harmonic': {'harmonic', 'angular_acceleration'},
+    'singer': {'singer', 'angular_acceleration'},
+}
 
 
 def hidden(kind: str, rng, n: int) -> np.ndarray:
@@ -43,7 +48,9 @@ def hidden(kind: str, rng, n: int) -> np.ndarray:
     elif kind == 'harmonic':
         base += pick(2, 60) * np.sin(2 * np.pi * pick(0.05, 2.0) * t + rng.uniform(0, 6.28))
     elif kind == 'rate_step':
-        base += np.cumsum(pick(5, 50) * rng.standard_normal(n) * (rng.random(n) < pick(0.05, 0.3) * dt))
+        base += np.cumsum(
+            pick(5, 50) * rng.standard_normal(n) * (rng.random(n) < pick(0.05, 0.3) * dt)
+        )
     elif kind == 'singer':
         keep = np.exp(-dt / pick(0.1, 2.0))
         base += np.cumsum(lfilter([1], [1, -keep], pick(10, 100) * np.sqrt(1 - keep ** 2)
@@ -52,16 +59,29 @@ def hidden(kind: str, rng, n: int) -> np.ndarray:
         white *= np.sqrt(pick(1.5, 4) if rng.random() < 0.5 else 1 / pick(1.5, 4))
     elif kind == 'gauss_markov':
         keep = np.exp(-dt / pick(0.03, 1.0))
-        white += lfilter([1], [1, -keep], pick(0.3, 1.5) * np.sqrt(1 - keep ** 2) * rng.standard_normal(n))
+        white += lfilter(
+            [1], [1, -keep], pick(0.3, 1.5) * np.sqrt(1 - keep**2) * rng.standard_normal(n)
+        )
     elif kind == 'sinusoid':
         white += pick(0.3, 3) * np.sin(2 * np.pi * pick(4, 45) * t + rng.uniform(0, 6.28))
     elif kind == 'outliers':
-        white += np.sqrt(R) * pick(5, 50) * rng.standard_normal(n) * (rng.random(n) < pick(0.002, 0.03))
+        white += (
+            np.sqrt(R) * pick(5, 50) * rng.standard_normal(n) * (rng.random(n) < pick(0.002, 0.03))
+        )
     return base + white
 
 
-KINDS = ('none', 'angular_acceleration', 'harmonic', 'rate_step', 'singer', 'noise_level', 'gauss_markov', 'sinusoid',
-         'outliers')
+KINDS = (
+    'none',
+    'angular_acceleration',
+    'harmonic',
+    'rate_step',
+    'singer',
+    'noise_level',
+    'gauss_markov',
+    'sinusoid',
+    'outliers',
+)
 
 
 def run(kind: str, seed: int) -> str:
@@ -84,8 +104,11 @@ def main(runs: int = 50, seed: int | None = None) -> int:
         exact = sum(s == ('complete' if kind == 'none' else kind) for s in said)
         right = sum(s in accepted for s in said)
         wrong = {s: said.count(s) for s in sorted(set(said)) if s not in accepted}
-        print(f'{kind:22s} right {right / runs:6.1%} (by its own name {exact / runs:6.1%})   else {wrong or "-"}   '
-              f'{(time.process_time() - begin) / runs:.1f} CPU s each', flush=True)
+        print(
+            f'{kind:22s} right {right / runs:6.1%} (by its own name {exact / runs:6.1%})   else'
+            f' {wrong or "-"}   {(time.process_time() - begin) / runs:.1f} CPU s each',
+            flush=True,
+        )
     return 0
 
 

@@ -1,10 +1,12 @@
 """
-The experiments of Qian, Xia, Que and Zhang (2010) with the filter of config/adis16350.yaml: Tables 1-6, Figures 1-5.
+The experiments of Qian, Xia, Que and Zhang (2010) with the filter of config/adis16350.yaml: Tables
+1-6, Figures 1-5.
 
     python bench/paper.py [-o FOLDER]
 
-The record itself is not preserved: its noise is simulated with the figures that are (standard deviation, mean, phi, bias
-instability). The numbers inside the paper's tables are not preserved either; their form and every trend stated are.
+The record itself is not preserved: its noise is simulated with the figures that are (standard
+deviation, mean, phi, bias instability). The numbers inside the paper's tables are not preserved
+either; their form and every trend stated are.
 
 """
 
@@ -31,7 +33,9 @@ SEED = ('constant_rate', 'ar_increment')
 
 def device() -> dict:
     """Return the parameters of config/adis16350.yaml."""
-    return yaml.safe_load((HERE / 'config' / 'adis16350.yaml').read_text())['/**']['ros__parameters']
+    return yaml.safe_load((HERE / 'config' / 'adis16350.yaml').read_text())['/**'][
+        'ros__parameters'
+    ]
 
 
 def static(d: dict, rate: float, seed: int, runs: int) -> np.ndarray:
@@ -39,21 +43,30 @@ def static(d: dict, rate: float, seed: int, runs: int) -> np.ndarray:
     n = int(d['seconds'] * rate)
     rng = np.random.default_rng(seed)
     phi, total, drift = d['phi'], d['static_std_deg_s'], d['bias_instability_deg_s']
-    drive = np.sqrt((total ** 2 - drift ** 2) * (1 - phi ** 2)) * rng.standard_normal((n + 100, runs))
+    drive = np.sqrt((total**2 - drift**2) * (1 - phi**2)) * rng.standard_normal((n + 100, runs))
     noise = lfilter([1], [1, -phi], drive, axis=0)[100:]
     keep = np.exp(-1 / (rate * 100.0))
-    wander = lfilter([1], [1, -keep], drift * np.sqrt(1 - keep ** 2) * rng.standard_normal((n, runs)), axis=0)
+    wander = lfilter(
+        [1], [1, -keep], drift * np.sqrt(1 - keep**2) * rng.standard_normal((n, runs)), axis=0
+    )
     return noise + wander + d['static_mean_deg_s']
 
 
 def seed_values(p: dict) -> dict:
     """Return the paper's filter in SI."""
     f = p['filter']
-    return {'white': {'R': f['r_deg2_s2'] * DEG ** 2}, 'ar_increment': {'phi': f['phi'], 'q': f['q_deg2_s2'] * DEG ** 2}}
+    return {
+        'white': {'R': f['r_deg2_s2'] * DEG**2},
+        'ar_increment': {'phi': f['phi'], 'q': f['q_deg2_s2'] * DEG**2},
+    }
 
 
 def errors(p, z, truth, rate, motion=SEED, alpha=1.0, values=None):
-    """Return (mean, std, mean magnitude) of the error before and after, deg/s, and the filtered rates."""
+    """
+    Return (mean, std, mean magnitude) of the error before and after, deg/s, and the filtered
+    rates.
+
+    """
     chosen = design(motion, values=values or seed_values(p), alpha=alpha, axes=z.shape[1])
     t = np.arange(len(z)) / rate
     y = filter_record(t, z * DEG, chosen, rate).rate / DEG
@@ -61,7 +74,11 @@ def errors(p, z, truth, rate, motion=SEED, alpha=1.0, values=None):
 
 
 def _figures(e):
-    """Return mean, std and mean magnitude (about the mean) of errors (n, runs), the mean over runs of each."""
+    """
+    Return mean, std and mean magnitude (about the mean) of errors (n, runs), the mean over runs of
+    each.
+
+    """
     return (float(np.mean(e.mean(axis=0))), float(np.mean(e.std(axis=0))),
             float(np.mean(np.abs(e - e.mean(axis=0)))))
 
@@ -81,20 +98,28 @@ def rocking(amplitude, period, rate, n):
 
 
 def experiments(p: dict, runs: int = 8, seed: int = 2010) -> dict:
-    """Run all; return {'static': ..., 'constant': {rate: ...}, (rate_hz, alpha): {amplitude: (before, after)}}."""
+    """
+    Run all; return {'static': ..., 'constant': {rate: ...}, (rate_hz, alpha): {amplitude: (before,
+    after)}}.
+
+    """
     d, paper = p['device'], p['paper']
     out: dict = {'runs': runs}
     rest = static(d, 100.0, seed, runs)
     out['rest'] = rest
     out['static'] = errors(p, rest, 0 * rest, 100.0)
-    out['constant'] = {w: errors(p, rest + w, 0 * rest + w, 100.0) for w in paper['constant_rates_deg_s']}
+    out['constant'] = {
+        w: errors(p, rest + w, 0 * rest + w, 100.0) for w in paper['constant_rates_deg_s']
+    }
     fast = static(d, 1000.0, seed + 1, runs)
     for rate, record, alphas in ((100.0, rest, (1.0, *paper['fading'])), (1000.0, fast, (1.0,))):
         for alpha in alphas:
             out[rate, alpha] = {}
             for a in paper['rocking_deg']:
                 truth = rocking(a, paper['rocking_period_s'], rate, len(record))
-                out[rate, alpha][a] = errors(p, record + truth, truth + 0 * record, rate, alpha=alpha)
+                out[rate, alpha][a] = errors(
+                    p, record + truth, truth + 0 * record, rate, alpha=alpha
+                )
     return out
 
 
@@ -106,8 +131,17 @@ def cure(p: dict, rest: np.ndarray) -> dict:
 
     """
     paper = p['paper']
-    out: dict = {'said': [], 'lost': [], 'std': {'the paper\'s filter': [], 'with alpha 0.7': [], '+ angular_acceleration': [],
-                                                '+ harmonic': [], 'default (auto)': []}}
+    out: dict = {
+        'said': [],
+        'lost': [],
+        'std': {
+            'the paper\'s filter': [],
+            'with alpha 0.7': [],
+            '+ angular_acceleration': [],
+            '+ harmonic': [],
+            'default (auto)': [],
+        },
+    }
     for a in paper['rocking_deg']:
         truth = rocking(a, paper['rocking_period_s'], 100.0, len(rest))
         z, truth = rest + truth, truth + 0 * rest
@@ -125,7 +159,9 @@ def cure(p: dict, rest: np.ndarray) -> dict:
             state = study.states['gyro_x']
             lost.append(state.summary['nats_per_sample'])
             values = {**seed_values(p), name: dict(state.model[name].values)}
-            row[f'+ {name}'].append(errors(p, z, truth, 100.0, motion=(*SEED, name), values=values)[1][1])
+            row[f'+ {name}'].append(
+                errors(p, z, truth, 100.0, motion=(*SEED, name), values=values)[1][1]
+            )
             study.remove(name)
         out['lost'].append(lost)
     return out
@@ -134,37 +170,72 @@ def cure(p: dict, rest: np.ndarray) -> dict:
 def report(p: dict, r: dict) -> None:
     """Print chain, tables and what differs."""
     d, paper = p['device'], p['paper']
-    print(f'{d["name"]}: {d["seconds"]:.0f} s at rest, {d["rate_hz"]:.0f} Hz, simulated; means of {r["runs"]} records, deg/s')
+    print(
+        f'{d["name"]}: {d["seconds"]:.0f} s at rest, {d["rate_hz"]:.0f} Hz, simulated; means of'
+        f' {r["runs"]} records, deg/s'
+    )
     chain = ar.chain(r['rest'][:, 0])
     print('\nPreprocessing (one record)')
     for line in chain.lines():
         print('  ' + line)
-    print(f'  paper: u = {paper["u"]}, AR(1), phi = {d["phi"]}, residual {paper["residual_autocorrelation"]}, '
-          f'with the series {paper["residual_cross_correlation"]}')
+    print(
+        f'  paper: u = {paper["u"]}, AR(1), phi = {d["phi"]}, residual'
+        f' {paper["residual_autocorrelation"]}, with the series'
+        f' {paper["residual_cross_correlation"]}'
+    )
     (m0, s0, _), (m1, s1, _), _ = r['static']
-    print(f'\nStatic: std {s0:.4f} -> {s1:.4f} (paper {paper["static_std_deg_s"][0]} -> {paper["static_std_deg_s"][1]}), '
-          f'mean {m0:+.4f} -> {m1:+.4f} (paper {paper["static_mean_deg_s"][0]} -> {paper["static_mean_deg_s"][1]})')
-    print('  The mean stays: the filter has gain one at zero frequency, and a bias cannot be told from rotation by a')
-    print('  gyroscope alone. The paper\'s smaller mean can come from the start of its filter, not from its steady state.')
-    print('  Simulated noise is AR(1) with the paper\'s phi, which has 1.24 times the power of white noise at low frequency:')
+    print(
+        f'\nStatic: std {s0:.4f} -> {s1:.4f} (paper {paper["static_std_deg_s"][0]} ->'
+        f' {paper["static_std_deg_s"][1]}), mean {m0:+.4f} -> {m1:+.4f} (paper'
+        f' {paper["static_mean_deg_s"][0]} -> {paper["static_mean_deg_s"][1]})'
+    )
+    print(
+        '  The mean stays: the filter has gain one at zero frequency, and a bias cannot be told'
+        ' from rotation by a'
+    )
+    print(
+        '  gyroscope alone. The paper\'s smaller mean can come from the start of its filter, not'
+        ' from its steady state.'
+    )
+    print(
+        '  Simulated noise is AR(1) with the paper\'s phi, which has 1.24 times the power of white'
+        ' noise at low frequency:'
+    )
     print('  hence 0.098; white noise of the same std gives 0.086.')
-    print('Constant rate: std after ' + ', '.join(f'{w:g}: {e[1][1]:.4f}' for w, e in r['constant'].items())
-          + '  (paper: same as static)')
-    for number, key, what in ((1, 100.0, 'mean'), (2, 100.0, 'std'), (3, 1000.0, 'mean'), (4, 1000.0, 'std')):
+    print(
+        'Constant rate: std after '
+        + ', '.join(f'{w:g}: {e[1][1]:.4f}' for w, e in r['constant'].items())
+        + '  (paper: same as static)'
+    )
+    for number, key, what in (
+        (1, 100.0, 'mean'),
+        (2, 100.0, 'std'),
+        (3, 1000.0, 'mean'),
+        (4, 1000.0, 'std'),
+    ):
         where = f'in rocking, period {paper["rocking_period_s"]:g} s, {key:g} Hz, deg/s'
         for k, name in ((0, 'mean'), (2, 'mean magnitude')) if what == 'mean' else ((1, 'std'),):
             table(f'Table {number}: {name} of the error {where}', 'amplitude, deg',
                   [(f'{a:g}', e[0][k], e[1][k]) for a, e in r[key, 1.0].items()])
     for number, what in ((5, 'mean'), (6, 'std')):
         for k, name in ((0, 'mean'), (2, 'mean magnitude')) if what == 'mean' else ((1, 'std'),):
-            print(f'\nTable {number}: {name} of the error in rocking with fading memory, 100 Hz, deg/s')
+            print(
+                f'\nTable {number}: {name} of the error in rocking with fading memory, 100 Hz,'
+                ' deg/s'
+            )
             print(f'  {"amplitude, deg":>16s} {"before":>10s}'
                   + ''.join(f'{"alpha " + str(a):>11s}' for a in (1.0, *paper['fading'])))
             for a in paper['rocking_deg']:
                 print(f'  {a:16g} {r[100.0, 1.0][a][0][k]:10.4f}'
                       + ''.join(f'{r[100.0, f][a][1][k]:11.4f}' for f in (1.0, *paper['fading'])))
-    print('\nThe mean is that of the error about the record\'s own mean, signed and in magnitude: the signed mean of rocking is')
-    print('zero but for its start, so what the paper says of "the mean" is compared with the magnitude.')
+    print(
+        '\nThe mean is that of the error about the record\'s own mean, signed and in magnitude:'
+        ' the signed mean of rocking is'
+    )
+    print(
+        'zero but for its start, so what the paper says of "the mean" is compared with the'
+        ' magnitude.'
+    )
     print('\nTrends that the paper states')
     for good, said, measured in trends(r, paper):
         print(f'  {"as stated" if good else "DIFFERS  "}  {said}: {measured}')
@@ -189,20 +260,64 @@ def trends(r: dict, paper: dict) -> list[tuple[bool, str, str]]:
         return ' '.join(f'{v:.{digits}f}' for v in values)
 
     return [
-        (bool(0.8 < s1 / paper['static_std_deg_s'][1] < 1.25), 'static std falls from 0.635 to 0.087', f'{before:.3f} to {s1:.3f}'),
-        (bool(np.all(np.abs(constant / s1 - 1) < 0.01)), 'a constant rate changes nothing', shown(constant, 4)),
+        (
+            bool(0.8 < s1 / paper['static_std_deg_s'][1] < 1.25),
+            'static std falls from 0.635 to 0.087',
+            f'{before:.3f} to {s1:.3f}',
+        ),
+        (
+            bool(np.all(np.abs(constant / s1 - 1) < 0.01)),
+            'a constant rate changes nothing',
+            shown(constant, 4),
+        ),
         (bool(np.all(np.diff(slow) > 0)), 'std grows with the amplitude at 100 Hz', shown(slow)),
-        (bool(np.all(np.diff(size((100.0, 1.0))) > 0)), 'so does the mean', shown(size((100.0, 1.0)))),
-        (bool(slow[-1] > before), 'and the filter no longer serves', f'{slow[-1]:.2f} after, {before:.3f} before'),
+        (
+            bool(np.all(np.diff(size((100.0, 1.0))) > 0)),
+            'so does the mean',
+            shown(size((100.0, 1.0))),
+        ),
+        (
+            bool(slow[-1] > before),
+            'and the filter no longer serves',
+            f'{slow[-1]:.2f} after, {before:.3f} before',
+        ),
         (bool(np.all(fast < 0.5 * slow)), 'at 1000 Hz the std falls clearly', shown(fast)),
-        (bool(np.all(size((1000.0, 1.0)) < 0.5 * size((100.0, 1.0)))), 'and so does the mean', shown(size((1000.0, 1.0)))),
-        (bool(fast.max() / fast.min() < 1.5), 'to a steady low level',
-         f'largest/smallest {fast.max() / fast.min():.1f}, 100 Hz {slow.max() / slow.min():.0f} (q per step kept: still a lag)'),
-        (bool(np.all(np.diff(spread) < 0)), 'with smaller alpha the std steadies over the amplitudes', 'largest/smallest ' + shown(spread, 2)),
-        (bool(np.all(np.diff(fading[:, 0]) > 0)), 'while its value rises (smallest amplitude)', shown(fading[:, 0])),
-        (bool(np.all(np.diff(means[:, -1]) < 0)), 'the mean falls with alpha for large amplitudes', shown(means[:, -1])),
-        (bool(0 < np.argmin(means[:, 1]) < 3), 'the mean is least at an alpha between for small ones (paper 0.7; here, at 15 deg, '
-         f'{paper["fading"][int(np.argmin(means[:, 1]))]})', shown(means[:, 1])),
+        (
+            bool(np.all(size((1000.0, 1.0)) < 0.5 * size((100.0, 1.0)))),
+            'and so does the mean',
+            shown(size((1000.0, 1.0))),
+        ),
+        (
+            bool(fast.max() / fast.min() < 1.5),
+            'to a steady low level',
+            (
+                f'largest/smallest {fast.max() / fast.min():.1f}, 100 Hz'
+                f' {slow.max() / slow.min():.0f} (q per step kept: still a lag)'
+            ),
+        ),
+        (
+            bool(np.all(np.diff(spread) < 0)),
+            'with smaller alpha the std steadies over the amplitudes',
+            'largest/smallest ' + shown(spread, 2),
+        ),
+        (
+            bool(np.all(np.diff(fading[:, 0]) > 0)),
+            'while its value rises (smallest amplitude)',
+            shown(fading[:, 0]),
+        ),
+        (
+            bool(np.all(np.diff(means[:, -1]) < 0)),
+            'the mean falls with alpha for large amplitudes',
+            shown(means[:, -1]),
+        ),
+        (
+            bool(0 < np.argmin(means[:, 1]) < 3),
+            (
+                'the mean is least at an alpha between for small ones (paper 0.7; here, at 15'
+                f' deg, {paper["fading"][int(np.argmin(means[:, 1]))]})'
+            ),
+            shown(means[:, 1]),
+        ),
     ]
 
 
@@ -226,24 +341,40 @@ def figures(p: dict, r: dict, found: dict, folder: Path) -> list[Path]:
 
     figure = new_figure(8.0, 5.6)
     grid = figure.add_gridspec(2, 1, left=0.09, right=0.98, top=0.94, bottom=0.09, hspace=0.45)
-    ax = plots.dress(figure.add_subplot(grid[0]), 'Figure 1: output at rest', 'time, s', 'rate, °/s')
+    ax = plots.dress(
+        figure.add_subplot(grid[0]), 'Figure 1: output at rest', 'time, s', 'rate, °/s'
+    )
     ax.plot(t, rest[:, 0], color=plots.MEASURED, linewidth=0.4)
-    plots.correlation(figure.add_subplot(grid[1]), ar.residual(rest[:, 0], ar.yule_walker(rest[:, 0], 1)[0]),
-                      title='residual of AR(1): autocorrelation')
+    plots.correlation(
+        figure.add_subplot(grid[1]),
+        ar.residual(rest[:, 0], ar.yule_walker(rest[:, 0], 1)[0]),
+        title='residual of AR(1): autocorrelation',
+    )
     save('figure_1', figure)
 
     def errors_figure(name, title, truth, result, alpha=1.0):
         figure, ax = axes()
-        plots.error_before_after(ax, t, (rest + truth - truth)[:, 0] * DEG, (result[2] - truth)[:, 0] * DEG, title)
+        plots.error_before_after(
+            ax, t, (rest + truth - truth)[:, 0] * DEG, (result[2] - truth)[:, 0] * DEG, title
+        )
         save(name, figure)
 
     errors_figure('figure_2', 'Figure 2: at rest', 0 * rest, r['static'])
     errors_figure('figure_3', 'Figure 3: at 10 °/s', 0 * rest + 10, r['constant'][10.0])
     truth = rocking(50.0, paper['rocking_period_s'], 100.0, len(rest)) + 0 * rest
-    errors_figure('figure_4', 'Figure 4: rocking by 50° at 10 s, 100 Hz', truth, r[100.0, 1.0][50.0])
-    errors_figure('figure_5', 'Figure 5: rocking by 50° at 10 s, 100 Hz, α = 0.7', truth, r[100.0, 0.7][50.0])
+    errors_figure(
+        'figure_4', 'Figure 4: rocking by 50° at 10 s, 100 Hz', truth, r[100.0, 1.0][50.0]
+    )
+    errors_figure(
+        'figure_5', 'Figure 5: rocking by 50° at 10 s, 100 Hz, α = 0.7', truth, r[100.0, 0.7][50.0]
+    )
     figure, ax = axes(6.5, 4.0, 0.13)
-    plots.error_by_amplitude(ax, paper['rocking_deg'], found['std'], 'what the missing angular acceleration does, and its cure')
+    plots.error_by_amplitude(
+        ax,
+        paper['rocking_deg'],
+        found['std'],
+        'what the missing angular acceleration does, and its cure',
+    )
     save('cure', figure)
     return out
 
@@ -259,8 +390,10 @@ def main() -> int:
     found = cure(p, r['rest'])
     print('\nThe missing effect: what the innovations say of the paper\'s filter, 100 Hz')
     for a, (verdict, names), lost in zip(p['paper']['rocking_deg'], found['said'], found['lost']):
-        print(f'  {a:6g} deg: {verdict} {", ".join(names)}; lost, nats a sample: {lost[0]:.4f}, with angular_acceleration '
-              f'{lost[1]:.4f}, with harmonic {lost[2]:.4f}')
+        print(
+            f'  {a:6g} deg: {verdict} {", ".join(names)}; lost, nats a sample: {lost[0]:.4f}, with'
+            f' angular_acceleration {lost[1]:.4f}, with harmonic {lost[2]:.4f}'
+        )
     print('and what adding it does: std of the error, deg/s')
     print(f'  {"amplitude, deg":>24s}' + ''.join(f'{a:10g}' for a in p['paper']['rocking_deg']))
     for name, row in found['std'].items():

@@ -1,4 +1,8 @@
-"""The engine: the same numbers live and recorded, every flaw of a stream, switching, speed, and errors in motion."""
+"""
+The engine: the same numbers live and recorded, every flaw of a stream, switching, speed, and
+errors in motion.
+
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,10 @@ SETTINGS = {
     'auto': {},
     'seed': {'motion': SEED},
     'fading': {'motion': SEED, 'alpha': 0.7},
-    'colour': {'motion': ('constant_rate', 'angular_acceleration'), 'noise': ('white', 'gauss_markov')},
+    'colour': {
+        'motion': ('constant_rate', 'angular_acceleration'),
+        'noise': ('white', 'gauss_markov'),
+    },
     'robust': {'noise': ('white', 'outliers')},
     'steps': {'motion': ('constant_rate', 'ar_increment', 'rate_step')},
     'vibration': {'noise': ('white', 'sinusoid')},
@@ -31,7 +38,11 @@ SETTINGS = {
 
 
 def rocking(n, rate=100.0, amplitude=50.0, seed=0):
-    """Return stamps, noisy rates (n, 3) and true ones: rocking at a period of 10 s, amplitudes by axis."""
+    """
+    Return stamps, noisy rates (n, 3) and true ones: rocking at a period of 10 s, amplitudes by
+    axis.
+
+    """
     t = np.arange(n) / rate
     w = 2 * np.pi / 10
     truth = DEG * w * amplitude * np.sin(w * t)[:, None] * np.array([1.0, 0.3, 0.0])
@@ -149,12 +160,16 @@ def test_rate_and_noise_are_read_from_the_samples_where_nobody_states_them():
     t, z, truth = rocking(3000, rate=200.0)
     engine = Engine()
     first = [engine.step(t[k], z[k]) for k in range(WAIT - 1)]
-    assert all(np.array_equal(a[0], z[k]) and not a[1].any() for k, a in enumerate(first))     # 0: not known yet
+    assert all(
+        np.array_equal(a[0], z[k]) and not a[1].any() for k, a in enumerate(first)
+    )  # 0: not known yet
     rate, variance = live(engine, t[WAIT - 1:], z[WAIT - 1:])
     assert engine.rate_hz == pytest.approx(200.0, rel=0.01)
     r = np.array([m['white']['R'] for m in engine.design.noise])
     assert np.all(np.abs(np.sqrt(r) / SIGMA - 1) < 0.15)
-    assert np.all(evaluate.rms((rate - truth[WAIT - 1:])[1000:]) < 0.5 * SIGMA) and np.all(variance > 0)
+    assert np.all(evaluate.rms((rate - truth[WAIT - 1:])[1000:]) < 0.5 * SIGMA) and np.all(
+        variance > 0
+    )
 
 
 @pytest.mark.parametrize('amplitude', [0.0, 15.0, 500.0])
@@ -173,22 +188,29 @@ def test_a_constant_or_coarse_output_has_some_noise():
     assert np.allclose(rate, 0.2, atol=1e-6) and np.isfinite(variance).all()
 
 
-SWITCHES = [{'motion': AUTO}, {'motion': ('constant_rate', 'angular_acceleration')}, {'alpha': 0.7},
-            {'noise': ('white', 'gauss_markov')}, {'motion': AUTO, 'noise': ('white', 'outliers')}]
+SWITCHES = [
+    {'motion': AUTO},
+    {'motion': ('constant_rate', 'angular_acceleration')},
+    {'alpha': 0.7},
+    {'noise': ('white', 'gauss_markov')},
+    {'motion': AUTO, 'noise': ('white', 'outliers')},
+]
 
 
 @pytest.mark.parametrize('change', SWITCHES, ids=str)
 def test_switching_while_it_runs_makes_no_jump(change):
     t, z, truth = rocking(2000, amplitude=150.0)
-    engine = Engine(motion=SEED, values=KNOWN, rate_hz=100.0)       # lags far behind: the hardest case
+    engine = Engine(motion=SEED, values=KNOWN, rate_hz=100.0)  # lags far behind: the hardest case
     before, _ = live(engine, t[:1000], z[:1000])
     usual = np.abs(np.diff(before[500:], axis=0)).max()
     engine.switch(**change)
     after, variance = live(engine, t[1000:], z[1000:])
     jump = np.abs(after[0] - before[-1])
     lag = np.abs(before[-1] - truth[999])
-    assert np.all(jump < 2 * usual + 0.05 * lag)                    # a quarter of a second for the whole lag
-    settled, _ = live(Engine(**{'motion': SEED, 'values': KNOWN, 'rate_hz': 100.0, **change}), t, z)
+    assert np.all(jump < 2 * usual + 0.05 * lag)  # a quarter of a second for the whole lag
+    settled, _ = live(
+        Engine(**{'motion': SEED, 'values': KNOWN, 'rate_hz': 100.0, **change}), t, z
+    )
     assert np.abs(after[600:] - settled[1600:]).max() < 0.2 * SIGMA
     assert np.all(variance > 0) and engine.counts.switches == 1
 
@@ -196,9 +218,17 @@ def test_switching_while_it_runs_makes_no_jump(change):
 def test_a_switch_to_nonsense_is_refused_and_changes_nothing():
     t, z, _ = rocking(300)
     engine, other = (Engine(values=KNOWN, rate_hz=100.0) for _ in range(2))
-    for bad in ({'alpha': -3.0}, {'alpha': 1.5}, {'alpha': float('nan')}, {'motion': 'no_such_motion'}, {'motion': ()},
-                {'noise': ('angular_acceleration',)}, {'motion': ('white',)}, {'motion': ('rate_step',)},
-                {'motion': ('constant_rate', 'constant_rate')}):
+    for bad in (
+        {'alpha': -3.0},
+        {'alpha': 1.5},
+        {'alpha': float('nan')},
+        {'motion': 'no_such_motion'},
+        {'motion': ()},
+        {'noise': ('angular_acceleration',)},
+        {'motion': ('white',)},
+        {'motion': ('rate_step',)},
+        {'motion': ('constant_rate', 'constant_rate')},
+    ):
         with pytest.raises(UsageError) as caught:
             engine.switch(**bad)
         assert caught.value.remedy
@@ -219,7 +249,11 @@ def test_history_is_a_ring_of_the_latest():
     engine = Engine(values=KNOWN, rate_hz=100.0, history=128)
     live(engine, t, z)
     kept_t, kept, score = engine.history.latest()
-    assert np.array_equal(kept_t, t[-128:]) and np.array_equal(kept, z[-128:]) and np.isfinite(score).all()
+    assert (
+        np.array_equal(kept_t, t[-128:])
+        and np.array_equal(kept, z[-128:])
+        and np.isfinite(score).all()
+    )
     assert len(engine.history.latest(10)[0]) == 10
 
 
@@ -227,7 +261,9 @@ def test_the_clock_sorts_intervals():
     clock = Clock.of(100.0)
     keys = clock.keys(np.array([0.01, 0.0101, 0.02, 0.0, -0.01, 5.0, 1e-7]))
     assert keys.tolist()[:1] == [0] and keys[1] == 0 and keys[3] == DUPLICATE
-    assert keys[4] == keys[5] == RESTART and clock.span(int(keys[2])) == pytest.approx(0.02, rel=0.025)
+    assert keys[4] == keys[5] == RESTART and clock.span(int(keys[2])) == pytest.approx(
+        0.02, rel=0.025
+    )
     assert [clock.key(d) for d in (0.01, 0.0101, 0.02, 0.0, -0.01, 5.0, 1e-7)] == keys.tolist()
     assert Clock.of(1.0).gap == 10.0                        # a slow sensor is not all gaps
 
@@ -272,7 +308,9 @@ def test_variance_is_honest_in_every_motion():
     for amplitude in (0.0, 15.0, 150.0):
         t, z, truth = rocking(20000, amplitude=amplitude)
         got = filter_record(t, z, design(values=KNOWN), 100.0)
-        ratio = np.mean((got.rate - truth)[1000:] ** 2, axis=0) / np.mean(got.variance[1000:], axis=0)
+        ratio = np.mean((got.rate - truth)[1000:] ** 2, axis=0) / np.mean(
+            got.variance[1000:], axis=0
+        )
         assert np.all((ratio < 1.5) & (ratio > 0.02)), (amplitude, ratio)
 
 

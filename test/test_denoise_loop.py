@@ -26,7 +26,10 @@ SEED = ('constant_rate', 'ar_increment')
 
 
 def record(kind, seed=1, n=N):
-    """Return a record of the stated model with something in it, rad/s, made by recursions in time."""
+    """
+    Return a record of the stated model with something in it, rad/s, made by recursions in time.
+
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(n) / RATE
     rate = np.cumsum(lfilter([1], [1, -PHI], np.sqrt(Q) * rng.standard_normal(n)))
@@ -36,7 +39,16 @@ def record(kind, seed=1, n=N):
     elif kind == 'angular_acceleration':
         rate += np.cumsum(np.cumsum(rng.standard_normal(n))) / RATE
     elif kind == 'singer':
-        rate += np.cumsum(lfilter([1], [1, -np.exp(-0.02)], 50 * np.sqrt(1 - np.exp(-0.04)) * rng.standard_normal(n))) / RATE
+        rate += (
+            np.cumsum(
+                lfilter(
+                    [1],
+                    [1, -np.exp(-0.02)],
+                    50 * np.sqrt(1 - np.exp(-0.04)) * rng.standard_normal(n),
+                )
+            )
+            / RATE
+        )
     elif kind == 'sinusoid':
         noise += 0.5 * np.sin(2 * np.pi * 17.3 * t)
     elif kind == 'gauss_markov':
@@ -53,18 +65,35 @@ def record(kind, seed=1, n=N):
 
 
 def study_of(z, stated=None):
-    return Study.begin({'gyro_x': FilterProblem(z, 1 / RATE, stated=STATED if stated is None else stated)},
-                       model_of('filter', START))
+    return Study.begin(
+        {'gyro_x': FilterProblem(z, 1 / RATE, stated=STATED if stated is None else stated)},
+        model_of('filter', START),
+    )
 
 
-@pytest.mark.parametrize('kind', ['harmonic', 'angular_acceleration', 'singer', 'sinusoid', 'gauss_markov', 'noise_level',
-                                  'outliers', 'rate_step'])
+@pytest.mark.parametrize(
+    'kind',
+    [
+        'harmonic',
+        'angular_acceleration',
+        'singer',
+        'sinusoid',
+        'gauss_markov',
+        'noise_level',
+        'outliers',
+        'rate_step',
+    ],
+)
 def test_the_missing_effect_is_named_added_and_the_error_falls(kind):
     study = study_of(record(kind))
     found = study.diagnose()['gyro_x']
     assert found.verdict == 'missing' and found.failed
     right = {kind, 'angular_acceleration'} if kind in ('harmonic', 'singer') else {kind}
-    assert found.ranked[0].name in right and found.ranked[0].probability >= 0.9 and found.ranked[0].evidence
+    assert (
+        found.ranked[0].name in right
+        and found.ranked[0].probability >= 0.9
+        and found.ranked[0].evidence
+    )
     before = study.states['gyro_x'].summary['nats_per_sample']
     step, = study.add()
     assert step.held_out < study.history[0].held_out and step.verdict.startswith('falls')
@@ -97,9 +126,13 @@ def test_what_is_not_stated_is_fitted():
     assert abs(r.value - R * DEG ** 2) < 4 * r.std and r.std < 0.05 * r.value
     assert q.value is not None and 0.3 < q.value / (Q * DEG ** 2) < 3
     still = FilterProblem(record('rest', n=n), 1 / RATE).fit(model_of('filter', START))
-    assert still.estimates['ar_increment']['q'].point < 0.01 * Q * DEG ** 2      # a record at rest does not hold it
+    assert (
+        still.estimates['ar_increment']['q'].point < 0.01 * Q * DEG**2
+    )  # a record at rest does not hold it
     stated = FilterProblem(z, 1 / RATE, stated=STATED).fit(model_of('filter', START))
-    assert stated.estimates['white']['R'].fixed and stated.model['white']['R'] == STATED['white']['R']
+    assert (
+        stated.estimates['white']['R'].fixed and stated.model['white']['R'] == STATED['white']['R']
+    )
 
 
 def test_a_line_is_measured():
@@ -112,9 +145,15 @@ def test_a_line_is_measured():
 
 def test_problems_survive_a_file():
     study = study_of(record('nothing', n=1000))
-    again = problems({k: np.array(v) for k, v in arrays_of({'gyro_x': study.states['gyro_x'].problem}).items()})['gyro_x']
+    again = problems(
+        {k: np.array(v) for k, v in arrays_of({'gyro_x': study.states['gyro_x'].problem}).items()}
+    )['gyro_x']
     old = study.states['gyro_x'].problem
-    assert np.array_equal(again.z, old.z) and again.stated == old.stated and (again.dt, again.alpha) == (old.dt, old.alpha)
+    assert (
+        np.array_equal(again.z, old.z)
+        and again.stated == old.stated
+        and (again.dt, again.alpha) == (old.dt, old.alpha)
+    )
 
 
 def test_the_longest_stretch_is_looked_at():
@@ -151,7 +190,9 @@ def test_lost_information_is_the_divergence_of_a_wrong_level():
 
 def test_delay_is_that_of_a_shifted_wave():
     t = np.arange(1000) / 100
-    assert evaluate.delay(np.sin(2 * np.pi * (t - 0.013)), np.sin(2 * np.pi * t), 1.0, 0.01) == pytest.approx(0.013, abs=1e-4)
+    assert evaluate.delay(
+        np.sin(2 * np.pi * (t - 0.013)), np.sin(2 * np.pi * t), 1.0, 0.01
+    ) == pytest.approx(0.013, abs=1e-4)
 
 
 def test_chain_of_the_paper():
@@ -169,9 +210,18 @@ def test_chain_of_the_paper():
 def test_reverse_arrangements_count_pairs():
     values = np.random.default_rng(6).standard_normal(30)
     pairs = sum(values[i] > values[j] for i in range(30) for j in range(i + 1, 30))
-    assert ar.reverse_arrangements(values) == pytest.approx((pairs - 30 * 29 / 4) / np.sqrt(30 * 65 * 29 / 72))
-    assert ar.reverse_arrangements(np.arange(30.0)) < -1.96 < 1.96 < ar.reverse_arrangements(-np.arange(30.0))
-    many = [ar.reverse_arrangements(np.random.default_rng(s).standard_normal(100)) for s in range(300)]
+    assert ar.reverse_arrangements(values) == pytest.approx(
+        (pairs - 30 * 29 / 4) / np.sqrt(30 * 65 * 29 / 72)
+    )
+    assert (
+        ar.reverse_arrangements(np.arange(30.0))
+        < -1.96
+        < 1.96
+        < ar.reverse_arrangements(-np.arange(30.0))
+    )
+    many = [
+        ar.reverse_arrangements(np.random.default_rng(s).standard_normal(100)) for s in range(300)
+    ]
     assert abs(np.mean(many)) < 0.2 and np.std(many) == pytest.approx(1, abs=0.15)
 
 
@@ -191,13 +241,16 @@ def rocking_error(amplitude, rate=100.0, alpha=1.0, motion=SEED, seed=8, n=6000)
     w = 0.2 * np.pi
     truth = (amplitude * w * np.cos(w * t))[:, None]
     z = truth + 0.6 * np.random.default_rng(seed).standard_normal((n, 1))
-    y = filter_record(t, z * DEG, design(motion, values=STATED, alpha=alpha, axes=1), rate).rate / DEG
+    y = (
+        filter_record(t, z * DEG, design(motion, values=STATED, alpha=alpha, axes=1), rate).rate
+        / DEG
+    )
     return float(np.std((y - truth)[n // 6:]))
 
 
 def test_the_paper_at_rest_and_at_constant_rate():
     still = rocking_error(0.0)
-    assert still == pytest.approx(0.082, rel=0.2)                # 0.60 in; the paper's 0.0869 is of 0.635
+    assert still == pytest.approx(0.082, rel=0.2)  # 0.60 in; the paper's 0.0869 is of 0.635
     t, z = np.arange(6000) / 100, 0.6 * np.random.default_rng(8).standard_normal((6000, 1))
     base = filter_record(t, z * DEG, design(SEED, values=STATED, axes=1), 100.0).rate
     for rate in (2, 5, 10, 100):
@@ -208,17 +261,27 @@ def test_the_paper_at_rest_and_at_constant_rate():
 def test_the_paper_in_rocking():
     amplitudes = (5, 15, 50, 150)
     slow = np.array([rocking_error(a) for a in amplitudes])
-    assert np.all(np.diff(slow) > 0) and slow[-1] > 10 > 0.6 > slow[0]          # grows, until it serves no more
+    assert (
+        np.all(np.diff(slow) > 0) and slow[-1] > 10 > 0.6 > slow[0]
+    )  # grows, until it serves no more
     fast = np.array([rocking_error(a, rate=1000.0) for a in amplitudes])
-    assert np.all(fast < 0.5 * slow)                                           # falls clearly at 1000 Hz
-    fading = np.array([[rocking_error(a, alpha=f) for a in amplitudes] for f in (0.9, 0.8, 0.7, 0.6)])
+    assert np.all(fast < 0.5 * slow)  # falls clearly at 1000 Hz
+    fading = np.array(
+        [[rocking_error(a, alpha=f) for a in amplitudes] for f in (0.9, 0.8, 0.7, 0.6)]
+    )
     spread = fading.max(axis=1) / fading.min(axis=1)
-    assert np.all(np.diff(spread) < 0) and np.all(np.diff(fading[:, 0]) > 0)   # steadier, and larger
+    assert np.all(np.diff(spread) < 0) and np.all(
+        np.diff(fading[:, 0]) > 0
+    )  # steadier, and larger
     assert np.all(np.diff(fading[:, -1]) < 0)
 
 
 def test_the_missing_acceleration_and_the_default_mend_it():
-    for amplitude, most in ((15, 0.216), (50, 0.252), (150, 0.292)):           # the bank's reference, times 1.05
+    for amplitude, most in (
+        (15, 0.216),
+        (50, 0.252),
+        (150, 0.292),
+    ):  # the bank's reference, times 1.05
         assert rocking_error(amplitude, motion='auto', n=14000) < most
     assert rocking_error(0.0, motion='auto', n=14000) < 0.048
     with_it = rocking_error(50, motion=(*SEED, 'angular_acceleration'))
@@ -227,21 +290,35 @@ def test_the_missing_acceleration_and_the_default_mend_it():
 
 @pytest.fixture(scope='module')
 def recording(tmp_path_factory):
-    """Return the path of a recording as .npz: rest about x, a constant axis y, a vibration about z."""
+    """
+    Return the path of a recording as .npz: rest about x, a constant axis y, a vibration about z.
+
+    """
     folder = tmp_path_factory.mktemp('recording')
     n = 3000
     gyro = np.stack([record('rest', 1, n), np.zeros(n), record('sinusoid', 3, n)], axis=1)
     path = folder / 'imu.npz'
-    np.savez(path, t=np.arange(n) / RATE, gyro=gyro, accel=np.tile([0.0, 0.0, 9.81], (n, 1)), rate_hz=RATE)
+    np.savez(
+        path,
+        t=np.arange(n) / RATE,
+        gyro=gyro,
+        accel=np.tile([0.0, 0.0, 9.81], (n, 1)),
+        rate_hz=RATE,
+    )
     return path
 
 
-def test_command_filters_a_recording_and_its_study_goes_through_the_loop(recording, tmp_path, capsys):
+def test_command_filters_a_recording_and_its_study_goes_through_the_loop(
+    recording, tmp_path, capsys
+):
     out = tmp_path / 'filtered.npz'
     assert main(['filter', str(recording), '-o', str(out), '--json']) == 0
     said = json.loads(capsys.readouterr().out)
     assert said['motion'] == ['auto'] and said['counts']['samples'] == 3000
-    assert all(said['axes'][a]['sigma_after'] < 0.5 * said['axes'][a]['sigma_before'] for a in ('gyro_x', 'gyro_z'))
+    assert all(
+        said['axes'][a]['sigma_after'] < 0.5 * said['axes'][a]['sigma_before']
+        for a in ('gyro_x', 'gyro_z')
+    )
     assert any('gyro_y is not in the study' in note for note in said['notes'])
     with np.load(recording) as before, np.load(out) as after:
         assert set(after.files) == {*before.files, 'gyro_filtered'}
@@ -251,7 +328,10 @@ def test_command_filters_a_recording_and_its_study_goes_through_the_loop(recordi
     assert said['study'] == str(study)
     assert main(['diagnose', str(study), '--json']) == 0
     found = json.loads(capsys.readouterr().out)['diagnosis']
-    assert found['gyro_z']['verdict'] == 'missing' and found['gyro_z']['ranked'][0]['effect'] == 'sinusoid'
+    assert (
+        found['gyro_z']['verdict'] == 'missing'
+        and found['gyro_z']['ranked'][0]['effect'] == 'sinusoid'
+    )
     assert main(['add', str(study), 'sinusoid', '--axis', 'gyro_z']) == 0
     rungs = [h['held_out'] for h in store.read(study)['history'] if h['target'] == 'gyro_z']
     assert len(rungs) == 2 and rungs[1] < rungs[0]
@@ -262,13 +342,29 @@ def test_command_filters_a_recording_and_its_study_goes_through_the_loop(recordi
     assert said['motion'] == ['constant_rate', 'ar_increment'] and 'sinusoid' in said['noise']
 
 
-@pytest.mark.parametrize('more, status', [(['--alpha', '-3'], 2), (['--alpha', '1.5'], 2), (['--motion', 'no_such_motion'], 2),
-                                          (['--noise', 'constant_rate'], 2), (['--set', 'white.R'], 2),
-                                          (['--set', 'white.Q=1'], 2), (['--rate-hz', '-1'], 2), (['--model', 'nowhere'], 1)])
-def test_wrong_use_is_said_in_one_line_and_writes_nothing(recording, tmp_path, capsys, more, status):
+@pytest.mark.parametrize(
+    'more, status',
+    [
+        (['--alpha', '-3'], 2),
+        (['--alpha', '1.5'], 2),
+        (['--motion', 'no_such_motion'], 2),
+        (['--noise', 'constant_rate'], 2),
+        (['--set', 'white.R'], 2),
+        (['--set', 'white.Q=1'], 2),
+        (['--rate-hz', '-1'], 2),
+        (['--model', 'nowhere'], 1),
+    ],
+)
+def test_wrong_use_is_said_in_one_line_and_writes_nothing(
+    recording, tmp_path, capsys, more, status
+):
     assert main(['filter', str(recording), '-o', str(tmp_path / 'out.npz'), *more]) == status
     said = capsys.readouterr()
-    assert not said.out and len(said.err.strip().splitlines()) == 1 and said.err.startswith('imu_noise: ')
+    assert (
+        not said.out
+        and len(said.err.strip().splitlines()) == 1
+        and said.err.startswith('imu_noise: ')
+    )
     assert not list(tmp_path.iterdir())
 
 
@@ -283,7 +379,19 @@ def test_nothing_is_replaced_without_force(recording, tmp_path, capsys):
 def test_a_real_bag_keeps_its_topics_and_stamps(shared_data, tmp_path, capsys):
     from imu_noise_tools.bag import open_record, topics
     source, out = shared_data / 'bags' / 'xsens_mti_multipos', tmp_path / 'out'
-    assert main(['filter', str(source), '-o', str(out), '--motion', 'constant_rate,ar_increment,angular_acceleration']) == 0
+    assert (
+        main(
+            [
+                'filter',
+                str(source),
+                '-o',
+                str(out),
+                '--motion',
+                'constant_rate,ar_increment,angular_acceleration',
+            ]
+        )
+        == 0
+    )
     before, after = ({i.name: (i.type, i.samples) for i in topics(p)} for p in (source, out))
     new = set(after) - set(before)
     assert new == {'/imu/data_filtered'} and all(after[k] == v for k, v in before.items())

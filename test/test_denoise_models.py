@@ -8,11 +8,27 @@ from scipy import linalg, stats
 
 from imu_noise_tools import ar1
 from imu_noise_tools.denoise import kalman
-from imu_noise_tools.denoise.imm import Bank, Coefficients, default_modes, Modes, modes_of
-from imu_noise_tools.denoise.motion import (AngularAcceleration, ArIncrement, ConstantRate, Harmonic, Jerk,
-                                            RateStep, Singer)
-from imu_noise_tools.denoise.output_noise import (flicker_terms, GaussMarkov, noise_blocks, NoiseLevel, Outliers,
-                                                  RandomWalk, Sinusoid, White)
+from imu_noise_tools.denoise.imm import Bank, Coefficients
+from imu_noise_tools.denoise.modes import default_modes, Modes, modes_of
+from imu_noise_tools.denoise.motion import (
+    AngularAcceleration,
+    ArIncrement,
+    ConstantRate,
+    Harmonic,
+    Jerk,
+    RateStep,
+    Singer,
+)
+from imu_noise_tools.denoise.output_noise import (
+    flicker_terms,
+    GaussMarkov,
+    noise_blocks,
+    NoiseLevel,
+    Outliers,
+    RandomWalk,
+    Sinusoid,
+    White,
+)
 from imu_noise_tools.denoise.predict import by_bank, predict
 from imu_noise_tools.denoise.statespace import DOMAIN, state_space
 from imu_noise_tools.effect import Model, registry
@@ -40,28 +56,52 @@ def linear(effect):
 def test_every_effect_has_a_block_and_says_what_it_is(name):
     effect = registry(DOMAIN)[name].example()
     block = effect.block(0.01)
-    assert effect.kind in ('motion', 'noise') and effect.title and effect.hint and effect.signature and effect.equation
+    assert (
+        effect.kind in ('motion', 'noise')
+        and effect.title
+        and effect.hint
+        and effect.signature
+        and effect.equation
+    )
     assert block.phi.shape == block.q.shape == block.p0.shape == (len(block.h),) * 2
     for m in (block.q, block.p0):
-        assert np.allclose(m, m.T) and np.all(np.linalg.eigvalsh(m) >= -1e-15 * (np.abs(m).max() if m.size else 0))
+        assert np.allclose(m, m.T) and np.all(
+            np.linalg.eigvalsh(m) >= -1e-15 * (np.abs(m).max() if m.size else 0)
+        )
     again = type(effect)(dict(effect.values))
     assert again == effect
 
 
-@pytest.mark.parametrize('effect', [AngularAcceleration.example(), Jerk.example(), Singer.example(), Harmonic.example(),
-                                    GaussMarkov.example(), Sinusoid.example(), RandomWalk.example()],
-                         ids=lambda e: e.name)
+@pytest.mark.parametrize(
+    'effect',
+    [
+        AngularAcceleration.example(),
+        Jerk.example(),
+        Singer.example(),
+        Harmonic.example(),
+        GaussMarkov.example(),
+        Sinusoid.example(),
+        RandomWalk.example(),
+    ],
+    ids=lambda e: e.name,
+)
 @pytest.mark.parametrize('dt', [1e-3, 0.01, 0.3])
 def test_two_steps_are_one_of_twice_the_length(effect, dt):
     one, two = effect.block(dt), effect.block(2 * dt)
     assert np.allclose(one.phi @ one.phi, two.phi, rtol=1e-9, atol=1e-14)
-    assert np.allclose(one.phi @ one.q @ one.phi.T + one.q, two.q, rtol=1e-6, atol=1e-9 * np.abs(two.q).max())
+    assert np.allclose(
+        one.phi @ one.q @ one.phi.T + one.q, two.q, rtol=1e-6, atol=1e-9 * np.abs(two.q).max()
+    )
 
 
-@pytest.mark.parametrize('effect', [GaussMarkov.example(), Sinusoid.example(), Harmonic.example()], ids=lambda e: e.name)
+@pytest.mark.parametrize(
+    'effect', [GaussMarkov.example(), Sinusoid.example(), Harmonic.example()], ids=lambda e: e.name
+)
 def test_stationary_blocks_solve_lyapunov(effect):
     b = effect.block(0.01)
-    assert np.allclose(linalg.solve_discrete_lyapunov(b.phi, b.q), b.p0, rtol=1e-6, atol=1e-12 * b.p0.max())
+    assert np.allclose(
+        linalg.solve_discrete_lyapunov(b.phi, b.q), b.p0, rtol=1e-6, atol=1e-12 * b.p0.max()
+    )
 
 
 def test_singer_series_meets_its_closed_form():
@@ -73,8 +113,14 @@ def test_singer_series_meets_its_closed_form():
 
 
 def test_noise_blocks_add_block_diagonally_and_integrators_are_shared():
-    space = state_space(ConstantRate() + ArIncrement.example() + AngularAcceleration.example() + GaussMarkov.example()
-                        + WHITE, 0.01)
+    space = state_space(
+        ConstantRate()
+        + ArIncrement.example()
+        + AngularAcceleration.example()
+        + GaussMarkov.example()
+        + WHITE,
+        0.01,
+    )
     assert space.size == 4                           # rate, increment, acceleration; colour
     assert space.rate.tolist() == [1, 0, 0, 0] and space.h.tolist() == [1, 0, 0, 1]
     assert space.phi[0].tolist() == [1, 1, 0.01, 0]
@@ -87,9 +133,16 @@ def test_shared_integrator_says_the_same_as_two_side_by_side():
     a, b = ArIncrement.example().block(0.01), AngularAcceleration.example().block(0.01)
     shared = state_space(ArIncrement.example() + AngularAcceleration.example() + WHITE, 0.01)
     n = 60
-    dense = output_covariance(linalg.block_diag(a.phi, b.phi), linalg.block_diag(a.q, b.q), np.r_[a.h, b.h],
-                              np.zeros((4, 4)), n)
-    assert np.allclose(output_covariance(shared.phi, shared.q, shared.h, np.zeros((3, 3)), n), dense, rtol=1e-9)
+    dense = output_covariance(
+        linalg.block_diag(a.phi, b.phi),
+        linalg.block_diag(a.q, b.q),
+        np.r_[a.h, b.h],
+        np.zeros((4, 4)),
+        n,
+    )
+    assert np.allclose(
+        output_covariance(shared.phi, shared.q, shared.h, np.zeros((3, 3)), n), dense, rtol=1e-9
+    )
 
 
 def output_covariance(phi, q, h, p0, n):
@@ -127,7 +180,9 @@ def test_likelihood_of_innovations_is_the_multivariate_normal(model):
 def test_steady_state_solves_the_riccati_equation(name, alpha):
     space = state_space(LINEAR[name], 0.01)
     steady = kalman.steady_state(space, alpha)
-    oracle = linalg.solve_discrete_are(space.phi.T / np.sqrt(alpha), space.h[:, None], space.q, [[space.r]])
+    oracle = linalg.solve_discrete_are(
+        space.phi.T / np.sqrt(alpha), space.h[:, None], space.q, [[space.r]]
+    )
     assert np.allclose(steady.predicted, oracle, rtol=1e-6, atol=1e-9 * np.abs(oracle).max())
 
 
@@ -149,10 +204,15 @@ def test_steady_state_is_where_the_recursion_ends(name):
 
 def test_what_nothing_drives_has_no_steady_state():
     assert kalman.steady_state(state_space(ConstantRate() + WHITE, 0.01)) is None
-    assert kalman.steady_state(state_space(ConstantRate() + GaussMarkov.example() + WHITE, 0.01)) is None
+    assert (
+        kalman.steady_state(state_space(ConstantRate() + GaussMarkov.example() + WHITE, 0.01))
+        is None
+    )
     z = np.random.default_rng(3).standard_normal(500) + 7
     got = kalman.run(state_space(ConstantRate() + WHITE, 0.01), z)
-    assert got.rate[-1] == pytest.approx(z.mean(), rel=1e-6)            # a constant's best estimate is the mean
+    assert got.rate[-1] == pytest.approx(
+        z.mean(), rel=1e-6
+    )  # a constant's best estimate is the mean
     assert got.variance[-1] == pytest.approx(WHITE['R'] / 500, rel=1e-6)
 
 
@@ -170,7 +230,8 @@ def test_the_bank_of_one_is_the_dense_filter(name, alpha):
         if k:
             x, p = kalman.predict(space, x, p, alpha)
         x, p, nu0, s0 = kalman.update(space, x, p, z[k])
-        # the bank subtracts where the dense filter is in Joseph form: what the diffuse start costs in digits
+        # the bank subtracts where the dense filter is in Joseph form: what the diffuse start costs
+        # in digits
         assert nu[0, 0] == pytest.approx(nu0, abs=1e-8) and s[0, 0] == pytest.approx(s0, rel=1e-5)
         assert log_l[0] == pytest.approx(-0.5 * (nu0 ** 2 / s0 + np.log(s0)), rel=1e-5)
         rate, variance = bank.rate()
@@ -193,8 +254,13 @@ def test_the_bank_is_the_textbook_interacting_multiple_model_filter():
             c = mu @ change
             w = change * mu[:, None] / c
             mixed = [sum(w[i, j] * xs[i] for i in range(m)) for j in range(m)]
-            ps = [sum(w[i, j] * (ps[i] + np.outer(xs[i] - mixed[j], xs[i] - mixed[j])) for i in range(m))
-                  for j in range(m)]
+            ps = [
+                sum(
+                    w[i, j] * (ps[i] + np.outer(xs[i] - mixed[j], xs[i] - mixed[j]))
+                    for i in range(m)
+                )
+                for j in range(m)
+            ]
             xs, ps = zip(*(kalman.predict(s, x, p) for s, x, p in zip(spaces, mixed, ps)))
             mu = c
         got = [kalman.update(s, x, p, z[k]) for s, x, p in zip(spaces, xs, ps)]
@@ -206,7 +272,9 @@ def test_the_bank_is_the_textbook_interacting_multiple_model_filter():
         each = np.array([s.rate @ x for s, x in zip(spaces, xs)])
         assert rate[0] == pytest.approx(mu @ each, rel=1e-6, abs=1e-12)
         assert np.allclose(bank.mu[:, 0], mu, atol=1e-6)
-        spread = np.array([s.rate @ p @ s.rate for s, p in zip(spaces, ps)]) + (each - mu @ each) ** 2
+        spread = (
+            np.array([s.rate @ p @ s.rate for s, p in zip(spaces, ps)]) + (each - mu @ each) ** 2
+        )
         assert variance[0] == pytest.approx(mu @ spread, rel=1e-4)
 
 
@@ -263,7 +331,12 @@ def test_steps_make_a_bank_of_two_that_finds_them():
     n, at = 1200, 700
     z = 0.01 * np.random.default_rng(8).standard_normal(n)
     z[at:] += 0.3
-    model = ConstantRate() + RateStep({'size': 0.3, 'rate': 0.1}) + ArIncrement({'phi': 0.0, 'q': 1e-12}) + White({'R': 1e-4})
+    model = (
+        ConstantRate()
+        + RateStep({'size': 0.3, 'rate': 0.1})
+        + ArIncrement({'phi': 0.0, 'q': 1e-12})
+        + White({'R': 1e-4})
+    )
     bank = Bank(Coefficients([modes_of([model], 0.01)]), 1)
     jump = []
     for k in range(n):
@@ -278,22 +351,35 @@ def test_flicker_terms_follow_flicker_within_the_error_they_state():
     for per_decade, most in ((1, 0.35), (2, 0.12)):
         terms, error = flicker_terms(b, 0.1, 1e3, per_decade)
         f = np.geomspace(3.2e-3, 3.1, 300) / (2 * np.pi) * 1.0
-        one_sided = sum(2 * 2 * e['sigma'] ** 2 * e['tc'] / (1 + (2 * np.pi * f * e['tc']) ** 2) for e in terms)
+        one_sided = sum(
+            2 * 2 * e['sigma'] ** 2 * e['tc'] / (1 + (2 * np.pi * f * e['tc']) ** 2) for e in terms
+        )
         off = np.abs(one_sided / (b ** 2 / (np.pi * f)) - 1)
         assert off.max() <= error * 1.01 and error < most
 
 
 def test_noise_of_a_study_becomes_blocks_and_notes():
     dt = 0.01
-    model, notes = noise_blocks({'white': {'N': 1e-3}, 'flicker': {'B': 1e-4}, 'random_walk': {'K': 1e-5},
-                                 'gauss_markov': {'sigma': 1e-3, 'tc': 2.0},
-                                 'sinusoid': {'amplitude': 1e-2, 'frequency': 20.0}, 'ramp': {'R': 1e-7},
-                                 'sinusoid.2': {'amplitude': 1e-2, 'frequency': 70.0}}, dt)
+    model, notes = noise_blocks(
+        {
+            'white': {'N': 1e-3},
+            'flicker': {'B': 1e-4},
+            'random_walk': {'K': 1e-5},
+            'gauss_markov': {'sigma': 1e-3, 'tc': 2.0},
+            'sinusoid': {'amplitude': 1e-2, 'frequency': 20.0},
+            'ramp': {'R': 1e-7},
+            'sinusoid.2': {'amplitude': 1e-2, 'frequency': 70.0},
+        },
+        dt,
+    )
     assert model['white']['R'] == pytest.approx(1e-6 / dt)
     assert len(model.of(GaussMarkov)) == 6 and 'sinusoid' in model and 'random_walk' in model
     assert any('flicker' in n and '%' in n for n in notes)
     assert any('ramp' in n for n in notes) and any('sinusoid.2' in n for n in notes)
-    assert kalman.steady_state(state_space(ConstantRate() + ArIncrement.example() + model, dt)) is not None
+    assert (
+        kalman.steady_state(state_space(ConstantRate() + ArIncrement.example() + model, dt))
+        is not None
+    )
     none, notes = noise_blocks({'white': {'N': 1e-3}, 'random_walk': {'K': None}}, dt)
     assert none.labels == ['white'] and 'not observable' in notes[0]
 
@@ -306,8 +392,12 @@ def test_random_walk_wanders_as_it_should_for_minutes():
 
 
 def test_a_model_that_cannot_be_built_says_what_is_missing():
-    for model, what in ((Model([WHITE]), 'no motion'), (Model([ConstantRate()]), 'no white noise'),
-                        (ConstantRate() + White(), 'no values'), (RateStep.example() + WHITE, 'state')):
+    for model, what in (
+        (Model([WHITE]), 'no motion'),
+        (Model([ConstantRate()]), 'no white noise'),
+        (ConstantRate() + White(), 'no values'),
+        (RateStep.example() + WHITE, 'state'),
+    ):
         with pytest.raises(UsageError, match=what):
             state_space(model, 0.01)
 
@@ -319,4 +409,4 @@ def test_default_bank_holds_the_acceleration_still_in_the_wandering_modes():
     still = spaces[0]
     assert not still.phi[1].any() and not still.phi[0, 1] and not still.q[1].any()
     one_step = modes.stay + (1 - modes.stay) * modes.prior[0]
-    assert one_step == pytest.approx(np.exp(-0.01 / 10.0), rel=1e-9)             # a sojourn of ten seconds
+    assert one_step == pytest.approx(np.exp(-0.01 / 10.0), rel=1e-9)  # a sojourn of ten seconds

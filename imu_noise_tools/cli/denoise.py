@@ -63,8 +63,9 @@ def register(commands) -> None:
 
 def values_of(pairs) -> dict:
     """
-    Return ``{label: {parameter: value}}`` of ``label.parameter=value``; raise UsageError for
-    anything else.
+    Return ``{label: {parameter: value}}`` of ``label.parameter=value``.
+
+    Raise UsageError for anything else.
 
     """
     from ..denoise.statespace import DOMAIN

@@ -1,6 +1,7 @@
 """
-Denoising a rate, live or recorded: motion that drives it, noise that adds to it, a Kalman filter
-between.
+Denoising a rate, live or recorded.
+
+Motion that drives it, noise that adds to it, a Kalman filter between.
 
 Units are SI (rad/s); one axis at a time, since the three see each other only through the motion.
 

@@ -1,6 +1,7 @@
 """
-The paper's chain on a record at rest: outliers, stationarity, order, coefficient, whiteness; each
-a line of a report.
+The paper's chain on a record at rest: outliers, stationarity, order, coefficient, whiteness.
+
+Each a line of a report.
 
 Qian, Xia, Que, Zhang 2010; Box, Jenkins (order and adequacy); Bendat, Piersol 4.5.2 (reverse
 arrangements).
@@ -72,8 +73,7 @@ def reverse_arrangements(values: np.ndarray) -> float:
 
 def stationarity(z: np.ndarray, segments: int = SEGMENTS) -> tuple[float, float]:
     """
-    Return u of the reverse arrangements of segment means and of segment mean squares (about the
-    mean) of z (n,).
+    Return u of the reverse arrangements of segment means and mean squares of z (n,).
 
     """
     size = len(z) // segments
@@ -86,8 +86,9 @@ def stationarity(z: np.ndarray, segments: int = SEGMENTS) -> tuple[float, float]
 
 def yule_walker(z: np.ndarray, order: int) -> tuple[np.ndarray, float]:
     """
-    Return (coefficients (order,), innovation variance) from the biased autocovariance: always a
-    stable model.
+    Return (coefficients (order,), innovation variance) from the biased autocovariance.
+
+    Always a stable model.
 
     """
     d = np.asarray(z, float) - np.mean(z)
@@ -115,8 +116,9 @@ def residual(z: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 
 def whiteness(rest: np.ndarray, z: np.ndarray) -> tuple[float, float, float]:
     """
-    Return the residual's autocorrelation at lag 1, its correlation with the series a sample
-    before, and p.
+    Return the residual's autocorrelation at lag 1, a cross-correlation, and p.
+
+    The cross-correlation is with the series a sample before.
 
     p is the Ljung-Box test's over 20 lags: below 0.05 the order is too low.
 

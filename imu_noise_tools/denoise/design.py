@@ -1,6 +1,7 @@
 """
-What a filter is made of, before it sees a sample: motion, noise, memory; and R where nobody states
-it.
+What a filter is made of before it sees a sample; and R where nobody states it.
+
+Motion, noise, memory.
 
 """
 

@@ -1,6 +1,7 @@
 """
-The filter on line: one message in, one estimate out; every flaw of a real stream handled,
-switching while it runs.
+The filter on line: one message in, one estimate out.
+
+Every flaw of a real stream handled, switching while it runs.
 
 """
 

@@ -106,8 +106,9 @@ def distribution_view(u: np.ndarray) -> View:
 
 def time_view(u: np.ndarray, dt: float) -> View:
     """
-    Return the mean square of the scores in blocks; its excess is within the others', so it counts
-    for nothing.
+    Return the mean square of the scores in blocks.
+
+    Its excess is within the others', so it counts for nothing.
 
     """
     size = max(1, len(u) // BLOCKS)
@@ -119,8 +120,9 @@ def time_view(u: np.ndarray, dt: float) -> View:
 
 def score_of(u: np.ndarray, dt: float) -> Score:
     """
-    Return the error of the loop: excess deviance per bin, 0 for a true model in expectation, the
-    views averaged.
+    Return the error of the loop.
+
+    Excess deviance per bin, 0 for a true model in expectation, the views averaged.
 
     The deviance of both views together is 2 n times the mean innovation log-likelihood that a true
     model would have scored above this one: u and the samples carry the same information.
@@ -132,8 +134,9 @@ def score_of(u: np.ndarray, dt: float) -> Score:
 
 def omnibus(u: np.ndarray, dt: float) -> list[Finding]:
     """
-    Return tests of u (n,) that fail when anything is missing, each with its p-value and what it
-    saw.
+    Return tests of u (n,) that fail when anything is missing.
+
+    Each with its p-value and what it saw.
 
     Spectrum and autocorrelation are tested on the side of too much: innovations with too little
     power at low frequency say that the model allows for motion that the record does not hold, and
@@ -194,8 +197,9 @@ def omnibus(u: np.ndarray, dt: float) -> list[Finding]:
 
 def _positive_correlation(r, n) -> float:
     """
-    Return the p-value of sums of the first 1, 2, 4 ... autocorrelations being positive (each
-    normal, variance m/n).
+    Return the p-value of sums of the first autocorrelations being positive.
+
+    Of the first 1, 2, 4 ... m of them: each sum is normal with variance m/n.
 
     """
     sums = np.cumsum(r[1:])
@@ -206,8 +210,9 @@ def _positive_correlation(r, n) -> float:
 
 def _too_much_power(u, dt) -> tuple[float, float]:
     """
-    Return the p-value of too much power in some stretch of the spectrum, of 1, 4, 16 ... bins, and
-    where (Hz).
+    Return the p-value of too much power in some stretch of the spectrum, and where (Hz).
+
+    Stretches are of 1, 4, 16 ... bins.
 
     The power of w coefficients is chi-squared with w degrees of freedom; by Bonferroni over all
     stretches.
@@ -243,8 +248,9 @@ def rms(error: np.ndarray) -> np.ndarray:
 
 def delay(rate: np.ndarray, truth: np.ndarray, frequency: float, dt: float) -> float:
     """
-    Return by how many seconds a filtered sinusoid lags behind the true one: difference of their
-    phases.
+    Return by how many seconds a filtered sinusoid lags behind the true one.
+
+    Difference of their phases.
 
     """
     t = np.arange(len(truth)) * dt

@@ -48,8 +48,9 @@ class Free:
 
     def scale(self, span: float) -> np.ndarray:
         """
-        Return how far each parameter may move at first: a frequency no further than its line is
-        wide in ``span`` s.
+        Return how far each parameter may move at first.
+
+        A frequency no further than its line is wide in ``span`` s.
 
         """
         return np.array(
@@ -78,8 +79,9 @@ class Free:
 
 def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
     """
-    Return the model with starting values: effect after effect, the best guess of each with the
-    others held.
+    Return the model with starting values.
+
+    Effect after effect, the best guess of each with the others held.
 
     None where an effect does not apply to these data.
 
@@ -143,8 +145,9 @@ def _finite(value):
 
 def _pattern(free: Free, x, evaluate, rounds: int = 9):
     """
-    Climb by trying every coordinate both ways and all their parabolas at once: one pass of lanes a
-    round.
+    Climb by trying every coordinate both ways and all their parabolas at once.
+
+    One pass of lanes a round.
 
     """
     step = 1.6 * free.scale(evaluate.span)
@@ -234,8 +237,9 @@ def estimates(
 
 def _measured(model, effect, p, best, evaluate, sensor):
     """
-    Return the estimate of an amplitude read from the samples; null where the likelihood does
-    without the effect.
+    Return the estimate of an amplitude read from the samples.
+
+    Null where the likelihood does without the effect.
 
     """
     value, unit = effect[p.name], si(p.unit, sensor)
@@ -253,8 +257,9 @@ def _measured(model, effect, p, best, evaluate, sensor):
 
 def _covariance(free, x, best, evaluate):
     """
-    Return the inverse of the likelihood's negative curvature by central differences; diagonal
-    where it is flat.
+    Return the inverse of the likelihood's negative curvature by central differences.
+
+    Diagonal where it is flat.
 
     """
     k = len(x)
@@ -283,8 +288,9 @@ def _vanishes(free, x, i, best, evaluate) -> bool:
 
 def _upper(free, x, i, best, evaluate) -> float:
     """
-    Return the one-sided 95 % limit of a log parameter: where the likelihood has fallen by 1.35
-    nats, others held.
+    Return the one-sided 95 % limit of a log parameter.
+
+    Where the likelihood has fallen by 1.35 nats, others held.
 
     """
     steps = np.arange(0.0, 14.0, 0.5)

@@ -1,6 +1,7 @@
 """
-A bank of linear models, run side by side and mixed: the interacting-multiple-model filter (Blom,
-Bar-Shalom 1988).
+A bank of linear models, run side by side and mixed.
+
+The interacting-multiple-model filter (Blom, Bar-Shalom 1988).
 
 One model is a bank of one; a model with steps of the rate is a bank of two whose modes are drawn
 anew each sample. All modes share one state vector. The bank runs over *lanes*: the three axes
@@ -23,8 +24,9 @@ from .modes import Modes
 
 class Coefficients:
     """
-    The entries of a bank's matrices over each of several intervals: None where zero everywhere,
-    1.0 where one.
+    The entries of a bank's matrices over each of several intervals.
+
+    None where zero everywhere, 1.0 where one.
 
     """
 
@@ -63,8 +65,9 @@ class Coefficients:
 
     def at(self, which) -> Entries:
         """
-        Return the entries for lanes, chunk after chunk with all axes each; ``which`` (chunks,)
-        names the interval.
+        Return the entries for lanes, chunk after chunk with all axes each.
+
+        ``which`` (chunks,) names the interval.
 
         One whole number: the same interval for every chunk; entries (modes, axes) then.
 
@@ -107,8 +110,9 @@ class Entries:
 
 class Bank:
     """
-    A bank at one moment: probabilities (modes, lanes), states and covariances component by
-    component.
+    A bank at one moment: probabilities, states and covariances.
+
+    Component by component, (modes, lanes) each.
 
     """
 
@@ -137,8 +141,9 @@ class Bank:
 
     def mix(self, e: Entries):
         """
-        Let the modes interact: each starts from what all of them say, weighed by how it may have
-        come about.
+        Let the modes interact.
+
+        Each starts from what all of them say, weighed by how it may have come about.
 
         """
         if self.table.modes == 1:
@@ -175,8 +180,9 @@ class Bank:
 
     def update(self, z: np.ndarray, e: Entries):
         """
-        Weigh the samples z (lanes,) in; return (innovation, S, log-likelihood) of each mode, prior
-        weights included.
+        Weigh the samples z (lanes,) in.
+
+        Return (innovation, S, log-likelihood) of each mode, prior weights included.
 
         """
         p = self.p
@@ -204,8 +210,9 @@ class Bank:
 
     def _robust(self, nu, s, r):
         """
-        Weigh a sample as good or as an outlier, and keep the two moments of what both say
-        (Sorenson, Alspach 1971).
+        Weigh a sample as good or as an outlier (Sorenson, Alspach 1971).
+
+        Two moments are kept of what both say.
 
         Return (K nu over P H, what shrinks the covariance, log-likelihood): P - Ph Ph^T shrink.
 
@@ -234,8 +241,9 @@ class Bank:
 
     def step(self, z: np.ndarray, e: Entries | None):
         """
-        Mix, predict and update with samples z (lanes,); e None: the first sample, nothing to
-        predict.
+        Mix, predict and update with samples z (lanes,).
+
+        ``e`` None: the first sample, nothing to predict.
 
         """
         if e is not None:
@@ -246,8 +254,9 @@ class Bank:
 
     def score(self, nu, s, e: Entries) -> np.ndarray:
         """
-        Return the normalised innovation, (lanes,), of a mixture its transform: standard normal if
-        the model is right.
+        Return the normalised innovation, (lanes,), of a mixture its transform.
+
+        Standard normal if the model is right.
 
         """
         if self.table.modes == 1 and self.mixture is None:
@@ -256,7 +265,8 @@ class Bank:
 
     def transform(self, nu, s, e: Entries) -> np.ndarray:
         """
-        Return the standard normal value at the sample's place in its predictive distribution,
+        Return the standard normal value at the sample's place in its predicted distribution.
+
         (lanes,).
 
         The probability integral transform of the mixture (Rosenblatt 1952).

@@ -50,8 +50,9 @@ def update(space: StateSpace, x, p, z):
 @dataclass(frozen=True)
 class Steady:
     """
-    A filter in steady state: covariance predicted and after the update, gain (d,), variance of the
-    innovations.
+    A filter in steady state.
+
+    Covariance predicted and after the update, gain (d,), variance of the innovations.
 
     """
 
@@ -103,8 +104,9 @@ def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray
 
 def steady_state(space: StateSpace, alpha: float = 1.0) -> Steady | None:
     """
-    Return the steady state of a model, or None: nothing drives one of its states, and the gain
-    never settles.
+    Return the steady state of a model, or None where it has none.
+
+    It has none where nothing drives one of its states: the gain never settles.
 
     The gain is right where (I - K H) Phi/sqrt(alpha) is stable (Anderson, Moore 1979, ch. 4).
 
@@ -182,8 +184,9 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
 @dataclass(frozen=True)
 class Run:
     """
-    A filtered stretch, (n,) each: rate, its variance, innovations and their variance; the state
-    (x, P) at its end.
+    A filtered stretch, (n,) each.
+
+    Rate, its variance, innovations and theirs; (x, P) is the state at its end.
 
     """
 
@@ -199,8 +202,9 @@ def resume(
     space: StateSpace, z: np.ndarray, x, p, alpha: float = 1.0, steady: Steady | None = None
 ) -> Run:
     """
-    Filter evenly spaced z (n,) from the prediction (x, P) of its first sample: recursion, then
-    steady state.
+    Filter evenly spaced z (n,) from the prediction (x, P) of its first sample.
+
+    Recursion, then steady state.
 
     """
     n = len(z)
@@ -229,8 +233,9 @@ def run(space: StateSpace, z: np.ndarray, alpha: float = 1.0, steady: Steady | N
 
 def log_likelihood(innovations: np.ndarray, s) -> float:
     """
-    Return the log-likelihood of innovations (n,) with variances s: the prediction-error
-    decomposition.
+    Return the log-likelihood of innovations (n,) with variances s.
+
+    The prediction-error decomposition.
 
     """
     s = np.broadcast_to(s, np.shape(innovations))

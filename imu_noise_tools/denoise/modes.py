@@ -37,8 +37,9 @@ class Modes:
 def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wander=WANDER,
                   acceleration=ACCELERATION) -> Modes:
     """
-    Return the default bank: from rest over turns by hand to impacts, one fixed setting for every
-    motion.
+    Return the default bank.
+
+    From rest over turns by hand to impacts, one fixed setting for every motion.
 
     Motion is physical: the setting does not depend on the sensor, whose noise (a model for each
     axis) sets R.
@@ -57,8 +58,9 @@ def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wande
 
 def _wandering(smooth: StateSpace, still: StateSpace, q: float) -> StateSpace:
     """
-    Return a random walk of the rate in the states of ``smooth``: the acceleration (state 1) is
-    held at zero.
+    Return a random walk of the rate in the states of ``smooth``.
+
+    The acceleration (state 1) is held at zero.
 
     """
     keep = np.array([0, *range(2, smooth.size)])

@@ -1,6 +1,7 @@
 """
-What can drive a rate: each a small class, in the units of the rate (``{rate}``) and its derivative
-(``{slope}``).
+What can drive a rate.
+
+Each a small class, in the units of the rate (``{rate}``) and its derivative (``{slope}``).
 
 """
 
@@ -66,8 +67,9 @@ class ConstantRate(Motion):
 
 class ArIncrement(Motion):
     """
-    The increments of the rate, message by message, are a first-order autoregression: the paper's
-    augmentation.
+    The increments of the rate, message by message, are a first-order autoregression.
+
+    The paper's augmentation.
 
     """
 
@@ -210,8 +212,9 @@ class Singer(Motion):
     @classmethod
     def guesses(cls, look):
         """
-        Return manoeuvres of a few samples to many seconds, of a fraction of the noise to far above
-        it.
+        Return manoeuvres of a few samples to many seconds.
+
+        Of a fraction of the noise to far above it.
 
         """
         sizes = np.sqrt(look.r) * np.array([0.3, 3.0, 30.0])
@@ -298,8 +301,9 @@ class RateStep(Motion):
     @classmethod
     def guesses(cls, look):
         """
-        Return steps of two to two hundred times the noise, from twice in a minute to twice a
-        second.
+        Return steps of two to two hundred times the noise.
+
+        From twice in a minute to twice a second.
 
         """
         if not look.tails:

@@ -1,6 +1,7 @@
 """
-What adds to the output of a gyroscope, as blocks of the filter; and what an analysed study says of
-it.
+What adds to the output of a gyroscope, as blocks of the filter.
+
+And what an analysed study says of it.
 
 """
 
@@ -193,8 +194,9 @@ class Sinusoid(OutputNoise):
 
 class Outliers(OutputNoise):
     """
-    Now and then a sample is wrong by much more than the noise: the update weighs every sample by
-    how likely that is.
+    Now and then a sample is wrong by much more than the noise.
+
+    The update weighs every sample by how likely that is.
 
     """
 
@@ -237,8 +239,7 @@ def flicker_terms(
     b: float, shortest: float, longest: float, per_decade: int = 1
 ) -> tuple[Model, float]:
     """
-    Return Gauss-Markov terms that stand for flicker noise of coefficient b, and how far their
-    spectrum is off.
+    Return Gauss-Markov terms that stand for flicker noise, and how far off they are.
 
     Flicker, B^2/(2 pi f) two-sided, has no finite state space. Terms of equal variance B^2
     ln(ratio)/pi whose tc stand in a fixed ratio from ``shortest`` to ``longest`` (s) have its
@@ -259,8 +260,7 @@ def noise_blocks(
     values: Mapping[str, Mapping[str, float]], dt: float
 ) -> tuple[Model, tuple[str, ...]]:
     """
-    Return the noise part of a filter from the values of an analysed study, and notes on what it
-    leaves out.
+    Return the noise part of a filter from a study; and notes on what it leaves out.
 
     Parameters
     ----------

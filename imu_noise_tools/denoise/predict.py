@@ -1,6 +1,7 @@
 """
-A model's one-step predictions of one series: log-likelihood and scores; many sets of values at
-once where it must be.
+A model's one-step predictions of one series: log-likelihood and scores.
+
+Many sets of values at once where it must be.
 
 """
 
@@ -22,8 +23,9 @@ CHUNK, WARM = 1024, 512  # samples: of a chunk run beside others, and of what it
 @dataclass(frozen=True)
 class Prediction:
     """
-    Log-likelihood of the samples after the first ``settle``, and the scores of those, (n -
-    settle,).
+    Log-likelihood of the samples after the first ``settle``, and the scores of those.
+
+    (n - settle,).
 
     """
 
@@ -97,8 +99,9 @@ def by_bank(
     models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, scores: bool = True
 ):
     """
-    Return (log-likelihoods (k,), scores (k, n - settle)) of k models of one structure, by the
-    recursion.
+    Return log-likelihoods (k,) and scores (k, n - settle) of k models of one structure.
+
+    By the recursion of the bank.
 
     Chunks of the series run side by side, each warmed up on the samples before it.
 

@@ -101,8 +101,9 @@ class FilterProblem:
 
     def _with_amplitudes(self, model: Model) -> Model:
         """
-        Return the model with the amplitude of each fitted line read at its frequency; how fast it
-        changes is kept.
+        Return the model with the amplitude of each fitted line read at its frequency.
+
+        How fast it changes is kept.
 
         """
         for e in model:
@@ -134,8 +135,9 @@ class FilterProblem:
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """
-        Return what could be added: gain of log-likelihood refitted, penalty by BIC and by where it
-        was looked for.
+        Return what could be added.
+
+        Gain of log-likelihood refitted, penalty by BIC and by where it was looked for.
 
         """
         out = []
@@ -219,8 +221,9 @@ class FilterProblem:
 
 def _lines(z: np.ndarray, dt: float, most: int = 3) -> np.ndarray:
     """
-    Return (frequency, amplitude) of the strongest slow lines, then of the fast ones that stand out
-    most.
+    Return (frequency, amplitude) of the strongest slow lines.
+
+    Then of the fast ones that stand out most.
 
     """
     n = len(z)
@@ -265,8 +268,9 @@ def problem_of(
     t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: float = 1.0
 ) -> FilterProblem:
     """
-    Return the problem of one axis of a record: its longest stretch without a gap, at most the
-    first 2 x 16384 samples.
+    Return the problem of one axis of a record.
+
+    Its longest stretch without a gap, at most the first 2 x 16384 samples.
 
     """
     good = np.isfinite(z) & np.isfinite(t)

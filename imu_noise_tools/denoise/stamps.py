@@ -1,6 +1,7 @@
 """
-What stamps say of a stream: intervals, duplicates, gaps, jumps backward; the same rules live and
-recorded.
+What stamps say of a stream: intervals, duplicates, gaps, jumps backward.
+
+The same rules live and recorded.
 
 """
 
@@ -37,8 +38,9 @@ class Clock:
 
     def keys(self, dt: np.ndarray) -> np.ndarray:
         """
-        Return for intervals dt (s) which step of the grid they are, DUPLICATE (0) or RESTART (a
-        gap, backward).
+        Return for intervals dt (s) which step of the grid they are.
+
+        DUPLICATE (0) or RESTART (a gap, backward).
 
         """
         dt = np.asarray(dt, float)
@@ -63,8 +65,9 @@ class Clock:
 
 def usual_rate(t: np.ndarray) -> float | None:
     """
-    Return the usual rate, Hz, of stamps t (s): one over the median positive interval; None where
-    there is none.
+    Return the usual rate, Hz, of stamps t (s): one over the median positive interval.
+
+    None where there is none.
 
     """
     dt = np.diff(t)

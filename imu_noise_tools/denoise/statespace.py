@@ -1,6 +1,7 @@
 """
-Blocks of a linear state space that add: x_k = Phi x_{k-1} + w_k, z_k = H x_k + v_k, cov w = Q, var
-v = R.
+Blocks of a linear state space that add.
+
+x_k = Phi x_{k-1} + w_k, z_k = H x_k + v_k, cov w = Q, var v = R.
 
 Blocks stand side by side on the diagonal. The one exception: motions that *integrate* (their first
 state is the rate, driven by the rest) share that first state. Side by side, each would bring an
@@ -25,8 +26,9 @@ DOMAIN = 'filter'
 @dataclass(frozen=True)
 class Block:
     """
-    One effect's part: ``phi`` and ``q`` (d, d), ``h`` (d,), ``p0`` (d, d) the covariance it starts
-    with.
+    One effect's part of a state space.
+
+    ``phi`` and ``q`` (d, d), ``h`` (d,), ``p0`` (d, d) the covariance it starts with.
 
     ``r`` is variance added to the measurement, ``r_factor`` multiplies what all blocks add.
     ``integrates``: the first state is the rate itself, to be shared. ``outliers`` is (fraction,
@@ -74,8 +76,9 @@ class StateSpace:
 @dataclass(frozen=True)
 class Look:
     """
-    What a first look at a series shows, for starting values; ``z`` (n,) at ``dt`` s, ``u`` its
-    scores so far.
+    What a first look at a series shows, for starting values.
+
+    ``z`` (n,) at ``dt`` s, ``u`` its scores so far.
 
     ``r`` is the variance of its white noise, ``lines`` (k, 2) frequency and amplitude of what
     stands out of the spectrum, the strongest first; ``tails`` tells whether single scores are far
@@ -106,8 +109,9 @@ class FilterEffect(Effect):
     @classmethod
     def guesses(cls, look: Look) -> list[Effect]:
         """
-        Return where a fit may start; none: the effect does not apply to these data. By default the
-        typical one.
+        Return where a fit may start, by default the typical effect.
+
+        None: the effect does not apply to these data.
 
         """
         return [cls.example()]
@@ -183,8 +187,9 @@ def state_space(model: Model, dt: float) -> StateSpace:
 
 def _share(blocks: list[Block]) -> Block:
     """
-    Return the blocks with their integrators, states 0, made one: rows, columns and covariances
-    add.
+    Return the blocks with their integrators, states 0, made one.
+
+    Rows, columns and covariances add.
 
     """
     d = 1 + sum(len(b.h) - 1 for b in blocks)

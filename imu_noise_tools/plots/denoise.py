@@ -1,6 +1,7 @@
 """
-Pictures of a filter: before and after against the truth, innovations, the autoregression of a
-record at rest.
+Pictures of a filter.
+
+Before and after against the truth, innovations, the autoregression of a record at rest.
 
 """
 
@@ -75,8 +76,9 @@ def error_before_after(ax, t, raw, filtered, title: str = ''):
 
 def error_by_filter(ax, names, errors, raw: float, title: str = ''):
     """
-    Draw the rms error of filters side by side on a log scale, deg/s, and that of no filter as a
-    line.
+    Draw the rms error of filters side by side on a log scale.
+
+    In deg/s; that of no filter as a line.
 
     """
     dress(ax, title, '', 'rms error, °/s')
@@ -99,8 +101,9 @@ def error_by_filter(ax, names, errors, raw: float, title: str = ''):
 
 def error_by_amplitude(ax, amplitude, series, title: str = ''):
     """
-    Draw error (deg/s) against amplitude of rocking (deg), one line for each name of ``series``,
-    both logarithmic.
+    Draw error (deg/s) against amplitude of rocking (deg), one line for each name of ``series``.
+
+    Both logarithmic.
 
     """
     dress(ax, title, 'amplitude of rocking, °', 'rms error, °/s')
@@ -141,8 +144,9 @@ def correlation(ax, z, lags: int = 40, title: str = ''):
 
 def innovations(figure, u, dt: float, title: str = ''):
     """
-    Draw scores u (n,) in time, their spectrum, distribution and autocorrelation: all flat if the
-    model is right.
+    Draw scores u (n,) in time, their spectrum, distribution and autocorrelation.
+
+    All flat if the model is right.
 
     """
     grid = figure.add_gridspec(

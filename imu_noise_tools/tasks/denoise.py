@@ -1,6 +1,7 @@
 """
-Filter a recorded bag: what a command and a script both call; and what an analysed study says of
-the noise.
+Filter a recorded bag: what a command and a script both call.
+
+And what an analysed study states of the noise.
 
 """
 
@@ -100,8 +101,7 @@ def denoise(
     progress: Progress | None = None,
 ) -> Done:
     """
-    Write a bag that holds all of another one and ``imu/data_filtered`` beside, and a study of the
-    innovations.
+    Write a bag with ``imu/data_filtered`` beside all it holds, and a study of the innovations.
 
     The study, ``<out>.study``, starts from constant_rate + ar_increment + white, or from the
     motion and noise named; what is given with ``model`` or ``values`` is stated, the rest fitted.
@@ -214,8 +214,9 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
 
 def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Study | None:
     """
-    Return the study of the innovations, or None, with a note, where the record is too short or
-    stands still.
+    Return the study of the innovations, or None.
+
+    None, with a note, where the record is too short or an axis constant.
 
     """
     problems, models = {}, {}
