@@ -86,13 +86,22 @@ def deviance(score: Score, names=()) -> float:
 
 
 def fall_of(before: Score, after: Score, effects) -> float:
-    """Return by how much the deviance on data not fitted fell, in the views in which the effects are judged."""
+    """
+    Return by how much the deviance on data not fitted fell, in the views in which the effects are judged.
+
+    A view that one of the two models cannot say anything in counts with its excess where that is above zero.
+    """
     names: set = set()
     for e in effects:
         if not e.views:
-            return deviance(before) - deviance(after)
+            names = set(before.views) | set(after.views)
+            break
         names |= set(e.views)
-    return deviance(before, names) - deviance(after, names)
+    both = set(before.views) & set(after.views) & names
+    fall = deviance(before, both) - deviance(after, both) if both else 0.0
+    for score, sign in ((before, 1), (after, -1)):
+        fall += sign * sum(max(score.views[k].excess, 0.0) * len(score.views[k].pull) for k in set(score.views) & names - both)
+    return fall
 
 
 def assess(problem: Problem, model: Model) -> State:

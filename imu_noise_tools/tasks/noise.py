@@ -12,8 +12,8 @@ import numpy as np
 from .. import export, files, store
 from ..effect import model_of
 from ..errors import InputError, UsageError
-from ..noise.curve import model_curve
 from ..health import prepare
+from ..noise.curve import model_curve
 from ..noise.evidence import gather
 from ..noise.problem import METHODS, NoiseProblem
 from ..record import ImuRecord, sensor_of
