@@ -40,9 +40,14 @@ def one(job) -> dict:
     # the record is still by construction; a strong effect must not be mistaken for motion here
     study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
     first = study.diagnose(['gyro_x'])['gyro_x']
-    out = {'names': names, 'hidden': [(h.name, h.strength, h.nats, h.clear) for h in truth.hidden['gyro_x']],
-           'verdict': verdict_of(first), 'ranked': [(f.name, round(f.gain, 1), round(f.penalty, 1)) for f in first.ranked[:3]],
-           'failed': [f.name for f in first.failed], 'seed': seed}
+    out = {
+        'names': names,
+        'hidden': [(h.name, h.strength, h.nats, h.clear) for h in truth.hidden['gyro_x']],
+        'verdict': verdict_of(first),
+        'ranked': [(f.name, round(f.gain, 1), round(f.penalty, 1)) for f in first.ranked[:3]],
+        'failed': [f.name for f in first.failed],
+        'seed': seed,
+    }
     if first.verdict == 'missing':
         before = study.states['gyro_x'].error
         done = study.complete(['gyro_x'], most=steps)
@@ -57,6 +62,7 @@ def one(job) -> dict:
 def through_bag(record):
     """Write the record as a bag and read it back: the loop sees the bag alone."""
     from imu_noise_tools.bag import open_record, write_bag
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'bag'
         write_bag(path, record, storage='mcap')
@@ -64,7 +70,11 @@ def through_bag(record):
 
 
 def right(row) -> bool:
-    """Tell whether the verdict is right: the name; below five nats complete and undecidable too; unknown for what nobody knows."""
+    """
+    Tell whether the verdict is right: the name; below five nats complete and undecidable too;
+    unknown for what nobody knows.
+
+    """
     if not row['hidden']:
         return row['verdict'] == 'complete'
     name, _, nats, _ = row['hidden'][0]
@@ -94,12 +104,16 @@ def main():
     parser.add_argument('--rate', type=float, default=50.0)
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--jobs', type=int, default=1)
-    parser.add_argument('--bags', action='store_true', help='write each record as a bag and read it back')
+    parser.add_argument(
+        '--bags', action='store_true', help='write each record as a bag and read it back'
+    )
     parser.add_argument('-v', action='store_true', help='print each wrong verdict')
     args = parser.parse_args()
     strength = tuple(float(x) for x in args.strength.split(','))
     strength = strength if len(strength) > 1 else strength[0]
-    names = [e for e in args.effects.split(',') if e] or list(hidden.UNKNOWN if args.set == 'unknown' else hidden.KNOWN)
+    names = [e for e in args.effects.split(',') if e] or list(
+        hidden.UNKNOWN if args.set == 'unknown' else hidden.KNOWN
+    )
     rng = np.random.default_rng(args.seed)
     if args.set == 'none':
         sets = [()] * args.records
@@ -107,7 +121,10 @@ def main():
         sets = [tuple(rng.choice(names, 2, replace=False)) for _ in range(args.records)]
     else:
         sets = [(n,) for n in names for _ in range(args.records)]
-    jobs = [(s, strength, args.hours, args.rate, args.seed * 100003 + k, args.bags, 4) for k, s in enumerate(sets)]
+    jobs = [
+        (s, strength, args.hours, args.rate, args.seed * 100003 + k, args.bags, 4)
+        for k, s in enumerate(sets)
+    ]
     rows = []
     with ProcessPoolExecutor(args.jobs) as pool:
         for row in pool.map(one, jobs):
@@ -122,8 +139,10 @@ def report(rows, args):
     if args.set == 'two':
         strong = [r for r in rows if all(h[3] for h in r['hidden'])]
         both = sum(set(h[0] for h in r['hidden']) <= set(r.get('added', ())) for r in strong)
-        print(f'both found: {share(both, len(strong))} (strength >= 1 and clear); of all {len(rows)}: '
-              f'{sum(set(r["names"]) <= set(r.get("added", ())) for r in rows)}')
+        print(
+            f'both found: {share(both, len(strong))} (strength >= 1 and clear); of all {len(rows)}: '
+            f'{sum(set(r["names"]) <= set(r.get("added", ())) for r in rows)}'
+        )
         return
     table = defaultdict(Counter)
     for r in rows:
@@ -132,14 +151,19 @@ def report(rows, args):
     print(f'{"hidden":20s} right  ' + ' '.join(f'{s[:12]:>12s}' for s in said))
     for name, counts in table.items():
         mine = [r for r in rows if (r['hidden'][0][0] if r['hidden'] else 'none') == name]
-        print(f'{name:20s} {100 * np.mean([right(r) for r in mine]):4.0f} % ' + ' '.join(f'{counts[s] or "":>12}' for s in said))
+        print(
+            f'{name:20s} {100 * np.mean([right(r) for r in mine]):4.0f} % '
+            + ' '.join(f'{counts[s] or "":>12}' for s in said)
+        )
     print('right first verdict:', share(sum(right(r) for r in rows), len(rows)))
     clear = [r for r in rows if r['hidden'] and r['hidden'][0][3]]
     if clear and args.set == 'one':
         print('of strength >= 1 and clear:', share(sum(right(r) for r in clear), len(clear)))
         named = [r for r in rows if 'within_chance' in r and r['verdict'] == r['hidden'][0][0]]
-        print('after the right effect is added, held-out error within chance:',
-              share(sum(r['within_chance'] for r in named), len(named)))
+        print(
+            'after the right effect is added, held-out error within chance:',
+            share(sum(r['within_chance'] for r in named), len(named)),
+        )
 
 
 if __name__ == '__main__':

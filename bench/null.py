@@ -26,9 +26,9 @@ from imu_noise_tools.noise.candidates import candidates  # noqa: E402
 from imu_noise_tools.noise.evidence import gather  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
 
-CELLS = ((1.0, 50.0), (0.5, 100.0), (2.0, 50.0), (3.0, 100.0), (0.1, 100.0))     # hours, Hz
+CELLS = ((1.0, 50.0), (0.5, 100.0), (2.0, 50.0), (3.0, 100.0), (0.1, 100.0))  # hours, Hz
 LEVEL = 1e-3
-LEAST = 6.0         # a short tail is no licence: no candidate is believed for less
+LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 
 
 def one(seed: int) -> list[tuple[str, float]]:
@@ -37,7 +37,9 @@ def one(seed: int) -> list[tuple[str, float]]:
     hours, rate = CELLS[seed % len(CELLS)]
     record, _ = draw(rng, (), hours=hours, rate_hz=rate, accel=True)
     wander = np.cumsum(rng.standard_normal(record.n)) * 0.5 / np.sqrt(record.n)
-    record.covariates['temperature'] = 25 + wander + rng.uniform(-3, 3) * np.exp(-record.t / rng.uniform(100, 2000))
+    record.covariates['temperature'] = (
+        25 + wander + rng.uniform(-3, 3) * np.exp(-record.t / rng.uniform(100, 2000))
+    )
     out = []
     model = model_of('noise', ('white', 'flicker', 'random_walk'))
     for axis, e in gather(record, ('gyro_x', 'gyro_y', 'gyro_z')).items():
@@ -48,7 +50,10 @@ def one(seed: int) -> list[tuple[str, float]]:
 
 
 def threshold(gains: np.ndarray, total: int) -> float:
-    """Return the gain exceeded with probability LEVEL: an exponential tail above the 90 % point."""
+    """
+    Return the gain exceeded with probability LEVEL: an exponential tail above the 90 % point.
+
+    """
     gains = np.concatenate([gains, np.zeros(max(total - len(gains), 0))])
     start = max(float(np.quantile(gains, 0.9)), 0.0)
     scale = float(np.mean(gains[gains > start] - start)) if np.any(gains > start) else 0.5
@@ -71,11 +76,20 @@ def main():
     table = {}
     for name, gains in sorted(found.items()):
         table[name] = round(threshold(np.array(gains), total), 2)
-        print(f'{name:20s} {len(gains):5d}  90 % {np.quantile(gains, .9):6.2f}  99 % {np.quantile(gains, .99):6.2f}  '
-              f'largest {max(gains):6.2f}  penalty {table[name]:6.2f}')
+        print(
+            f'{name:20s} {len(gains):5d}  90 % {np.quantile(gains, 0.9):6.2f}  99 % {np.quantile(gains, 0.99):6.2f}  '
+            f'largest {max(gains):6.2f}  penalty {table[name]:6.2f}'
+        )
     if args.write:
-        lines = ['"""Gain in nats that a candidate exceeds by chance in one axis of a thousand; bench/null.py writes this file."""', '',
-                 f'AXES = {total}', 'DEFAULT = 10.0', 'PENALTY = {', *(f'    {k!r}: {v},' for k, v in table.items()), '}']
+        lines = [
+            '"""Gain in nats that a candidate exceeds by chance in one axis of a thousand; bench/null.py writes this file."""',
+            '',
+            f'AXES = {total}',
+            'DEFAULT = 10.0',
+            'PENALTY = {',
+            *(f'    {k!r}: {v},' for k, v in table.items()),
+            '}',
+        ]
         (TOP / 'imu_noise_tools' / 'noise' / 'null.py').write_text('\n'.join(lines) + '\n')
 
 

@@ -17,8 +17,9 @@ from scipy.special import chdtri
 from .errors import InputError, UsageError
 
 DEVIATIONS = ('oadev', 'adev', 'mdev', 'hdev', 'totdev')
-# Samples per pass: the working array stays in the cache, and its dot product is too short for OpenBLAS to spread over
-# threads (it does from 10 000; on a busy machine they cost thirty times what they bring).
+# Samples per pass: the working array stays in the cache, and its dot product is too short for
+# OpenBLAS to spread over threads (it does from 10 000; on a busy machine they cost thirty times
+# what they bring).
 _BLOCK = 1 << 13
 
 
@@ -27,8 +28,9 @@ class AllanCurve:
     """
     One axis' deviation against averaging time; all arrays (k,).
 
-    ``m`` samples per cluster, ``tau`` s, ``count`` terms averaged, ``dev`` in the unit of the rate, ``lo`` and ``hi``
-    its 95 % interval, ``percent_error`` the classic 100/sqrt(2(n/m - 1)), ``edf`` equivalent degrees of freedom.
+    ``m`` samples per cluster, ``tau`` s, ``count`` terms averaged, ``dev`` in the unit of the
+    rate, ``lo`` and ``hi`` its 95 % interval, ``percent_error`` the classic 100/sqrt(2(n/m - 1)),
+    ``edf`` equivalent degrees of freedom.
 
     """
 
@@ -49,7 +51,10 @@ class AllanCurve:
 
     @property
     def percent_error(self) -> np.ndarray:
-        """Relative error of a standard estimate, in percent: 100/sqrt(2 (n/m - 1)) (IEEE 952 C.1)."""
+        """
+        Relative error of a standard estimate, in percent: 100/sqrt(2 (n/m - 1)) (IEEE 952 C.1).
+
+        """
         return 100 / np.sqrt(2 * (self.n / self.m - 1))
 
     @property
@@ -60,7 +65,8 @@ class AllanCurve:
 
 def cluster_sizes(n: int, points: int = 100, octaves: bool = False) -> np.ndarray:
     """
-    Return cluster sizes m from 1 to n/3: log-spaced whole numbers, each once, or octaves 1, 2, 4 ...
+    Return cluster sizes m from 1 to n/3: log-spaced whole numbers, each once, or octaves 1, 2, 4
+    ...
 
     Raises
     ------
@@ -78,9 +84,11 @@ def cluster_sizes(n: int, points: int = 100, octaves: bool = False) -> np.ndarra
 
 def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
     """
-    Return the overlapping Allan variance of rates y (n,) at cluster sizes m, every pair of clusters counted.
+    Return the overlapping Allan variance of rates y (n,) at cluster sizes m, every pair of
+    clusters counted.
 
-    sigma^2(m) = sum_j (x_{j+2m} - 2 x_{j+m} + x_j)^2 / (2 m^2 (n - 2m + 1)), x the prefix sums of y (IEEE 952 C.2).
+    sigma^2(m) = sum_j (x_{j+2m} - 2 x_{j+m} + x_j)^2 / (2 m^2 (n - 2m + 1)), x the prefix sums of
+    y (IEEE 952 C.2).
 
     """
     x = _prefix(y)
@@ -92,29 +100,39 @@ def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
         total = 0.0
         for j in range(0, count, _BLOCK):
             size = min(_BLOCK, count - j)
-            d = np.add(x[j:j + size], x[j + 2 * k:j + 2 * k + size], out=work[:size])
-            d -= twice[j + k:j + k + size]
+            d = np.add(x[j : j + size], x[j + 2 * k : j + 2 * k + size], out=work[:size])
+            d -= twice[j + k : j + k + size]
             total += float(d @ d)
         out[i] = total / (2.0 * k * k * count)
     return out
 
 
 def standard_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """Return half the mean squared difference of neighbouring cluster means, clusters side by side (IEEE 952 C.1)."""
+    """
+    Return half the mean squared difference of neighbouring cluster means, clusters side by side
+    (IEEE 952 C.1).
+
+    """
     x = _prefix(y)
-    return np.array([np.mean(np.diff(x[::k], 2) ** 2) / (2.0 * k * k) for k in np.asarray(m).tolist()])
+    return np.array(
+        [np.mean(np.diff(x[::k], 2) ** 2) / (2.0 * k * k) for k in np.asarray(m).tolist()]
+    )
 
 
 def _prefix(y: np.ndarray) -> np.ndarray:
-    """Prefix sums of y less its mean: the mean cancels in every difference, and so does its rounding."""
+    """
+    Prefix sums of y less its mean: the mean cancels in every difference, and so does its rounding.
+
+    """
     x = np.empty(len(y) + 1)
     x[0] = 0.0
     np.subtract(y, np.mean(y), out=x[1:])
     return np.cumsum(x, out=x)
 
 
-def curve(y: np.ndarray, dt: float, *, deviation: str = 'oadev', points: int = 100,
-          octaves: bool = False) -> AllanCurve:
+def curve(
+    y: np.ndarray, dt: float, *, deviation: str = 'oadev', points: int = 100, octaves: bool = False
+) -> AllanCurve:
     """
     Return one axis' curve with 95 % intervals.
 
@@ -138,7 +156,9 @@ def curve(y: np.ndarray, dt: float, *, deviation: str = 'oadev', points: int = 1
 
     """
     if deviation not in DEVIATIONS:
-        raise UsageError(f'there is no deviation {deviation}', f'known are {", ".join(DEVIATIONS)}')
+        raise UsageError(
+            f'there is no deviation {deviation}', f'known are {", ".join(DEVIATIONS)}'
+        )
     n = len(y)
     m = cluster_sizes(n, points, octaves)
     if deviation == 'oadev':
@@ -154,28 +174,42 @@ def curve(y: np.ndarray, dt: float, *, deviation: str = 'oadev', points: int = 1
 
 def _by_allantools(y, deviation, m):
     import allantools
+
     tau, dev, _, count = getattr(allantools, deviation)(
-        y - np.mean(y), rate=1.0, data_type='freq', taus=m.astype(float))
+        y - np.mean(y), rate=1.0, data_type='freq', taus=m.astype(float)
+    )
     good = np.isfinite(dev) & (dev > 0)
-    return np.round(tau[good]).astype(np.int64), np.asarray(count)[good].astype(np.int64), dev[good]
+    return (
+        np.round(tau[good]).astype(np.int64),
+        np.asarray(count)[good].astype(np.int64),
+        dev[good],
+    )
 
 
 def interval(dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95):
-    """Return (lo, hi) of a deviation: edf dev^2 / sigma^2 is chi-squared with edf degrees of freedom (IEEE 1139)."""
+    """
+    Return (lo, hi) of a deviation: edf dev^2 / sigma^2 is chi-squared with edf degrees of freedom
+    (IEEE 1139).
+
+    """
     tail = (1 - confidence) / 2
     edf = np.maximum(edf, 1e-3)
     return dev * np.sqrt(edf / chdtri(edf, tail)), dev * np.sqrt(edf / chdtri(edf, 1 - tail))
 
 
 def smooth_slope(m, dev, decades: float = 0.5) -> np.ndarray:
-    """Return the slope of log dev against log m, of a straight line through half a decade around each point."""
+    """
+    Return the slope of log dev against log m, of a straight line through half a decade around each
+    point.
+
+    """
     x, y = np.log(np.asarray(m, float)), np.log(dev)
     out = np.full(len(x), -0.5)
     reach = 0.5 * decades * np.log(10)
     for i in range(len(x) if len(x) > 1 else 0):
         near = np.abs(x - x[i]) <= reach
         if near.sum() < 3:
-            near[max(0, i - 1):i + 2] = True
+            near[max(0, i - 1) : i + 2] = True
         u = x[near] - x[near].mean()
         out[i] = np.sum(u * y[near]) / np.sum(u * u)
     return out
@@ -185,27 +219,33 @@ def degrees_of_freedom(dev, m, n, overlapping=True) -> np.ndarray:
     """
     Return equivalent degrees of freedom for the power law that the local slope shows.
 
-    Overlapping: the approximations of Riley, NIST SP 1065, table 5 (and the exact two-term correlation of
-    neighbouring differences for the standard variance).
+    Overlapping: the approximations of Riley, NIST SP 1065, table 5 (and the exact two-term
+    correlation of neighbouring differences for the standard variance).
 
     """
     m = np.asarray(m, float)
     slope = smooth_slope(m, dev)
-    law = np.clip(np.round(-2 * slope), -1, 2).astype(int)          # 2 quantization ... -1 random walk
-    # Quantization shows at the short end or nowhere. A chance fall at the long end looks as steep and would claim hundreds of
-    # degrees of freedom where there are five.
+    law = np.clip(np.round(-2 * slope), -1, 2).astype(int)  # 2 quantization ... -1 random walk
+    # Quantization shows at the short end or nowhere. A chance fall at the long end looks as steep
+    # and would claim hundreds of degrees of freedom where there are five.
     law = np.where(np.logical_and.accumulate(law == 2), 2, np.minimum(law, 1))
     if not overlapping:
         k = np.maximum(n // m - 1, 1)
         rho2 = np.select([law == 2, law == 1, law == 0], [4 / 9 + 1 / 36, 0.25, 0.01], 1 / 16)
-        return k ** 2 / (k + 2 * np.maximum(k - 1, 0) * rho2)
+        return k**2 / (k + 2 * np.maximum(k - 1, 0) * rho2)
     phases = n + 1.0
     by_law = {
         2: (phases + 1) * (phases - 2 * m) / (2 * (phases - m)),
-        1: (3 * (phases - 1) / (2 * m) - 2 * (phases - 2) / phases) * 4 * m ** 2 / (4 * m ** 2 + 5),
-        0: np.where(m == 1, 2 * (phases - 2) ** 2 / (2.3 * phases - 4.9),
-                    5 * phases ** 2 / (4 * m * (phases + 3 * m))),
-        -1: (phases - 2) / m * ((phases - 1) ** 2 - 3 * m * (phases - 1) + 4 * m ** 2) / (phases - 3) ** 2,
+        1: (3 * (phases - 1) / (2 * m) - 2 * (phases - 2) / phases) * 4 * m**2 / (4 * m**2 + 5),
+        0: np.where(
+            m == 1,
+            2 * (phases - 2) ** 2 / (2.3 * phases - 4.9),
+            5 * phases**2 / (4 * m * (phases + 3 * m)),
+        ),
+        -1: (phases - 2)
+        / m
+        * ((phases - 1) ** 2 - 3 * m * (phases - 1) + 4 * m**2)
+        / (phases - 3) ** 2,
     }
     return np.maximum(np.select([law == k for k in by_law], list(by_law.values())), 1.0)
 
@@ -214,8 +254,8 @@ def dominant_shape(curve_: AllanCurve) -> str:
     """
     Say in words which kind of gyroscope a curve looks like, from its share of slopes.
 
-    MEMS: -1/2, a flat part from seconds, +1/2 beyond; fibre-optic: -1/2 for minutes, a short flat part; ring laser:
-    -1 (or -1/2) over nearly everything.
+    MEMS: -1/2, a flat part from seconds, +1/2 beyond; fibre-optic: -1/2 for minutes, a short flat
+    part; ring laser: -1 (or -1/2) over nearly everything.
 
     """
     good = curve_.edf > 5

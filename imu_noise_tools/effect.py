@@ -34,7 +34,8 @@ class Parameter:
     name : str
         As it is written in study.yaml, e.g. ``N``.
     unit : str
-        SI unit with the placeholders of :func:`imu_noise_tools.units.si`, e.g. ``{rate}/sqrt(Hz)``.
+        SI unit with the placeholders of :func:`imu_noise_tools.units.si`, e.g.
+        ``{rate}/sqrt(Hz)``.
     lower, upper : float
         Bounds within which it is searched for.
     log : bool
@@ -79,7 +80,7 @@ class Effect:
     hint: ClassVar[str] = ''
     reference: ClassVar[str] = ''
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    several: ClassVar[bool] = False        # may a model hold more than one of it?
+    several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -89,13 +90,20 @@ class Effect:
         """Register the class under its domain and name."""
         super().__init_subclass__(**kwargs)
         if '__slots__' in cls.__dict__:
-            raise TypeError(f'{cls.__name__}: slots build a class twice, so it would register twice')
+            raise TypeError(
+                f'{cls.__name__}: slots build a class twice, so it would register twice'
+            )
         if cls.__dict__.get('name'):
             known = _REGISTRY.setdefault(cls.domain, {})
             other = known.get(cls.name)
-            if other and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
-                raise UsageError(f'two effects are named {cls.name} ({other.__module__} and {cls.__module__})',
-                                 'give the new one another name')
+            if other and (other.__module__, other.__qualname__) != (
+                cls.__module__,
+                cls.__qualname__,
+            ):
+                raise UsageError(
+                    f'two effects are named {cls.name} ({other.__module__} and {cls.__module__})',
+                    'give the new one another name',
+                )
             known[cls.name] = cls
 
     def __post_init__(self):
@@ -103,9 +111,13 @@ class Effect:
         names = [p.name for p in self.parameters]
         unknown = sorted(set(self.values) - set(names))
         if unknown:
-            raise UsageError(f'{self.name} has no parameter {", ".join(unknown)}',
-                             f'its parameters are {", ".join(names) or "none"}')
-        object.__setattr__(self, 'values', MappingProxyType({k: float(v) for k, v in self.values.items()}))
+            raise UsageError(
+                f'{self.name} has no parameter {", ".join(unknown)}',
+                f'its parameters are {", ".join(names) or "none"}',
+            )
+        object.__setattr__(
+            self, 'values', MappingProxyType({k: float(v) for k, v in self.values.items()})
+        )
         object.__setattr__(self, 'label', self.label or self.name)
 
     def __reduce__(self):
@@ -136,8 +148,12 @@ class Effect:
     @classmethod
     def example(cls) -> Effect:
         """Return one with typical values (a MEMS gyroscope): for tests, pictures and help."""
-        return cls({p.name: float(np.sqrt(p.lower * p.upper)) if p.log else 0.5 * (p.lower + p.upper)
-                    for p in cls.parameters})
+        return cls(
+            {
+                p.name: float(np.sqrt(p.lower * p.upper)) if p.log else 0.5 * (p.lower + p.upper)
+                for p in cls.parameters
+            }
+        )
 
 
 class Model:
@@ -155,7 +171,9 @@ class Model:
         if effect.label not in taken:
             return effect
         if not effect.several:
-            raise UsageError(f'the model already has {effect.label}', 'an effect of this kind is there once')
+            raise UsageError(
+                f'the model already has {effect.label}', 'an effect of this kind is there once'
+            )
         k = 2
         while f'{effect.name}.{k}' in taken:
             k += 1
@@ -172,18 +190,28 @@ class Model:
     def minus(self, label: str) -> Model:
         """Return the model without one effect; raise UsageError where there is none."""
         if label not in self.labels:
-            raise UsageError(f'the model has no {label}', f'it has {", ".join(self.labels) or "nothing"}')
+            raise UsageError(
+                f'the model has no {label}', f'it has {", ".join(self.labels) or "nothing"}'
+            )
         return Model(e for e in self.effects if e.label != label)
 
     def with_effect(self, effect: Effect) -> Model:
         """Return the model with the effect of the same label replaced."""
-        return self.with_values({effect.label: effect.values}) if type(self[effect.label]) is type(effect) else \
-            Model(effect if e.label == effect.label else e for e in self.effects)
+        return (
+            self.with_values({effect.label: effect.values})
+            if type(self[effect.label]) is type(effect)
+            else Model(effect if e.label == effect.label else e for e in self.effects)
+        )
 
     def with_values(self, values: Mapping[str, Mapping[str, float]]) -> Model:
-        """Return the model with values, by label and parameter, in place of or beside those it has."""
+        """
+        Return the model with values, by label and parameter, in place of or beside those it has.
+
+        """
         out = Model()
-        out.effects = tuple(e.with_values(**values[e.label]) if e.label in values else e for e in self.effects)
+        out.effects = tuple(
+            e.with_values(**values[e.label]) if e.label in values else e for e in self.effects
+        )
         return out
 
     def __iter__(self) -> Iterator[Effect]:
@@ -238,16 +266,26 @@ def registry(domain: str) -> Mapping[str, type[Effect]]:
 
 
 def find_effect(domain: str, name: str) -> type[Effect]:
-    """Return an effect's class by its name (or a label such as ``sinusoid.2``); raise UsageError for an unknown one."""
+    """
+    Return an effect's class by its name (or a label such as ``sinusoid.2``); raise UsageError for
+    an unknown one.
+
+    """
     known = registry(domain)
     plain = re.sub(r'\.\d+$', '', name)
     if plain not in known:
-        raise UsageError(f'there is no {domain} effect named {name}', f'known are {", ".join(known)}')
+        raise UsageError(
+            f'there is no {domain} effect named {name}', f'known are {", ".join(known)}'
+        )
     return known[plain]
 
 
 def model_of(domain: str, names) -> Model:
-    """Return the model, not yet fitted, of these names; raise UsageError for an unknown or repeated one."""
+    """
+    Return the model, not yet fitted, of these names; raise UsageError for an unknown or repeated
+    one.
+
+    """
     return Model(find_effect(domain, n)() for n in names)
 
 
@@ -263,7 +301,9 @@ def load_effects(path) -> list[str]:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f'{path}: no such file', '--effects-from takes a Python file that defines effects')
+        raise InputError(
+            f'{path}: no such file', '--effects-from takes a Python file that defines effects'
+        )
     before = {(d, n) for d, known in _REGISTRY.items() for n in known}
     spec = importlib.util.spec_from_file_location(f'imu_noise_user_{path.stem}', path)
     module = importlib.util.module_from_spec(spec)
@@ -274,9 +314,13 @@ def load_effects(path) -> list[str]:
     except Exception as error:
         raise InputError(f'{path}: {type(error).__name__}: {error}', 'mend the file') from error
     new = [n for d, known in _REGISTRY.items() for n in known if (d, n) not in before]
-    again = [n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name]
+    again = [
+        n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
+    ]
     if not (new or again):
-        raise InputError(f'{path}: defines no effect', 'derive a class from an effect kind and give it a name')
+        raise InputError(
+            f'{path}: defines no effect', 'derive a class from an effect kind and give it a name'
+        )
     return new or again
 
 
@@ -285,8 +329,9 @@ class Estimate:
     """
     One fitted number and its uncertainty.
 
-    ``value`` is None where the interval of an amplitude reaches zero; ``point`` still holds the most likely
-    number, which the model is drawn with. ``fixed`` marks what came from the samples rather than from the fit.
+    ``value`` is None where the interval of an amplitude reaches zero; ``point`` still holds the
+    most likely number, which the model is drawn with. ``fixed`` marks what came from the samples
+    rather than from the fit.
 
     """
 
@@ -305,8 +350,8 @@ class Fit:
     """
     What fitting a model gave: the model with its values, an estimate of each, and what went wrong.
 
-    ``flags`` are sentences for people: a bound hit, a start that did not move, an effect not observable.
-    ``details`` belongs to the domain (a covariance matrix, residuals).
+    ``flags`` are sentences for people: a bound hit, a start that did not move, an effect not
+    observable. ``details`` belongs to the domain (a covariance matrix, residuals).
 
     """
 
@@ -320,10 +365,12 @@ class Fit:
 @dataclass(frozen=True)
 class View:
     """
-    One way to look at the data: pulls (standard normal under a true model) at x, and their excess deviance per bin.
+    One way to look at the data: pulls (standard normal under a true model) at x, and their excess
+    deviance per bin.
 
-    ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where given, is the total
-    -2 ln p of the data under the prediction, up to what the data alone decide: it also rewards a sharper prediction.
+    ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where
+    given, is the total -2 ln p of the data under the prediction, up to what the data alone decide:
+    it also rewards a sharper prediction.
 
     """
 
@@ -343,7 +390,11 @@ class View:
 
 @dataclass(frozen=True)
 class Score:
-    """How well a fit predicts data it has not seen: the mean over the views of their excess, and its chance scatter."""
+    """
+    How well a fit predicts data it has not seen: the mean over the views of their excess, and its
+    chance scatter.
+
+    """
 
     excess: float
     std: float
@@ -361,8 +412,11 @@ class Score:
         if not views:
             return cls(float('nan'), float('nan'), {})
         k = len(views)
-        return cls(float(sum(v.excess for v in views.values()) / k),
-                   float(np.sqrt(sum(v.std ** 2 for v in views.values())) / k), views)
+        return cls(
+            float(sum(v.excess for v in views.values()) / k),
+            float(np.sqrt(sum(v.std**2 for v in views.values())) / k),
+            views,
+        )
 
 
 @dataclass(frozen=True)
@@ -370,7 +424,8 @@ class Finding:
     """
     One candidate of a diagnosis, or one test that failed (then ``effect`` is None).
 
-    ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could give.
+    ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
+    give.
 
     """
 

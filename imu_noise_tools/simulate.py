@@ -24,7 +24,11 @@ MOTIONS = ('rocking', 'constant_rate', 'vibration')
 
 
 def stage(effect: NoiseEffect) -> int:
-    """Return the order in which effects act: noise, then what the sensor does to it, then what the electronics do to samples."""
+    """
+    Return the order in which effects act: noise, then what the sensor does to it, then what the
+    electronics do to samples.
+
+    """
     if isinstance(effect, Response):
         return 5 if isinstance(effect, Defect) else 3
     if isinstance(effect, Coupling):
@@ -43,10 +47,11 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
     Parameters
     ----------
     spec : mapping
-        ``rate_hz``, ``duration_s``, ``seed``; ``targets``: {axis: {effect: {parameter: value}}} (labels such as ``sinusoid.2``
-        for a second one; ``bias`` is a plain number); ``covariates``: {temperature: {base, swing, period_s, settle, settle_s,
-        noise}} in degrees Celsius; ``motion``: {rocking: {axis, amplitude_deg, period_s}, constant_rate: {axis, deg_s},
-        vibration: {axis, amplitude, frequency}}.
+        ``rate_hz``, ``duration_s``, ``seed``; ``targets``: {axis: {effect: {parameter: value}}}
+        (labels such as ``sinusoid.2`` for a second one; ``bias`` is a plain number);
+        ``covariates``: {temperature: {base, swing, period_s, settle, settle_s, noise}} in degrees
+        Celsius; ``motion``: {rocking: {axis, amplitude_deg, period_s}, constant_rate: {axis,
+        deg_s}, vibration: {axis, amplitude, frequency}}.
 
     Raises
     ------
@@ -59,38 +64,81 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
     covariates = _covariates(spec.get('covariates') or {}, t, seed)
     targets = spec.get('targets') or {}
     if not isinstance(targets, Mapping) or not targets:
-        raise InputError('targets: no axis in the specification', 'e.g. targets: {gyro_x: {white: {N: 8.7e-5}}}')
+        raise InputError(
+            'targets: no axis in the specification', 'e.g. targets: {gyro_x: {white: {N: 8.7e-5}}}'
+        )
     data = {a: _still(a, n) for a in _axes(targets)}
     _move(spec.get('motion') or {}, data, t)
     # the accelerometer first: it may leak into the gyroscope
-    for axis in sorted(targets, key=lambda a: AXES.index(a) if a.startswith('accel') else 10 + AXES.index(a)):
+    for axis in sorted(
+        targets, key=lambda a: AXES.index(a) if a.startswith('accel') else 10 + AXES.index(a)
+    ):
         model, bias = _model(axis, targets[axis])
         x = data[axis] + bias
         for e in sorted(model, key=stage):
-            rng = np.random.default_rng([seed, zlib.crc32(axis.encode()), zlib.crc32(e.label.encode())])
+            rng = np.random.default_rng(
+                [seed, zlib.crc32(axis.encode()), zlib.crc32(e.label.encode())]
+            )
             try:
                 x = e.apply(x, Inputs(t, dt, covariates, data), rng)
             except KeyError as error:
-                raise InputError(f'targets.{axis}.{e.label}: needs {error.args[0]}', e.needs) from None
+                raise InputError(
+                    f'targets.{axis}.{e.label}: needs {error.args[0]}', e.needs
+                ) from None
         data[axis] = x
-    record = ImuRecord(_stack(data, 'gyro'), _stack(data, 'accel'), t, 1 / dt, covariates=covariates, topic='/imu/data_raw',
-                       frame_id='imu_link', start=1.7e9)
-    return record, {'rate_hz': 1 / dt, 'duration_s': n * dt, 'seed': seed, 'targets': {a: dict(v) for a, v in targets.items()},
-                    'covariates': spec.get('covariates') or {}, 'motion': spec.get('motion') or {}}
+    record = ImuRecord(
+        _stack(data, 'gyro'),
+        _stack(data, 'accel'),
+        t,
+        1 / dt,
+        covariates=covariates,
+        topic='/imu/data_raw',
+        frame_id='imu_link',
+        start=1.7e9,
+    )
+    return record, {
+        'rate_hz': 1 / dt,
+        'duration_s': n * dt,
+        'seed': seed,
+        'targets': {a: dict(v) for a, v in targets.items()},
+        'covariates': spec.get('covariates') or {},
+        'motion': spec.get('motion') or {},
+    }
 
 
 def _size(spec):
     if not isinstance(spec, Mapping):
-        raise InputError('the specification is no mapping', 'see imu_noise simulate --help for an example')
+        raise InputError(
+            'the specification is no mapping', 'see imu_noise simulate --help for an example'
+        )
     try:
-        rate, duration, seed = float(spec['rate_hz']), float(spec['duration_s']), int(spec.get('seed', 0))
+        rate, duration, seed = (
+            float(spec['rate_hz']),
+            float(spec['duration_s']),
+            int(spec.get('seed', 0)),
+        )
     except KeyError as error:
-        raise InputError(f'{error.args[0]}: missing in the specification', 'e.g. rate_hz: 100, duration_s: 3600') from None
+        raise InputError(
+            f'{error.args[0]}: missing in the specification', 'e.g. rate_hz: 100, duration_s: 3600'
+        ) from None
     except (TypeError, ValueError):
-        raise InputError('rate_hz, duration_s and seed must be numbers', 'e.g. rate_hz: 100, duration_s: 3600, seed: 1') from None
-    if not (np.isfinite(rate) and rate > 0 and np.isfinite(duration) and 9 <= rate * duration <= MOST_SAMPLES) or seed < 0:
-        raise InputError(f'rate_hz {rate:g}, duration_s {duration:g}, seed {seed}: out of range',
-                         f'9 to {MOST_SAMPLES} samples and a seed of zero or more')
+        raise InputError(
+            'rate_hz, duration_s and seed must be numbers',
+            'e.g. rate_hz: 100, duration_s: 3600, seed: 1',
+        ) from None
+    if (
+        not (
+            np.isfinite(rate)
+            and rate > 0
+            and np.isfinite(duration)
+            and 9 <= rate * duration <= MOST_SAMPLES
+        )
+        or seed < 0
+    ):
+        raise InputError(
+            f'rate_hz {rate:g}, duration_s {duration:g}, seed {seed}: out of range',
+            f'9 to {MOST_SAMPLES} samples and a seed of zero or more',
+        )
     return int(round(rate * duration)), 1 / rate, seed
 
 
@@ -110,21 +158,31 @@ def _model(axis, entries):
     entries = dict(entries or {})
     try:
         bias = float(entries.pop('bias', 0.0))
-        model = Model(find_effect('noise', label)({k: float(v) for k, v in (values or {}).items()}, label)
-                      for label, values in entries.items())
+        model = Model(
+            find_effect('noise', label)({k: float(v) for k, v in (values or {}).items()}, label)
+            for label, values in entries.items()
+        )
     except UsageError as error:
         raise InputError(f'targets.{axis}: {error.message}', error.remedy) from None
     except (TypeError, ValueError, AttributeError):
-        raise InputError(f'targets.{axis}: parameters must be numbers', 'e.g. white: {N: 8.7e-5}') from None
+        raise InputError(
+            f'targets.{axis}: parameters must be numbers', 'e.g. white: {N: 8.7e-5}'
+        ) from None
     for e in model:
         for p in e.parameters:
             if p.name not in e.values:
                 if p.discrete or p.linear:
                     model = model.with_values({e.label: {p.name: 0.0}})
                     continue
-                raise InputError(f'targets.{axis}.{e.label}: {p.name} is missing', f'{e.label}: {{{p.name}: {p.lower:g} to {p.upper:g}}}')
+                raise InputError(
+                    f'targets.{axis}.{e.label}: {p.name} is missing',
+                    f'{e.label}: {{{p.name}: {p.lower:g} to {p.upper:g}}}',
+                )
             if not p.lower <= e[p.name] <= p.upper:
-                raise InputError(f'targets.{axis}.{e.label}.{p.name}: {e[p.name]:g} is out of range', f'{p.lower:g} to {p.upper:g}')
+                raise InputError(
+                    f'targets.{axis}.{e.label}.{p.name}: {e[p.name]:g} is out of range',
+                    f'{p.lower:g} to {p.upper:g}',
+                )
     return model, bias
 
 
@@ -133,14 +191,28 @@ def _covariates(spec, t, seed):
     for name, values in spec.items():
         if name != 'temperature':
             raise InputError(f'covariates.{name}: unknown', 'known is temperature')
-        v = {'base': 25.0, 'swing': 0.0, 'period_s': 3600.0, 'settle': 0.0, 'settle_s': 600.0, 'noise': 0.01}
+        v = {
+            'base': 25.0,
+            'swing': 0.0,
+            'period_s': 3600.0,
+            'settle': 0.0,
+            'settle_s': 600.0,
+            'noise': 0.01,
+        }
         unknown = set(values or {}) - set(v)
         if unknown:
-            raise InputError(f'covariates.temperature: {", ".join(sorted(unknown))} unknown', f'known are {", ".join(v)}')
+            raise InputError(
+                f'covariates.temperature: {", ".join(sorted(unknown))} unknown',
+                f'known are {", ".join(v)}',
+            )
         v.update({k: float(x) for k, x in (values or {}).items()})
         rng = np.random.default_rng([seed, zlib.crc32(b'temperature')])
-        out[name] = (v['base'] + v['swing'] * np.sin(2 * np.pi * t / v['period_s']) - v['settle'] * np.exp(-t / v['settle_s'])
-                     + v['noise'] * rng.standard_normal(len(t)))
+        out[name] = (
+            v['base']
+            + v['swing'] * np.sin(2 * np.pi * t / v['period_s'])
+            - v['settle'] * np.exp(-t / v['settle_s'])
+            + v['noise'] * rng.standard_normal(len(t))
+        )
     return out
 
 
@@ -155,9 +227,14 @@ def _move(spec, data, t):
             elif kind == 'constant_rate':
                 data[f'gyro_{v["axis"]}'] += float(v['deg_s']) * DEG
             else:
-                data[f'accel_{v["axis"]}'] += float(v['amplitude']) * np.sin(2 * np.pi * float(v['frequency']) * t)
+                data[f'accel_{v["axis"]}'] += float(v['amplitude']) * np.sin(
+                    2 * np.pi * float(v['frequency']) * t
+                )
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f'motion.{kind}: {error.args[0]} is missing or unknown', 'see imu_noise simulate --help') from None
+            raise InputError(
+                f'motion.{kind}: {error.args[0]} is missing or unknown',
+                'see imu_noise simulate --help',
+            ) from None
 
 
 def _stack(data, sensor):

@@ -15,16 +15,17 @@ from functools import lru_cache
 import numpy as np
 from scipy.fft import dct as _dct
 
-SINGLE = 256          # coefficients kept one by one
-PER_DECADE = 40       # bins a decade above
-LINEAR = 128          # no bin is wider than 1/128 of Nyquist: filters act on a linear scale
-CORRECTED = 32        # coefficients whose expectation differs noticeably from the spectrum at f_k
+SINGLE = 256  # coefficients kept one by one
+PER_DECADE = 40  # bins a decade above
+LINEAR = 128  # no bin is wider than 1/128 of Nyquist: filters act on a linear scale
+CORRECTED = 32  # coefficients whose expectation differs noticeably from the spectrum at f_k
 
 
 @dataclass(frozen=True)
 class Bins:
     """
-    Bins of DCT coefficients of an n-sample record: [first, last) for each, ``count`` of them in each.
+    Bins of DCT coefficients of an n-sample record: [first, last) for each, ``count`` of them in
+    each.
 
     All arrays (b,). The mean (k = 0) is in none.
 
@@ -47,7 +48,7 @@ class Bins:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Average values of all coefficients k = 0 ... n-1 over each bin; (n,) -> (b,)."""
-        return np.add.reduceat(values[:self.last[-1]], self.first) / self.count
+        return np.add.reduceat(values[: self.last[-1]], self.first) / self.count
 
     def index(self, k) -> np.ndarray:
         """Return the bin that holds coefficient k (1 <= k < n)."""
@@ -85,11 +86,13 @@ def power(c: np.ndarray, dt: float, bins: Bins) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
     """
-    Return (x, W): E[I_k] = sum_x W[k-1, x] S(x/T) for k = 1 ... CORRECTED, T the length of the record.
+    Return (x, W): E[I_k] = sum_x W[k-1, x] S(x/T) for k = 1 ... CORRECTED, T the length of the
+    record.
 
     W_k(x) = 2 |Phi_k(x)|^2, Phi_k the Fourier transform of sqrt(2) cos(pi k u) on 0 < u < 1:
-    |Phi_k|^2 = 2 (2 pi x)^2 4 {sin^2, cos^2}(pi x) / ((2 pi x)^2 - (pi k)^2)^2 for even, odd k. A midpoint rule to
-    x = 24, then the mean of the oscillation on a log grid; scaled so that white noise passes unchanged.
+    |Phi_k|^2 = 2 (2 pi x)^2 4 {sin^2, cos^2}(pi x) / ((2 pi x)^2 - (pi k)^2)^2 for even, odd k. A
+    midpoint rule to x = 24, then the mean of the oscillation on a log grid; scaled so that white
+    noise passes unchanged.
 
     """
     step = 1 / 16
@@ -101,8 +104,8 @@ def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
     k = np.arange(1, CORRECTED + 1)[:, None]
     w = 2 * np.pi * x
     wave = np.where(k % 2 == 0, np.sin(np.pi * x) ** 2, np.cos(np.pi * x) ** 2)
-    wave[:, len(near):] = 0.5
-    weight = 16 * w ** 2 * wave / (w ** 2 - (np.pi * k) ** 2) ** 2 * width
+    wave[:, len(near) :] = 0.5
+    weight = 16 * w**2 * wave / (w**2 - (np.pi * k) ** 2) ** 2 * width
     return x, weight / weight.sum(axis=1, keepdims=True)
 
 
@@ -110,8 +113,8 @@ def expected(psd, bins: Bins) -> np.ndarray:
     """
     Return what ``power`` is expected to be in each bin for a one-sided PSD, (b,).
 
-    The first coefficients see the spectrum through the record's own window, which takes away part of a red
-    spectrum (flicker .774, .903, .931 ... of the value at f_k).
+    The first coefficients see the spectrum through the record's own window, which takes away part
+    of a red spectrum (flicker .774, .903, .931 ... of the value at f_k).
 
     Parameters
     ----------
@@ -121,31 +124,44 @@ def expected(psd, bins: Bins) -> np.ndarray:
     """
     f, weight, alone, pairs = _grid(bins.n, bins.dt)
     s = psd(f)
-    return np.concatenate([weight @ s[:weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])])
+    return np.concatenate(
+        [weight @ s[: weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])]
+    )
 
 
 @lru_cache(maxsize=32)
 def _grid(n: int, dt: float):
-    """Return the frequencies that ``expected`` asks for, the window's weights, and where single bins and pairs are."""
+    """
+    Return the frequencies that ``expected`` asks for, the window's weights, and where single bins
+    and pairs are.
+
+    """
     bins = bins_of(n, dt)
     x, weight = _finite_kernel()
     low = min(CORRECTED, len(bins.first))
-    single = int(np.searchsorted(bins.count, 2))                     # the bins that hold one coefficient come first
+    single = int(np.searchsorted(bins.count, 2))  # the bins that hold one coefficient come first
     # wide bins by Gauss' two points: a filter may go to zero at Nyquist within one of them
     reach = bins.count[single:] / (2 * n * dt) / np.sqrt(12)
     centre = bins.f[single:]
-    parts = [np.minimum(x / (n * dt), 0.5 / dt), bins.f[low:single], centre - reach, centre + reach]
+    parts = [
+        np.minimum(x / (n * dt), 0.5 / dt),
+        bins.f[low:single],
+        centre - reach,
+        centre + reach,
+    ]
     at = np.cumsum([0, *(len(p) for p in parts)])
     alone, first, second = (slice(at[i], at[i + 1]) for i in (1, 2, 3))
     return np.concatenate(parts), weight[:low], alone, (first, second)
 
 
-def line_coefficients(frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float) -> np.ndarray:
+def line_coefficients(
+    frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float
+) -> np.ndarray:
     """
     Return c_k (k >= 1) of a cos(w t) + b sin(w t), t = j dt, w = 2 pi frequency.
 
-    From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)), theta = pi k/n, is half the
-    sum of two Dirichlet kernels.
+    From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)),
+    theta = pi k/n, is half the sum of two Dirichlet kernels.
 
     """
     alpha = 2 * np.pi * frequency * dt
@@ -165,8 +181,9 @@ def quadrature_avar(psd, m: np.ndarray, dt: float) -> np.ndarray:
     """
     Return the Allan variance of a sampled process with this one-sided PSD at cluster sizes m.
 
-    sigma^2(m) = 2 int_0^{1/(2 dt)} S(f) sin^4(pi f m dt) / (m sin(pi f dt))^2 df. In u = f m dt: a midpoint rule over
-    the first oscillations, then the mean 3/8 of sin^4 on a log grid (no oscillation is left to resolve there).
+    sigma^2(m) = 2 int_0^{1/(2 dt)} S(f) sin^4(pi f m dt) / (m sin(pi f dt))^2 df. In u = f m dt: a
+    midpoint rule over the first oscillations, then the mean 3/8 of sin^4 on a log grid (no
+    oscillation is left to resolve there).
 
     """
     m = np.atleast_1d(np.asarray(m, float))
@@ -177,16 +194,20 @@ def quadrature_avar(psd, m: np.ndarray, dt: float) -> np.ndarray:
         if top <= near_to:
             u = top * (np.arange(4096) + 0.5) / 4096
             f = u / (k * dt)
-            out[i] = np.sum(psd(f) * np.sin(np.pi * u) ** 4 / np.sin(np.pi * u / k) ** 2) * top / 4096
+            out[i] = (
+                np.sum(psd(f) * np.sin(np.pi * u) ** 4 / np.sin(np.pi * u / k) ** 2) * top / 4096
+            )
         else:
-            low = np.geomspace(1e-5, step, 64)                   # an integrand that is still rising at u -> 0
+            low = np.geomspace(1e-5, step, 64)  # an integrand that is still rising at u -> 0
             ul, wl = np.sqrt(low[1:] * low[:-1]), np.diff(low)
             un = step + step * (np.arange(int((near_to - step) / step)) + 0.5)
             edges = np.geomspace(un[-1] + step / 2, top, 200)
             uf, wf = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
             u = np.concatenate([ul, un, uf])
             w = np.concatenate([wl, np.full(len(un), step), wf])
-            wave = np.concatenate([np.sin(np.pi * ul) ** 4, np.sin(np.pi * un) ** 4, np.full(len(uf), 0.375)])
+            wave = np.concatenate(
+                [np.sin(np.pi * ul) ** 4, np.sin(np.pi * un) ** 4, np.full(len(uf), 0.375)]
+            )
             f = u / (k * dt)
             out[i] = np.sum(psd(f) * wave * w / np.sin(np.pi * u / k) ** 2)
         out[i] *= 2 / (k * k) / (k * dt)

@@ -25,8 +25,11 @@ from .study import assess, Diagnosis, State, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 # Where the problems of a domain are made from the arrays of evidence.npz, and back.
-_PROBLEMS = {'noise': 'imu_noise_tools.noise.problem', 'calibration': 'imu_noise_tools.calibration.problem',
-             'filter': 'imu_noise_tools.denoise.problem'}
+_PROBLEMS = {
+    'noise': 'imu_noise_tools.noise.problem',
+    'calibration': 'imu_noise_tools.calibration.problem',
+    'filter': 'imu_noise_tools.denoise.problem',
+}
 
 
 class _Dumper(yaml.SafeDumper):
@@ -34,7 +37,11 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _float(dumper, value):
-    text = repr(value) if math.isfinite(value) else {math.inf: '.inf', -math.inf: '-.inf'}.get(value, '.nan')
+    text = (
+        repr(value)
+        if math.isfinite(value)
+        else {math.inf: '.inf', -math.inf: '-.inf'}.get(value, '.nan')
+    )
     if 'e' in text and '.' not in text:
         text = text.replace('e', '.0e')
     return dumper.represent_scalar('tag:yaml.org,2002:float', text)
@@ -59,11 +66,22 @@ def plain(value):
 
 def dump_yaml(data) -> str:
     """Return YAML text: block style outside, flow style for small mappings inside."""
-    return yaml.dump(plain(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=160, default_flow_style=None)
+    return yaml.dump(
+        plain(data),
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=160,
+        default_flow_style=None,
+    )
 
 
 def load_yaml(path):
-    """Return the plain data of a YAML file; raise InputError where it is not there, not YAML, or holds objects."""
+    """
+    Return the plain data of a YAML file; raise InputError where it is not there, not YAML, or
+    holds objects.
+
+    """
     path = Path(path)
     try:
         if path.stat().st_size > 64 << 20:
@@ -74,9 +92,14 @@ def load_yaml(path):
                 raise InputError(f'{path}: holds YAML aliases', 'this is no study')
         return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
     except OSError as error:
-        raise InputError(f'{path}: {error.strerror or error}', 'name a folder that analyse wrote') from None
+        raise InputError(
+            f'{path}: {error.strerror or error}', 'name a folder that analyse wrote'
+        ) from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f'{path}: not readable as YAML ({str(error).splitlines()[0]})', 'analyse again with --force') from None
+        raise InputError(
+            f'{path}: not readable as YAML ({str(error).splitlines()[0]})',
+            'analyse again with --force',
+        ) from None
 
 
 def parse_yaml(text: str):
@@ -86,11 +109,18 @@ def parse_yaml(text: str):
 
 def study_to_dict(study: Study) -> dict:
     """Return a study as the plain data of study.yaml."""
-    return plain({
-        'format': FORMAT, 'domain': study.domain, 'source': study.source,
-        'targets': {t: target_to_dict(study, t) for t in study.targets},
-        'history': [step_to_dict(s) for s in study.history],
-        'diagnosis': {t: diagnosis_to_dict(study.domain, t, d) for t, d in study.diagnosis.items()}})
+    return plain(
+        {
+            'format': FORMAT,
+            'domain': study.domain,
+            'source': study.source,
+            'targets': {t: target_to_dict(study, t) for t in study.targets},
+            'history': [step_to_dict(s) for s in study.history],
+            'diagnosis': {
+                t: diagnosis_to_dict(study.domain, t, d) for t, d in study.diagnosis.items()
+            },
+        }
+    )
 
 
 def target_to_dict(study: Study, target: str) -> dict:
@@ -100,12 +130,24 @@ def target_to_dict(study: Study, target: str) -> dict:
     out = {}
     if sensor in ('gyro', 'accel'):
         out['unit'] = units.si('{rate}', sensor)
-    out['effects'] = {e.label: {'effect': e.name, **{k: estimate_to_dict(v, _template(study.domain, e.name, k), sensor)
-                                                      for k, v in state.fit.estimates.get(e.label, {}).items()}}
-                      for e in state.model}
+    out['effects'] = {
+        e.label: {
+            'effect': e.name,
+            **{
+                k: estimate_to_dict(v, _template(study.domain, e.name, k), sensor)
+                for k, v in state.fit.estimates.get(e.label, {}).items()
+            },
+        }
+        for e in state.model
+    }
     error = state.error
-    out['error'] = {'held_out': error.excess, 'held_out_std': error.std, 'within_chance': error.within_chance,
-                    'views': {k: v.excess for k, v in error.views.items()}, **state.summary}
+    out['error'] = {
+        'held_out': error.excess,
+        'held_out_std': error.std,
+        'within_chance': error.within_chance,
+        'views': {k: v.excess for k, v in error.views.items()},
+        **state.summary,
+    }
     if state.fit.flags:
         out['flags'] = list(state.fit.flags)
     return out
@@ -120,7 +162,12 @@ def _template(domain, effect, parameter):
 
 def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
     """Return one estimate as plain data."""
-    out = {'value': e.value, 'std': e.std, 'ci95': None if e.ci95 is None else list(e.ci95), 'unit': e.unit}
+    out = {
+        'value': e.value,
+        'std': e.std,
+        'ci95': None if e.ci95 is None else list(e.ci95),
+        'unit': e.unit,
+    }
     if e.upper95 is not None:
         out['upper95'] = e.upper95
     if e.point is not None and e.value is None:
@@ -128,8 +175,11 @@ def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
     if e.note:
         out['note'] = e.note
     if template and sensor in ('gyro', 'accel'):
-        out['shown'] = units.shown(e.value, template, sensor) if e.value is not None or e.upper95 is None else \
-            f'below {units.shown(e.upper95, template, sensor)}'
+        out['shown'] = (
+            units.shown(e.value, template, sensor)
+            if e.value is not None or e.upper95 is None
+            else f'below {units.shown(e.upper95, template, sensor)}'
+        )
     return out
 
 
@@ -148,31 +198,78 @@ def step_to_dict(s: Step) -> dict:
 def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
     """Return one diagnosis."""
     sensor = target.partition('_')[0]
-    return plain({'verdict': d.verdict,
-                  'ranked': [{'effect': f.name, 'gain': f.gain, 'penalty': f.penalty, 'probability': f.probability,
-                              'parameters': {k: estimate_to_dict(v, _template(domain, f.name, k), sensor)
-                                             for k, v in f.estimates.items()}, 'evidence': f.evidence} for f in d.ranked],
-                  'failed': [{'test': f.name, 'p_value': f.p_value, 'evidence': f.evidence} for f in d.failed],
-                  'advice': d.advice})
+    return plain(
+        {
+            'verdict': d.verdict,
+            'ranked': [
+                {
+                    'effect': f.name,
+                    'gain': f.gain,
+                    'penalty': f.penalty,
+                    'probability': f.probability,
+                    'parameters': {
+                        k: estimate_to_dict(v, _template(domain, f.name, k), sensor)
+                        for k, v in f.estimates.items()
+                    },
+                    'evidence': f.evidence,
+                }
+                for f in d.ranked
+            ],
+            'failed': [
+                {'test': f.name, 'p_value': f.p_value, 'evidence': f.evidence} for f in d.failed
+            ],
+            'advice': d.advice,
+        }
+    )
 
 
 def _step_of(d) -> Step:
-    return Step(d['target'], tuple(d['effects']), d['held_out'], d['held_out_std'], d.get('added'), d.get('removed'),
-                d.get('fall'), d.get('verdict', ''))
+    return Step(
+        d['target'],
+        tuple(d['effects']),
+        d['held_out'],
+        d['held_out_std'],
+        d.get('added'),
+        d.get('removed'),
+        d.get('fall'),
+        d.get('verdict', ''),
+    )
 
 
 def _diagnosis_of(domain, d) -> Diagnosis:
     def estimate(e):
-        return Estimate(e.get('value'), e.get('std'), tuple(e['ci95']) if e.get('ci95') else None, e.get('unit', ''),
-                        e.get('upper95'), e.get('note', ''), e.get('point', e.get('value')))
+        return Estimate(
+            e.get('value'),
+            e.get('std'),
+            tuple(e['ci95']) if e.get('ci95') else None,
+            e.get('unit', ''),
+            e.get('upper95'),
+            e.get('note', ''),
+            e.get('point', e.get('value')),
+        )
+
     ranked = []
     for f in d.get('ranked', ()):
         found = {k: estimate(v) for k, v in f.get('parameters', {}).items()}
-        effect = find_effect(domain, f['effect'])({k: v.point for k, v in found.items() if v.point is not None})
-        ranked.append(Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '', f.get('evidence', ''),
-                              f.get('probability')))
-    failed = tuple(Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'], evidence=f['evidence'])
-                   for f in d.get('failed', ()))
+        effect = find_effect(domain, f['effect'])(
+            {k: v.point for k, v in found.items() if v.point is not None}
+        )
+        ranked.append(
+            Finding(
+                f['effect'],
+                f['gain'],
+                effect,
+                found,
+                f.get('penalty', 0.0),
+                '',
+                f.get('evidence', ''),
+                f.get('probability'),
+            )
+        )
+    failed = tuple(
+        Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'], evidence=f['evidence'])
+        for f in d.get('failed', ())
+    )
     return Diagnosis(d['verdict'], tuple(ranked), failed, d.get('advice', ''))
 
 
@@ -180,7 +277,9 @@ def study_files(study: Study) -> dict[str, bytes | str]:
     """Return study.yaml and evidence.npz as {name: content}."""
     module = importlib.import_module(_PROBLEMS[study.domain])
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **module.arrays_of({t: s.problem for t, s in study.states.items()}))
+    np.savez_compressed(
+        buffer, **module.arrays_of({t: s.problem for t, s in study.states.items()})
+    )
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
 
@@ -188,21 +287,32 @@ def read(folder) -> dict:
     """Return the plain data of a folder's study.yaml; raise InputError for anything else."""
     path = Path(folder) / 'study.yaml'
     if not path.is_file():
-        raise InputError(f'{folder}: no study.yaml in it', 'name a folder that analyse, calibrate or filter wrote')
+        raise InputError(
+            f'{folder}: no study.yaml in it',
+            'name a folder that analyse, calibrate or filter wrote',
+        )
     data = load_yaml(path)
-    if not isinstance(data, dict) or data.get('format') != FORMAT or str(data.get('domain')) not in _PROBLEMS:
-        raise InputError(f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force')
+    if (
+        not isinstance(data, dict)
+        or data.get('format') != FORMAT
+        or str(data.get('domain')) not in _PROBLEMS
+    ):
+        raise InputError(
+            f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force'
+        )
     return data
 
 
 def load(folder) -> Study:
     """
-    Return the study of a folder, its models fitted again to the evidence (the same numbers, and all that hangs on them).
+    Return the study of a folder, its models fitted again to the evidence (the same numbers, and
+    all that hangs on them).
 
     Raises
     ------
     InputError
-        No study, a damaged one, or one with effects that are not known (give their file with ``--effects-from``).
+        No study, a damaged one, or one with effects that are not known (give their file with
+        ``--effects-from``).
 
     """
     data = read(folder)
@@ -211,28 +321,63 @@ def load(folder) -> Study:
         problems = importlib.import_module(_PROBLEMS[data['domain']]).problems(arrays)
         states = {}
         for target, entry in data['targets'].items():
-            model = Model(find_effect(data['domain'], e['effect'])({}, label) for label, e in entry['effects'].items())
+            model = Model(
+                find_effect(data['domain'], e['effect'])({}, label)
+                for label, e in entry['effects'].items()
+            )
             states[target] = assess(problems[target], model)
-        return Study(data['domain'], states, data.get('source'), [_step_of(s) for s in data.get('history') or ()],
-                     {t: _diagnosis_of(data['domain'], d) for t, d in (data.get('diagnosis') or {}).items()})
+        return Study(
+            data['domain'],
+            states,
+            data.get('source'),
+            [_step_of(s) for s in data.get('history') or ()],
+            {
+                t: _diagnosis_of(data['domain'], d)
+                for t, d in (data.get('diagnosis') or {}).items()
+            },
+        )
     except ImuNoiseError as error:
-        raise InputError(f'{folder}: {error.message}', f'{error.remedy}; a user\'s own effects: --effects-from FILE') from None
+        raise InputError(
+            f'{folder}: {error.message}',
+            f"{error.remedy}; a user's own effects: --effects-from FILE",
+        ) from None
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise InputError(f'{folder}: the study is damaged ({type(error).__name__}: {error})',
-                         'analyse the bag again with --force') from None
+        raise InputError(
+            f'{folder}: the study is damaged ({type(error).__name__}: {error})',
+            'analyse the bag again with --force',
+        ) from None
 
 
 def load_arrays(path) -> dict[str, np.ndarray]:
-    """Return the arrays of an .npz file, never unpickling; raise InputError where it is damaged or bloated."""
+    """
+    Return the arrays of an .npz file, never unpickling; raise InputError where it is damaged or
+    bloated.
+
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(i.file_size for i in archive.infolist())
             if size > 2 << 30:
-                raise InputError(f'{path}: would unpack to {size / 1e9:.0f} GB', 'this is no evidence of a study')
+                raise InputError(
+                    f'{path}: would unpack to {size / 1e9:.0f} GB',
+                    'this is no evidence of a study',
+                )
         with np.load(path, allow_pickle=False) as data:
             return {k: data[k] for k in data.files}
     except OSError as error:
-        raise InputError(f'{path}: {error.strerror or error}', 'analyse the bag again with --force') from None
-    except (zipfile.BadZipFile, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, MemoryError,
-            zlib.error) as error:
-        raise InputError(f'{path}: damaged ({error})', 'analyse the bag again with --force') from None
+        raise InputError(
+            f'{path}: {error.strerror or error}', 'analyse the bag again with --force'
+        ) from None
+    except (
+        zipfile.BadZipFile,
+        ValueError,
+        EOFError,
+        KeyError,
+        NotImplementedError,
+        RuntimeError,
+        MemoryError,
+        zlib.error,
+    ) as error:
+        raise InputError(
+            f'{path}: damaged ({error})', 'analyse the bag again with --force'
+        ) from None

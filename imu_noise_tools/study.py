@@ -16,9 +16,9 @@ from .effect import Finding, Fit, Model, Problem, Score, View, find_effect, unfi
 from .errors import UsageError
 
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
-SURE = 0.9                 # probability from which one effect is named
-FALL = 6.0                 # deviance (three nats) by which an error on data not fitted must fall to be more than chance
-OMNIBUS_LEVEL = 0.005      # family-wise, by Holm
+SURE = 0.9  # probability from which one effect is named
+FALL = 6.0  # deviance (three nats) by which an error on data not fitted must fall to be more than chance
+OMNIBUS_LEVEL = 0.005  # family-wise, by Holm
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,17 @@ class Step:
     held_out_std: float
     added: str | None = None
     removed: str | None = None
-    fall: float | None = None         # deviance gained on data not fitted
+    fall: float | None = None  # deviance gained on data not fitted
     verdict: str = ''
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is missing from one target's model: a verdict, the ranked candidates, what failed, and what to do."""
+    """
+    What is missing from one target's model: a verdict, the ranked candidates, what failed, and
+    what to do.
+
+    """
 
     verdict: str
     ranked: tuple[Finding, ...] = ()
@@ -61,7 +65,11 @@ class Diagnosis:
 
 
 def held_out(problem: Problem, model: Model) -> Score:
-    """Return the error on data not fitted: each view averaged over the splits, then the views averaged."""
+    """
+    Return the error on data not fitted: each view averaged over the splits, then the views
+    averaged.
+
+    """
     found: dict[str, list[View]] = {}
     for to_fit, to_score in problem.split():
         for view in to_score.score(to_fit.fit(model)).views.values():
@@ -75,9 +83,15 @@ def _merged(views: list[View]) -> View:
     k = len(views)
     x, pull = np.concatenate([v.x for v in views]), np.concatenate([v.pull for v in views])
     order = np.argsort(x, kind='stable')
-    return View(views[0].name, x[order], pull[order], float(np.mean([v.excess for v in views])),
-                float(np.sqrt(sum(v.std ** 2 for v in views)) / k), views[0].unit,
-                None if views[0].log_score is None else float(sum(v.log_score for v in views)))
+    return View(
+        views[0].name,
+        x[order],
+        pull[order],
+        float(np.mean([v.excess for v in views])),
+        float(np.sqrt(sum(v.std**2 for v in views)) / k),
+        views[0].unit,
+        None if views[0].log_score is None else float(sum(v.log_score for v in views)),
+    )
 
 
 def deviance(score: Score, names=()) -> float:
@@ -87,9 +101,11 @@ def deviance(score: Score, names=()) -> float:
 
 def fall_of(before: Score, after: Score, effects) -> float:
     """
-    Return by how much the deviance on data not fitted fell, in the views in which the effects are judged.
+    Return by how much the deviance on data not fitted fell, in the views in which the effects are
+    judged.
 
-    A view that one of the two models cannot say anything in counts with its excess where that is above zero.
+    A view that one of the two models cannot say anything in counts with its excess where that is
+    above zero.
     """
     names: set = set()
     for e in effects:
@@ -100,7 +116,10 @@ def fall_of(before: Score, after: Score, effects) -> float:
     both = set(before.views) & set(after.views) & names
     fall = deviance(before, both) - deviance(after, both) if both else 0.0
     for score, sign in ((before, 1), (after, -1)):
-        fall += sign * sum(max(score.views[k].excess, 0.0) * len(score.views[k].pull) for k in set(score.views) & names - both)
+        fall += sign * sum(
+            max(score.views[k].excess, 0.0) * len(score.views[k].pull)
+            for k in set(score.views) & names - both
+        )
     return fall
 
 
@@ -127,8 +146,14 @@ class Study:
 
     """
 
-    def __init__(self, domain: str, states: Mapping[str, State], source: Mapping | None = None,
-                 history: Iterable[Step] = (), diagnosis: Mapping[str, Diagnosis] | None = None):
+    def __init__(
+        self,
+        domain: str,
+        states: Mapping[str, State],
+        source: Mapping | None = None,
+        history: Iterable[Step] = (),
+        diagnosis: Mapping[str, Diagnosis] | None = None,
+    ):
         self.domain = domain
         self.states = dict(states)
         self.source = dict(source or {})
@@ -136,7 +161,9 @@ class Study:
         self.diagnosis = dict(diagnosis or {})
 
     @classmethod
-    def begin(cls, problems: Mapping[str, Problem], model: Model, source=None, progress=None) -> Study:
+    def begin(
+        cls, problems: Mapping[str, Problem], model: Model, source=None, progress=None
+    ) -> Study:
         """Fit the same model to every target."""
         study = cls(next(iter(problems.values())).domain, {}, source)
         for i, (target, problem) in enumerate(problems.items()):
@@ -164,10 +191,23 @@ class Study:
         state = self.states[target]
         fall, verdict = None, 'start'
         if before is not None:
-            changed = [e for e in (*before.model, *state.model) if not (e.label in before.model and e.label in state.model)]
+            changed = [
+                e
+                for e in (*before.model, *state.model)
+                if not (e.label in before.model and e.label in state.model)
+            ]
             fall = fall_of(before.error, state.error, changed)
             verdict = fall_in_words(before.error, state.error, fall)
-        return Step(target, tuple(state.model.labels), state.error.excess, state.error.std, added, removed, fall, verdict)
+        return Step(
+            target,
+            tuple(state.model.labels),
+            state.error.excess,
+            state.error.std,
+            added,
+            removed,
+            fall,
+            verdict,
+        )
 
     def compare(self, targets=None) -> dict[str, Score]:
         """Return, for each target, the error on data not fitted, view by view."""
@@ -184,7 +224,8 @@ class Study:
 
     def add(self, effects: Iterable[str] | None = None, targets=None) -> list[Step]:
         """
-        Put effects into the model of the targets; without names, the best of the diagnosis for each target it names.
+        Put effects into the model of the targets; without names, the best of the diagnosis for
+        each target it names.
 
         Returns the rungs added to the ladder (none where nothing is missing).
         """
@@ -213,7 +254,11 @@ class Study:
         return steps
 
     def remove(self, label: str, targets=None) -> list[Step]:
-        """Take an effect out of the model of each target that has it; raise UsageError where none has it."""
+        """
+        Take an effect out of the model of each target that has it; raise UsageError where none has
+        it.
+
+        """
         names = [t for t in self.chosen(targets) if label in self.states[t].model]
         if not names:
             some = sorted({x for t in self.chosen(targets) for x in self.states[t].model.labels})
@@ -271,9 +316,9 @@ def diagnose(state: State) -> Diagnosis:
     """
     Return the verdict on one target.
 
-    *missing*: the best candidate has probability >= 0.9, lowers the error on data not fitted, and leaves no failure that it
-    should have healed; *complete*: nothing fails and no candidate stands out; *unknown*: something fails and no candidate
-    explains it; *undecidable*: otherwise.
+    *missing*: the best candidate has probability >= 0.9, lowers the error on data not fitted, and
+    leaves no failure that it should have healed; *complete*: nothing fails and no candidate stands
+    out; *unknown*: something fails and no candidate explains it; *undecidable*: otherwise.
     """
     problem, fit = state.problem, state.fit
     ranked = with_probabilities(problem.candidates(fit))
@@ -281,7 +326,12 @@ def diagnose(state: State) -> Diagnosis:
     able = [f for f in ranked if f.gain > f.penalty]
     if not able:
         verdict = 'unknown' if failed else 'complete'
-        return Diagnosis(verdict, tuple(ranked[:5]), tuple(failed), getattr(problem, 'advice', _no_advice)(verdict, ranked, failed))
+        return Diagnosis(
+            verdict,
+            tuple(ranked[:5]),
+            tuple(failed),
+            getattr(problem, 'advice', _no_advice)(verdict, ranked, failed),
+        )
     confirmed, still = [], []
     for f in able[:4]:
         ok, left = confirm(state, f, failed)
@@ -297,8 +347,12 @@ def diagnose(state: State) -> Diagnosis:
         verdict = 'missing' if share >= SURE else 'undecidable'
     else:
         verdict = 'unknown' if failed else 'undecidable'
-    return Diagnosis(verdict, tuple(ranked[:5]), tuple(failed),
-                     getattr(problem, 'advice', _no_advice)(verdict, ranked, failed))
+    return Diagnosis(
+        verdict,
+        tuple(ranked[:5]),
+        tuple(failed),
+        getattr(problem, 'advice', _no_advice)(verdict, ranked, failed),
+    )
 
 
 def _no_advice(verdict, ranked, failed):
@@ -306,7 +360,11 @@ def _no_advice(verdict, ranked, failed):
 
 
 def with_probabilities(findings: Iterable[Finding]) -> list[Finding]:
-    """Return findings, best first, with probabilities: equal priors, weight exp(gain - penalty), 'nothing' among them."""
+    """
+    Return findings, best first, with probabilities: equal priors, weight exp(gain - penalty),
+    'nothing' among them.
+
+    """
     found = sorted(findings, key=lambda f: f.penalty - f.gain)
     if not found:
         return []
@@ -327,7 +385,11 @@ def failures(findings: Iterable[Finding], level: float = OMNIBUS_LEVEL) -> list[
 
 
 def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[bool, list[Finding]]:
-    """Tell whether adding a candidate lowers the error on data not fitted and heals the view it claims to explain."""
+    """
+    Tell whether adding a candidate lowers the error on data not fitted and heals the view it
+    claims to explain.
+
+    """
     problem = state.problem
     model = unfitted(state.model).plus(type(finding.effect)())
     fit = problem.fit(model)

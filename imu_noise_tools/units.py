@@ -22,19 +22,23 @@ HOUR = 3600.0
 _FIELD = {
     ('gyro', '{rate}'): (DEG / HOUR, 'deg/h'),
     ('gyro', '{rate}/sqrt(Hz)'): (DEG / math.sqrt(HOUR), 'deg/sqrt(h)'),
-    ('gyro', '{slope}/sqrt(Hz)'): (DEG / HOUR ** 1.5, 'deg/h^1.5'),
-    ('gyro', '{slope}'): (DEG / HOUR ** 2, 'deg/h^2'),
+    ('gyro', '{slope}/sqrt(Hz)'): (DEG / HOUR**1.5, 'deg/h^1.5'),
+    ('gyro', '{slope}'): (DEG / HOUR**2, 'deg/h^2'),
     ('gyro', '{integral}'): (DEG / HOUR, 'arcsec'),
     ('accel', '{rate}'): (1e-6 * G0, 'ug'),
     ('accel', '{rate}/sqrt(Hz)'): (1e-6 * G0, 'ug/sqrt(Hz)'),
-    ('accel', '{slope}/sqrt(Hz)'): (1 / HOUR ** 1.5, 'm/s/h^1.5'),
+    ('accel', '{slope}/sqrt(Hz)'): (1 / HOUR**1.5, 'm/s/h^1.5'),
     ('accel', '{slope}'): (1e-6 * G0 / HOUR, 'ug/h'),
     ('accel', '{integral}'): (1.0, 'm/s'),
 }
 
 
 def si(template: str, sensor: str) -> str:
-    """Return the SI unit of a template for ``gyro`` or ``accel``: ``{rate}/sqrt(Hz)`` -> ``rad/s/sqrt(Hz)``."""
+    """
+    Return the SI unit of a template for ``gyro`` or ``accel``: ``{rate}/sqrt(Hz)`` ->
+    ``rad/s/sqrt(Hz)``.
+
+    """
     return template.format(**_SI[sensor]) if '{' in template else template
 
 
@@ -44,7 +48,10 @@ def field(template: str, sensor: str) -> tuple[float, str]:
 
 
 def shown(value: float | None, template: str, sensor: str) -> str:
-    """Return a value as the field writes it, with three significant digits: ``0.301 deg/sqrt(h)``."""
+    """
+    Return a value as the field writes it, with three significant digits: ``0.301 deg/sqrt(h)``.
+
+    """
     factor, unit = field(template, sensor)
     if value is None:
         return 'not observable'

@@ -14,32 +14,49 @@ def names(text: str) -> list[str]:
 
 def output_options(command, json_of: str) -> None:
     """Add ``--json``, ``-v`` and ``--effects-from``."""
-    command.add_argument('--json', action='store_true', help=f'print {json_of} as JSON, and nothing else, on standard output')
+    command.add_argument(
+        '--json',
+        action='store_true',
+        help=f'print {json_of} as JSON, and nothing else, on standard output',
+    )
     command.add_argument('-v', '--verbose', action='store_true', help='more detail')
-    command.add_argument('--effects-from', metavar='FILE', action='append', default=[],
-                         help='a Python file that defines effects of your own')
+    command.add_argument(
+        '--effects-from',
+        metavar='FILE',
+        action='append',
+        default=[],
+        help='a Python file that defines effects of your own',
+    )
 
 
 def load_own_effects(args) -> None:
     """Register a user's own effects."""
     if args.effects_from:
         from ..effect import load_effects
+
         for path in args.effects_from:
             load_effects(path)
 
 
 @contextmanager
 def progress_line(args):
-    """Yield a function of (share or None, what) that draws one line on a terminal, and nothing elsewhere."""
+    """
+    Yield a function of (share or None, what) that draws one line on a terminal, and nothing
+    elsewhere.
+
+    """
     if not sys.stderr.isatty() or getattr(args, 'json', False):
         yield None
         return
     width = 24
 
     def draw(share, what=''):
-        bar = '' if share is None else f'[{"#" * int(width * share):{width}s}] {100 * share:3.0f} % '
+        bar = (
+            '' if share is None else f'[{"#" * int(width * share):{width}s}] {100 * share:3.0f} % '
+        )
         sys.stderr.write(f'\r\x1b[K{bar}{what}')
         sys.stderr.flush()
+
     try:
         yield draw
     finally:
@@ -62,6 +79,8 @@ def print_json(data) -> None:
             return {k: clean(v) for k, v in x.items()}
         if isinstance(x, list):
             return [clean(v) for v in x]
-        return None if isinstance(x, float) and (x != x or x in (float('inf'), float('-inf'))) else x
+        return (
+            None if isinstance(x, float) and (x != x or x in (float('inf'), float('-inf'))) else x
+        )
 
     print(json.dumps(clean(plain(data)), indent=2, allow_nan=False))

@@ -7,8 +7,12 @@ from . import common
 
 def register(commands) -> None:
     """Add the command."""
-    c = commands.add_parser('demo', help='simulate an IMU with a hidden effect, find it, watch the error fall')
-    c.add_argument('-o', '--output', default='imu_noise_demo', metavar='DIR', help='default: imu_noise_demo')
+    c = commands.add_parser(
+        'demo', help='simulate an IMU with a hidden effect, find it, watch the error fall'
+    )
+    c.add_argument(
+        '-o', '--output', default='imu_noise_demo', metavar='DIR', help='default: imu_noise_demo'
+    )
     common.output_options(c, 'what was found')
     c.set_defaults(func=demo)
 
@@ -16,8 +20,11 @@ def register(commands) -> None:
 def demo(args) -> int:
     """Run ``demo``."""
     from ..tasks.demo import demo as task
+
     with common.progress_line(args) as progress:
-        story = task(args.output, progress=progress, say=(lambda line: None) if args.json else print)
+        story = task(
+            args.output, progress=progress, say=(lambda line: None) if args.json else print
+        )
     if args.json:
         common.print_json(story)
     return 0

@@ -7,30 +7,50 @@ from . import common
 
 def register(commands) -> None:
     """Add the commands."""
-    c = commands.add_parser('compare', help='the model beside the measurement: where does it fail?')
+    c = commands.add_parser(
+        'compare', help='the model beside the measurement: where does it fail?'
+    )
     c.add_argument('dir', metavar='DIR', help='a study')
-    c.add_argument('dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance')
+    c.add_argument(
+        'dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance'
+    )
     common.output_options(c, 'targets with their pulls')
     c.set_defaults(func=compare)
 
-    c = commands.add_parser('diagnose', help='which physical effect is missing, ranked, with the evidence')
+    c = commands.add_parser(
+        'diagnose', help='which physical effect is missing, ranked, with the evidence'
+    )
     c.add_argument('dir', metavar='DIR', help='a study')
-    c.add_argument('--bag', metavar='BAG', help='the recording, for effects of your own that look at the samples')
-    c.add_argument('--until-complete', action='store_true', help='add the best and diagnose again until nothing is missing')
+    c.add_argument(
+        '--bag',
+        metavar='BAG',
+        help='the recording, for effects of your own that look at the samples',
+    )
+    c.add_argument(
+        '--until-complete',
+        action='store_true',
+        help='add the best and diagnose again until nothing is missing',
+    )
     common.output_options(c, 'the diagnosis')
     c.set_defaults(func=diagnose)
 
     c = commands.add_parser('add', help='put an effect into the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
-    c.add_argument('effects', metavar='EFFECT', nargs='*', help='names; none: the best of the diagnosis')
-    c.add_argument('--axis', metavar='A', action='append', help='only this axis (may be given again)')
+    c.add_argument(
+        'effects', metavar='EFFECT', nargs='*', help='names; none: the best of the diagnosis'
+    )
+    c.add_argument(
+        '--axis', metavar='A', action='append', help='only this axis (may be given again)'
+    )
     common.output_options(c, 'the new rungs of the ladder and the targets')
     c.set_defaults(func=add)
 
     c = commands.add_parser('remove', help='take an effect out of the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
     c.add_argument('label', metavar='LABEL', help='as in study.yaml, e.g. sinusoid.2')
-    c.add_argument('--axis', metavar='A', action='append', help='only this axis (may be given again)')
+    c.add_argument(
+        '--axis', metavar='A', action='append', help='only this axis (may be given again)'
+    )
     common.output_options(c, 'the new rungs of the ladder and the targets')
     c.set_defaults(func=remove)
 
@@ -47,9 +67,22 @@ def register(commands) -> None:
     c = commands.add_parser('export', help='the numbers in the file another program reads')
     c.add_argument('dir', metavar='DIR', help='a noise study')
     c.add_argument('--format', required=True, metavar='F', help='e.g. kalibr')
-    c.add_argument('--axes', default='worst', choices=('worst', 'mean', 'each'), help='one value over the axes (default: worst)')
-    c.add_argument('--inflate', type=float, default=1.0, metavar='X', help='factor on all densities (default: 1)')
-    c.add_argument('--horizon', type=float, metavar='S', help='cover model and data up to S seconds')
+    c.add_argument(
+        '--axes',
+        default='worst',
+        choices=('worst', 'mean', 'each'),
+        help='one value over the axes (default: worst)',
+    )
+    c.add_argument(
+        '--inflate',
+        type=float,
+        default=1.0,
+        metavar='X',
+        help='factor on all densities (default: 1)',
+    )
+    c.add_argument(
+        '--horizon', type=float, metavar='S', help='cover model and data up to S seconds'
+    )
     c.add_argument('--calibration', metavar='DIR', help='a calibration to go with it')
     c.add_argument('-o', '--output', required=True, metavar='FILE')
     common.output_options(c, 'nothing')
@@ -60,11 +93,13 @@ def compare(args) -> int:
     """Run ``compare``."""
     from .. import store
     from . import text
+
     common.load_own_effects(args)
     study = store.load(args.dir)
     if args.dir2:
         other = store.load(args.dir2)
         from ..tasks import loop
+
         changes = loop.compare_two(study, other)
         if args.json:
             common.print_json({'changes': changes})
@@ -72,8 +107,20 @@ def compare(args) -> int:
             print(text.changes(changes, args.dir, args.dir2))
         return 0
     if args.json:
-        common.print_json({'targets': {t: {**store.target_to_dict(study, t)['error'], 'pulls': {
-            k: {'unit': v.unit, 'x': v.x, 'pull': v.pull} for k, v in s.views.items()}} for t, s in study.compare().items()}})
+        common.print_json(
+            {
+                'targets': {
+                    t: {
+                        **store.target_to_dict(study, t)['error'],
+                        'pulls': {
+                            k: {'unit': v.unit, 'x': v.x, 'pull': v.pull}
+                            for k, v in s.views.items()
+                        },
+                    }
+                    for t, s in study.compare().items()
+                }
+            }
+        )
     else:
         print(text.compare(study, verbose=args.verbose))
     return 0
@@ -84,10 +131,17 @@ def diagnose(args) -> int:
     from .. import store
     from . import text
     from ..tasks import noise as tasks
+
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
+
         def work(study):
-            return study.complete(progress=progress) if args.until_complete else study.diagnose(progress=progress)
+            return (
+                study.complete(progress=progress)
+                if args.until_complete
+                else study.diagnose(progress=progress)
+            )
+
         study, _ = tasks.change(args.dir, work)
     if args.json:
         out = {'diagnosis': store.study_to_dict(study)['diagnosis']}
@@ -104,9 +158,14 @@ def diagnose(args) -> int:
 def _print_steps(args, study, steps):
     from .. import store
     from . import text
+
     if args.json:
-        common.print_json({'history': [store.step_to_dict(s) for s in steps],
-                           'targets': {s.target: store.target_to_dict(study, s.target) for s in steps}})
+        common.print_json(
+            {
+                'history': [store.step_to_dict(s) for s in steps],
+                'targets': {s.target: store.target_to_dict(study, s.target) for s in steps},
+            }
+        )
     elif steps:
         print(text.steps(study, steps))
     else:
@@ -118,14 +177,18 @@ def add(args) -> int:
     from ..effect import find_effect
     from .. import store
     from ..tasks import noise as tasks
+
     common.load_own_effects(args)
     import imu_noise_tools.noise  # noqa: F401  (registers the effects)
+
     for name in args.effects:
         find_effect(store.read(args.dir)['domain'], name)
+
     def work(study):
         steps = study.add(args.effects or None, args.axis)
         study.diagnose(list(dict.fromkeys(s.target for s in steps)))
         return steps
+
     study, steps = tasks.change(args.dir, work)
     _print_steps(args, study, steps)
     return 0
@@ -134,6 +197,7 @@ def add(args) -> int:
 def remove(args) -> int:
     """Run ``remove``."""
     from ..tasks import noise as tasks
+
     common.load_own_effects(args)
     study, steps = tasks.change(args.dir, lambda s: s.remove(args.label, args.axis))
     _print_steps(args, study, steps)
@@ -144,6 +208,7 @@ def history(args) -> int:
     """Run ``history``."""
     from .. import store
     from . import text
+
     data = store.read(args.dir)
     if args.json:
         common.print_json({'history': data.get('history') or []})
@@ -159,8 +224,10 @@ def effects(args) -> int:
     import imu_noise_tools.calibration
     import imu_noise_tools.denoise
     import imu_noise_tools.noise  # noqa: F401
+
     common.load_own_effects(args)
     from ..errors import UsageError
+
     domains = ('noise', 'calibration', 'filter')
     if args.name:
         found = [registry(d)[args.name] for d in domains if args.name in registry(d)]
@@ -170,10 +237,26 @@ def effects(args) -> int:
     else:
         found = [c for d in domains for c in registry(d).values()]
     if args.json:
-        common.print_json({'effects': [{
-            'name': c.name, 'domain': c.domain, 'title': c.title, 'equation': c.equation, 'signature': c.signature, 'hint': c.hint,
-            'reference': c.reference, 'parameters': [{'name': p.name, 'unit': text.unit_of(p), 'title': p.title} for p in c.parameters]}
-            for c in found]})
+        common.print_json(
+            {
+                'effects': [
+                    {
+                        'name': c.name,
+                        'domain': c.domain,
+                        'title': c.title,
+                        'equation': c.equation,
+                        'signature': c.signature,
+                        'hint': c.hint,
+                        'reference': c.reference,
+                        'parameters': [
+                            {'name': p.name, 'unit': text.unit_of(p), 'title': p.title}
+                            for p in c.parameters
+                        ],
+                    }
+                    for c in found
+                ]
+            }
+        )
     elif args.name:
         print('\n\n'.join(text.effect(c) for c in found))
     else:
@@ -185,18 +268,30 @@ def export(args) -> int:
     """Run ``export``."""
     from .. import export as exports, files, store
     from ..errors import InputError, UsageError
+
     common.load_own_effects(args)
     if args.format not in exports.formats():
-        raise UsageError(f'there is no format {args.format}', f'known are {", ".join(exports.formats())}')
+        raise UsageError(
+            f'there is no format {args.format}', f'known are {", ".join(exports.formats())}'
+        )
     if not args.inflate > 0:
         raise UsageError(f'--inflate {args.inflate:g} makes no sense', 'give a factor above zero')
     if args.horizon is not None and not args.horizon > 0:
         raise UsageError(f'--horizon {args.horizon:g} makes no sense', 'give seconds above zero')
     study = store.load(args.dir)
     if study.domain != 'noise':
-        raise InputError(f'{args.dir}: a {study.domain} study has no noise densities', 'name the study that analyse wrote')
-    content = exports.export(study, args.format, axes=args.axes, inflate=args.inflate, horizon=args.horizon,
-                          calibration=args.calibration)
+        raise InputError(
+            f'{args.dir}: a {study.domain} study has no noise densities',
+            'name the study that analyse wrote',
+        )
+    content = exports.export(
+        study,
+        args.format,
+        axes=args.axes,
+        inflate=args.inflate,
+        horizon=args.horizon,
+        calibration=args.calibration,
+    )
     files.atomic_write(args.output, content)
     print(f'written to {args.output}')
     return 0

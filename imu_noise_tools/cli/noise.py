@@ -7,29 +7,72 @@ from . import common
 
 def register(commands) -> None:
     """Add the command."""
-    c = commands.add_parser('analyse', help='Allan curves, noise coefficients and imu.yaml of a bag',
-                            description='Read a bag, fit the noise model, write a study: study.yaml, imu.yaml (Kalibr), allan.csv, '
-                                        'allan.png, report.html, evidence.npz.')
-    c.add_argument('bag', metavar='BAG', help='rosbag1 file, rosbag2 folder, .mcap, .db3, .csv or .npz')
-    c.add_argument('-o', '--output', metavar='DIR', help='where the study goes (default: BAG.study)')
+    c = commands.add_parser(
+        'analyse',
+        help='Allan curves, noise coefficients and imu.yaml of a bag',
+        description='Read a bag, fit the noise model, write a study: study.yaml, imu.yaml (Kalibr), allan.csv, '
+        'allan.png, report.html, evidence.npz.',
+    )
+    c.add_argument(
+        'bag', metavar='BAG', help='rosbag1 file, rosbag2 folder, .mcap, .db3, .csv or .npz'
+    )
+    c.add_argument(
+        '-o', '--output', metavar='DIR', help='where the study goes (default: BAG.study)'
+    )
     c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
-    c.add_argument('--axes', type=common.names, metavar='A,…', help='e.g. gyro_x,gyro_y (default: all)')
-    c.add_argument('--effects', type=common.names, default=None, metavar='E,…',
-                   help='the model (default: white,flicker,random_walk); see imu_noise effects')
-    c.add_argument('--method', choices=('likelihood', 'avar', 'slopes'), default='likelihood',
-                   help='maximum likelihood (default), least squares on the curve, or slope reading')
-    c.add_argument('--bias-at', default='flat', metavar='RULE', help='with slopes: flat (default), rise, minimum, or seconds')
-    c.add_argument('--curve', choices=('overlapping', 'standard'), help='kind of Allan variance (default: overlapping)')
-    c.add_argument('--deviation', choices=('oadev', 'adev', 'mdev', 'hdev', 'totdev'), help='other deviations')
+    c.add_argument(
+        '--axes', type=common.names, metavar='A,…', help='e.g. gyro_x,gyro_y (default: all)'
+    )
+    c.add_argument(
+        '--effects',
+        type=common.names,
+        default=None,
+        metavar='E,…',
+        help='the model (default: white,flicker,random_walk); see imu_noise effects',
+    )
+    c.add_argument(
+        '--method',
+        choices=('likelihood', 'avar', 'slopes'),
+        default='likelihood',
+        help='maximum likelihood (default), least squares on the curve, or slope reading',
+    )
+    c.add_argument(
+        '--bias-at',
+        default='flat',
+        metavar='RULE',
+        help='with slopes: flat (default), rise, minimum, or seconds',
+    )
+    c.add_argument(
+        '--curve',
+        choices=('overlapping', 'standard'),
+        help='kind of Allan variance (default: overlapping)',
+    )
+    c.add_argument(
+        '--deviation', choices=('oadev', 'adev', 'mdev', 'hdev', 'totdev'), help='other deviations'
+    )
     g = c.add_mutually_exclusive_group()
-    g.add_argument('--points', type=int, default=100, metavar='P', help='points of the curve (default: 100)')
+    g.add_argument(
+        '--points', type=int, default=100, metavar='P', help='points of the curve (default: 100)'
+    )
     g.add_argument('--octaves', action='store_true', help='one point an octave')
-    c.add_argument('--rate-hz', type=float, metavar='R', help='sample rate, in place of the stamps')
+    c.add_argument(
+        '--rate-hz', type=float, metavar='R', help='sample rate, in place of the stamps'
+    )
     g = c.add_mutually_exclusive_group()
     g.add_argument('--delta', action='store_true', help='each sample is an increment (rad, m/s)')
-    g.add_argument('--integrated', action='store_true', help='each sample is the angle or velocity itself')
-    c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'), help='unit of the gyroscope data (default: rad/s)')
-    c.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'), help='unit of the accelerometer data (default: m/s^2)')
+    g.add_argument(
+        '--integrated', action='store_true', help='each sample is the angle or velocity itself'
+    )
+    c.add_argument(
+        '--gyro-unit',
+        choices=('rad/s', 'deg/s'),
+        help='unit of the gyroscope data (default: rad/s)',
+    )
+    c.add_argument(
+        '--accel-unit',
+        choices=('m/s^2', 'g', 'mg'),
+        help='unit of the accelerometer data (default: m/s^2)',
+    )
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
     c.add_argument('--force', action='store_true', help='replace a study that is there')
     common.output_options(c, 'study.yaml')
@@ -40,24 +83,42 @@ def analyse(args) -> int:
     """Run ``analyse``."""
     from ..errors import UsageError
     from ..tasks import noise as tasks
+
     if args.points < 2:
         raise UsageError(f'--points {args.points} is too few', 'give two or more')
     common.load_own_effects(args)
-    deviation = args.deviation or {'standard': 'adev', 'overlapping': 'oadev', None: 'oadev'}[args.curve]
+    deviation = (
+        args.deviation or {'standard': 'adev', 'overlapping': 'oadev', None: 'oadev'}[args.curve]
+    )
     kind = 'delta' if args.delta else 'integrated' if args.integrated else 'rate'
     with common.progress_line(args) as progress:
         study, folder = tasks.analyse(
-            args.bag, args.output, topic=args.topic, rate_hz=args.rate_hz, input_kind=kind, force=args.force, progress=progress,
+            args.bag,
+            args.output,
+            topic=args.topic,
+            rate_hz=args.rate_hz,
+            input_kind=kind,
+            force=args.force,
+            progress=progress,
             gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
             accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
-            axes=args.axes, effects=args.effects or tasks.DEFAULT_EFFECTS, method=args.method, bias_at=args.bias_at,
-            deviation=deviation, points=args.points, octaves=args.octaves, keep_motion=args.keep_motion)
+            axes=args.axes,
+            effects=args.effects or tasks.DEFAULT_EFFECTS,
+            method=args.method,
+            bias_at=args.bias_at,
+            deviation=deviation,
+            points=args.points,
+            octaves=args.octaves,
+            keep_motion=args.keep_motion,
+        )
     common.warn(study.source.get('warnings', ()))
     if args.json:
         from ..store import study_to_dict
+
         common.print_json(study_to_dict(study))
         return 0
     from .. import report
+
     print(report.text(study, folder, verbose=args.verbose))
     print(f'written to {folder}: study.yaml imu.yaml allan.csv allan.png report.html evidence.npz')
     return 0

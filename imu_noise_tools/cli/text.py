@@ -34,12 +34,16 @@ def compare(study, verbose=False) -> str:
         out.append(f'{target}: {state.model!r}')
         out.append(f'  error on data not fitted: {against_chance(score.excess, score.std)}')
         if 'misfit_percent' in state.summary:
-            out.append('  Allan deviation of the model is off by {misfit_percent:.1f} % rms '
-                       '(a true model: {misfit_expected:.1f} %)'.format(**state.summary))
+            out.append(
+                '  Allan deviation of the model is off by {misfit_percent:.1f} % rms '
+                '(a true model: {misfit_expected:.1f} %)'.format(**state.summary)
+            )
         for view in score.views.values():
             bad = view.excess > 2 * view.std
             if bad or verbose:
-                out.append(f'  {"FAILS in" if bad else "holds in"} {view.name}: {against_chance(view.excess, view.std)}')
+                out.append(
+                    f'  {"FAILS in" if bad else "holds in"} {view.name}: {against_chance(view.excess, view.std)}'
+                )
             if bad:
                 out.append(f'    {where(view)}')
     return '\n'.join(out)
@@ -48,6 +52,7 @@ def compare(study, verbose=False) -> str:
 def where(view) -> str:
     """Say in which stretches of a view the pulls are worst: each with its range, side and size."""
     import numpy as np
+
     order = np.argsort(view.x, kind='stable')
     x, pull = view.x[order], view.pull[order]
     groups = np.array_split(np.arange(len(x)), min(24, len(x)))
@@ -59,8 +64,10 @@ def where(view) -> str:
         if size[i] > 2:
             side = 'above' if np.mean(pull[g]) > 0 else 'below'
             side = side if abs(np.mean(pull[g])) * np.sqrt(len(g)) > 2 else 'about'
-            parts.append(f'{x[g[0]]:.3g} to {x[g[-1]]:.3g} {view.unit} (measured {side} the model, worst pull '
-                         f'{pull[g][np.argmax(np.abs(pull[g]))]:+.1f})')
+            parts.append(
+                f'{x[g[0]]:.3g} to {x[g[-1]]:.3g} {view.unit} (measured {side} the model, worst pull '
+                f'{pull[g][np.argmax(np.abs(pull[g]))]:+.1f})'
+            )
     return 'worst: ' + '; '.join(parts) if parts else 'spread over the whole range'
 
 
@@ -73,24 +80,41 @@ def diagnosis(study, folder, verbose=False) -> str:
             out.append(f'{target}: complete. {model!r} says all that this record shows')
         elif d.verdict == 'missing':
             best = d.ranked[0]
-            out.append(f'{target}: {best.name} is missing (probability {best.probability:.2f}). {best.evidence}')
+            out.append(
+                f'{target}: {best.name} is missing (probability {best.probability:.2f}). {best.evidence}'
+            )
             sensor = target.partition('_')[0]
             for p in best.effect.parameters:
                 e = best.estimates.get(p.name)
                 if e is not None and e.value is not None:
-                    text = units.shown(e.value, p.unit, sensor) if sensor in ('gyro', 'accel') else f'{e.value:.4g} {e.unit}'
+                    text = (
+                        units.shown(e.value, p.unit, sensor)
+                        if sensor in ('gyro', 'accel')
+                        else f'{e.value:.4g} {e.unit}'
+                    )
                     out.append(f'    {p.name} = {text}')
-            out += textwrap.wrap(best.effect.hint, WIDTH - 4, initial_indent='    ', subsequent_indent='    ')
+            out += textwrap.wrap(
+                best.effect.hint, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
+            )
         elif d.verdict == 'unknown':
             failed = ', '.join(f'{f.name} ({f.evidence})' for f in d.failed)
-            out.append(f'{target}: something is missing that no known effect explains. It shows in {failed}')
+            out.append(
+                f'{target}: something is missing that no known effect explains. It shows in {failed}'
+            )
         else:
             able = [f for f in d.ranked if f.gain > f.penalty] or list(d.ranked[:2])
-            out.append(f'{target}: undecidable from this record: {", ".join(f.name for f in able)}')
+            out.append(
+                f'{target}: undecidable from this record: {", ".join(f.name for f in able)}'
+            )
         if d.advice:
-            out += textwrap.wrap(d.advice, WIDTH - 4, initial_indent='    ', subsequent_indent='    ')
+            out += textwrap.wrap(
+                d.advice, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
+            )
         if verbose:
-            out += [f'    {f.name:20s} gain {f.gain:8.1f} nats, chance up to {f.penalty:.1f}' for f in d.ranked]
+            out += [
+                f'    {f.name:20s} gain {f.gain:8.1f} nats, chance up to {f.penalty:.1f}'
+                for f in d.ranked
+            ]
     if any(d.verdict == 'missing' for d in study.diagnosis.values()):
         out.append(f'next: imu_noise add {folder}')
     return '\n'.join(out)
@@ -98,19 +122,48 @@ def diagnosis(study, folder, verbose=False) -> str:
 
 def history(rows) -> str:
     """Return the ladder as a table; rows are those of study.yaml."""
-    return table([(r['target'], ' + '.join(r['effects']), f'+{r["added"]}' if r.get('added') else
-                   f'-{r["removed"]}' if r.get('removed') else '', f'{r["held_out"]:.4f}', f'{2 * r["held_out_std"]:.4f}',
-                   '' if r.get('fall') is None else f'{r["fall"]:.1f}', r['verdict']) for r in rows],
-                 ('target', 'model', 'step', 'error', 'chance', 'fall', 'verdict'))
+    return table(
+        [
+            (
+                r['target'],
+                ' + '.join(r['effects']),
+                f'+{r["added"]}'
+                if r.get('added')
+                else f'-{r["removed"]}'
+                if r.get('removed')
+                else '',
+                f'{r["held_out"]:.4f}',
+                f'{2 * r["held_out_std"]:.4f}',
+                '' if r.get('fall') is None else f'{r["fall"]:.1f}',
+                r['verdict'],
+            )
+            for r in rows
+        ],
+        ('target', 'model', 'step', 'error', 'chance', 'fall', 'verdict'),
+    )
 
 
 def steps(study, done) -> str:
-    """Return what a step changed: the error before and after, and what the added effect came out as."""
+    """
+    Return what a step changed: the error before and after, and what the added effect came out as.
+
+    """
     out = []
     for s in done:
         state = study.states[s.target]
-        before = next((r for r in reversed(study.history) if r.target == s.target and r is not s and r not in done), None)
-        change = f'error {before.held_out:.4f} -> {s.held_out:.4f}' if before else f'error {s.held_out:.4f}'
+        before = next(
+            (
+                r
+                for r in reversed(study.history)
+                if r.target == s.target and r is not s and r not in done
+            ),
+            None,
+        )
+        change = (
+            f'error {before.held_out:.4f} -> {s.held_out:.4f}'
+            if before
+            else f'error {s.held_out:.4f}'
+        )
         what = f'+{s.added}' if s.added else f'-{s.removed}'
         out.append(f'{s.target}: {what}: {change} (chance: {2 * s.held_out_std:.4f}), {s.verdict}')
         if s.added:
@@ -124,8 +177,11 @@ def steps(study, done) -> str:
 def estimate(e) -> str:
     """Return one estimate with its interval."""
     if e.value is None:
-        return (f'not observable, below {e.upper95:.3g} {e.unit} (95 %)' if e.upper95 is not None else 'not observable') + \
-            (f' ({e.note})' if e.note and 'not observable' not in e.note else '')
+        return (
+            f'not observable, below {e.upper95:.3g} {e.unit} (95 %)'
+            if e.upper95 is not None
+            else 'not observable'
+        ) + (f' ({e.note})' if e.note and 'not observable' not in e.note else '')
     interval = f' [{e.ci95[0]:.4g}, {e.ci95[1]:.4g}]' if e.ci95 else ''
     return f'{e.value:.4g}{interval} {e.unit}'
 
@@ -138,18 +194,30 @@ def unit_of(parameter) -> str:
 
 def effects_table(classes) -> str:
     """Return what is known, a line each."""
-    rows = [(c.domain, c.name, ', '.join(f'{p.name} [{unit_of(p)}]' for p in c.parameters), c.title) for c in classes]
+    rows = [
+        (c.domain, c.name, ', '.join(f'{p.name} [{unit_of(p)}]' for p in c.parameters), c.title)
+        for c in classes
+    ]
     return table(rows, ('problem', 'effect', 'parameters', 'what it is'))
 
 
 def effect(cls) -> str:
     """Return an effect's page."""
     out = [f'{cls.name} ({cls.domain}): {cls.title}', '']
-    for head, body in (('equation', cls.equation), ('signature', cls.signature), ('hint', cls.hint), ('reference', cls.reference)):
+    for head, body in (
+        ('equation', cls.equation),
+        ('signature', cls.signature),
+        ('hint', cls.hint),
+        ('reference', cls.reference),
+    ):
         if body:
             out += textwrap.wrap(f'{head}: {body}', WIDTH, subsequent_indent='  ')
     out += ['parameters:'] + [f'  {p.name} [{unit_of(p)}]  {p.title}' for p in cls.parameters]
-    kinds = [b.__name__ for b in cls.__mro__ if b.__module__.endswith('.kinds') and b.__name__ != 'NoiseEffect']
+    kinds = [
+        b.__name__
+        for b in cls.__mro__
+        if b.__module__.endswith('.kinds') and b.__name__ != 'NoiseEffect'
+    ]
     if kinds:
         out.append(f'kind: {", ".join(kinds)}')
     if cls.domain == 'noise' and 'Spectrum' in kinds:
@@ -158,8 +226,12 @@ def effect(cls) -> str:
 
 
 def sketch(example) -> list[str]:
-    """Return its Allan deviation as a small picture in text (log-log), for typical values at 100 Hz."""
+    """
+    Return its Allan deviation as a small picture in text (log-log), for typical values at 100 Hz.
+
+    """
     import numpy as np
+
     m = np.unique(np.round(np.geomspace(1, 1e5, 60)).astype(int))
     dev = np.sqrt(np.maximum(example.avar(m, 0.01), 1e-300))
     level = np.log10(dev)
@@ -170,20 +242,43 @@ def sketch(example) -> list[str]:
             r = int(round((top - y) / max(top - bottom, 0.3) * (rows - 1)))
             grid[min(r, rows - 1)][int(round(x))] = '*'
     body = [f'{"dev" if i == 0 else "":>5s} |{"".join(g)}' for i, g in enumerate(grid)]
-    return ['Allan deviation for typical values:', *body, '      +' + '-' * 60, '      0.01 s' + ' ' * 44 + '1000 s  tau']
+    return [
+        'Allan deviation for typical values:',
+        *body,
+        '      +' + '-' * 60,
+        '      0.01 s' + ' ' * 44 + '1000 s  tau',
+    ]
 
 
 def changes(found, first, second) -> str:
     """Return what changed between two records beyond chance."""
-    rows = [(c['target'], c['what'], c['first'], c['second'], c['sigmas'], c['verdict']) for c in found]
-    return f'first: {first}\nsecond: {second}\n' + table(rows, ('target', 'what', 'first', 'second', 'sigma', 'verdict'))
+    rows = [
+        (c['target'], c['what'], c['first'], c['second'], c['sigmas'], c['verdict']) for c in found
+    ]
+    return f'first: {first}\nsecond: {second}\n' + table(
+        rows, ('target', 'what', 'first', 'second', 'sigma', 'verdict')
+    )
 
 
 def inspection(found) -> str:
     """Return a bag's topics and the health of its record."""
     h = found.health
-    out = [table([(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role) for t in found.topics],
-                 ('topic', 'type', 'messages', 'Hz', 'used as')), '']
+    out = [
+        table(
+            [
+                (
+                    t.name,
+                    t.type,
+                    t.samples,
+                    '' if t.rate_hz is None else f'{t.rate_hz:.4g}',
+                    t.role,
+                )
+                for t in found.topics
+            ],
+            ('topic', 'type', 'messages', 'Hz', 'used as'),
+        ),
+        '',
+    ]
 
     def line(name, value):
         out.append(f'{name:22s}{value}')
@@ -192,7 +287,10 @@ def inspection(found) -> str:
         return 'unknown' if x is None else f'{x:.6g} Hz'
 
     line('record', f'{found.topic}: {h.samples} samples, {h.duration_s:.6g} s')
-    line('rate', f'{hertz(h.rate_hz)} (median {hertz(h.median_rate_hz)}, received {hertz(h.receive_rate_hz)})')
+    line(
+        'rate',
+        f'{hertz(h.rate_hz)} (median {hertz(h.median_rate_hz)}, received {hertz(h.receive_rate_hz)})',
+    )
     if h.clock_drift_ppm is not None:
         line('clock drift', f'{h.clock_drift_ppm:.3g} ppm against the receiver')
     line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
@@ -201,12 +299,26 @@ def inspection(found) -> str:
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')
-    line('resolution', ', '.join(f'{k} {r.step:.3g} ({r.levels} levels)' if r.step else f'{k} no grid'
-                                 for k, r in h.resolution.items()) or 'unknown')
+    line(
+        'resolution',
+        ', '.join(
+            f'{k} {r.step:.3g} ({r.levels} levels)' if r.step else f'{k} no grid'
+            for k, r in h.resolution.items()
+        )
+        or 'unknown',
+    )
     if h.gravity is not None:
         line('gravity at rest', f'{h.gravity:.4g} m/s^2')
-    line('temperature topics', ', '.join(f'{k} {lo:.4g} to {hi:.4g} degC' for k, (lo, hi) in h.temperature.items()) or 'none')
+    line(
+        'temperature topics',
+        ', '.join(f'{k} {lo:.4g} to {hi:.4g} degC' for k, (lo, hi) in h.temperature.items())
+        or 'none',
+    )
     line('can be analysed', found.analysed)
     if h.advice:
-        out += ['', 'advice'] + [w for a in h.advice for w in textwrap.wrap(a, WIDTH - 2, initial_indent='- ', subsequent_indent='  ')]
+        out += ['', 'advice'] + [
+            w
+            for a in h.advice
+            for w in textwrap.wrap(a, WIDTH - 2, initial_indent='- ', subsequent_indent='  ')
+        ]
     return '\n'.join(out)

@@ -6,7 +6,7 @@ import argparse
 
 from . import common
 
-SPEC = '''example of SPEC.yaml:
+SPEC = """example of SPEC.yaml:
   rate_hz: 100
   duration_s: 3600
   seed: 1
@@ -15,7 +15,7 @@ SPEC = '''example of SPEC.yaml:
     accel_z: {white: {N: 1.0e-3}}
   covariates: {temperature: {base: 25, swing: 5, period_s: 3600}}
   motion: {rocking: {axis: x, amplitude_deg: 15, period_s: 10}}
-'''
+"""
 
 
 def register(commands) -> None:
@@ -26,22 +26,42 @@ def register(commands) -> None:
     common.output_options(c, 'what was found')
     c.set_defaults(func=inspect)
 
-    c = commands.add_parser('simulate', help='a record with known truth', epilog=SPEC,
-                            formatter_class=argparse.RawDescriptionHelpFormatter)
+    c = commands.add_parser(
+        'simulate',
+        help='a record with known truth',
+        epilog=SPEC,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     c.add_argument('spec', metavar='SPEC.yaml')
-    c.add_argument('-o', '--output', required=True, metavar='BAG', help='a folder, or a file .mcap .db3 .bag .csv .npz')
+    c.add_argument(
+        '-o',
+        '--output',
+        required=True,
+        metavar='BAG',
+        help='a folder, or a file .mcap .db3 .bag .csv .npz',
+    )
     c.add_argument('--force', action='store_true', help='replace what is there')
     common.output_options(c, 'the truth')
     c.set_defaults(func=simulate)
 
-    c = commands.add_parser('plan', help='how long to record, and how fast, for a wanted precision')
-    c.add_argument('dir', metavar='DIR', nargs='?', help='a study to plan from; or give the coefficients')
+    c = commands.add_parser(
+        'plan', help='how long to record, and how fast, for a wanted precision'
+    )
+    c.add_argument(
+        'dir', metavar='DIR', nargs='?', help='a study to plan from; or give the coefficients'
+    )
     c.add_argument('--sensor', choices=('gyro', 'accel'), default='gyro')
     c.add_argument('--N', type=float, metavar='X', help='white noise, SI')
     c.add_argument('--B', type=float, metavar='X', help='bias instability, SI')
     c.add_argument('--K', type=float, metavar='X', help='random walk, SI')
     c.add_argument('--rate-hz', type=float, default=100.0, metavar='R')
-    c.add_argument('--precision', type=float, default=20.0, metavar='PERCENT', help='wanted standard deviation (default: 20)')
+    c.add_argument(
+        '--precision',
+        type=float,
+        default=20.0,
+        metavar='PERCENT',
+        help='wanted standard deviation (default: 20)',
+    )
     common.output_options(c, 'the plan')
     c.set_defaults(func=plan)
 
@@ -50,14 +70,24 @@ def inspect(args) -> int:
     """Run ``inspect``."""
     from dataclasses import asdict
     from ..tasks.inspect import inspect as task
+
     with common.progress_line(args) as progress:
-        found = task(args.bag, args.topic, progress=(lambda p: progress(p, 'reading')) if progress else None)
+        found = task(
+            args.bag, args.topic, progress=(lambda p: progress(p, 'reading')) if progress else None
+        )
     common.warn(found.warnings)
     if args.json:
-        common.print_json({'path': str(args.bag), 'topics': [asdict(t) for t in found.topics], 'topic': found.topic,
-                           'health': asdict(found.health)})
+        common.print_json(
+            {
+                'path': str(args.bag),
+                'topics': [asdict(t) for t in found.topics],
+                'topic': found.topic,
+                'health': asdict(found.health),
+            }
+        )
         return 0
     from . import text
+
     print(text.inspection(found))
     return 0
 
@@ -65,12 +95,15 @@ def inspect(args) -> int:
 def simulate(args) -> int:
     """Run ``simulate``."""
     from ..tasks.simulate import simulate as task
+
     common.load_own_effects(args)
     truth = task(args.spec, args.output, force=args.force)
     if args.json:
         common.print_json(truth)
     else:
-        print(f'written to {args.output}; what is in it: truth.yaml beside it\nnext: imu_noise analyse {args.output}')
+        print(
+            f'written to {args.output}; what is in it: truth.yaml beside it\nnext: imu_noise analyse {args.output}'
+        )
     return 0
 
 
@@ -79,17 +112,38 @@ def plan(args) -> int:
     from ..errors import UsageError
     from ..tasks.plan import plan as task
     from . import text
+
     given = {k: v for k, v in (('N', args.N), ('B', args.B), ('K', args.K)) if v is not None}
     if not args.dir and not given:
         raise UsageError('nothing to plan from', 'name a study, or give --N, --B, --K')
     if any(not v > 0 for v in (*given.values(), args.rate_hz, args.precision)):
-        raise UsageError('coefficients, rate and precision must be above zero', 'e.g. plan --N 8.7e-5 --B 2.4e-5 --K 1e-6')
-    rows = task(args.dir, given, sensor=args.sensor, rate_hz=args.rate_hz, wanted=args.precision / 100)
+        raise UsageError(
+            'coefficients, rate and precision must be above zero',
+            'e.g. plan --N 8.7e-5 --B 2.4e-5 --K 1e-6',
+        )
+    rows = task(
+        args.dir, given, sensor=args.sensor, rate_hz=args.rate_hz, wanted=args.precision / 100
+    )
     if args.json:
         common.print_json({'plan': rows})
     else:
-        print(text.table([(r['target'], r['parameter'], f'{r["value"]:.3g}', r['one_hour'], r['record'])
-                          for r in rows], ('target', 'parameter', 'value', 'one hour gives', f'for {args.precision:g} % record')))
-        print('along with it: the temperature (sensor_msgs/Temperature) and all six axes; on a heavy base, motors off;\n'
-              'a rate of at least twice the sensor\'s bandwidth; half an hour of warm-up before.')
+        print(
+            text.table(
+                [
+                    (r['target'], r['parameter'], f'{r["value"]:.3g}', r['one_hour'], r['record'])
+                    for r in rows
+                ],
+                (
+                    'target',
+                    'parameter',
+                    'value',
+                    'one hour gives',
+                    f'for {args.precision:g} % record',
+                ),
+            )
+        )
+        print(
+            'along with it: the temperature (sensor_msgs/Temperature) and all six axes; on a heavy base, motors off;\n'
+            "a rate of at least twice the sensor's bandwidth; half an hour of warm-up before."
+        )
     return 0

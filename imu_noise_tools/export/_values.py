@@ -29,14 +29,21 @@ class Value:
             raise UsageError(f'--axes {rule} is unknown', f'known are {", ".join(RULES)}')
         if rule == 'each':
             raise UsageError('this format holds one value a sensor', 'use --axes worst or mean')
-        return max(self.values) if rule == 'worst' else float(np.sqrt(np.mean(np.square(self.values))))
+        return (
+            max(self.values)
+            if rule == 'worst'
+            else float(np.sqrt(np.mean(np.square(self.values))))
+        )
 
 
-def value_of(study: Study, sensor: str, parameter: str, horizon: float | None = None) -> Value | None:
+def value_of(
+    study: Study, sensor: str, parameter: str, horizon: float | None = None
+) -> Value | None:
     """
     Return N or K of a sensor; None where the study has none of its axes.
 
-    Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the effect it is fitted for this.
+    Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the
+    effect it is fitted for this.
     """
     axes = [t for t in study.targets if t.startswith(sensor)]
     if not axes:
@@ -58,7 +65,9 @@ def _resolved(state: State, parameter: str) -> tuple[float, str]:
     name = PARAMETERS[parameter]
     estimates, added = state.fit.estimates, ''
     if name not in estimates:
-        estimates = state.problem.fit(unfitted(state.model).plus(find_effect('noise', name)())).estimates
+        estimates = state.problem.fit(
+            unfitted(state.model).plus(find_effect('noise', name)())
+        ).estimates
         added = f'{name} is not in the model; '
     e = estimates[name][parameter]
     if e.value is not None:
@@ -78,7 +87,8 @@ def left_out(study: Study) -> list[str]:
 
 def covering(state: State, horizon: float) -> dict[str, float]:
     """
-    Return the (N, K) whose curve N^2/tau + K^2 tau/3 covers model and data up to a horizon (s) with the least excess.
+    Return the (N, K) whose curve N^2/tau + K^2 tau/3 covers model and data up to a horizon (s)
+    with the least excess.
 
     N covers all tau up to some tau_1, K the rest; tau_1 is where the mean log excess is smallest.
     """
@@ -87,7 +97,9 @@ def covering(state: State, horizon: float) -> dict[str, float]:
     if not some.any():
         some = c.tau <= c.tau[0]
     tau = c.tau[some]
-    wanted = np.maximum(c.dev[some] ** 2, model_curve(state.problem.evidence, state.model, c.m[some]))
+    wanted = np.maximum(
+        c.dev[some] ** 2, model_curve(state.problem.evidence, state.model, c.m[some])
+    )
     best = None
     for i in range(1, len(tau) + 1):
         n2 = float(np.max(tau[:i] * wanted[:i]))
@@ -96,7 +108,10 @@ def covering(state: State, horizon: float) -> dict[str, float]:
         if best is None or excess < best[0]:
             best = excess, n2, k2
     k = np.sqrt(best[2])
-    return {'N': float(np.sqrt(best[1])), 'K': float(k if k > 0 else 1e-3 * np.sqrt(best[1]) / horizon)}
+    return {
+        'N': float(np.sqrt(best[1])),
+        'K': float(k if k > 0 else 1e-3 * np.sqrt(best[1]) / horizon),
+    }
 
 
 def number(x: float) -> str:

@@ -5,18 +5,28 @@ from __future__ import annotations
 from ..study import Study
 from ._values import left_out, number, value_of
 
-KEYS = (('accelerometer_noise_density', 'accel', 'N', 'm/s^2/sqrt(Hz)'),
-        ('accelerometer_random_walk', 'accel', 'K', 'm/s^3/sqrt(Hz)'),
-        ('gyroscope_noise_density', 'gyro', 'N', 'rad/s/sqrt(Hz)'),
-        ('gyroscope_random_walk', 'gyro', 'K', 'rad/s^2/sqrt(Hz)'))
+KEYS = (
+    ('accelerometer_noise_density', 'accel', 'N', 'm/s^2/sqrt(Hz)'),
+    ('accelerometer_random_walk', 'accel', 'K', 'm/s^3/sqrt(Hz)'),
+    ('gyroscope_noise_density', 'gyro', 'N', 'rad/s/sqrt(Hz)'),
+    ('gyroscope_random_walk', 'gyro', 'K', 'rad/s^2/sqrt(Hz)'),
+)
 
 
-def text(study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float | None = None, **_) -> str:
+def text(
+    study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float | None = None, **_
+) -> str:
     """Return imu.yaml; one value a sensor, by the rule ``axes``, times ``inflate``."""
-    lines = ['# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), SI units.',
-             f'# One value a sensor: {axes} of its axes' + (f', times {inflate:g}' if inflate != 1 else '') + '.']
+    lines = [
+        '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), SI units.',
+        f'# One value a sensor: {axes} of its axes'
+        + (f', times {inflate:g}' if inflate != 1 else '')
+        + '.',
+    ]
     if horizon is not None:
-        lines.append(f'# Chosen so that the Allan deviation covers model and data up to {horizon:g} s.')
+        lines.append(
+            f'# Chosen so that the Allan deviation covers model and data up to {horizon:g} s.'
+        )
     out = left_out(study)
     if out:
         lines.append('# Not in these two numbers: ' + '; '.join(out) + '.')
@@ -31,5 +41,8 @@ def text(study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float
     topic = str(study.source.get('topic') or '/imu0')
     quoted = "'" + topic.replace("'", "''") + "'"
     rate = float(study.source.get('rate_hz', 0.0))
-    body += [f'rostopic: {quoted}', f'update_rate: {rate:.6g}' if rate % 1 else f'update_rate: {rate:.1f}']
+    body += [
+        f'rostopic: {quoted}',
+        f'update_rate: {rate:.6g}' if rate % 1 else f'update_rate: {rate:.1f}',
+    ]
     return '\n'.join(lines + body) + '\n'

@@ -19,7 +19,11 @@ from std_srvs.srv import Trigger
 
 
 def call(name: str, patience: float) -> tuple[bool, str] | None:
-    """Return (success, message) of a Trigger service, None where it is not there or does not answer in time."""
+    """
+    Return (success, message) of a Trigger service, None where it is not there or does not answer
+    in time.
+
+    """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('trigger')
     end = time.monotonic() + patience
@@ -52,7 +56,10 @@ def main(args=None) -> int:
     except KeyboardInterrupt:
         return 130
     if answer is None:
-        print(f'{given.service}: no answer in {given.patience:g} s: is the node running, in this ROS domain?', file=sys.stderr)
+        print(
+            f'{given.service}: no answer in {given.patience:g} s: is the node running, in this ROS domain?',
+            file=sys.stderr,
+        )
         return 3
     print(answer[1])
     return 0 if answer[0] else 1

@@ -14,10 +14,12 @@ from .null import DEFAULT, PENALTY
 
 def candidates(problem, fit: Fit) -> list[Finding]:
     """
-    Return, best first, a finding for each registered effect that is not in the model and applies to the record.
+    Return, best first, a finding for each registered effect that is not in the model and applies
+    to the record.
 
-    ``gain`` is the log-likelihood gained over the model as it is, summed over the views the effect acts on; ``penalty`` what
-    chance reaches on records in which nothing is hidden (:func:`penalty`).
+    ``gain`` is the log-likelihood gained over the model as it is, summed over the views the effect
+    acts on; ``penalty`` what chance reaches on records in which nothing is hidden
+    (:func:`penalty`).
     """
     evidence: Evidence = problem.evidence
     if problem.method != 'likelihood':
@@ -42,8 +44,15 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
     more = _refitted(evidence, fit, effect)
     label = more.model.labels[-1]
     gain = more.details['ml'] - fit.details['ml']
-    return Finding(effect.name, float(gain), more.model[label], more.estimates[label], penalty(effect.name),
-                   _view_of(effect), _where(evidence, fit, more, effect))
+    return Finding(
+        effect.name,
+        float(gain),
+        more.model[label],
+        more.estimates[label],
+        penalty(effect.name),
+        _view_of(effect),
+        _where(evidence, fit, more, effect),
+    )
 
 
 def _refitted(evidence, fit, effect):
@@ -57,15 +66,25 @@ def _line(evidence, fit, effect):
         return None
     i = left[0]
     frequency, a, b, z = evidence.line_table[i]
-    # claimed lines are found by frequency: the one that is left must not be one of those in the model
+    # claimed lines are found by frequency: the one that is left must not be one of those in the
+    # model
     claimed = set(range(len(evidence.line_table))) - set(left)
-    values, estimates, _ = measure(evidence, effect.with_values(frequency=float(frequency)), claimed)
+    values, estimates, _ = measure(
+        evidence, effect.with_values(frequency=float(frequency)), claimed
+    )
     v = fit.details['v']
     gain = 0.5 * float(np.sum(evidence.whole.bins.count * evidence.whole.lines[i] / v))
     harmonic = _harmonic(evidence, fit, frequency)
-    return Finding(effect.name, gain, effect.with_values(**values), estimates, line_penalty(evidence.n), 'frequency',
-                   f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around it, coherent through the '
-                   f'record{harmonic}{_as_rpm(frequency)}')
+    return Finding(
+        effect.name,
+        gain,
+        effect.with_values(**values),
+        estimates,
+        line_penalty(evidence.n),
+        'frequency',
+        f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around it, coherent through the '
+        f'record{harmonic}{_as_rpm(frequency)}',
+    )
 
 
 def _as_rpm(frequency):
@@ -91,8 +110,15 @@ def _measured(evidence, fit, effect):
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
         gain += more.details['ml'] - fit.details['ml']
-    return Finding(effect.name, float(gain), finding.effect, finding.estimates, penalty(effect.name),
-                   finding.view, finding.evidence)
+    return Finding(
+        effect.name,
+        float(gain),
+        finding.effect,
+        finding.estimates,
+        penalty(effect.name),
+        finding.view,
+        finding.evidence,
+    )
 
 
 def _view_of(effect):
@@ -105,11 +131,18 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
     """Say in words where the likelihood is gained."""
     if isinstance(effect, Mean):
         estimates = after.estimates[after.model.labels[-1]]
-        parts = [f'{k} {e.point:.3g}' + (f' +- {e.std:.2g}' if e.std else '') + f' {e.unit}' for k, e in estimates.items()]
+        parts = [
+            f'{k} {e.point:.3g}' + (f' +- {e.std:.2g}' if e.std else '') + f' {e.unit}'
+            for k, e in estimates.items()
+        ]
         return f'the mean of the record follows it: {", ".join(parts)}'
     if isinstance(effect, Coupling):
         estimates = after.estimates[after.model.labels[-1]]
-        parts = [f'{k} {e.point:.3g} +- {e.std:.2g}' for k, e in estimates.items() if e.std and abs(e.point) > 2 * e.std]
+        parts = [
+            f'{k} {e.point:.3g} +- {e.std:.2g}'
+            for k, e in estimates.items()
+            if e.std and abs(e.point) > 2 * e.std
+        ]
         return f'coherent with {", ".join(effect.channels(evidence))}: {", ".join(parts) or "nothing significant"}'
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
 
@@ -125,5 +158,8 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
 
 
 def penalty(name: str) -> float:
-    """Return the gain (nats) that one in a thousand records with nothing hidden reaches by chance."""
+    """
+    Return the gain (nats) that one in a thousand records with nothing hidden reaches by chance.
+
+    """
     return PENALTY.get(name, DEFAULT)

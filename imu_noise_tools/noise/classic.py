@@ -17,8 +17,9 @@ from ..errors import UsageError
 from .evidence import Evidence
 from .kinds import Line, Mean, Spectrum
 
-FLAT = np.sqrt(2 * np.log(2) / np.pi)          # 0.664: the flat part is 0.664 B
-# name: parameter, slope, tau at which the line of that slope is read, and what the reading is divided by
+FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
+# name: parameter, slope, tau at which the line of that slope is read, and what the reading is
+# divided by
 READINGS = {
     'quantization': ('Q', -1.0, np.sqrt(3), 1.0),
     'white': ('N', -0.5, 1.0, 1.0),
@@ -26,7 +27,7 @@ READINGS = {
     'random_walk': ('K', 0.5, 3.0, 1.0),
     'ramp': ('R', 1.0, np.sqrt(2), 1.0),
 }
-NEAR = 0.25                                    # a slope farther from the wanted one is not that slope
+NEAR = 0.25  # a slope farther from the wanted one is not that slope
 
 
 def _templates(effect):
@@ -35,18 +36,25 @@ def _templates(effect):
 
 def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
     """
-    Return the model fitted to the Allan curve: non-negative least squares weighted by edf, shapes by simplex search.
+    Return the model fitted to the Allan curve: non-negative least squares weighted by edf, shapes
+    by simplex search.
 
     Parameters
     ----------
     full : Fit
-        The likelihood fit: start of the shape parameters, and the values of what does not show in a curve.
+        The likelihood fit: start of the shape parameters, and the values of what does not show in
+        a curve.
 
     """
     c = evidence.curve
-    m, tau2 = c.m, c.dev ** 2
-    terms = [e for e in full.model if isinstance(e, (Spectrum, Mean)) and type(e).avar not in (Mean.avar,)
-             and len([p for p in e.parameters if p.amplitude]) == 1]
+    m, tau2 = c.m, c.dev**2
+    terms = [
+        e
+        for e in full.model
+        if isinstance(e, (Spectrum, Mean))
+        and type(e).avar not in (Mean.avar,)
+        and len([p for p in e.parameters if p.amplitude]) == 1
+    ]
     rest = sum((e.avar(m, c.dt) for e in full.model.of(Line)), np.zeros(len(m)))
     shapes = [(e.label, p.name) for e in terms for p in e.parameters if not p.amplitude]
     amplitude = {e.label: next(p.name for p in e.parameters if p.amplitude) for e in terms}
@@ -54,7 +62,10 @@ def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
     def columns(x):
         out = []
         for e in terms:
-            values = {amplitude[e.label]: 1.0, **{n: float(np.exp(v)) for (label, n), v in zip(shapes, x) if label == e.label}}
+            values = {
+                amplitude[e.label]: 1.0,
+                **{n: float(np.exp(v)) for (label, n), v in zip(shapes, x) if label == e.label},
+            }
             out.append(e.with_values(**values).avar(m, c.dt))
         return np.array(out).T
 
@@ -71,7 +82,7 @@ def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
     if len(x):
         x = minimize(lambda z: solve(z)[1], x, method='Nelder-Mead', options={'maxiter': 200}).x
     square, _, a, w = solve(x)
-    gain = np.linalg.pinv(a * w[:, None]) * w                      # squares = gain @ measured variances
+    gain = np.linalg.pinv(a * w[:, None]) * w  # squares = gain @ measured variances
     covariance = gain @ curve_covariance(evidence, full.details['v']) @ gain.T
     fitted, estimates = full.model, {k: dict(v) for k, v in full.estimates.items()}
     for k, e in enumerate(terms):
@@ -81,33 +92,53 @@ def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
         unit = units.si(_templates(e)[name], evidence.sensor)
         upper = float(np.sqrt(square[k] + 1.645 * spread))
         if square[k] - 1.96 * spread <= 0:
-            estimates[e.label][name] = Estimate(None, None, (0.0, float(np.sqrt(square[k] + 1.96 * spread))), unit, upper95=upper,
-                                                point=value, note='not observable in the Allan curve')
+            estimates[e.label][name] = Estimate(
+                None,
+                None,
+                (0.0, float(np.sqrt(square[k] + 1.96 * spread))),
+                unit,
+                upper95=upper,
+                point=value,
+                note='not observable in the Allan curve',
+            )
         else:
             ends = np.sqrt(np.maximum(square[k] + np.array([-1.96, 1.96]) * spread, 0))
-            estimates[e.label][name] = Estimate(value, spread / (2 * value), (float(ends[0]), float(ends[1])), unit, point=value)
-        values = {name: max(value, _floor(e, name)), **{n: float(np.exp(v)) for (label, n), v in zip(shapes, x) if label == e.label}}
+            estimates[e.label][name] = Estimate(
+                value, spread / (2 * value), (float(ends[0]), float(ends[1])), unit, point=value
+            )
+        values = {
+            name: max(value, _floor(e, name)),
+            **{n: float(np.exp(v)) for (label, n), v in zip(shapes, x) if label == e.label},
+        }
         for n, v in values.items():
             if n != name:
-                estimates[e.label][n] = Estimate(v, None, None, units.si(_templates(e)[n], evidence.sensor), point=v,
-                                                 note='from the Allan curve, without an interval')
+                estimates[e.label][n] = Estimate(
+                    v,
+                    None,
+                    None,
+                    units.si(_templates(e)[n], evidence.sensor),
+                    point=v,
+                    note='from the Allan curve, without an interval',
+                )
         fitted = fitted.with_effect(fitted[e.label].with_values(**values))
     return Fit(fitted, estimates, full.log_likelihood, full.flags, full.details)
 
 
 def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:
     """
-    Return the covariance (k, k) of the measured Allan variances under a model with power v (b,) in the bins.
+    Return the covariance (k, k) of the measured Allan variances under a model with power v (b,) in
+    the bins.
 
-    The Allan variance is a weighted sum of periodogram ordinates, weights 2 sin^4(pi f m dt)/(m sin(pi f dt))^2 df (sin^4
-    replaced by its mean where a bin holds many of its oscillations); a bin of w ordinates has variance 2 v^2/w.
+    The Allan variance is a weighted sum of periodogram ordinates, weights 2 sin^4(pi f m dt)/(m
+    sin(pi f dt))^2 df (sin^4 replaced by its mean where a bin holds many of its oscillations); a
+    bin of w ordinates has variance 2 v^2/w.
     """
     c, bins = evidence.curve, evidence.whole.bins
     f, width = bins.f, bins.count / (2 * bins.n * c.dt)
     m = c.m[:, None].astype(float)
     wave = np.where(m * c.dt * width < 0.25, np.sin(np.pi * f * m * c.dt) ** 4, 0.375)
     g = 2 * wave / (m * np.sin(np.pi * f * c.dt)) ** 2 * width
-    return (g * (2 * v ** 2 / bins.count)) @ g.T
+    return (g * (2 * v**2 / bins.count)) @ g.T
 
 
 def _floor(effect, name):
@@ -118,24 +149,33 @@ def _floor(effect, name):
 
 def fit_slopes(evidence: Evidence, model: Model, full: Fit, bias_at: str = 'flat') -> Fit:
     """
-    Return the model with coefficients read from the curve at the point whose local slope is nearest to each line's.
+    Return the model with coefficients read from the curve at the point whose local slope is
+    nearest to each line's.
 
     Parameters
     ----------
     bias_at : str
-        Where B is read: ``flat`` (slope nearest to zero), ``rise`` (the first rise after tau = 1 s), ``minimum``, or a number
-        of seconds.
+        Where B is read: ``flat`` (slope nearest to zero), ``rise`` (the first rise after tau = 1
+        s), ``minimum``, or a number of seconds.
 
     """
     c = evidence.curve
     slope = c.slope
-    fitted, estimates, flags = full.model, {k: dict(v) for k, v in full.estimates.items()}, list(full.flags)
+    fitted, estimates, flags = (
+        full.model,
+        {k: dict(v) for k, v in full.estimates.items()},
+        list(full.flags),
+    )
     for e in full.model:
         if e.name not in READINGS:
             continue
         name, wanted, at, divisor = READINGS[e.name]
         unit = units.si(_templates(e)[name], evidence.sensor)
-        some = np.flatnonzero(c.tau < 1) if e.name == 'white' and np.sum(c.tau < 1) > 2 else np.arange(len(c.tau))
+        some = (
+            np.flatnonzero(c.tau < 1)
+            if e.name == 'white' and np.sum(c.tau < 1) > 2
+            else np.arange(len(c.tau))
+        )
         i = some[int(np.argmin(np.abs(slope[some] - wanted)))]
         if e.name == 'flicker':
             i = _bias_point(c, slope, bias_at, i)
@@ -144,13 +184,26 @@ def fit_slopes(evidence: Evidence, model: Model, full: Fit, bias_at: str = 'flat
         ratio = value / c.dev[i]
         if there:
             std = value / np.sqrt(2 * c.edf[i])
-            estimates[e.label][name] = Estimate(value, float(std), (float(c.lo[i] * ratio), float(c.hi[i] * ratio)), unit, point=value,
-                                                note=f'read at tau = {c.tau[i]:.4g} s, slope {slope[i]:+.2f}')
+            estimates[e.label][name] = Estimate(
+                value,
+                float(std),
+                (float(c.lo[i] * ratio), float(c.hi[i] * ratio)),
+                unit,
+                point=value,
+                note=f'read at tau = {c.tau[i]:.4g} s, slope {slope[i]:+.2f}',
+            )
         else:
             value = _floor(e, name)
             upper = float(np.min(c.hi * (at / c.tau) ** wanted / divisor))
-            estimates[e.label][name] = Estimate(None, None, (0.0, upper), unit, upper95=upper, point=value,
-                                                note=f'no part of the curve has slope {wanted:+.1f}')
+            estimates[e.label][name] = Estimate(
+                None,
+                None,
+                (0.0, upper),
+                unit,
+                upper95=upper,
+                point=value,
+                note=f'no part of the curve has slope {wanted:+.1f}',
+            )
         fitted = fitted.with_effect(fitted[e.label].with_values(**{name: value}))
     return Fit(fitted, estimates, full.log_likelihood, tuple(flags), full.details)
 
@@ -166,4 +219,6 @@ def _bias_point(c, slope, rule, flattest):
     try:
         return int(np.argmin(np.abs(np.log(c.tau / float(rule)))))
     except ValueError:
-        raise UsageError(f'--bias-at {rule} is none of flat, rise, minimum or seconds', 'e.g. --bias-at 100') from None
+        raise UsageError(
+            f'--bias-at {rule} is none of flat, rise, minimum or seconds', 'e.g. --bias-at 100'
+        ) from None

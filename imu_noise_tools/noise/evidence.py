@@ -26,12 +26,12 @@ from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients, power
 from .grid import grid_step
 from .kinds import Defect, Inputs
 
-SLOW = 1 << 14           # block means kept (up to twice as many)
-LOW = 1024               # signed coefficients kept
-BLOCKS = 256             # blocks in time
-BANDS = 20               # bands of the power in time
-CELLS = 64               # equiprobable cells of the distribution
-ENVELOPE = 1000          # columns of the picture of the time series
+SLOW = 1 << 14  # block means kept (up to twice as many)
+LOW = 1024  # signed coefficients kept
+BLOCKS = 256  # blocks in time
+BANDS = 20  # bands of the power in time
+CELLS = 64  # equiprobable cells of the distribution
+ENVELOPE = 1000  # columns of the picture of the time series
 MOST_LINES = 12
 PARTS = ('whole', 'first', 'second')
 
@@ -41,8 +41,9 @@ class Part:
     """
     The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
 
-    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it; ``low`` (k,) are the first coefficients
-    themselves, with their signs: what acts on the mean is solved for in them.
+    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it; ``low`` (k,)
+    are the first coefficients themselves, with their signs: what acts on the mean is solved for in
+    them.
 
     """
 
@@ -68,8 +69,9 @@ class Common:
     """
     What the axes of one record share.
 
-    ``slow_t`` (s,) are the times of blocks of ``slow_length`` samples, ``slow`` the block means (s,) of each axis and
-    covariate by name. ``cross`` maps (name, name, part) to binned cross-powers (b,), each pair once, names sorted.
+    ``slow_t`` (s,) are the times of blocks of ``slow_length`` samples, ``slow`` the block means
+    (s,) of each axis and covariate by name. ``cross`` maps (name, name, part) to binned
+    cross-powers (b,), each pair once, names sorted.
 
     """
 
@@ -88,10 +90,12 @@ class Evidence:
     """
     All that is kept of one axis.
 
-    ``resolution`` is the step of the grid that the samples stand on, 0 where there is none. ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or 2, blocks, bands) is the
-    power in time, ``block_count`` its coefficients, ``block_f`` the bands' centres, Hz. ``cells`` (1 or 2, cells) counts the
-    whitened samples in equiprobable cells; a second row of either is without defects. ``envelope`` (columns, 3) is time,
-    minimum, maximum. ``statistics`` maps an effect's name to what it kept.
+    ``resolution`` is the step of the grid that the samples stand on, 0 where there is none.
+    ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or
+    2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
+    bands' centres, Hz. ``cells`` (1 or 2, cells) counts the whitened samples in equiprobable
+    cells; a second row of either is without defects. ``envelope`` (columns, 3) is time, minimum,
+    maximum. ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -152,8 +156,12 @@ class Evidence:
 
     def _screens(self, model) -> int:
         """1 where the model holds a defect that is taken out of the samples, else 0."""
-        return int(model is not None and any(type(e).screen.__func__ is not Defect.screen.__func__
-                                             for e in model.of(Defect)))
+        return int(
+            model is not None
+            and any(
+                type(e).screen.__func__ is not Defect.screen.__func__ for e in model.of(Defect)
+            )
+        )
 
     def block_power_of(self, model) -> np.ndarray:
         """Return the power in time (blocks, bands), without defects where the model holds them."""
@@ -164,12 +172,20 @@ class Evidence:
         return self.cells[min(self._screens(model), len(self.cells) - 1)]
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
-        """Return what an effect kept of the samples; empty where it was not known when the record was read."""
+        """
+        Return what an effect kept of the samples; empty where it was not known when the record was
+        read.
+
+        """
         return self.statistics.get(effect, {})
 
 
 def smooth_length(n: int) -> int:
-    """Return the largest 2-3-5-7-smooth number up to n (a prime length makes a transform many times slower)."""
+    """
+    Return the largest 2-3-5-7-smooth number up to n (a prime length makes a transform many times
+    slower).
+
+    """
     while n > 1:
         k = n
         for p in (2, 3, 5, 7):
@@ -181,8 +197,15 @@ def smooth_length(n: int) -> int:
     return n
 
 
-def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 100, octaves: bool = False,
-           progress=None) -> dict[str, Evidence]:
+def gather(
+    record: ImuRecord,
+    axes,
+    *,
+    deviation: str = 'oadev',
+    points: int = 100,
+    octaves: bool = False,
+    progress=None,
+) -> dict[str, Evidence]:
     """
     Return the evidence of each axis of a prepared (still, evenly sampled, finite) record.
 
@@ -210,7 +233,9 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
         kept[axis] = {k: v for k, v in kept[axis].items() if v}
         clean[axis] = _screened(y, kept[axis], inputs)
         step(f'{axis}: samples')
-        own[axis]['curve'] = allan.curve(y, dt, deviation=deviation, points=points, octaves=octaves)
+        own[axis]['curve'] = allan.curve(
+            y, dt, deviation=deviation, points=points, octaves=octaves
+        )
         step(f'{axis}: Allan curve')
         looks = [y[:used]] if clean[axis] is y else [y[:used], clean[axis][:used]]
         own[axis]['resolution'] = grid_step(y)[0]
@@ -222,15 +247,15 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
         bins = bins_of(length, dt)
         coefficients = {}
         for axis in axes:
-            c = cosine_transform(clean[axis][begin:begin + length].copy())
+            c = cosine_transform(clean[axis][begin : begin + length].copy())
             if name == 'whole':
                 own[axis]['line_table'] = _find_lines(c, clean[axis][:used], dt)
                 step(f'{axis}: spectrum')
             lines = _take_lines_out(c, own[axis]['line_table'], begin, dt)
             coefficients[axis] = c
-            own[axis][name] = Part(length, dt, power(c, dt, bins), lines, c[1:LOW + 1].copy())
+            own[axis][name] = Part(length, dt, power(c, dt, bins), lines, c[1 : LOW + 1].copy())
         for other, values in covariates.items():
-            coefficients[other] = cosine_transform(np.array(values[begin:begin + length], float))
+            coefficients[other] = cosine_transform(np.array(values[begin : begin + length], float))
         for a, b in combinations_with_replacement(sorted(coefficients), 2):
             if a != b or a not in own:
                 cross[a, b, name] = bins.mean(2 * dt * coefficients[a] * coefficients[b])
@@ -238,13 +263,21 @@ def gather(record: ImuRecord, axes, *, deviation: str = 'oadev', points: int = 1
                 cross[a, a, name] = own[a][name].power
     step('halves and cross-spectra')
     slow_length = max(1, used // SLOW)
-    common = Common(slow_length, _block_means(inputs.t[:used], slow_length),
-                    {k: _block_means(v[:used], slow_length) for k, v in {**clean, **covariates}.items()}, cross)
+    common = Common(
+        slow_length,
+        _block_means(inputs.t[:used], slow_length),
+        {k: _block_means(v[:used], slow_length) for k, v in {**clean, **covariates}.items()},
+        cross,
+    )
     return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
 
 
 def _covariates(record: ImuRecord, axes) -> dict[str, np.ndarray]:
-    """Return all that varies beside the axes that are asked for: other axes, covariates, the squared vibration."""
+    """
+    Return all that varies beside the axes that are asked for: other axes, covariates, the squared
+    vibration.
+
+    """
     out = {**{a: record.column(a) for a in record.axes if a not in axes}, **record.covariates}
     out = {k: v for k, v in out.items() if np.all(np.isfinite(v)) and np.ptp(v) > 0}
     if record.accel is not None:
@@ -274,27 +307,37 @@ def _screened(y, kept, inputs):
 
 def _block_means(y, length):
     count = len(y) // length
-    return np.asarray(y, float)[:count * length].reshape(count, length).mean(axis=1)
+    return np.asarray(y, float)[: count * length].reshape(count, length).mean(axis=1)
 
 
 def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
-    """Return a smooth one-sided PSD at every k >= 1 from running medians: lines and spikes in it do not show."""
+    """
+    Return a smooth one-sided PSD at every k >= 1 from running medians: lines and spikes in it do
+    not show.
+
+    """
     n = len(c)
     centres = np.unique(np.round(np.geomspace(1, n - 1, 400)).astype(int))
     level = 2 * dt * c * c
     values = np.empty(len(centres))
     for i, k in enumerate(centres):
         reach = int(np.clip(0.2 * k, 12, max(12, n // 100)))
-        some = level[max(1, k - reach):k + reach + 1]
+        some = level[max(1, k - reach) : k + reach + 1]
         if len(some) > 4096:
-            some = some[::len(some) // 4096 + 1]
-        values[i] = np.median(some) / 0.4549                     # the median of chi-squared with one degree of freedom
+            some = some[:: len(some) // 4096 + 1]
+        values[i] = (
+            np.median(some) / 0.4549
+        )  # the median of chi-squared with one degree of freedom
     values = np.maximum(values, 1e-300)
     return np.exp(np.interp(np.log(np.arange(1, n)), np.log(centres), np.log(values)))
 
 
 def line_penalty(n: int) -> float:
-    """Return the gain (nats) that the highest of n coefficients of noise exceeds once in a thousand records: ln(500 n)."""
+    """
+    Return the gain (nats) that the highest of n coefficients of noise exceeds once in a thousand
+    records: ln(500 n).
+
+    """
     return float(np.log(500.0 * n))
 
 
@@ -306,7 +349,8 @@ def _find_lines(c, y, dt) -> np.ndarray:
     ratio = 2 * dt * c[1:] ** 2 / reference_spectrum(c, dt)
     window = np.convolve(ratio, np.ones(4), mode='same')
     window[:16] = 0
-    # four coefficients hold a line of any phase; the level is a little below that at which a line is believed
+    # four coefficients hold a line of any phase; the level is a little below that at which a line
+    # is believed
     threshold = 2 * line_penalty(n) - 2
     found = []
     while len(found) < MOST_LINES:
@@ -315,13 +359,17 @@ def _find_lines(c, y, dt) -> np.ndarray:
             break
         frequency, a, b = _measure_line(y, (k + 1) / (2 * n * dt), dt)
         found.append((frequency, a, b, float(np.sqrt(window[k]))))
-        reach = 8 + int(2 * np.sqrt(window[k]))                  # the skirts of a strong line are not lines
-        window[max(0, k - reach):k + reach + 1] = 0
+        reach = 8 + int(2 * np.sqrt(window[k]))  # the skirts of a strong line are not lines
+        window[max(0, k - reach) : k + reach + 1] = 0
     return np.array(found).reshape(-1, 4)
 
 
 def _measure_line(y, near, dt):
-    """Return (frequency, a, b) of the line near a frequency: demodulate, then find the peak of the padded spectrum."""
+    """
+    Return (frequency, a, b) of the line near a frequency: demodulate, then find the peak of the
+    padded spectrum.
+
+    """
     n = len(y)
     blocks = 512
     length = n // blocks
@@ -346,7 +394,11 @@ def _measure_line(y, near, dt):
 
 
 def _take_lines_out(c, table, begin, dt):
-    """Subtract the lines from the coefficients of a part that begins at a sample, in place; return what each added (l, b)."""
+    """
+    Subtract the lines from the coefficients of a part that begins at a sample, in place; return
+    what each added (l, b).
+
+    """
     n = len(c)
     bins = bins_of(n, dt)
     out = np.zeros((len(table), len(bins.first)))
@@ -367,28 +419,48 @@ def _take_lines_out(c, table, begin, dt):
 
 def _samples_in_time(looks, dt, step):
     """Return ``cells``, ``block_power`` and its axes of one or two versions of the samples."""
-    # A grid would show through the cells: a triangular dither of its step smooths the rounding away.
-    dither = step * (np.random.default_rng(0).random((2, len(looks[0]))).sum(axis=0) - 1) if step > 0 else 0.0
+    # A grid would show through the cells: a triangular dither of its step smooths the rounding
+    # away.
+    dither = (
+        step * (np.random.default_rng(0).random((2, len(looks[0]))).sum(axis=0) - 1)
+        if step > 0
+        else 0.0
+    )
     cells, power_ = [], []
     for y in looks:
         cells.append(_whitened(cosine_transform(y + dither), dt))
         p, count, f = _power_in_time(y, dt)
         power_.append(p)
-    return {'cells': np.array(cells), 'block_power': np.array(power_), 'block_count': count, 'block_f': f}
+    return {
+        'cells': np.array(cells),
+        'block_power': np.array(power_),
+        'block_count': count,
+        'block_f': f,
+    }
 
 
 def _whitened(c, dt):
-    """Return how many samples, whitened by the smoothed measured spectrum, fall into each equiprobable cell."""
+    """
+    Return how many samples, whitened by the smoothed measured spectrum, fall into each
+    equiprobable cell.
+
+    """
     white = np.zeros_like(c)
     white[1:] = c[1:] / np.sqrt(reference_spectrum(c, dt) / (2 * dt))
     y = idct(white, type=2, norm='ortho', overwrite_x=True)
     y -= np.mean(y)
     y /= np.std(y)
-    return np.histogram(y, np.concatenate([[-np.inf], norm.ppf(np.arange(1, CELLS) / CELLS), [np.inf]]))[0]
+    return np.histogram(
+        y, np.concatenate([[-np.inf], norm.ppf(np.arange(1, CELLS) / CELLS), [np.inf]])
+    )[0]
 
 
 def _power_in_time(y, dt):
-    """Return (blocks, bands) Hann-windowed power, coefficients in each band, and the bands' centres, Hz."""
+    """
+    Return (blocks, bands) Hann-windowed power, coefficients in each band, and the bands' centres,
+    Hz.
+
+    """
     n = len(y)
     blocks = int(np.clip(n // 64, 4, BLOCKS))
     length = n // blocks
@@ -398,33 +470,64 @@ def _power_in_time(y, dt):
     out = np.empty((blocks, len(edges) - 1))
     rows = max(1, (1 << 18) // length)
     for i in range(0, blocks, rows):
-        some = np.asarray(y[i * length:min(blocks, i + rows) * length], float).reshape(-1, length)
-        spectrum = np.abs(np.fft.rfft((some - some.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
-        out[i:i + len(some)] = np.add.reduceat(spectrum[:, :edges[-1]], edges[:-1], axis=1) / np.diff(edges)
-    return 2 * dt * out / np.sum(window ** 2), np.diff(edges), (edges[1:] + edges[:-1]) / (2 * length * dt)
+        some = np.asarray(y[i * length : min(blocks, i + rows) * length], float).reshape(
+            -1, length
+        )
+        spectrum = (
+            np.abs(np.fft.rfft((some - some.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
+        )
+        out[i : i + len(some)] = np.add.reduceat(
+            spectrum[:, : edges[-1]], edges[:-1], axis=1
+        ) / np.diff(edges)
+    return (
+        2 * dt * out / np.sum(window**2),
+        np.diff(edges),
+        (edges[1:] + edges[:-1]) / (2 * length * dt),
+    )
 
 
 def _envelope(y, dt):
     n = len(y)
     length = max(1, n // ENVELOPE)
-    rows = np.asarray(y, float)[:n // length * length].reshape(-1, length)
-    return np.column_stack([(np.arange(len(rows)) + 0.5) * length * dt, rows.min(axis=1), rows.max(axis=1)])
+    rows = np.asarray(y, float)[: n // length * length].reshape(-1, length)
+    return np.column_stack(
+        [(np.arange(len(rows)) + 0.5) * length * dt, rows.min(axis=1), rows.max(axis=1)]
+    )
 
 
-# --- to and from plain arrays -------------------------------------------------------------------------------------
+# --- to and from plain arrays
+# -------------------------------------------------------------------------------------
+
 
 def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
-    """Return plain arrays by ``axis/field`` names (``common/...`` for what is shared), which :func:`from_arrays` reads."""
+    """
+    Return plain arrays by ``axis/field`` names (``common/...`` for what is shared), which
+    :func:`from_arrays` reads.
+
+    """
     out: dict[str, np.ndarray] = {}
     for axis, e in evidence.items():
         for f in fields(Evidence):
             value, key = getattr(e, f.name), f'{axis}/{f.name}'
             if isinstance(value, Part):
-                out.update({f'{key}/{k}': np.asarray(getattr(value, k)) for k in ('n', 'power', 'lines', 'low')})
+                out.update(
+                    {
+                        f'{key}/{k}': np.asarray(getattr(value, k))
+                        for k in ('n', 'power', 'lines', 'low')
+                    }
+                )
             elif isinstance(value, allan.AllanCurve):
-                out.update({f'{key}/{k.name}': np.asarray(getattr(value, k.name)) for k in fields(value)})
+                out.update(
+                    {f'{key}/{k.name}': np.asarray(getattr(value, k.name)) for k in fields(value)}
+                )
             elif f.name == 'statistics':
-                out.update({f'{key}/{name}/{k}': np.asarray(v) for name, kept in value.items() for k, v in kept.items()})
+                out.update(
+                    {
+                        f'{key}/{name}/{k}': np.asarray(v)
+                        for name, kept in value.items()
+                        for k, v in kept.items()
+                    }
+                )
             elif f.name not in ('axis', 'common'):
                 out[key] = np.asarray(value)
     common = next(iter(evidence.values())).common
@@ -441,24 +544,48 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
         axis, _, rest = key.partition('/')
         tree.setdefault(axis, {})[rest] = value
     flat = tree.pop('common')
-    common = Common(int(flat['slow_length']), flat['slow_t'], _below(flat, 'slow'),
-                    {tuple(k.split('/')): v for k, v in _below(flat, 'cross').items()})
+    common = Common(
+        int(flat['slow_length']),
+        flat['slow_t'],
+        _below(flat, 'slow'),
+        {tuple(k.split('/')): v for k, v in _below(flat, 'cross').items()},
+    )
     return {axis: _one_from_arrays(axis, flat, common) for axis, flat in tree.items()}
 
 
 def _below(flat, prefix):
-    return {k[len(prefix) + 1:]: v for k, v in flat.items() if k.startswith(prefix + '/')}
+    return {k[len(prefix) + 1 :]: v for k, v in flat.items() if k.startswith(prefix + '/')}
 
 
 def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
-    parts = {p: Part(int(flat[f'{p}/n']), dt, *(flat[f'{p}/{k}'] for k in ('power', 'lines', 'low'))) for p in PARTS}
+    parts = {
+        p: Part(int(flat[f'{p}/n']), dt, *(flat[f'{p}/{k}'] for k in ('power', 'lines', 'low')))
+        for p in PARTS
+    }
     curve = _below(flat, 'curve')
-    curve = allan.AllanCurve(str(curve['deviation']), float(curve['dt']), int(curve['n']),
-                             *(curve[k] for k in ('m', 'count', 'dev', 'lo', 'hi', 'edf')))
+    curve = allan.AllanCurve(
+        str(curve['deviation']),
+        float(curve['dt']),
+        int(curve['n']),
+        *(curve[k] for k in ('m', 'count', 'dev', 'lo', 'hi', 'edf')),
+    )
     statistics: dict[str, dict] = {}
     for key, value in _below(flat, 'statistics').items():
         name, _, what = key.partition('/')
         statistics.setdefault(name, {})[what] = value
-    plain = {k: flat[k] for k in ('line_table', 'block_power', 'block_count', 'block_f', 'cells', 'envelope')}
-    return Evidence(axis, dt, int(flat['n']), float(flat['resolution']), **parts, common=common, **plain, curve=curve, statistics=statistics)
+    plain = {
+        k: flat[k]
+        for k in ('line_table', 'block_power', 'block_count', 'block_f', 'cells', 'envelope')
+    }
+    return Evidence(
+        axis,
+        dt,
+        int(flat['n']),
+        float(flat['resolution']),
+        **parts,
+        common=common,
+        **plain,
+        curve=curve,
+        statistics=statistics,
+    )

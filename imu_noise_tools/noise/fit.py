@@ -22,9 +22,13 @@ from ..spectrum import Bins, expected
 from .evidence import Evidence
 from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, Spectrum
 
-MEASURED = (Line, Defect, Modulation)      # kinds whose values come from the samples, not from the spectral fit
+MEASURED = (
+    Line,
+    Defect,
+    Modulation,
+)  # kinds whose values come from the samples, not from the spectral fit
 CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
-_REDDEST = 1.0            # weight of -ln(slowest amplitude) in the point estimate
+_REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,9 @@ class Slot:
     def bounds(self):
         """On the search scale."""
         low, high = self.limits or (self.parameter.lower, self.parameter.upper)
-        return self.to_search(max(low, self.parameter.lower)), self.to_search(min(high, self.parameter.upper))
+        return self.to_search(max(low, self.parameter.lower)), self.to_search(
+            min(high, self.parameter.upper)
+        )
 
 
 @dataclass(frozen=True)
@@ -73,22 +79,37 @@ class Likelihood:
     model : Model
         Measured effects must have their values already.
     mean : Fit or None
-        For a half: the fit to the whole, whose mean is subtracted (a mean is not solved for again in a half).
+        For a half: the fit to the whole, whose mean is subtracted (a mean is not solved for again
+        in a half).
 
     """
 
     def __init__(self, evidence: Evidence, part: str, model: Model, mean: Fit | None = None):
-        self.evidence, self.part_name, self.part, self.model = evidence, part, evidence.part(part), model
+        self.evidence, self.part_name, self.part, self.model = (
+            evidence,
+            part,
+            evidence.part(part),
+            model,
+        )
         self.bins: Bins = self.part.bins
         self.dt = evidence.dt
         self.means, self.couplings = model.of(Mean), model.of(Coupling)
-        self.slots = [Slot(e.label, p, e.bounds(evidence).get(p.name)) for e in model.effects if not isinstance(e, MEASURED)
-                      for p in e.parameters if not (p.linear or p.discrete) and not (mean and isinstance(e, Mean))]
-        self.linear_slots = [Slot(e.label, p) for e in (*self.couplings, *(() if mean else self.means))
-                             for p in e.parameters if p.linear]
+        self.slots = [
+            Slot(e.label, p, e.bounds(evidence).get(p.name))
+            for e in model.effects
+            if not isinstance(e, MEASURED)
+            for p in e.parameters
+            if not (p.linear or p.discrete) and not (mean and isinstance(e, Mean))
+        ]
+        self.linear_slots = [
+            Slot(e.label, p)
+            for e in (*self.couplings, *(() if mean else self.means))
+            for p in e.parameters
+            if p.linear
+        ]
         self.power = np.maximum(self.part.power, 1e-300)
         self.weight = self.bins.count.astype(float)
-        for row in self.part.lines:                       # a line took frequency, amplitude and phase with it
+        for row in self.part.lines:  # a line took frequency, amplitude and phase with it
             top = int(np.argmax(row))
             self.weight[top] = max(self.weight[top] - 3, 0.0)
         self._slow = None
@@ -96,12 +117,17 @@ class Likelihood:
         if self.means:
             self._prepare_slow(mean)
 
-    # --- the mean ---------------------------------------------------------------------------------------------
+    # --- the mean
+    # ---------------------------------------------------------------------------------------------
 
     def _prepare_slow(self, mean):
         e = self.evidence
         total = len(e.slow_y)
-        some = {'whole': slice(None), 'first': slice(0, total // 2), 'second': slice(total // 2, None)}[self.part_name]
+        some = {
+            'whole': slice(None),
+            'first': slice(0, total // 2),
+            'second': slice(total // 2, None),
+        }[self.part_name]
         self.inputs = Inputs(e.slow_t[some], e.dt, {k: v[some] for k, v in e.slow_others.items()})
         count = len(self.inputs.t)
         q = np.arange(1, min(count // 4, len(self.part.low)) + 1)
@@ -111,8 +137,8 @@ class Likelihood:
         self._to_full = np.sqrt(n / count) / gain
         self._count = len(q)
         self._inside = int(np.searchsorted(self.bins.last, len(q) + 1, side='right'))
-        self._slow = self.part.low[:len(q)]
-        self._before = 2 * self.dt * self._slow ** 2
+        self._slow = self.part.low[: len(q)]
+        self._before = 2 * self.dt * self._slow**2
         if mean:
             known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
             after = 2 * self.dt * (self._slow - self._slow_transform(known)) ** 2
@@ -120,7 +146,7 @@ class Likelihood:
 
     def _slow_transform(self, y):
         y = y - np.mean(y, axis=0)
-        c = dct(y, type=2, norm='ortho', axis=0)[1:self._count + 1]
+        c = dct(y, type=2, norm='ortho', axis=0)[1 : self._count + 1]
         return c * (self._to_full if c.ndim == 1 else self._to_full[:, None])
 
     def _replaced(self, power, weight, after):
@@ -128,7 +154,9 @@ class Likelihood:
         i = self._inside
         if i == 0:
             return power
-        change = np.add.reduceat((after - self._before)[:self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
+        change = np.add.reduceat(
+            (after - self._before)[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1
+        )
         out = power.copy()
         out[:i] += change / np.maximum(weight[:i], 1e-9)
         return out
@@ -155,27 +183,31 @@ class Likelihood:
             gram = np.tensordot(own, weight / v, axes=(2, 0))
             covariance = np.linalg.pinv(gram)
             beta = covariance @ (cross @ (weight / v))
-            power = np.maximum(power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta), 1e-300)
+            power = np.maximum(
+                power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta), 1e-300
+            )
             betas.append(beta)
             covariances.append(covariance)
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             x = self.design(model)
             root = np.sqrt(2 * self.dt / self._fine(v))
             xw, cw = x * root[:, None], self._slow * root
-            scale = np.sqrt(np.sum(xw ** 2, axis=0))
+            scale = np.sqrt(np.sum(xw**2, axis=0))
             scale[scale == 0] = 1.0
             u, s, vt = np.linalg.svd(xw / scale, full_matrices=False)
             keep = s > 1e-10 * s[0] if s[0] > 0 else np.zeros(len(s), bool)
             u, s, vt = u[:, keep], s[keep], vt[keep]
             beta = (vt.T @ ((u.T @ cw) / s)) / scale
-            covariance = (vt.T / s ** 2) @ vt / np.outer(scale, scale)
-            leverage = np.sum(u ** 2, axis=1)
+            covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
+            leverage = np.sum(u**2, axis=1)
             after = 2 * self.dt * (self._slow - x @ beta) ** 2
             total = self._replaced(power, weight, after) * weight
             weight = weight.copy()
             i = self._inside
             if i:
-                weight[:i] -= np.add.reduceat(leverage[:self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
+                weight[:i] -= np.add.reduceat(
+                    leverage[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1
+                )
             weight = np.maximum(weight, 1e-9)
             power = np.maximum(total, 1e-300) / weight
             # scaled by the white level, so that it does not depend on units
@@ -186,7 +218,7 @@ class Likelihood:
         covariance = np.zeros((len(beta), len(beta)))
         at = 0
         for c in covariances:
-            covariance[at:at + len(c), at:at + len(c)] = c
+            covariance[at : at + len(c), at : at + len(c)] = c
             at += len(c)
         return Linear(beta, covariance, power, weight, log_det)
 
@@ -198,19 +230,32 @@ class Likelihood:
     def _channels(self, model):
         """Return ([(channel, value)], cross (p, b), own (p, p, b)) of the couplings."""
         pair, here = self.evidence.common.pair, self.part_name
-        pairs = [(n, e.values.get(p.name)) for e in (model[c.label] for c in self.couplings)
-                 for n, p in zip(e.channels(self.evidence), (p for p in e.parameters if p.linear))]
+        pairs = [
+            (n, e.values.get(p.name))
+            for e in (model[c.label] for c in self.couplings)
+            for n, p in zip(e.channels(self.evidence), (p for p in e.parameters if p.linear))
+        ]
         names = [n for n, _ in pairs]
-        return (pairs, np.array([pair(self.evidence.axis, n, here) for n in names]),
-                np.array([[pair(a, b, here) for b in names] for a in names]))
+        return (
+            pairs,
+            np.array([pair(self.evidence.axis, n, here) for n in names]),
+            np.array([[pair(a, b, here) for b in names] for a in names]),
+        )
 
     def without_couplings(self, model: Model) -> np.ndarray:
-        """Return the power (b,) less what the model's couplings, with the values they have, put there."""
+        """
+        Return the power (b,) less what the model's couplings, with the values they have, put
+        there.
+
+        """
         pairs, cross, own = self._channels(model)
         beta = np.array([v for _, v in pairs])
-        return np.maximum(self.power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta), 1e-300)
+        return np.maximum(
+            self.power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta), 1e-300
+        )
 
-    # --- the spectrum -----------------------------------------------------------------------------------------
+    # --- the spectrum
+    # -----------------------------------------------------------------------------------------
 
     def with_search(self, x: np.ndarray) -> Model:
         """Return the model at a point of the search."""
@@ -228,18 +273,24 @@ class Likelihood:
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
         total = sum(each.values())
         if responses:
-            # rounding happens behind the filter: where that leaves nothing, the output's own step is what is measured
-            total = total + self.evidence.resolution ** 2 * self.dt / 6
+            # rounding happens behind the filter: where that leaves nothing, the output's own step
+            # is what is measured
+            total = total + self.evidence.resolution**2 * self.dt / 6
         return np.maximum(total, 1e-290), each
 
     def _spectrum(self, effect, responses):
-        """Return what one effect is expected to put into the bins, behind the sensor's responses."""
+        """
+        Return what one effect is expected to put into the bins, behind the sensor's responses.
+
+        """
+
         def of_f(f):
             s = effect.psd(f, self.dt)
             if effect.filtered:
                 for r in responses:
                     s = s * r.gain2(f, self.dt)
             return s
+
         return expected(of_f, self.bins)
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
@@ -247,7 +298,10 @@ class Likelihood:
         model = self.with_search(x)
         v, each = self.spectra(model)
         linear = self.solve_linear(model, v)
-        nll = 0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v))) + 0.5 * linear.log_det
+        nll = (
+            0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))
+            + 0.5 * linear.log_det
+        )
         if penalty and reddest is not None:
             nll -= penalty * x[reddest]
         return nll, linear, v, each
@@ -258,7 +312,7 @@ class Likelihood:
         for j, slot in enumerate(self.slots):
             effect = self.model[slot.label]
             if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
-                out[:, j] = 2 * each[slot.label] / v           # power goes with the square of an amplitude
+                out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
             elif isinstance(effect, (Spectrum, Response)):
                 h = 1e-4
                 sides = []
@@ -274,11 +328,16 @@ class Likelihood:
         return out
 
     def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=60):
-        """Return (x, -ln L, information) from a start; ``free`` (p,) bool says which parameters move."""
+        """
+        Return (x, -ln L, information) from a start; ``free`` (p,) bool says which parameters move.
+
+        """
         x = np.array(x0, float)
         p = len(x)
         free = np.ones(p, bool) if free is None else free
-        lower, upper = (np.array([s.bounds[i] for s in self.slots]) for i in (0, 1)) if p else (x, x)
+        lower, upper = (
+            (np.array([s.bounds[i] for s in self.slots]) for i in (0, 1)) if p else (x, x)
+        )
         x = np.clip(x, lower, upper)
         best, linear, v, each = self.value(x, penalty, reddest)
         damping = 1e-3
@@ -319,7 +378,7 @@ class Likelihood:
             down[j] -= h
             a, b, c = (self.value(z)[0] for z in (down, x, up))
             gradient[j] = (c - a) / (2 * h)
-            information[j, j] = max((a - 2 * b + c) / h ** 2, 1e-3)
+            information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
         if penalty and reddest is not None:
             gradient[reddest] -= penalty
         return gradient, information
@@ -328,8 +387,15 @@ class Likelihood:
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
 
 
-def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | None = None, intervals: bool = True,
-        start: Model | None = None) -> Fit:
+def fit(
+    evidence: Evidence,
+    model: Model,
+    part: str = 'whole',
+    *,
+    mean: Fit | None = None,
+    intervals: bool = True,
+    start: Model | None = None,
+) -> Fit:
     """
     Fit a model to one part of one axis.
 
@@ -361,14 +427,18 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
     starts = _starts(plain, start)
     best = None
     for likelihood, x0 in _most_promising(plain, starts, mean):
-        # a half serves prediction only: there the most likely value is better than one kept away from zero
+        # a half serves prediction only: there the most likely value is better than one kept away
+        # from zero
         reddest = _reddest(likelihood, x0) if intervals else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=reddest)
         found = _revived(likelihood, found, reddest)
         if np.isfinite(found[1]) and (best is None or found[1] < best[0][1] - 1e-9):
             best = found, reddest, likelihood
     if best is None:
-        raise FitError(f'{evidence.axis}: {model} has no finite likelihood', 'remove an effect, or look at the data')
+        raise FitError(
+            f'{evidence.axis}: {model} has no finite likelihood',
+            'remove an effect, or look at the data',
+        )
     (x, _, information), reddest, likelihood = best
     nll, linear, v, each = likelihood.value(x)
     fitted = _with_linear(likelihood, likelihood.with_search(x), linear)
@@ -383,9 +453,21 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
             estimates[label] = {**estimates.get(label, {}), **values}
     order = {e.label: e for e in fitted.effects}
     estimates = {k: estimates[k] for k in order if k in estimates}
-    return Fit(fitted, estimates, -nll, tuple(flags), {
-        'information': information, 'v': v, 'each': each, 'power': linear.power, 'weight': linear.weight,
-        'ml': _maximum_likelihood(likelihood, linear, v), 'slots': tuple((s.label, s.parameter.name) for s in likelihood.slots)})
+    return Fit(
+        fitted,
+        estimates,
+        -nll,
+        tuple(flags),
+        {
+            'information': information,
+            'v': v,
+            'each': each,
+            'power': linear.power,
+            'weight': linear.weight,
+            'ml': _maximum_likelihood(likelihood, linear, v),
+            'slots': tuple((s.label, s.parameter.name) for s in likelihood.slots),
+        },
+    )
 
 
 def _maximum_likelihood(likelihood, linear, v):
@@ -415,36 +497,80 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
         return _measure_line(evidence, effect, claimed)
     finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
     if finding is None or finding.effect is None:
-        values = {p.name: effect.neutral.get(p.name, 0.0 if p.amplitude or not p.log else float(np.sqrt(p.lower * p.upper)))
-                  for p in effect.parameters}
-        found = {p.name: Estimate(None, None, (0.0, 0.0) if p.amplitude else None, units.si(p.unit, evidence.sensor),
-                                  upper95=0.0 if p.amplitude else None, note='nothing of the kind in the samples', point=values[p.name])
-                 for p in effect.parameters}
+        values = {
+            p.name: effect.neutral.get(
+                p.name, 0.0 if p.amplitude or not p.log else float(np.sqrt(p.lower * p.upper))
+            )
+            for p in effect.parameters
+        }
+        found = {
+            p.name: Estimate(
+                None,
+                None,
+                (0.0, 0.0) if p.amplitude else None,
+                units.si(p.unit, evidence.sensor),
+                upper95=0.0 if p.amplitude else None,
+                note='nothing of the kind in the samples',
+                point=values[p.name],
+            )
+            for p in effect.parameters
+        }
         return values, found, 'nothing of the kind in the samples'
     return dict(finding.effect.values), with_units(finding, evidence).estimates, ''
 
 
 def with_units(finding: Finding, evidence: Evidence) -> Finding:
-    """Return a finding whose estimates have units and points, marked as measured on the samples."""
+    """
+    Return a finding whose estimates have units and points, marked as measured on the samples.
+
+    """
     known = {p.name: p for p in finding.effect.parameters}
-    return replace(finding, estimates={
-        k: replace(v, unit=units.si(known[k].unit, evidence.sensor), fixed=True, point=float(finding.effect.values[k]))
-        for k, v in finding.estimates.items()})
+    return replace(
+        finding,
+        estimates={
+            k: replace(
+                v,
+                unit=units.si(known[k].unit, evidence.sensor),
+                fixed=True,
+                point=float(finding.effect.values[k]),
+            )
+            for k, v in finding.estimates.items()
+        },
+    )
 
 
 def _measure_line(evidence, effect, claimed):
-    """Claim the strongest free line (or the one nearest to a given frequency); its errors are the Cramer-Rao bound."""
+    """
+    Claim the strongest free line (or the one nearest to a given frequency); its errors are the
+    Cramer-Rao bound.
+
+    """
     table = evidence.line_table
     free = [i for i in range(len(table)) if i not in claimed]
     t = evidence.duration
     rate, hertz = (units.si(p.unit, evidence.sensor) for p in effect.parameters)
     if not free:
         level = float(np.median(evidence.whole.power))
-        upper = float(np.sqrt(level / t) * 2.45)                      # 95 % of a Rayleigh amplitude
-        found = {'amplitude': Estimate(None, None, (0.0, upper), rate, upper95=upper, point=0.0,
-                                       note='not observable: no line stands out of the spectrum'),
-                 'frequency': Estimate(None, None, None, hertz, point=0.25 / evidence.dt, note='no line')}
-        return {'amplitude': 0.0, 'frequency': 0.25 / evidence.dt}, found, 'no line stands out of the spectrum'
+        upper = float(np.sqrt(level / t) * 2.45)  # 95 % of a Rayleigh amplitude
+        found = {
+            'amplitude': Estimate(
+                None,
+                None,
+                (0.0, upper),
+                rate,
+                upper95=upper,
+                point=0.0,
+                note='not observable: no line stands out of the spectrum',
+            ),
+            'frequency': Estimate(
+                None, None, None, hertz, point=0.25 / evidence.dt, note='no line'
+            ),
+        }
+        return (
+            {'amplitude': 0.0, 'frequency': 0.25 / evidence.dt},
+            found,
+            'no line stands out of the spectrum',
+        )
     wanted = effect.values.get('frequency')
     near = [i for i in free if wanted and abs(table[i, 0] - wanted) < max(2 / t, 1e-3 * wanted)]
     i = near[0] if near else free[0]
@@ -453,13 +579,27 @@ def _measure_line(evidence, effect, claimed):
     amplitude = float(np.hypot(a, b))
     bins = evidence.whole.bins
     at = bins.index(max(1, min(evidence.whole.n - 1, int(2 * t * frequency))))
-    level = float(np.median(evidence.whole.power[max(0, at - 5):at + 6]))
+    level = float(np.median(evidence.whole.power[max(0, at - 5) : at + 6]))
     std_a = float(np.sqrt(2 * level / (2 * t)))
-    std_f = float(np.sqrt(3 * level / (np.pi ** 2 * amplitude ** 2 * t ** 3)))
-    found = {'amplitude': Estimate(amplitude, std_a, (amplitude - 1.96 * std_a, amplitude + 1.96 * std_a), rate,
-                                   point=amplitude, fixed=True),
-             'frequency': Estimate(float(frequency), std_f, (frequency - 1.96 * std_f, frequency + 1.96 * std_f), hertz,
-                                   point=float(frequency), fixed=True)}
+    std_f = float(np.sqrt(3 * level / (np.pi**2 * amplitude**2 * t**3)))
+    found = {
+        'amplitude': Estimate(
+            amplitude,
+            std_a,
+            (amplitude - 1.96 * std_a, amplitude + 1.96 * std_a),
+            rate,
+            point=amplitude,
+            fixed=True,
+        ),
+        'frequency': Estimate(
+            float(frequency),
+            std_f,
+            (frequency - 1.96 * std_f, frequency + 1.96 * std_f),
+            hertz,
+            point=float(frequency),
+            fixed=True,
+        ),
+    }
     return {'amplitude': amplitude, 'frequency': float(frequency)}, found, ''
 
 
@@ -472,10 +612,16 @@ def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
     return out
 
 
-# --- starts ---------------------------------------------------------------------------------------------------
+# --- starts --------------------------------------------------------------------------------------
+# -------------
+
 
 def _starts(likelihood: Likelihood, given: Model | None):
-    """Return search vectors: every combination of shapes the effects propose, amplitudes by non-negative least squares."""
+    """
+    Return search vectors: every combination of shapes the effects propose, amplitudes by non-
+    negative least squares.
+
+    """
     model = likelihood.model
     grid = [model]
     for e in model.effects:
@@ -488,18 +634,26 @@ def _starts(likelihood: Likelihood, given: Model | None):
         else:
             options = e.starts(likelihood.evidence)
             if not options:
-                raise FitError(f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs)
+                raise FitError(
+                    f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
+                )
         if isinstance(e, Mean) and len(options) > 2:
             options = _best_columns(likelihood, e, options)
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
-        out += [(candidate, _with_amplitudes(likelihood, candidate, share)) for share in (0.02, 0.3)]
+        out += [
+            (candidate, _with_amplitudes(likelihood, candidate, share)) for share in (0.02, 0.3)
+        ]
     return out
 
 
 def _revived(likelihood, found, reddest):
-    """Return the better of a minimum and what follows when amplitudes that died on the way are brought back to life."""
+    """
+    Return the better of a minimum and what follows when amplitudes that died on the way are
+    brought back to life.
+
+    """
     x = found[0]
     v, each = likelihood.spectra(likelihood.with_search(x))
     again = x.copy()
@@ -514,14 +668,18 @@ def _revived(likelihood, found, reddest):
 
 
 def _best_columns(likelihood, effect, options, keep=2):
-    """Return the options whose columns explain most of the slow part, against the smoothed measured spectrum."""
+    """
+    Return the options whose columns explain most of the slow part, against the smoothed measured
+    spectrum.
+
+    """
     root = np.sqrt(2 * likelihood.dt / likelihood._fine(_smooth(likelihood.power)))
     y = likelihood._slow * root
     gains = []
     for o in options:
         rest = {p.name: o[p.name] for p in o.parameters if not p.linear}
         x = likelihood._slow_transform(o.columns(likelihood.inputs, **rest)) * root[:, None]
-        scale = np.sqrt(np.sum(x ** 2, axis=0))
+        scale = np.sqrt(np.sum(x**2, axis=0))
         q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
         gains.append(float(np.sum((q.T @ y)[np.abs(np.diag(r)) > 1e-9] ** 2)))
     return [options[i] for i in np.argsort(gains)[::-1][:keep]]
@@ -531,33 +689,54 @@ def _most_promising(plain, starts, mean, most=6):
     """Return (likelihood, start) of the starts whose likelihood is best where they stand."""
     found = []
     for candidate, x0 in starts:
-        likelihood = plain if candidate == plain.model else Likelihood(plain.evidence, plain.part_name, candidate, mean)
+        likelihood = (
+            plain
+            if candidate == plain.model
+            else Likelihood(plain.evidence, plain.part_name, candidate, mean)
+        )
         found.append((likelihood.value(x0)[0], likelihood, x0))
     found.sort(key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)
     return [(likelihood, x0) for _, likelihood, x0 in found[:most]]
 
 
 def _with_amplitudes(likelihood, model, share):
-    """Return the search vector with amplitudes from the measured power; none below a share of where it matters most."""
+    """
+    Return the search vector with amplitudes from the measured power; none below a share of where
+    it matters most.
+
+    """
     spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)]
     for e in spectra:
         amplitude = [p.name for p in e.parameters if p.amplitude]
-        rest = {p.name: float(np.sqrt(p.lower * p.upper)) for p in e.parameters
-                if p.name not in e.values and p.name not in amplitude}
+        rest = {
+            p.name: float(np.sqrt(p.lower * p.upper))
+            for p in e.parameters
+            if p.name not in e.values and p.name not in amplitude
+        }
         model = model.with_effect(e.with_values(**rest, **{a: 1.0 for a in amplitude}))
     for e in model.effects:
-        rest = {p.name: (float(np.sqrt(p.lower * p.upper)) if p.log else 0.0) for p in e.parameters if p.name not in e.values}
+        rest = {
+            p.name: (float(np.sqrt(p.lower * p.upper)) if p.log else 0.0)
+            for p in e.parameters
+            if p.name not in e.values
+        }
         model = model.with_effect(model[e.label].with_values(**rest))
     if spectra:
         _, each = likelihood.spectra(model)
         names = [e.label for e in spectra]
-        fixed = sum((v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power)))
+        fixed = sum(
+            (v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power))
+        )
         shape = np.array([each[k] for k in names]).T
         target = np.maximum(likelihood.power - fixed, 0)
         floor = np.maximum(_smooth(likelihood.power), 1e-300)
         level = floor
         # behind a filter only the band that passes says something of the amplitudes
-        gain = np.prod([r.gain2(likelihood.bins.f, likelihood.dt) for r in model.of(Response)] or [np.ones(len(floor))], axis=0)
+        gain = np.prod(
+            [r.gain2(likelihood.bins.f, likelihood.dt) for r in model.of(Response)]
+            or [np.ones(len(floor))],
+            axis=0,
+        )
         passes = np.sqrt(likelihood.weight) * (gain > 0.2 * gain.max())
         for _ in range(3):
             w = passes / level
@@ -569,7 +748,9 @@ def _with_amplitudes(likelihood, model, share):
             e = model[name]
             amplitude = next(p.name for p in e.parameters if p.amplitude)
             model = model.with_effect(e.with_values(**{amplitude: float(np.sqrt(value))}))
-    return np.array([slot.to_search(model[slot.label][slot.parameter.name]) for slot in likelihood.slots])
+    return np.array(
+        [slot.to_search(model[slot.label][slot.parameter.name]) for slot in likelihood.slots]
+    )
 
 
 def _smooth(power):
@@ -578,7 +759,11 @@ def _smooth(power):
 
 
 def _reddest(likelihood, x):
-    """Return the slot of the amplitude whose spectrum rises most towards low frequencies; None for a single spectrum."""
+    """
+    Return the slot of the amplitude whose spectrum rises most towards low frequencies; None for a
+    single spectrum.
+
+    """
     spectra = [e for e in likelihood.model.of(Spectrum) if not isinstance(e, Defect)]
     if len(spectra) < 2:
         return None
@@ -596,39 +781,67 @@ def _reddest(likelihood, x):
     return None
 
 
-# --- uncertainty ----------------------------------------------------------------------------------------------
+# --- uncertainty
+# ----------------------------------------------------------------------------------------------
+
 
 def _with_linear(likelihood, model, linear):
     for slot, value in zip(likelihood.linear_slots, linear.beta):
-        model = model.with_effect(model[slot.label].with_values(**{slot.parameter.name: float(value)}))
+        model = model.with_effect(
+            model[slot.label].with_values(**{slot.parameter.name: float(value)})
+        )
     return model
 
 
 def _chosen_estimates(likelihood):
     """Return what was chosen among the proposed values."""
-    return {e.label: {p.name: Estimate(e[p.name], None, None, units.si(p.unit, likelihood.evidence.sensor), point=e[p.name],
-                                       note='the best of the values tried')
-                      for p in e.parameters if p.discrete and p.name in e.values}
-            for e in likelihood.model.effects if not isinstance(e, MEASURED)}
+    return {
+        e.label: {
+            p.name: Estimate(
+                e[p.name],
+                None,
+                None,
+                units.si(p.unit, likelihood.evidence.sensor),
+                point=e[p.name],
+                note='the best of the values tried',
+            )
+            for p in e.parameters
+            if p.discrete and p.name in e.values
+        }
+        for e in likelihood.model.effects
+        if not isinstance(e, MEASURED)
+    }
 
 
 def _covariance(information):
     if not len(information):
         return information
     scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+    return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-10) / np.outer(
+        scale, scale
+    )
 
 
 def _linear_estimates(likelihood, linear):
     out: dict[str, dict] = {}
-    for slot, value, variance in zip(likelihood.linear_slots, linear.beta, np.diag(linear.covariance)):
+    for slot, value, variance in zip(
+        likelihood.linear_slots, linear.beta, np.diag(linear.covariance)
+    ):
         std = float(np.sqrt(max(variance, 0)))
         value = float(value)
         lo, hi = value - 1.96 * std, value + 1.96 * std
         unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
         if slot.parameter.amplitude and lo <= 0 <= hi:
             upper = abs(value) + 1.645 * std
-            e = Estimate(None, std, (0.0, max(abs(lo), abs(hi))), unit, upper95=upper, point=value, note='not observable: the interval holds zero')
+            e = Estimate(
+                None,
+                std,
+                (0.0, max(abs(lo), abs(hi))),
+                unit,
+                upper95=upper,
+                point=value,
+                note='not observable: the interval holds zero',
+            )
         else:
             e = Estimate(value, std, (lo, hi), unit, point=value)
         out.setdefault(slot.label, {})[slot.parameter.name] = e
@@ -643,7 +856,12 @@ def _plain_estimates(likelihood, x, information, linear):
         value = slot.from_search(at)
         s = float(s * value if slot.parameter.log else s)
         out.setdefault(slot.label, {})[slot.parameter.name] = Estimate(
-            value, s, (value - 1.96 * s, value + 1.96 * s), units.si(slot.parameter.unit, likelihood.evidence.sensor), point=value)
+            value,
+            s,
+            (value - 1.96 * s, value + 1.96 * s),
+            units.si(slot.parameter.unit, likelihood.evidence.sensor),
+            point=value,
+        )
     return out
 
 
@@ -654,7 +872,7 @@ def _estimates(likelihood, x, information, linear, reddest):
     if not len(x):
         return out, flags
     std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0))
-    top, least, _ = likelihood.minimise(x)                       # unpenalised
+    top, least, _ = likelihood.minimise(x)  # unpenalised
     profile = _Profile(likelihood, top, least)
     for j, slot in enumerate(likelihood.slots):
         unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
@@ -666,16 +884,32 @@ def _estimates(likelihood, x, information, linear, reddest):
         if slot.parameter.amplitude and lo is None:
             upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or upper_bound)
             hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or upper_bound)
-            e = Estimate(None, spread, (0.0, hi), unit, upper95=upper, point=value,
-                         note='not observable: the interval reaches zero')
+            e = Estimate(
+                None,
+                spread,
+                (0.0, hi),
+                unit,
+                upper95=upper,
+                point=value,
+                note='not observable: the interval reaches zero',
+            )
         else:
             hi = profile.crossing(j, +1, CHI2_95, wide)
             note = ''
             if lo is None or hi is None:
                 note = 'one end of the interval is the bound of the search'
                 flags.append(f'{slot.label}.{slot.parameter.name}: {note}')
-            e = Estimate(value, spread, (slot.from_search(lower_bound if lo is None else lo),
-                                         slot.from_search(upper_bound if hi is None else hi)), unit, point=value, note=note)
+            e = Estimate(
+                value,
+                spread,
+                (
+                    slot.from_search(lower_bound if lo is None else lo),
+                    slot.from_search(upper_bound if hi is None else hi),
+                ),
+                unit,
+                point=value,
+                note=note,
+            )
         out.setdefault(slot.label, {})[slot.parameter.name] = e
     return out, flags
 
@@ -696,7 +930,10 @@ class _Profile:
         return max(2 * (nll - self.least), 0.0), x
 
     def crossing(self, j, sign, level, step):
-        """Return where the deviance reaches a level on one side; None where it never does (a limit)."""
+        """
+        Return where the deviance reaches a level on one side; None where it never does (a limit).
+
+        """
         lower, upper = self.likelihood.slots[j].bounds
         # downwards on a logarithmic scale there is nothing more to come after a few powers of ten
         reach = 14.0 if sign < 0 and self.likelihood.slots[j].parameter.log else np.inf
@@ -715,8 +952,8 @@ class _Profile:
             move *= 2
         if high is None:
             return None
-        # The square root of the deviance is nearly a straight line; but where a step went far up a wall the secant creeps, so
-        # every second try halves.
+        # The square root of the deviance is nearly a straight line; but where a step went far up a
+        # wall the secant creeps, so every second try halves.
         for k in range(40):
             a, b, c = np.sqrt(d_low), np.sqrt(d_high), np.sqrt(level)
             share = 0.5 if k % 2 else np.clip((c - a) / max(b - a, 1e-12), 0.05, 0.95)

@@ -6,7 +6,10 @@ import numpy as np
 
 
 def robust_sigma(y) -> float:
-    """Return the standard deviation of the fast part of y: of neighbouring differences, over sqrt(2)."""
+    """
+    Return the standard deviation of the fast part of y: of neighbouring differences, over sqrt(2).
+
+    """
     return float(np.std(np.diff(y))) / np.sqrt(2)
 
 
@@ -21,7 +24,9 @@ def grid_step(y, most: int = 4096) -> tuple[float, int]:
     spread = levels[-1] - levels[0] if len(levels) else 0.0
     if not spread > 0:
         return 0.0, len(levels)
-    levels = levels[np.concatenate([[True], np.diff(levels) > 1e-6 * spread + 4e-7 * np.max(np.abs(levels))])]
+    levels = levels[
+        np.concatenate([[True], np.diff(levels) > 1e-6 * spread + 4e-7 * np.max(np.abs(levels))])
+    ]
     if not 2 <= len(levels) <= min(most, len(some) // 4):
         return 0.0, len(levels)
     gaps = np.diff(levels)

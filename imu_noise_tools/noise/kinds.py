@@ -17,8 +17,21 @@ import numpy as np
 from ..effect import Effect, Model, Parameter
 from ..spectrum import quadrature_avar
 
-__all__ = ['Coupling', 'Defect', 'Inputs', 'Line', 'Mean', 'Modulation', 'NoiseEffect', 'Parameter', 'Response',
-           'Spectrum', 'additive_psd', 'model_avar', 'model_psd']
+__all__ = [
+    'Coupling',
+    'Defect',
+    'Inputs',
+    'Line',
+    'Mean',
+    'Modulation',
+    'NoiseEffect',
+    'Parameter',
+    'Response',
+    'Spectrum',
+    'additive_psd',
+    'model_avar',
+    'model_psd',
+]
 
 
 @dataclass(frozen=True)
@@ -26,8 +39,8 @@ class Inputs:
     """
     What an effect may depend on besides its parameters; all arrays (n,).
 
-    ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates`` (temperature in
-    degrees Celsius ...) and the other axes by name, all at ``t``.
+    ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates``
+    (temperature in degrees Celsius ...) and the other axes by name, all at ``t``.
 
     """
 
@@ -53,15 +66,19 @@ class NoiseEffect(Effect):
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Return what it must keep of the samples of one axis: small arrays, stored in evidence.npz."""
+        """
+        Return what it must keep of the samples of one axis: small arrays, stored in evidence.npz.
+
+        """
         return {}
 
     def starts(self, evidence) -> list[Effect]:
         """
-        Return where a fit should start from, one effect for each; an empty list means: not applicable here.
+        Return where a fit should start from, one effect for each; an empty list means: not
+        applicable here.
 
-        By default each searched parameter starts at three points spread over its range (amplitudes are then set from
-        the measured spectrum).
+        By default each searched parameter starts at three points spread over its range (amplitudes
+        are then set from the measured spectrum).
 
         """
         grid: list[dict[str, float]] = [{}]
@@ -78,7 +95,11 @@ class NoiseEffect(Effect):
         return [self.with_values(**g) for g in grid]
 
     def bounds(self, evidence) -> dict[str, tuple[float, float]]:
-        """Return bounds narrower than the parameters' own, for what this record can tell from other effects."""
+        """
+        Return bounds narrower than the parameters' own, for what this record can tell from other
+        effects.
+
+        """
         return {}
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
@@ -102,25 +123,35 @@ class Spectrum(NoiseEffect):
         return quadrature_avar(lambda f: self.psd(f, dt), m, dt)
 
     def state_space(self, dt: float):
-        """Return (Phi, Q, H) with this PSD: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k; None where no finite one exists."""
+        """
+        Return (Phi, Q, H) with this PSD: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k; None where no
+        finite one exists.
+
+        """
         return None
 
     def apply(self, x, inputs, rng):
-        """Add a realisation drawn through the DCT: exact in power, stationary but for the record's ends."""
+        """
+        Add a realisation drawn through the DCT: exact in power, stationary but for the record's
+        ends.
+
+        """
         from ..spectrum import bins_of, expected
         from scipy.fft import idct
+
         n, dt = len(x), inputs.dt
         k = np.arange(1, n)
         s = self.psd(k / (2 * n * dt), dt)
         low = expected(lambda f: self.psd(f, dt), bins_of(n, dt))[:32]
-        s[:len(low)] = low
+        s[: len(low)] = low
         c = np.concatenate([[0.0], rng.standard_normal(n - 1) * np.sqrt(s / (2 * dt))])
         return x + idct(c, type=2, norm='ortho')
 
 
 class Mean(NoiseEffect):
     """
-    Adds to the mean: columns times linear parameters, in the order in which the effect lists its linear parameters.
+    Adds to the mean: columns times linear parameters, in the order in which the effect lists its
+    linear parameters.
 
     All other parameters are nonlinear and passed to ``columns`` by name.
 
@@ -148,7 +179,11 @@ class Mean(NoiseEffect):
 
 
 class Line(NoiseEffect):
-    """Adds a coherent line: its amplitude, frequency and phase are measured on the samples when the evidence is made."""
+    """
+    Adds a coherent line: its amplitude, frequency and phase are measured on the samples when the
+    evidence is made.
+
+    """
 
     views = ('frequency', 'time')
 
@@ -187,7 +222,10 @@ class Modulation(NoiseEffect):
         raise NotImplementedError
 
     def measure(self, evidence):
-        """Return a Finding (gain, effect with values, estimates) from the power in time, or None."""
+        """
+        Return a Finding (gain, effect with values, estimates) from the power in time, or None.
+
+        """
         return None
 
     def apply(self, x, inputs, rng):
@@ -200,7 +238,11 @@ class Defect(NoiseEffect):
     """Acts on samples (spikes, held samples): found in the samples, not in the spectrum."""
 
     def find(self, evidence):
-        """Return a Finding (gain in log-likelihood, effect with values, evidence in words) from kept statistics, or None."""
+        """
+        Return a Finding (gain in log-likelihood, effect with values, evidence in words) from kept
+        statistics, or None.
+
+        """
         return None
 
     @classmethod
@@ -210,7 +252,11 @@ class Defect(NoiseEffect):
 
 
 def additive_psd(model: Model, f: np.ndarray, dt: float, filtered: bool) -> np.ndarray:
-    """Return the sum of the one-sided PSDs of the spectral effects on one side of the sensor's response."""
+    """
+    Return the sum of the one-sided PSDs of the spectral effects on one side of the sensor's
+    response.
+
+    """
     total = np.zeros(np.shape(f))
     for e in model.of(Spectrum):
         if e.filtered == filtered:
@@ -219,7 +265,10 @@ def additive_psd(model: Model, f: np.ndarray, dt: float, filtered: bool) -> np.n
 
 
 def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the one-sided PSD of the whole model: (sum of what is filtered) x responses + the rest."""
+    """
+    Return the one-sided PSD of the whole model: (sum of what is filtered) x responses + the rest.
+
+    """
     gain = np.ones(np.shape(f))
     for r in model.of(Response):
         gain = gain * r.gain2(f, dt)
@@ -227,9 +276,15 @@ def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
 
 
 def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
-    """Return the Allan variance of the whole model at cluster sizes m: the sum, or its quadrature behind a response."""
+    """
+    Return the Allan variance of the whole model at cluster sizes m: the sum, or its quadrature
+    behind a response.
+
+    """
     if model.of(Response):
         total = quadrature_avar(lambda f: model_psd(model, f, dt), m, dt)
     else:
         total = sum((e.avar(m, dt) for e in model.of(Spectrum)), np.zeros(len(m)))
-    return total + sum((e.avar(m, dt) for e in model.effects if isinstance(e, (Mean, Line))), np.zeros(len(m)))
+    return total + sum(
+        (e.avar(m, dt) for e in model.effects if isinstance(e, (Mean, Line))), np.zeros(len(m))
+    )

@@ -8,12 +8,13 @@ from ..effect import Model
 from ..spectrum import bins_of, expected
 from .kinds import Spectrum, model_psd
 
-LONGEST = 1000 * 3600.0        # s; what takes longer than a thousand hours is not worth planning
+LONGEST = 1000 * 3600.0  # s; what takes longer than a thousand hours is not worth planning
 
 
 def precision(model: Model, duration: float, dt: float) -> dict[tuple[str, str], float]:
     """
-    Return the Cramer-Rao bound of each searched parameter of the spectral effects, relative to its value.
+    Return the Cramer-Rao bound of each searched parameter of the spectral effects, relative to its
+    value.
 
     Parameters
     ----------
@@ -28,26 +29,50 @@ def precision(model: Model, duration: float, dt: float) -> dict[tuple[str, str],
 
     """
     bins = bins_of(max(int(duration / dt), 16), dt)
-    slots = [(e.label, p.name) for e in model.of(Spectrum) for p in e.parameters
-             if p.log and e.values.get(p.name, 0) > 0 and all(v > 0 for v in e.values.values())]
+    slots = [
+        (e.label, p.name)
+        for e in model.of(Spectrum)
+        for p in e.parameters
+        if p.log and e.values.get(p.name, 0) > 0 and all(v > 0 for v in e.values.values())
+    ]
     base = expected(lambda f: model_psd(model, f, dt), bins)
     h = 1e-3
     columns = []
     for label, name in slots:
-        up, down = (expected(lambda f, m=model.with_effect(model[label].with_values(**{name: model[label][name] * k})):
-                             model_psd(m, f, dt), bins) for k in (np.exp(h), np.exp(-h)))
+        up, down = (
+            expected(
+                lambda f, m=model.with_effect(model[label].with_values(**{name: model[label][name] * k})): (
+                    model_psd(m, f, dt)
+                ),
+                bins,
+            )
+            for k in (np.exp(h), np.exp(-h))
+        )
         columns.append((up - down) / (2 * h) / base)
     if not columns:
         return {}
     jac = np.array(columns).T
     information = 0.5 * (jac * bins.count[:, None]).T @ jac
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    bound = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12)), 0)) / scale
+    bound = (
+        np.sqrt(
+            np.maximum(
+                np.diag(np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12)), 0
+            )
+        )
+        / scale
+    )
     return dict(zip(slots, (float(b) for b in bound)))
 
 
-def duration_for(model: Model, label: str, name: str, dt: float, wanted: float = 0.2, begin: float = 60.0) -> float | None:
-    """Return the record length (s) from which a parameter is known to a relative precision; None beyond 1000 h."""
+def duration_for(
+    model: Model, label: str, name: str, dt: float, wanted: float = 0.2, begin: float = 60.0
+) -> float | None:
+    """
+    Return the record length (s) from which a parameter is known to a relative precision; None
+    beyond 1000 h.
+
+    """
     low, high = begin, begin
 
     def at(t):

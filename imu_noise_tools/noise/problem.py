@@ -22,15 +22,22 @@ class NoiseProblem:
     """
     One axis, or a part of it.
 
-    Parts: ``whole``; the halves ``first`` and ``second``, which are fitted and scored for themselves but for the mean, which
-    comes from the whole; ``odd`` and ``even`` blocks in time, of which one is predicted from the other.
+    Parts: ``whole``; the halves ``first`` and ``second``, which are fitted and scored for
+    themselves but for the mean, which comes from the whole; ``odd`` and ``even`` blocks in time,
+    of which one is predicted from the other.
 
     """
 
     domain = 'noise'
 
-    def __init__(self, evidence: Evidence, part: str = 'whole', whole: NoiseProblem | None = None,
-                 method: str = 'likelihood', bias_at: str = 'flat'):
+    def __init__(
+        self,
+        evidence: Evidence,
+        part: str = 'whole',
+        whole: NoiseProblem | None = None,
+        method: str = 'likelihood',
+        bias_at: str = 'flat',
+    ):
         if method not in METHODS:
             raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
         self.evidence, self.part = evidence, part
@@ -40,8 +47,13 @@ class NoiseProblem:
         self._fits: dict = {}
 
     def split(self):
-        """Return (to fit, to score): each half by the other, each parity of blocks by the other."""
-        first, second, odd, even = (NoiseProblem(self.evidence, p, self) for p in ('first', 'second', 'odd', 'even'))
+        """
+        Return (to fit, to score): each half by the other, each parity of blocks by the other.
+
+        """
+        first, second, odd, even = (
+            NoiseProblem(self.evidence, p, self) for p in ('first', 'second', 'odd', 'even')
+        )
         return [(first, second), (second, first), (odd, even), (even, odd)]
 
     def fit(self, model: Model) -> Fit:
@@ -53,8 +65,9 @@ class NoiseProblem:
                 self._fits[model] = self._fit_whole(model)
             else:
                 whole = self.whole.fit(model)
-                self._fits[model] = fit_part(self.evidence, model, self.part, mean=whole, intervals=False,
-                                             start=whole.model)
+                self._fits[model] = fit_part(
+                    self.evidence, model, self.part, mean=whole, intervals=False, start=whole.model
+                )
         return self._fits[model]
 
     def _fit_whole(self, model):
@@ -66,12 +79,21 @@ class NoiseProblem:
         return replace(found, estimates=self._planned(found))
 
     def _planned(self, fit):
-        """Say beside each spectral amplitude that is not observable how long a record would show it."""
+        """
+        Say beside each spectral amplitude that is not observable how long a record would show it.
+
+        """
         out = {k: dict(v) for k, v in fit.estimates.items()}
         for e in fit.model.of(Spectrum):
             for name, estimate in out.get(e.label, {}).items():
-                if estimate.value is None and estimate.upper95 and (estimate.point or 0) > 1e-3 * estimate.upper95:
-                    t = duration_for(fit.model, e.label, name, self.evidence.dt, begin=self.evidence.duration)
+                if (
+                    estimate.value is None
+                    and estimate.upper95
+                    and (estimate.point or 0) > 1e-3 * estimate.upper95
+                ):
+                    t = duration_for(
+                        fit.model, e.label, name, self.evidence.dt, begin=self.evidence.duration
+                    )
                     more = f'record {in_words(t)} for 20 %' if t else 'not within 1000 h'
                     out[e.label][name] = replace(estimate, note=f'{estimate.note}; {more}')
         return out
@@ -82,55 +104,89 @@ class NoiseProblem:
         if self.part in ('odd', 'even'):
             return Score.of([views.time(e, fit, known='even' if self.part == 'odd' else 'odd')])
         if self.part == 'whole':
-            return Score.of([views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit)])
-        # what acts on the samples and the mean was estimated on the whole: the fit that knows it is the whole's
+            return Score.of(
+                [views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit)]
+            )
+        # what acts on the samples and the mean was estimated on the whole: the fit that knows it
+        # is the whole's
         whole = self.whole.fit(unfitted(fit.model))
         found = [views.frequency(e, self.part, fit, mean=whole)]
-        if self.part == 'second':                    # these views have no fitted part that could be held out
-            found += [views.variance(e, fit), views.distribution(e, fit), views.coherence(e, whole)]
+        if self.part == 'second':  # these views have no fitted part that could be held out
+            found += [
+                views.variance(e, fit),
+                views.distribution(e, fit),
+                views.coherence(e, whole),
+            ]
         return Score.of(found)
 
     def omnibus(self, fit: Fit) -> list[Finding]:
-        """Return one test a view, on the whole record: what fails says that something is missing."""
+        """
+        Return one test a view, on the whole record: what fails says that something is missing.
+
+        """
         e = self.evidence
         out = []
-        for view in (views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit), views.time(e, fit, 'even'),
-                     views.variance(e, fit), views.distribution(e, fit), views.coherence(e, fit)):
+        for view in (
+            views.frequency(e, 'whole', fit, fitted_here=True),
+            views.time(e, fit),
+            views.time(e, fit, 'even'),
+            views.variance(e, fit),
+            views.distribution(e, fit),
+            views.coherence(e, fit),
+        ):
             if len(view.pull):
                 worst = int(np.argmax(np.abs(view.pull)))
-                out.append(Finding(view.name, 0.0, view=view.name, p_value=views.p_value(view),
-                                   evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull {view.pull[worst]:.1f}'))
+                out.append(
+                    Finding(
+                        view.name,
+                        0.0,
+                        view=view.name,
+                        p_value=views.p_value(view),
+                        evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull {view.pull[worst]:.1f}',
+                    )
+                )
         return out
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """Return what could be added, best gain first."""
         from .candidates import candidates
+
         return candidates(self, fit)
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """
-        Return the rms relative difference of model and measured Allan deviation over tau <= T/10, in percent.
+        Return the rms relative difference of model and measured Allan deviation over tau <= T/10,
+        in percent.
 
-        ``misfit_expected`` is what a true model would show: the scatter of the measured deviation itself.
+        ``misfit_expected`` is what a true model would show: the scatter of the measured deviation
+        itself.
         """
         c = self.evidence.curve
         some = c.tau <= c.n * c.dt / 10
         if some.sum() < 2 or c.deviation not in ('oadev', 'adev'):
             return {}
         model = np.sqrt(model_curve(self.evidence, fit.model, c.m[some]))
-        return {'misfit_percent': 100 * float(np.sqrt(np.mean((model / c.dev[some] - 1) ** 2))),
-                'misfit_expected': 100 * float(np.sqrt(np.mean(1 / (2 * c.edf[some]))))}
+        return {
+            'misfit_percent': 100 * float(np.sqrt(np.mean((model / c.dev[some] - 1) ** 2))),
+            'misfit_expected': 100 * float(np.sqrt(np.mean(1 / (2 * c.edf[some])))),
+        }
 
 
 def problems(arrays) -> dict[str, NoiseProblem]:
     """Return the problem of each axis from the arrays of evidence.npz."""
     arrays = dict(arrays)
     method, bias_at = (str(arrays.pop(k)) for k in ('method', 'bias_at'))
-    return {axis: NoiseProblem(e, method=method, bias_at=bias_at) for axis, e in from_arrays(arrays).items()}
+    return {
+        axis: NoiseProblem(e, method=method, bias_at=bias_at)
+        for axis, e in from_arrays(arrays).items()
+    }
 
 
 def arrays_of(found: dict[str, NoiseProblem]):
     """Return the arrays of evidence.npz, which :func:`problems` reads back."""
     some = next(iter(found.values()))
-    return {**to_arrays({axis: p.evidence for axis, p in found.items()}),
-            'method': np.array(some.method), 'bias_at': np.array(some.bias_at)}
+    return {
+        **to_arrays({axis: p.evidence for axis, p in found.items()}),
+        'method': np.array(some.method),
+        'bias_at': np.array(some.bias_at),
+    }

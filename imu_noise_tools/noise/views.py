@@ -22,8 +22,8 @@ from .fit import Likelihood, claimed_lines
 from .kinds import Coupling, Inputs, Mean, Modulation, Spectrum, model_psd
 
 TIME_BLOCKS = 256
-GROUP = 4                 # block means to a bin of the time view
-SEGMENTS = 8              # stretches of the record, predicted in turn from the others
+GROUP = 4  # block means to a bin of the time view
+SEGMENTS = 8  # stretches of the record, predicted in turn from the others
 
 
 def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,8 +36,10 @@ def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     w = np.maximum(w, 0.5)
     x = np.maximum(x, 1e-300)
-    return (w * (x - np.log(x) - 1) - w * (np.log(w / 2) - digamma(w / 2)),
-            np.maximum(w ** 2 * polygamma(1, w / 2) - 2 * w, 0))
+    return (
+        w * (x - np.log(x) - 1) - w * (np.log(w / 2) - digamma(w / 2)),
+        np.maximum(w**2 * polygamma(1, w / 2) - 2 * w, 0),
+    )
 
 
 def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -48,8 +50,14 @@ def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):
     count = max(len(excess), 1)
-    return View(name, np.asarray(x), np.asarray(pull), float(np.sum(excess)) / count,
-                float(np.sqrt(np.sum(variance) + extra)) / count, unit)
+    return View(
+        name,
+        np.asarray(x),
+        np.asarray(pull),
+        float(np.sum(excess)) / count,
+        float(np.sqrt(np.sum(variance) + extra)) / count,
+        unit,
+    )
 
 
 def _nothing(name, unit):
@@ -65,25 +73,44 @@ def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
     return np.sum(lines[rest], axis=0) if rest else np.zeros(len(evidence.part(part).power))
 
 
-def frequency(evidence: Evidence, part: str, fit: Fit, mean: Fit | None = None, fitted_here: bool = False) -> View:
-    """Return the power in the bins of a part beside the model's; ``mean`` is the fit of the whole, for a half."""
+def frequency(
+    evidence: Evidence, part: str, fit: Fit, mean: Fit | None = None, fitted_here: bool = False
+) -> View:
+    """
+    Return the power in the bins of a part beside the model's; ``mean`` is the fit of the whole,
+    for a half.
+
+    """
     likelihood = Likelihood(evidence, part, fit.model, mean if mean is not None else fit)
     power, weight = likelihood.power, likelihood.weight
     if likelihood.couplings:
         power = likelihood.without_couplings(fit.model)
     v, _ = likelihood.spectra(fit.model)
-    x = np.maximum(power + unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1), 1e-300) / v
+    x = (
+        np.maximum(
+            power
+            + unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1),
+            1e-300,
+        )
+        / v
+    )
     excess, variance = gamma_excess(x, weight)
     extra = 0.0 if fitted_here else parameter_scatter(evidence, part, fit, v, weight)
-    return _view('frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra)
+    return _view(
+        'frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra
+    )
 
 
-def parameter_scatter(evidence: Evidence, part: str, fit: Fit, v: np.ndarray, weight: np.ndarray, draws: int = 32) -> float:
+def parameter_scatter(
+    evidence: Evidence, part: str, fit: Fit, v: np.ndarray, weight: np.ndarray, draws: int = 32
+) -> float:
     """
-    Return the mean square of the excess deviance that the uncertainty of the fitted parameters causes.
+    Return the mean square of the excess deviance that the uncertainty of the fitted parameters
+    causes.
 
-    Parameters are drawn from the fit's own information (at most a factor e apart on a logarithmic scale, where the
-    information says next to nothing); a truth of v' in place of v costs sum w (v'/v - ln(v'/v) - 1).
+    Parameters are drawn from the fit's own information (at most a factor e apart on a logarithmic
+    scale, where the information says next to nothing); a truth of v' in place of v costs sum w
+    (v'/v - ln(v'/v) - 1).
     """
     slots, information = fit.details.get('slots', ()), fit.details.get('information')
     if not slots:
@@ -108,7 +135,11 @@ def parameter_scatter(evidence: Evidence, part: str, fit: Fit, v: np.ndarray, we
 
 @dataclass(frozen=True)
 class BlockMeans:
-    """Means of equal blocks, (k,), their times, what acts on the mean as columns (k, p), and their covariance (k, k)."""
+    """
+    Means of equal blocks, (k,), their times, what acts on the mean as columns (k, p), and their
+    covariance (k, k).
+
+    """
 
     t: np.ndarray
     y: np.ndarray
@@ -139,20 +170,28 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
     inputs = Inputs(t, e.dt, dict(e.slow_others))
     columns = [np.ones((len(y), 1))]
     for m in fit.model.of(Mean):
-        columns.append(m.columns(inputs, **{p.name: m[p.name] for p in m.parameters if not p.linear}))
+        columns.append(
+            m.columns(inputs, **{p.name: m[p.name] for p in m.parameters if not p.linear})
+        )
     x = mean(np.concatenate(columns, axis=1))
-    scale = np.sqrt(np.mean(x ** 2, axis=0))
-    covariance = _covariance_of_means(lambda f: model_psd(fit.model, f, e.dt), count, used * e.common.slow_length, e.dt) \
-        if fit.model.of(Spectrum) else np.eye(count) * np.var(mean(y))
+    scale = np.sqrt(np.mean(x**2, axis=0))
+    covariance = (
+        _covariance_of_means(
+            lambda f: model_psd(fit.model, f, e.dt), count, used * e.common.slow_length, e.dt
+        )
+        if fit.model.of(Spectrum)
+        else np.eye(count) * np.var(mean(y))
+    )
     return BlockMeans(mean(t), mean(y), x / np.where(scale > 0, scale, 1.0), covariance)
 
 
 def _covariance_of_means(psd, count, n, dt):
     """
-    Return the covariance of the means of ``count`` blocks: Phi diag(V) Phi^T, Phi the DCT basis of the blocks.
+    Return the covariance of the means of ``count`` blocks: Phi diag(V) Phi^T, Phi the DCT basis of
+    the blocks.
 
-    A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its Dirichlet kernel; k and
-    2 count j +- k fold onto each other.
+    A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its
+    Dirichlet kernel; k and 2 count j +- k fold onto each other.
 
     """
     q = np.arange(1, count)
@@ -160,11 +199,14 @@ def _covariance_of_means(psd, count, n, dt):
     k = np.concatenate([q] + [2 * count * j + s * q for j in range(1, folds + 1) for s in (-1, 1)])
     k = k[k < n].reshape(-1, len(q)) if n > k.max() else np.minimum(k, n - 1).reshape(-1, len(q))
     length = n // count
-    gain2 = (np.sin(np.pi * k / (2 * count)) / (length * np.sin(np.pi * k / (2 * n)))) ** 2 if length > 1 else \
-        np.concatenate([np.ones((1, len(q))), np.zeros((len(k) - 1, len(q)))])
+    gain2 = (
+        (np.sin(np.pi * k / (2 * count)) / (length * np.sin(np.pi * k / (2 * n)))) ** 2
+        if length > 1
+        else np.concatenate([np.ones((1, len(q))), np.zeros((len(k) - 1, len(q)))])
+    )
     s = psd(k.ravel() / (2 * n * dt)).reshape(k.shape)
-    low = expected(psd, bins_of(n, dt))[:min(32, len(q))]
-    s[0, :len(low)] = low
+    low = expected(psd, bins_of(n, dt))[: min(32, len(q))]
+    s[0, : len(low)] = low
     missing = np.maximum(1 - gain2.sum(axis=0) * count / n * length, 0)
     v = (np.sum(s * gain2, axis=0) * count / n + missing * s[-1] / length) / (2 * dt)
     j = np.arange(count) + 0.5
@@ -172,14 +214,20 @@ def _covariance_of_means(psd, count, n, dt):
     return (basis * v) @ basis.T
 
 
-def predicted(means: BlockMeans, known: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return (standard normal residuals, -2 ln p) of the wanted blocks predicted from the known ones (universal kriging)."""
+def predicted(
+    means: BlockMeans, known: np.ndarray, wanted: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """
+    Return (standard normal residuals, -2 ln p) of the wanted blocks predicted from the known ones
+    (universal kriging).
+
+    """
     c_kk = means.covariance[np.ix_(known, known)]
     c_wk = means.covariance[np.ix_(wanted, known)]
     x_k, x_w = means.columns[known], means.columns[wanted]
     c_kk = c_kk + np.eye(len(c_kk)) * 1e-12 * np.trace(c_kk) / len(c_kk)
     solved = np.linalg.solve(c_kk, np.column_stack([c_wk.T, x_k, means.y[known]]))
-    gain, kx, ky = solved[:, :len(c_wk)].T, solved[:, len(c_wk):-1], solved[:, -1]
+    gain, kx, ky = solved[:, : len(c_wk)].T, solved[:, len(c_wk) : -1], solved[:, -1]
     gram = np.linalg.pinv(x_k.T @ kx)
     beta = gram @ (x_k.T @ ky)
     rest = means.y[wanted] - x_w @ beta - gain @ (means.y[known] - x_k @ beta)
@@ -193,7 +241,11 @@ def predicted(means: BlockMeans, known: np.ndarray, wanted: np.ndarray) -> tuple
 
 
 def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
-    """Return the block means of the stretches of one parity predicted from the other's; pulls in time order."""
+    """
+    Return the block means of the stretches of one parity predicted from the other's; pulls in time
+    order.
+
+    """
     means = block_means(evidence, fit)
     index = np.arange(len(means.y))
     stretch = index * SEGMENTS // len(index)
@@ -201,29 +253,43 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
     a, b = (odd, even) if known == 'odd' else (even, odd)
     z, log_score = predicted(means, a, b)
     count = len(z) // GROUP
-    x = np.mean(z[:count * GROUP].reshape(count, GROUP) ** 2, axis=1)
+    x = np.mean(z[: count * GROUP].reshape(count, GROUP) ** 2, axis=1)
     excess, variance = gamma_excess(x, np.full(count, float(GROUP)))
     return replace(_view('time', means.t[b], z, excess, variance, 's'), log_score=log_score)
 
 
 def _hann_degrees(count):
-    """Degrees of freedom of a sum of neighbouring Hann-windowed periodogram ordinates (correlations 4/9 and 1/36)."""
-    return 2 * count ** 2 / (count + 2 * np.maximum(count - 1, 0) * 4 / 9 + 2 * np.maximum(count - 2, 0) / 36)
+    """
+    Degrees of freedom of a sum of neighbouring Hann-windowed periodogram ordinates (correlations
+    4/9 and 1/36).
+
+    """
+    return (
+        2
+        * count**2
+        / (count + 2 * np.maximum(count - 1, 0) * 4 / 9 + 2 * np.maximum(count - 2, 0) / 36)
+    )
 
 
 def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 4):
-    """Return (t, x, w): relative power of groups of bands in time (blocks, groups), less what the model's modulation explains."""
+    """
+    Return (t, x, w): relative power of groups of bands in time (blocks, groups), less what the
+    model's modulation explains.
+
+    """
     p = evidence.block_power_of(model)
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
     factor = np.ones(blocks)
-    for m in (model.of(Modulation) if model is not None else ()):
+    for m in model.of(Modulation) if model is not None else ():
         factor = factor * m.variance(t)
     p = p / factor[:, None]
     level = np.mean(p, axis=0)
     count = evidence.block_count.astype(float)
     parts = np.array_split(np.arange(len(level)), groups)
-    x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts if len(i)])
+    x = np.column_stack(
+        [(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts if len(i)]
+    )
     w = np.array([_hann_degrees(count[i].sum()) for i in parts if len(i)])
     return t, x, w
 
@@ -236,8 +302,14 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
     excess, spread = gamma_excess(x, w)
-    return _view('variance', np.repeat(t, x.shape[1]), gamma_pull(x, w).ravel(), excess.ravel(),
-                 spread.ravel() * (1 - 1 / blocks), 's')
+    return _view(
+        'variance',
+        np.repeat(t, x.shape[1]),
+        gamma_pull(x, w).ravel(),
+        excess.ravel(),
+        spread.ravel() * (1 - 1 / blocks),
+        's',
+    )
 
 
 def distribution(evidence: Evidence, fit: Fit) -> View:
@@ -247,32 +319,50 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     cells = evidence.cells_of(fit.model).astype(float)
     # cells narrower than a few steps of the output would show the converter's own unevenness
     sigma = np.sqrt(np.median(evidence.whole.power[-20:]) / (2 * evidence.dt))
-    merge = int(np.clip(2 ** np.ceil(np.log2(max(50 * evidence.resolution / max(sigma, 1e-300), 1))), 1, 4))
+    merge = int(
+        np.clip(2 ** np.ceil(np.log2(max(50 * evidence.resolution / max(sigma, 1e-300), 1))), 1, 4)
+    )
     cells = cells.reshape(-1, merge).sum(axis=1)
     total, k = cells.sum(), len(cells)
     share = total / k
     pull = (cells - share) / np.sqrt(share * (1 - 1 / k))
     # mean and spread were taken from the samples: three degrees of freedom are gone
-    excess = pull ** 2 - (k - 3) / (k - 1)
-    return _view('distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile')
+    excess = pull**2 - (k - 3) / (k - 1)
+    return _view(
+        'distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile'
+    )
 
 
 def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
-    """Return the coherence with each other axis and covariate, in groups of at least eight coefficients."""
+    """
+    Return the coherence with each other axis and covariate, in groups of at least eight
+    coefficients.
+
+    """
     x, pulls, excess, spread = [], [], [], []
     for channel in evidence.channels:
         f, r, w = cross_correlation(evidence, channel, fit, part)
         x.append(f)
         pulls.append(r * np.sqrt(w))
-        excess.append(w * r ** 2 - 1)
+        excess.append(w * r**2 - 1)
         spread.append(2 * (w - 1) / (w + 2))
     if not x:
         return _nothing('coherence', 'Hz')
-    return _view('coherence', np.concatenate(x), np.concatenate(pulls), np.concatenate(excess), np.concatenate(spread), 'Hz')
+    return _view(
+        'coherence',
+        np.concatenate(x),
+        np.concatenate(pulls),
+        np.concatenate(excess),
+        np.concatenate(spread),
+        'Hz',
+    )
 
 
 def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: str = 'whole'):
-    """Return (f, r, w): correlation of DCT coefficients with another channel in groups of bins, (g,)."""
+    """
+    Return (f, r, w): correlation of DCT coefficients with another channel in groups of bins, (g,).
+
+    """
     bins = evidence.part(part).bins
     own = np.maximum(evidence.part(part).power, 1e-300)
     other = np.maximum(evidence.common.pair(channel, channel, part), 1e-300)
@@ -290,7 +380,9 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: s
     def total(v):
         return np.add.reduceat(v, starts)
 
-    r = total(w * both / level) / np.sqrt(total(w * own / _running(own)) * total(w * other / _running(other)))
+    r = total(w * both / level) / np.sqrt(
+        total(w * own / _running(own)) * total(w * other / _running(other))
+    )
     return total(w * bins.f) / total(w), r, total(w)
 
 
@@ -300,12 +392,16 @@ def _running(power):
 
 
 def p_value(view: View) -> float:
-    """Return the chance that a true model shows as much excess, by a scaled chi-squared of the same mean and scatter."""
+    """
+    Return the chance that a true model shows as much excess, by a scaled chi-squared of the same
+    mean and scatter.
+
+    """
     if not np.isfinite(view.excess) or not view.std > 0:
         return 1.0
     count = len(view.pull)
     # mean 1, scatter std: chi^2_k/k has variance 2/k
-    k = 2 / view.std ** 2
+    k = 2 / view.std**2
     return float(chi2.sf(k * (1 + view.excess), k)) if count else 1.0
 
 

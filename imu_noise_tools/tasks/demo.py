@@ -19,24 +19,36 @@ from ..errors import ImuNoiseError
 
 GYRO = {'white': {'N': 8.7e-5}, 'flicker': {'B': 2.4e-5}, 'random_walk': {'K': 1.5e-6}}
 ACCEL = {'white': {'N': 1.0e-3}, 'flicker': {'B': 4.0e-4}, 'random_walk': {'K': 1.5e-5}}
-# what is hidden: a machine that shakes one axis, and a part of the electronics that regulates slowly in another
-SPEC = {'rate_hz': 100.0, 'duration_s': 3600.0, 'seed': 7, 'targets': {
-    'gyro_x': {**GYRO, 'sinusoid': {'amplitude': 1.2e-4, 'frequency': 23.4}, 'bias': 2e-3},
-    'gyro_y': {**GYRO, 'gauss_markov': {'sigma': 1.5e-4, 'tc': 4.0}, 'bias': -1e-3},
-    'gyro_z': {**GYRO, 'bias': 5e-4}, 'accel_x': ACCEL, 'accel_y': ACCEL, 'accel_z': ACCEL}}
+# what is hidden: a machine that shakes one axis, and a part of the electronics that regulates
+# slowly in another
+SPEC = {
+    'rate_hz': 100.0,
+    'duration_s': 3600.0,
+    'seed': 7,
+    'targets': {
+        'gyro_x': {**GYRO, 'sinusoid': {'amplitude': 1.2e-4, 'frequency': 23.4}, 'bias': 2e-3},
+        'gyro_y': {**GYRO, 'gauss_markov': {'sigma': 1.5e-4, 'tc': 4.0}, 'bias': -1e-3},
+        'gyro_z': {**GYRO, 'bias': 5e-4},
+        'accel_x': ACCEL,
+        'accel_y': ACCEL,
+        'accel_z': ACCEL,
+    },
+}
 
 
 def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
     """
     Run the story into a folder (made anew); return what was found.
 
-    Where rclpy is to be had the bag is also played by the real ``bag_reader`` to the real ``analyser``, as processes, and what
-    they save must equal what the command line computes.
+    Where rclpy is to be had the bag is also played by the real ``bag_reader`` to the real
+    ``analyser``, as processes, and what they save must equal what the command line computes.
     """
     out = Path(out).resolve()
     with files.new_folder(out, force=True) as new:
         new = Path(new)
-        say(f'1. Simulate an hour of an IMU at rest, with something hidden in gyro_x and gyro_y: {out / "bag"}')
+        say(
+            f'1. Simulate an hour of an IMU at rest, with something hidden in gyro_x and gyro_y: {out / "bag"}'
+        )
         simulate(SPEC, new / 'bag')
         say('2. Analyse it as anybody would: white + flicker + random_walk on every axis')
         study, _ = noise.analyse(new / 'bag', new / 'study', progress=progress)
@@ -44,13 +56,17 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
         say('4. Compare: where does the model fail, by how much more than chance allows?')
         for t, s in study.compare().items():
             bad = [v.name for v in s.views.values() if v.excess > 2 * v.std]
-            say(f'   {t}: error on data not fitted {s.excess:.3f} (chance: up to {2 * s.std:.3f})'
-                + (f', fails in {", ".join(bad)}' if bad else ''))
+            say(
+                f'   {t}: error on data not fitted {s.excess:.3f} (chance: up to {2 * s.std:.3f})'
+                + (f', fails in {", ".join(bad)}' if bad else '')
+            )
         say('5. Diagnose, add what is missing, and look again, until nothing is missing')
         steps = study.complete(progress=progress)
         for s in steps:
             before = next(r for r in study.history if r.target == s.target)
-            say(f'   {s.target}: + {s.added}: error {before.held_out:.3f} -> {s.held_out:.3f} (chance: up to {2 * s.held_out_std:.3f})')
+            say(
+                f'   {s.target}: + {s.added}: error {before.held_out:.3f} -> {s.held_out:.3f} (chance: up to {2 * s.held_out_std:.3f})'
+            )
         for t, d in study.diagnosis.items():
             say(f'   {t}: {d.verdict}')
         study.source['path'] = str(out / 'bag')
@@ -60,32 +76,69 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
                 files.atomic_write(new / name, data)
     truth = {a: sorted(set(v) - {'bias'}) for a, v in SPEC['targets'].items()}
     found = {t: sorted(s.model.labels) for t, s in study.states.items()}
-    say('6. What was hidden was found.' if found == truth else
-        f'6. Found {found}, where there was {truth}.')
+    say(
+        '6. What was hidden was found.'
+        if found == truth
+        else f'6. Found {found}, where there was {truth}.'
+    )
     say(f'report: {out / "report.html"}')
-    return {'report': str(out / 'report.html'), 'truth': truth, 'found': found, 'nodes_equal_command_line': equal,
-            'history': [store.step_to_dict(s) for s in study.history]}
+    return {
+        'report': str(out / 'report.html'),
+        'truth': truth,
+        'found': found,
+        'nodes_equal_command_line': equal,
+        'history': [store.step_to_dict(s) for s in study.history],
+    }
 
 
 def _nodes(folder: Path, study, say) -> bool | None:
-    """Play the bag through the real nodes; return whether they computed the same, None where they could not run."""
+    """
+    Play the bag through the real nodes; return whether they computed the same, None where they
+    could not run.
+
+    """
     if importlib.util.find_spec('rclpy') is None:
-        say('3. The ROS nodes are left out: rclpy cannot be imported here (pip install ".[ros]", or source ROS)')
+        say(
+            '3. The ROS nodes are left out: rclpy cannot be imported here (pip install ".[ros]", or source ROS)'
+        )
         return None
-    say('3. The same through the ROS nodes, as processes: bag_reader plays the bag to the analyser')
+    say(
+        '3. The same through the ROS nodes, as processes: bag_reader plays the bag to the analyser'
+    )
     started: list[subprocess.Popen] = []
-    env = dict(os.environ, ROS_DOMAIN_ID=str(random.SystemRandom().randint(2, 100)), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    env = dict(
+        os.environ,
+        ROS_DOMAIN_ID=str(random.SystemRandom().randint(2, 100)),
+        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
+    )
 
     def start(node, log, *parameters):
-        command = [sys.executable, '-m', f'imu_noise_tools.nodes.{node}', '--ros-args', '-r', '__ns:=/demo']
+        command = [
+            sys.executable,
+            '-m',
+            f'imu_noise_tools.nodes.{node}',
+            '--ros-args',
+            '-r',
+            '__ns:=/demo',
+        ]
         for p in parameters:
             command += ['-p', p]
         with open(folder / log, 'w') as text:
-            started.append(subprocess.Popen(command, env=env, stdout=text, stderr=subprocess.STDOUT, start_new_session=True))
+            started.append(
+                subprocess.Popen(
+                    command, env=env, stdout=text, stderr=subprocess.STDOUT, start_new_session=True
+                )
+            )
 
     try:
         start('analyser', 'analyser.log', 'input:=buffer', f'output_dir:={folder / "analyser"}')
-        start('bag_reader', 'bag_reader.log', f'bag:={folder / "bag"}', 'publish:=buffer', 'wait_for_subscribers:=60.0')
+        start(
+            'bag_reader',
+            'bag_reader.log',
+            f'bag:={folder / "bag"}',
+            'publish:=buffer',
+            'wait_for_subscribers:=60.0',
+        )
         equal = _same_as(study, _ask(env, 'analyse', say))
         _ask(env, 'save', say)
     except ImuNoiseError as error:
@@ -101,7 +154,14 @@ def _nodes(folder: Path, study, say) -> bool | None:
                 process.kill()
                 process.wait()
     if equal is not None:
-        say('   the analyser computed ' + ('the same coefficients as the command line' if equal else 'something else: see analyser.log'))
+        say(
+            '   the analyser computed '
+            + (
+                'the same coefficients as the command line'
+                if equal
+                else 'something else: see analyser.log'
+            )
+        )
     return equal
 
 
@@ -110,8 +170,19 @@ def _ask(env, service, say, patience=120.0):
     end = time.monotonic() + patience
     wanted = int(SPEC['rate_hz'] * SPEC['duration_s'])
     while True:
-        done = subprocess.run([sys.executable, '-m', 'imu_noise_tools.nodes.trigger', f'/demo/analyser/{service}', '--patience', '90'],
-                              env=env, capture_output=True, text=True)
+        done = subprocess.run(
+            [
+                sys.executable,
+                '-m',
+                'imu_noise_tools.nodes.trigger',
+                f'/demo/analyser/{service}',
+                '--patience',
+                '90',
+            ],
+            env=env,
+            capture_output=True,
+            text=True,
+        )
         if done.returncode == 0:
             answer = store.parse_yaml(done.stdout)
             samples = answer.get('source', {}).get('samples', wanted)
@@ -119,7 +190,10 @@ def _ask(env, service, say, patience=120.0):
                 say(f'   {service}: done ({wanted} samples)')
                 return answer
         if time.monotonic() > end:
-            raise ImuNoiseError(f'the analyser did not {service}: {(done.stderr or done.stdout).strip()[:200]}', 'see analyser.log')
+            raise ImuNoiseError(
+                f'the analyser did not {service}: {(done.stderr or done.stdout).strip()[:200]}',
+                'see analyser.log',
+            )
         time.sleep(0.5)
 
 
@@ -129,6 +203,10 @@ def _same_as(study, answer, tolerance=1e-9) -> bool:
         for label, found in state.fit.estimates.items():
             for name, e in found.items():
                 other = answer['targets'][target]['effects'][label][name]['value']
-                if (e.value is None) != (other is None) or e.value is not None and abs(other / e.value - 1) > tolerance:
+                if (
+                    (e.value is None) != (other is None)
+                    or e.value is not None
+                    and abs(other / e.value - 1) > tolerance
+                ):
                     return False
     return True

@@ -23,7 +23,9 @@ class Inspection:
 def inspect(bag, topic=None, progress=None) -> Inspection:
     """Return what a bag holds; raises what reading it raises."""
     record = open_record(bag, topic, progress=progress)
-    return Inspection(tuple(topics(bag)), record.topic, examine(record), record.warnings, _analysed(record))
+    return Inspection(
+        tuple(topics(bag)), record.topic, examine(record), record.warnings, _analysed(record)
+    )
 
 
 def _analysed(record) -> str:

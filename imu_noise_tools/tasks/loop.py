@@ -7,14 +7,16 @@ import numpy as np
 from ..errors import InputError
 from ..study import Study
 
-BEYOND = 3.0        # standard deviations
+BEYOND = 3.0  # standard deviations
 
 
 def compare_two(first: Study, second: Study) -> list[dict]:
     """
-    Return what differs between two studies of one domain (motor off and on, cold and warm), target by target.
+    Return what differs between two studies of one domain (motor off and on, cold and warm), target
+    by target.
 
-    Every parameter that both models hold is compared by value and interval; for noise, the spectra too, in a few bands.
+    Every parameter that both models hold is compared by value and interval; for noise, the spectra
+    too, in a few bands.
 
     Raises
     ------
@@ -24,7 +26,9 @@ def compare_two(first: Study, second: Study) -> list[dict]:
     """
     targets = [t for t in first.targets if t in second.targets]
     if first.domain != second.domain or not targets:
-        raise InputError('the two studies have no axis in common', 'compare two studies of the same kind')
+        raise InputError(
+            'the two studies have no axis in common', 'compare two studies of the same kind'
+        )
     out = []
     for t in targets:
         a, b = first.states[t], second.states[t]
@@ -34,18 +38,35 @@ def compare_two(first: Study, second: Study) -> list[dict]:
                 if y is not None:
                     out.append(_of_estimates(t, f'{label}.{name}', x, y))
         for label in set(a.model.labels) ^ set(b.model.labels):
-            out.append({'target': t, 'what': label, 'first': 'in the model' if label in a.model else '-',
-                        'second': 'in the model' if label in b.model else '-', 'sigmas': '', 'verdict': 'only in one model'})
+            out.append(
+                {
+                    'target': t,
+                    'what': label,
+                    'first': 'in the model' if label in a.model else '-',
+                    'second': 'in the model' if label in b.model else '-',
+                    'sigmas': '',
+                    'verdict': 'only in one model',
+                }
+            )
         if first.domain == 'noise':
             out += _of_spectra(t, a.problem.evidence, b.problem.evidence)
     return out
 
 
 def _of_estimates(target, what, x, y):
-    row = {'target': target, 'what': what, 'first': _shown(x), 'second': _shown(y), 'sigmas': '', 'verdict': 'not to be told'}
+    row = {
+        'target': target,
+        'what': what,
+        'first': _shown(x),
+        'second': _shown(y),
+        'sigmas': '',
+        'verdict': 'not to be told',
+    }
     if x.value is not None and y.value is not None and x.std and y.std:
         sigmas = (y.value - x.value) / float(np.hypot(x.std, y.std))
-        row.update(sigmas=f'{sigmas:+.1f}', verdict='changed' if abs(sigmas) > BEYOND else 'the same')
+        row.update(
+            sigmas=f'{sigmas:+.1f}', verdict='changed' if abs(sigmas) > BEYOND else 'the same'
+        )
     elif (x.value is None) != (y.value is None):
         seen, hidden = (x, y) if x.value is not None else (y, x)
         if seen.ci95 and hidden.upper95 is not None:
@@ -54,12 +75,22 @@ def _of_estimates(target, what, x, y):
 
 
 def _shown(e):
-    return f'{e.value:.4g} +- {e.std:.2g}' if e.value is not None and e.std else \
-        f'{e.value:.4g}' if e.value is not None else f'< {e.upper95:.3g}' if e.upper95 is not None else '?'
+    return (
+        f'{e.value:.4g} +- {e.std:.2g}'
+        if e.value is not None and e.std
+        else f'{e.value:.4g}'
+        if e.value is not None
+        else f'< {e.upper95:.3g}'
+        if e.upper95 is not None
+        else '?'
+    )
 
 
 def _of_spectra(target, a, b, bands=6):
-    """Compare measured power in bands of frequency; ln of a mean of w chi-squared has variance 2/w."""
+    """
+    Compare measured power in bands of frequency; ln of a mean of w chi-squared has variance 2/w.
+
+    """
     low = max(a.whole.bins.f[0], b.whole.bins.f[0])
     high = min(a.whole.bins.f[-1], b.whole.bins.f[-1])
     edges = np.geomspace(low, high, bands + 1)
@@ -76,7 +107,14 @@ def _of_spectra(target, a, b, bands=6):
             logs.append((float(np.sum(w * np.log(np.maximum(p, 1e-300))) / w.sum()), 2 / w.sum()))
         if len(logs) == 2:
             sigmas = (logs[1][0] - logs[0][0]) / np.sqrt(logs[0][1] + logs[1][1] + 2 * 0.002)
-            out.append({'target': target, 'what': f'power {f0:.3g} to {f1:.3g} Hz', 'first': '1',
-                        'second': f'{np.exp(logs[1][0] - logs[0][0]):.3g}', 'sigmas': f'{sigmas:+.1f}',
-                        'verdict': 'changed' if abs(sigmas) > BEYOND else 'the same'})
+            out.append(
+                {
+                    'target': target,
+                    'what': f'power {f0:.3g} to {f1:.3g} Hz',
+                    'first': '1',
+                    'second': f'{np.exp(logs[1][0] - logs[0][0]):.3g}',
+                    'sigmas': f'{sigmas:+.1f}',
+                    'verdict': 'changed' if abs(sigmas) > BEYOND else 'the same',
+                }
+            )
     return out

@@ -23,9 +23,19 @@ DEFAULT_EFFECTS = ('white', 'flicker', 'random_walk')
 Progress = Callable[[float | None, str], None]
 
 
-def analyse_record(record: ImuRecord, *, axes: Iterable[str] | None = None, effects: Iterable[str] = DEFAULT_EFFECTS,
-                   method: str = 'likelihood', bias_at: str = 'flat', deviation: str = 'oadev', points: int = 100,
-                   octaves: bool = False, keep_motion: bool = False, progress: Progress | None = None) -> Study:
+def analyse_record(
+    record: ImuRecord,
+    *,
+    axes: Iterable[str] | None = None,
+    effects: Iterable[str] = DEFAULT_EFFECTS,
+    method: str = 'likelihood',
+    bias_at: str = 'flat',
+    deviation: str = 'oadev',
+    points: int = 100,
+    octaves: bool = False,
+    keep_motion: bool = False,
+    progress: Progress | None = None,
+) -> Study:
     """
     Return the study of a record: screened, gathered, fitted with exactly these effects.
 
@@ -62,7 +72,9 @@ def analyse_record(record: ImuRecord, *, axes: Iterable[str] | None = None, effe
     ready = prepare(record, keep_motion=keep_motion)
     chosen = _axes(ready, axes)
     half = (lambda p, what: progress(0.8 * p, what)) if progress else None
-    evidence = gather(ready, chosen, deviation=deviation, points=points, octaves=octaves, progress=half)
+    evidence = gather(
+        ready, chosen, deviation=deviation, points=points, octaves=octaves, progress=half
+    )
     rest = (lambda p, what: progress(0.8 + 0.2 * p, what)) if progress else None
     problems = {a: NoiseProblem(e, method=method, bias_at=bias_at) for a, e in evidence.items()}
     return Study.begin(problems, model, source_of(ready, method), rest)
@@ -72,38 +84,77 @@ def _axes(record, axes):
     able = [a for a in record.axes if np.ptp(record.column(a)) > 0]
     if axes is None:
         if not able:
-            raise InputError(f'{record.path}: every axis is constant', 'check that the driver publishes live data')
+            raise InputError(
+                f'{record.path}: every axis is constant',
+                'check that the driver publishes live data',
+            )
         return able
     axes = list(dict.fromkeys(axes))
     missing = [a for a in axes if a not in able]
     if missing:
-        raise InputError(f'{record.path}: {", ".join(missing)} is constant or not recorded', f'there is {", ".join(able)}')
+        raise InputError(
+            f'{record.path}: {", ".join(missing)} is constant or not recorded',
+            f'there is {", ".join(able)}',
+        )
     return axes
 
 
 def source_of(record: ImuRecord, method: str) -> dict:
     """Return where a prepared record came from, for study.yaml."""
-    return {'path': record.path, 'topic': record.topic, 'samples': record.n, 'rate_hz': record.rate_hz,
-            'duration_s': record.duration_s, 'start': record.start + float(record.t[0]), 'frame_id': record.frame_id,
-            'method': method, 'covariates': list(record.covariates), 'warnings': list(record.warnings),
-            'left_out': [[a - float(record.t[0]), b - float(record.t[0]), why] for a, b, why in record.left_out]}
+    return {
+        'path': record.path,
+        'topic': record.topic,
+        'samples': record.n,
+        'rate_hz': record.rate_hz,
+        'duration_s': record.duration_s,
+        'start': record.start + float(record.t[0]),
+        'frame_id': record.frame_id,
+        'method': method,
+        'covariates': list(record.covariates),
+        'warnings': list(record.warnings),
+        'left_out': [
+            [a - float(record.t[0]), b - float(record.t[0]), why] for a, b, why in record.left_out
+        ],
+    }
 
 
-def analyse(bag, out=None, *, topic=None, rate_hz=None, input_kind='rate', gyro_unit=None, accel_unit=None, force=False,
-            progress: Progress | None = None, **options) -> tuple[Study, Path]:
+def analyse(
+    bag,
+    out=None,
+    *,
+    topic=None,
+    rate_hz=None,
+    input_kind='rate',
+    gyro_unit=None,
+    accel_unit=None,
+    force=False,
+    progress: Progress | None = None,
+    **options,
+) -> tuple[Study, Path]:
     """
-    Analyse a bag and write its study; return both the study and its folder (``<bag>.study`` unless given).
+    Analyse a bag and write its study; return both the study and its folder (``<bag>.study`` unless
+    given).
 
-    Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise, and InputError where the folder
-    holds a study already and ``force`` is not given.
+    Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise, and
+    InputError where the folder holds a study already and ``force`` is not given.
     """
     from ..bag import open_record
+
     folder = Path(out) if out is not None else default_folder(bag)
-    model_of('noise', options.get('effects', DEFAULT_EFFECTS))          # wrong usage is said before anything is read
+    model_of(
+        'noise', options.get('effects', DEFAULT_EFFECTS)
+    )  # wrong usage is said before anything is read
     with files.new_folder(folder, force=force) as new:
         reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
-        record = open_record(bag, topic, gyro_unit=gyro_unit, accel_unit=accel_unit, input_kind=input_kind, rate_hz=rate_hz,
-                             progress=reading)
+        record = open_record(
+            bag,
+            topic,
+            gyro_unit=gyro_unit,
+            accel_unit=accel_unit,
+            input_kind=input_kind,
+            rate_hz=rate_hz,
+            progress=reading,
+        )
         rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
         study = analyse_record(record, progress=rest, **options)
         del record
@@ -115,32 +166,51 @@ def analyse(bag, out=None, *, topic=None, rate_hz=None, input_kind='rate', gyro_
 def default_folder(bag) -> Path:
     """Return ``<bag>.study`` beside the bag."""
     path = Path(bag)
-    return path.parent / f'{path.resolve().name if path.name in ("", ".", "..") else path.name}.study'
+    return (
+        path.parent / f'{path.resolve().name if path.name in ("", ".", "..") else path.name}.study'
+    )
 
 
 def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
-    """Return all files of a noise study by name; ``folder`` is what the page's next commands name."""
+    """
+    Return all files of a noise study by name; ``folder`` is what the page's next commands name.
+
+    """
     from .. import report
+
     shown = report.pictures(study)
-    return {**store.study_files(study), 'imu.yaml': export.export(study, 'kalibr'), 'allan.csv': allan_csv(study),
-            'allan.png': shown['allan'], 'report.html': report.html(study, shown, folder=str(folder or 'DIR'))}
+    return {
+        **store.study_files(study),
+        'imu.yaml': export.export(study, 'kalibr'),
+        'allan.csv': allan_csv(study),
+        'allan.png': shown['allan'],
+        'report.html': report.html(study, shown, folder=str(folder or 'DIR')),
+    }
 
 
 def allan_csv(study: Study) -> str:
     """Return the curves with the model's deviation beside them."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model'])
+    writer.writerow(
+        ['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model']
+    )
     for axis, state in study.states.items():
         c = state.problem.evidence.curve
         model = np.sqrt(model_curve(state.problem.evidence, state.model, c.m))
         for row in zip(c.tau, c.count, c.dev, c.lo, c.hi, c.percent_error, c.edf, model):
-            writer.writerow([axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])])
+            writer.writerow(
+                [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])]
+            )
     return text.getvalue()
 
 
 def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
-    """Load the study of a folder, do something to it, and rewrite all of its files; return the study and what came back."""
+    """
+    Load the study of a folder, do something to it, and rewrite all of its files; return the study
+    and what came back.
+
+    """
     study = store.load(folder)
     result = what(study)
     save(study, folder)
@@ -158,6 +228,8 @@ def outputs_of(study: Study, folder) -> dict[str, str | bytes]:
         return outputs(study, folder)
     if study.domain == 'calibration':
         from . import calibration
+
         return calibration.outputs(study)
     from .. import report
+
     return {**store.study_files(study), 'report.html': report.html(study, folder=str(folder))}

@@ -10,9 +10,12 @@ from ..noise.plan import duration_for, in_words, precision
 _EFFECTS = {'N': 'white', 'B': 'flicker', 'K': 'random_walk'}
 
 
-def plan(folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted: float = 0.2) -> list[dict]:
+def plan(
+    folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted: float = 0.2
+) -> list[dict]:
     """
-    Return one row a parameter: what an hour gives, and how long a record gives the wanted relative precision.
+    Return one row a parameter: what an hour gives, and how long a record gives the wanted relative
+    precision.
 
     Parameters
     ----------
@@ -26,13 +29,26 @@ def plan(folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted:
         study = store.load(folder)
         models = {t: (s.model, s.problem.evidence.dt) for t, s in study.states.items()}
     else:
-        models = {sensor: (Model(find_effect('noise', _EFFECTS[k])({k: v}) for k, v in given.items()), 1 / rate_hz)}
+        models = {
+            sensor: (
+                Model(find_effect('noise', _EFFECTS[k])({k: v}) for k, v in given.items()),
+                1 / rate_hz,
+            )
+        }
     rows = []
     for target, (model, dt) in models.items():
         hour = precision(model, 3600.0, dt)
         for (label, name), share in hour.items():
             t = duration_for(model, label, name, dt, wanted)
-            rows.append({'target': target, 'parameter': f'{label}.{name}', 'value': model[label][name],
-                         'one_hour': f'{100 * share:.2g} %' if share < 10 else 'nothing', 'one_hour_relative': share,
-                         'record': in_words(t) if t else 'more than 1000 h', 'seconds': t})
+            rows.append(
+                {
+                    'target': target,
+                    'parameter': f'{label}.{name}',
+                    'value': model[label][name],
+                    'one_hour': f'{100 * share:.2g} %' if share < 10 else 'nothing',
+                    'one_hour_relative': share,
+                    'record': in_words(t) if t else 'more than 1000 h',
+                    'seconds': t,
+                }
+            )
     return rows

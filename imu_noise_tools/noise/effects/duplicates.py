@@ -8,40 +8,69 @@ from ..kinds import Defect, Parameter, Response
 
 
 class Duplicates(Defect, Response):
-    """A share of the samples repeats the one before: the sensor is read faster than it measures, or a message is sent twice."""
+    """
+    A share of the samples repeats the one before: the sensor is read faster than it measures, or a
+    message is sent twice.
+
+    """
 
     name = 'duplicates'
     symbol = 'fraction'
     title = 'repeated samples'
-    equation = ('gain^2, scaled to 1 at f = 0: held at random (1-p)^2/(1-2p cos w+p^2); always r times the squared Dirichlet kernel '
-                'of r = 1/(1-p) samples')
+    equation = (
+        'gain^2, scaled to 1 at f = 0: held at random (1-p)^2/(1-2p cos w+p^2); always r times the squared Dirichlet kernel '
+        'of r = 1/(1-p) samples'
+    )
     signature = 'neighbours are exactly equal more often than noise and resolution allow; power falls towards Nyquist'
-    hint = ('The bus or the driver is read faster than the sensor updates: lower the publishing rate to the sensor\'s, or read on its '
-            'data-ready interrupt. N as fitted here holds at low frequencies.')
+    hint = (
+        "The bus or the driver is read faster than the sensor updates: lower the publishing rate to the sensor's, or read on its "
+        'data-ready interrupt. N as fitted here holds at low frequencies.'
+    )
     reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
     views = ('frequency', 'time', 'distribution', 'variance')
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
-        Parameter('regular', '1', 0, 1, log=False, discrete=True, title='1: always the same number of repeats; 0: at random'),
+        Parameter(
+            'regular',
+            '1',
+            0,
+            1,
+            log=False,
+            discrete=True,
+            title='1: always the same number of repeats; 0: at random',
+        ),
     )
 
     @classmethod
     def statistics(cls, y, inputs):
-        """Keep the share of equal neighbours, what chance gives, and whether the runs have one length."""
+        """
+        Keep the share of equal neighbours, what chance gives, and whether the runs have one
+        length.
+
+        """
         same = np.diff(y) == 0
         fraction = float(np.mean(same))
-        out = {'fraction': np.array(fraction), 'expected': np.array(0.0), 'regular': np.array(0.0), 'n': np.array(len(y))}
+        out = {
+            'fraction': np.array(fraction),
+            'expected': np.array(0.0),
+            'regular': np.array(0.0),
+            'n': np.array(len(y)),
+        }
         if fraction == 0:
             return out
         step, _ = grid_step(y)
         sigma = robust_sigma(y) * (1 / np.sqrt(max(1 - fraction, 1e-3)))
         # equal by rounding: density of the difference of two neighbours at zero times the step
-        out['expected'] = np.array(min(1.0, step / (2 * np.sqrt(np.pi) * max(sigma, 1e-300))) if step > 0 else 0.0)
+        out['expected'] = np.array(
+            min(1.0, step / (2 * np.sqrt(np.pi) * max(sigma, 1e-300))) if step > 0 else 0.0
+        )
         edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
         runs = np.diff(edges)[1:-1]
         if len(runs) > 10:
             counts = np.bincount(np.minimum(runs, 50))
-            out['regular'] = np.array(float(counts.argmax() > 1 and counts.max() > 0.9 * len(runs)))
+            out['regular'] = np.array(
+                float(counts.argmax() > 1 and counts.max() > 0.9 * len(runs))
+            )
         return out
 
     def find(self, evidence):
@@ -59,10 +88,17 @@ class Duplicates(Defect, Response):
         std = float(np.sqrt(seen * (1 - seen) / n))
         regular = float(kept['regular'])
         effect = self.with_values(fraction=share, regular=regular)
-        return Finding(self.name, float(gain), effect, {
-            'fraction': Estimate(share, std, (max(share - 1.96 * std, 0), share + 1.96 * std)),
-            'regular': Estimate(regular, None, None)}, view='repeats',
-            evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % would be by rounding')
+        return Finding(
+            self.name,
+            float(gain),
+            effect,
+            {
+                'fraction': Estimate(share, std, (max(share - 1.96 * std, 0), share + 1.96 * std)),
+                'regular': Estimate(regular, None, None),
+            },
+            view='repeats',
+            evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % would be by rounding',
+        )
 
     def gain2(self, f, dt):
         """Return the squared gain on white noise, scaled to 1 at zero frequency."""

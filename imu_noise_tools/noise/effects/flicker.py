@@ -7,15 +7,20 @@ from ..kinds import Parameter, Spectrum
 
 
 class Flicker(Spectrum):
-    """B: power as 1/f; the sampled process is the fractional difference of order 1/2 of white noise."""
+    """
+    B: power as 1/f; the sampled process is the fractional difference of order 1/2 of white noise.
+
+    """
 
     name = 'flicker'
     symbol = 'B'
     title = 'bias instability'
     equation = 'S(f) = B^2/(2 pi f) (two-sided), sigma^2(tau) = (2 ln2/pi) B^2 = (0.664 B)^2'
     signature = 'the flat part of the Allan deviation at 0.664 B; PSD falling as 1/f'
-    hint = ('Electronics and the sensing element. It limits how well any averaging can determine the bias. It has no finite '
-            'state space: a few Gauss-Markov terms imitate it over a stated band.')
+    hint = (
+        'Electronics and the sensing element. It limits how well any averaging can determine the bias. It has no finite '
+        'state space: a few Gauss-Markov terms imitate it over a stated band.'
+    )
     reference = 'IEEE 952 C.1.3'
     parameters = (Parameter('B', '{rate}', 1e-12, 1e2, amplitude=True, title='bias instability'),)
 
@@ -27,22 +32,25 @@ class Flicker(Spectrum):
         """
         (2 ln2/pi) B^2 times the sampled form's factor.
 
-        Its structure function is that of fractional noise of order 1/2; the factor is 1.443, 1.154, 1.034 at m = 1, 2, 5.
+        Its structure function is that of fractional noise of order 1/2; the factor is 1.443,
+        1.154, 1.034 at m = 1, 2, 5.
         """
         m = np.asarray(m, float)
         flat = 2 * np.log(2) / np.pi * self['B'] ** 2
         factor = np.ones(len(m))
         small = m < 60
         if small.any():
-            factor[small] = super(Flicker, type(self)({'B': 1.0})).avar(m[small], dt) / (2 * np.log(2) / np.pi)
+            factor[small] = super(Flicker, type(self)({'B': 1.0})).avar(m[small], dt) / (
+                2 * np.log(2) / np.pi
+            )
         return flat * factor
 
     def apply(self, x, inputs, rng):
         """
         Add the running sum of ARFIMA(0, -1/2, 0) increments, drawn exactly by circulant embedding.
 
-        Increments of S = sigma^2 |2 sin(pi f dt)|^{1}: gamma_0 = 4/pi, gamma_k = gamma_{k-1} (k - 3/2)/(k + 1/2) for
-        sigma = 1 (Hosking 1981); B^2 = sigma^2 in S_1 = 2 B^2 dt/s of the sum.
+        Increments of S = sigma^2 |2 sin(pi f dt)|^{1}: gamma_0 = 4/pi, gamma_k = gamma_{k-1} (k -
+        3/2)/(k + 1/2) for sigma = 1 (Hosking 1981); B^2 = sigma^2 in S_1 = 2 B^2 dt/s of the sum.
         """
         n = len(x)
         k = np.arange(1, n + 1)
@@ -54,7 +62,7 @@ class Flicker(Spectrum):
         if len(more):
             gamma = np.concatenate([gamma, gamma[-1] * np.cumprod((more - 1.5) / (more + 0.5))])
         half = size // 2
-        row = np.concatenate([gamma[:half + 1], gamma[1:size - half][::-1]])
+        row = np.concatenate([gamma[: half + 1], gamma[1 : size - half][::-1]])
         eigen = np.maximum(rfft(row).real, 0)
         noise = rfft(rng.standard_normal(size))
         steps = irfft(np.sqrt(eigen) * noise, size)[:n]

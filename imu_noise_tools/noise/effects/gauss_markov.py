@@ -13,11 +13,15 @@ class GaussMarkov(Spectrum):
     name = 'gauss_markov'
     symbol = 'sigma, Tc'
     title = 'Gauss-Markov (exponentially correlated) noise'
-    equation = ('S(f) = 2 sigma^2 Tc/(1 + (2 pi f Tc)^2) (two-sided), '
-                'sigma^2(tau) = (2 sigma^2 Tc/tau) [1 - (Tc/2tau)(3 - 4 e^(-tau/Tc) + e^(-2tau/Tc))]')
+    equation = (
+        'S(f) = 2 sigma^2 Tc/(1 + (2 pi f Tc)^2) (two-sided), '
+        'sigma^2(tau) = (2 sigma^2 Tc/tau) [1 - (Tc/2tau)(3 - 4 e^(-tau/Tc) + e^(-2tau/Tc))]'
+    )
     signature = 'a smooth bump in the Allan deviation, peak at 1.893 Tc; a shoulder in the PSD without a line'
-    hint = ('A control loop, a regulator, a fan or slow internal temperature regulation. If two levels show in the time series it is '
-            'rts, if a line shows in the spectrum a sinusoid.')
+    hint = (
+        'A control loop, a regulator, a fan or slow internal temperature regulation. If two levels show in the time series it is '
+        'rts, if a line shows in the spectrum a sinusoid.'
+    )
     reference = 'IEEE 952 C.1.5'
     several = True
     parameters = (
@@ -26,11 +30,17 @@ class GaussMarkov(Spectrum):
     )
 
     def starts(self, evidence):
-        """Start from correlation times that the record can show: from two samples to a fifth of its length."""
+        """
+        Start from correlation times that the record can show: from two samples to a fifth of its
+        length.
+
+        """
         if 'tc' in self.values:
             return super().starts(evidence)
         shortest, longest = 2 * evidence.dt, evidence.n * evidence.dt / 5
-        return [self.with_values(sigma=1.0, tc=float(tc)) for tc in np.geomspace(shortest, longest, 7)]
+        return [
+            self.with_values(sigma=1.0, tc=float(tc)) for tc in np.geomspace(shortest, longest, 7)
+        ]
 
     def bounds(self, evidence):
         """Below a third of the interval it is white, beyond the record a random walk."""
@@ -51,7 +61,9 @@ class GaussMarkov(Spectrum):
 
     def apply(self, x, inputs, rng):
         """Add the recursion, started stationary."""
-        w = rng.standard_normal(len(x)) * np.sqrt(ar1.innovation_variance(self['sigma'], self['tc'], inputs.dt))
+        w = rng.standard_normal(len(x)) * np.sqrt(
+            ar1.innovation_variance(self['sigma'], self['tc'], inputs.dt)
+        )
         w[0] = self['sigma'] * rng.standard_normal()
         return x + lfilter([1.0], [1.0, -ar1.phi(inputs.dt, self['tc'])], w)
 

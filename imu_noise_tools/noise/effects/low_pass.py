@@ -13,22 +13,37 @@ class LowPass(Response):
     name = 'low_pass'
     symbol = 'cutoff'
     title = "the sensor's own low-pass"
-    equation = ('gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth 1/(1+(tan(w/2)/tan(wc/2))^4) or '
-                '1/(1+(f/cutoff)^4); moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)')
+    equation = (
+        'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth 1/(1+(tan(w/2)/tan(wc/2))^4) or '
+        '1/(1+(f/cutoff)^4); moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)'
+    )
     signature = 'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no repeated samples'
-    hint = ('The digital low-pass of the sensor is set below half the output rate. Harmless: N holds below the cutoff. Ask for a lower '
-            'output rate, or a wider filter, if neighbouring samples must be independent.')
+    hint = (
+        'The digital low-pass of the sensor is set below half the output rate. Harmless: N holds below the cutoff. Ask for a lower '
+        'output rate, or a wider filter, if neighbouring samples must be independent.'
+    )
     reference = 'IEEE 1554, bandwidth'
     parameters = (
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
-        Parameter('form', '1', 0, 3, log=False, discrete=True,
-                  title='0 first order, 1 Butterworth 2 (digital), 2 Butterworth 2 (analogue), 3 moving average'),
+        Parameter(
+            'form',
+            '1',
+            0,
+            3,
+            log=False,
+            discrete=True,
+            title='0 first order, 1 Butterworth 2 (digital), 2 Butterworth 2 (analogue), 3 moving average',
+        ),
     )
 
     def starts(self, evidence):
         """Each form at three cutoffs below Nyquist."""
         nyquist = 0.5 / evidence.dt
-        return [self.with_values(cutoff=float(c * nyquist), form=float(k)) for k in range(len(FORMS)) for c in (0.1, 0.35, 0.8)]
+        return [
+            self.with_values(cutoff=float(c * nyquist), form=float(k))
+            for k in range(len(FORMS))
+            for c in (0.1, 0.35, 0.8)
+        ]
 
     def bounds(self, evidence):
         """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
@@ -51,6 +66,7 @@ class LowPass(Response):
     def apply(self, x, inputs, rng):
         """Filter through the DCT: the even extension has no transient at the ends."""
         from scipy.fft import dct, idct
+
         c = dct(x, type=2, norm='ortho')
         k = np.arange(1, len(x))
         c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))

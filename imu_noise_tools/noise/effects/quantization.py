@@ -13,10 +13,14 @@ class Quantization(Spectrum):
     title = 'quantization noise (of the angle)'
     equation = 'S(f) = (4 Q^2/tau0) sin^2(pi f tau0) (two-sided), sigma^2(tau) = 3 Q^2/tau^2'
     signature = 'slope -1 in the Allan deviation; PSD rising as f^2 up to Nyquist'
-    hint = ('The output is an angle or velocity increment that is read to a finite step (ring laser and fibre-optic gyroscopes). '
-            'A step in the *rate* is something else: rate_quantization, which is white.')
+    hint = (
+        'The output is an angle or velocity increment that is read to a finite step (ring laser and fibre-optic gyroscopes). '
+        'A step in the *rate* is something else: rate_quantization, which is white.'
+    )
     reference = 'IEEE 952 C.1.2'
-    parameters = (Parameter('Q', '{integral}', 1e-14, 1e2, amplitude=True, title='angle quantization'),)
+    parameters = (
+        Parameter('Q', '{integral}', 1e-14, 1e2, amplitude=True, title='angle quantization'),
+    )
     filtered = False
 
     def psd(self, f, dt):
@@ -29,7 +33,11 @@ class Quantization(Spectrum):
 
     def state_space(self, dt):
         """Two states: this and the last reading's error, (e_k - e_{k-1})/dt with e ~ N(0, Q^2)."""
-        return np.array([[0.0, 0.0], [1.0, 0.0]]), np.diag([self['Q'] ** 2, 0.0]), np.array([[1.0, -1.0]]) / dt
+        return (
+            np.array([[0.0, 0.0], [1.0, 0.0]]),
+            np.diag([self['Q'] ** 2, 0.0]),
+            np.array([[1.0, -1.0]]) / dt,
+        )
 
     def apply(self, x, inputs, rng):
         """Add the difference of white angle errors."""

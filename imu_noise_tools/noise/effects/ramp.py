@@ -13,10 +13,16 @@ class Ramp(Mean):
     title = 'rate ramp'
     equation = 'mean = R t, sigma^2(tau) = R^2 tau^2/2'
     signature = 'slope +1 at the long end of the Allan deviation; the mean of the record drifts in one direction'
-    hint = ('Warming up, a slow temperature change, ageing. Record the temperature, and wait before recording: if the drift then '
-            'ends it was a warm-up (transient) or temperature.')
+    hint = (
+        'Warming up, a slow temperature change, ageing. Record the temperature, and wait before recording: if the drift then '
+        'ends it was a warm-up (transient) or temperature.'
+    )
     reference = 'IEEE 952 C.1.6'
-    parameters = (Parameter('R', '{slope}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='rate ramp'),)
+    parameters = (
+        Parameter(
+            'R', '{slope}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='rate ramp'
+        ),
+    )
 
     def columns(self, inputs):
         """t."""

@@ -13,19 +13,23 @@ class RandomWalk(Spectrum):
     title = 'rate random walk'
     equation = 'S(f) = (K/2 pi)^2/f^2 (two-sided), sigma^2(tau) = K^2 tau/3 (1 + 1/(2 m^2))'
     signature = 'slope +1/2 at the long end of the Allan deviation; PSD falling as 1/f^2'
-    hint = ('Slow wandering of the bias. Short records cannot tell it from flicker noise, a ramp or temperature: record longer, '
-            'and the temperature with it.')
+    hint = (
+        'Slow wandering of the bias. Short records cannot tell it from flicker noise, a ramp or temperature: record longer, '
+        'and the temperature with it.'
+    )
     reference = 'IEEE 952 C.1.4'
-    parameters = (Parameter('K', '{slope}/sqrt(Hz)', 1e-14, 1e2, amplitude=True, title='rate random walk'),)
+    parameters = (
+        Parameter('K', '{slope}/sqrt(Hz)', 1e-14, 1e2, amplitude=True, title='rate random walk'),
+    )
 
     def psd(self, f, dt):
         """2 K^2 dt^2 / (2 sin(pi f dt))^2."""
-        return 2 * self['K'] ** 2 * dt ** 2 / (2 * np.sin(np.pi * np.asarray(f) * dt)) ** 2
+        return 2 * self['K'] ** 2 * dt**2 / (2 * np.sin(np.pi * np.asarray(f) * dt)) ** 2
 
     def avar(self, m, dt):
         """K^2 tau/3 with the sampled form's factor."""
         m = np.asarray(m, float)
-        return self['K'] ** 2 * m * dt / 3 * (1 + 1 / (2 * m ** 2))
+        return self['K'] ** 2 * m * dt / 3 * (1 + 1 / (2 * m**2))
 
     def state_space(self, dt):
         """One integrator."""

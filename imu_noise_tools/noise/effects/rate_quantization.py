@@ -8,26 +8,41 @@ from ..kinds import Defect, Parameter, Spectrum
 
 
 class RateQuantization(Spectrum, Defect):
-    """The output is rounded to a step: white noise of N = step/sqrt(12 fs) where the noise spans half a step or more."""
+    """
+    The output is rounded to a step: white noise of N = step/sqrt(12 fs) where the noise spans half
+    a step or more.
+
+    """
 
     name = 'rate_quantization'
     symbol = 'step'
     title = 'resolution of the rate output'
     equation = 'S(f) = step^2 dt/12 (two-sided): N = step/sqrt(12 fs)'
     signature = 'few distinct levels, evenly spaced; white'
-    hint = ('The output word is short or the range is set too wide: choose a smaller range or a longer word. Below half a standard '
-            'deviation of noise the rounding is no longer white, and averaging no longer helps.')
+    hint = (
+        'The output word is short or the range is set too wide: choose a smaller range or a longer word. Below half a standard '
+        'deviation of noise the rounding is no longer white, and averaging no longer helps.'
+    )
     reference = 'Widrow and Kollar, Quantization Noise, 2008'
-    parameters = (Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),)
+    parameters = (
+        Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),
+    )
     filtered = False
     views = ()
-    hides = ('distribution', 'variance')        # samples on a coarse grid are not normal, and their power moves with the mean
+    hides = (
+        'distribution',
+        'variance',
+    )  # samples on a coarse grid are not normal, and their power moves with the mean
 
     @classmethod
     def statistics(cls, y, inputs):
         """Keep the step, the number of levels and the share of samples on the grid."""
         step, levels = grid_step(y)
-        return {'step': np.array(step), 'levels': np.array(levels), 'sigma': np.array(robust_sigma(y))}
+        return {
+            'step': np.array(step),
+            'levels': np.array(levels),
+            'sigma': np.array(robust_sigma(y)),
+        }
 
     def find(self, evidence):
         """The step is what the levels say; it is an effect from half a standard deviation on."""
@@ -35,13 +50,19 @@ class RateQuantization(Spectrum, Defect):
         step, sigma = float(kept['step']), float(kept['sigma'])
         if not step > 0:
             return None
-        # Each sample on the grid is that much likelier than under a density: ln(sigma/step) + const a sample, far above any
-        # penalty as soon as the grid is coarse; finer grids are part of N.
+        # Each sample on the grid is that much likelier than under a density: ln(sigma/step) +
+        # const a sample, far above any penalty as soon as the grid is coarse; finer grids are part
+        # of N.
         coarse = step >= 0.5 * sigma
         gain = evidence.n * 0.5 * min(1.0, (step / max(sigma, step / 12)) ** 2) if coarse else 0.0
-        return Finding(self.name, gain, self.with_values(step=step), {'step': Estimate(
-            step, 0.0, (step, step), fixed=True)}, view='repeats',
-            evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} standard deviations')
+        return Finding(
+            self.name,
+            gain,
+            self.with_values(step=step),
+            {'step': Estimate(step, 0.0, (step, step), fixed=True)},
+            view='repeats',
+            evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} standard deviations',
+        )
 
     def psd(self, f, dt):
         """step^2 dt/6, one-sided."""

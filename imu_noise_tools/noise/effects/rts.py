@@ -16,8 +16,10 @@ class Rts(Spectrum, Defect):
     title = 'random telegraph signal (popcorn noise)'
     equation = 'two levels, step apart, mean dwell tau: the spectrum of a Gauss-Markov process with sigma = step/2, Tc = tau/2'
     signature = 'block means have two humps; the Allan deviation bumps as for a Gauss-Markov process, which has one hump'
-    hint = ('A defect in the semiconductor traps and frees a charge. It belongs to the unit: compare another one. Averaging helps only '
-            'beyond many dwell times.')
+    hint = (
+        'A defect in the semiconductor traps and frees a charge. It belongs to the unit: compare another one. Averaging helps only '
+        'beyond many dwell times.'
+    )
     reference = 'Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, 1954'
     views = ('frequency', 'time')
     parameters = (
@@ -27,9 +29,15 @@ class Rts(Spectrum, Defect):
 
     @classmethod
     def statistics(cls, y, inputs):
-        """Keep, for block lengths 1, 2, 4 ..., the two-level fit to the block means and what it gains over one level."""
+        """
+        Keep, for block lengths 1, 2, 4 ..., the two-level fit to the block means and what it gains
+        over one level.
+
+        """
         step, _ = grid_step(y)
-        if step > 0:                # levels of the output are none of the sensor: a triangular dither smooths them away
+        if (
+            step > 0
+        ):  # levels of the output are none of the sensor: a triangular dither smooths them away
             y = y + step * (np.random.default_rng(0).random((2, len(y))).sum(axis=0) - 1)
         rows = []
         length = 1
@@ -44,7 +52,9 @@ class Rts(Spectrum, Defect):
         if not kept:
             return None
         rows = kept['scales']
-        good = rows[(rows[:, 5] > 4) & (rows[:, 1] > 0) & (rows[:, 2] > 3 * rows[:, 0] * evidence.dt)]
+        good = rows[
+            (rows[:, 5] > 4) & (rows[:, 1] > 0) & (rows[:, 2] > 3 * rows[:, 0] * evidence.dt)
+        ]
         if not len(good):
             return None
         best = good[np.argmax(good[:, 4])]
@@ -54,11 +64,24 @@ class Rts(Spectrum, Defect):
         effect = self.with_values(step=float(step), tau=float(tau))
         error = float(spread / np.sqrt(max(switches, 1)) + 0.01 * step)
         dwell = float(tau / np.sqrt(max(switches, 1)))
-        return Finding(self.name, float(gain), effect, {
-            'step': Estimate(float(step), error, (float(step - 1.96 * error), float(step + 1.96 * error))),
-            'tau': Estimate(float(tau), dwell, (float(max(tau - 1.96 * dwell, 0)), float(tau + 1.96 * dwell)))}, view='frequency',
+        return Finding(
+            self.name,
+            float(gain),
+            effect,
+            {
+                'step': Estimate(
+                    float(step), error, (float(step - 1.96 * error), float(step + 1.96 * error))
+                ),
+                'tau': Estimate(
+                    float(tau),
+                    dwell,
+                    (float(max(tau - 1.96 * dwell, 0)), float(tau + 1.96 * dwell)),
+                ),
+            },
+            view='frequency',
             evidence=f'means of {length * evidence.dt:.3g} s stand on two levels {step / spread:.1f} standard deviations apart, '
-                     f'{int(switches)} switches')
+            f'{int(switches)} switches',
+        )
 
     def psd(self, f, dt):
         """The AR(1) spectrum."""
@@ -88,7 +111,7 @@ class Rts(Spectrum, Defect):
 def _two_levels(y, length, dt):
     """Return (length, step, tau, spread, gain, switches) of a two-level fit to block means."""
     count = len(y) // length
-    z = y[:count * length].reshape(count, length).mean(axis=1) if length > 1 else y
+    z = y[: count * length].reshape(count, length).mean(axis=1) if length > 1 else y
     z = z - _slow_part(z)
     scale = np.std(z)
     none = (length, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -112,8 +135,16 @@ def _two_levels(y, length, dt):
         a, b = cells @ (r * x) / wa, cells @ ((1 - r) * x) / wb
         s2 = max((cells @ (r * (x - a) ** 2) + cells @ ((1 - r) * (x - b) ** 2)) / total, 1e-4)
         share = wa / total
-    two = cells @ (np.log(np.maximum(share * np.exp(-0.5 * (x - a) ** 2 / s2) + (1 - share) * np.exp(-0.5 * (x - b) ** 2 / s2), 1e-300))
-                   - 0.5 * np.log(s2))
+    two = cells @ (
+        np.log(
+            np.maximum(
+                share * np.exp(-0.5 * (x - a) ** 2 / s2)
+                + (1 - share) * np.exp(-0.5 * (x - b) ** 2 / s2),
+                1e-300,
+            )
+        )
+        - 0.5 * np.log(s2)
+    )
     # switches with hysteresis: a level counts when it is nearer than a quarter of the distance
     low, high = a + 0.25 * (b - a), b - 0.25 * (b - a)
     state = np.where(z / scale < low, -1, np.where(z / scale > high, 1, 0))
@@ -124,11 +155,22 @@ def _two_levels(y, length, dt):
     tau = count * length * dt / switches
     # samples within a dwell repeat each other: only the dwells are independent
     independent = min(count, 2.0 * switches)
-    return length, (b - a) * scale, tau, float(np.sqrt(s2)) * scale, (two - one) / total * independent - 3.0, switches
+    return (
+        length,
+        (b - a) * scale,
+        tau,
+        float(np.sqrt(s2)) * scale,
+        (two - one) / total * independent - 3.0,
+        switches,
+    )
 
 
 def _slow_part(z):
-    """Return a smooth curve through z, far slower than anything that switches often: means of 12 stretches, interpolated."""
+    """
+    Return a smooth curve through z, far slower than anything that switches often: means of 12
+    stretches, interpolated.
+
+    """
     k = 12
     if len(z) < 8 * k:
         return np.mean(z)

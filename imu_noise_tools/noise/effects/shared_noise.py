@@ -14,19 +14,41 @@ class SharedNoise(Coupling):
     title = 'noise shared with another axis'
     equation = 'y = ... + gain * y_source'
     signature = 'coherence between axes of one sensor at rest'
-    hint = ('Common supply or reference noise, real motion of the mount, or cross-talk. At rest on a heavy base true motion should be '
-            'gone: record there; if it stays it is electrical.')
+    hint = (
+        'Common supply or reference noise, real motion of the mount, or cross-talk. At rest on a heavy base true motion should be '
+        'gone: record there; if it stays it is electrical.'
+    )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
     needs = 'analyse a record with all axes of the sensor'
     parameters = (
-        Parameter('gain', '1', -1e3, 1e3, log=False, amplitude=True, linear=True, title='share of the other axis'),
-        Parameter('source', '1', 0, 5, log=False, discrete=True, title='which axis, 0 gyro_x ... 5 accel_z'),
+        Parameter(
+            'gain',
+            '1',
+            -1e3,
+            1e3,
+            log=False,
+            amplitude=True,
+            linear=True,
+            title='share of the other axis',
+        ),
+        Parameter(
+            'source',
+            '1',
+            0,
+            5,
+            log=False,
+            discrete=True,
+            title='which axis, 0 gyro_x ... 5 accel_z',
+        ),
     )
 
     def starts(self, evidence):
         """Each other axis of the same sensor."""
-        return [self.with_values(source=float(AXES.index(a))) for a in evidence.channels
-                if a in AXES and a.split('_')[0] == evidence.sensor]
+        return [
+            self.with_values(source=float(AXES.index(a)))
+            for a in evidence.channels
+            if a in AXES and a.split('_')[0] == evidence.sensor
+        ]
 
     def channels(self, evidence):
         """The source."""

@@ -12,9 +12,13 @@ class Sinusoid(Line):
     symbol = 'Omega0, f0'
     title = 'sinusoidal noise'
     equation = 'sigma^2(tau) = Omega0^2 [sin^2(pi f0 tau)/(pi f0 tau)]^2'
-    signature = 'one narrow line in the PSD; a bump in the Allan deviation with nulls at tau = n/f0'
-    hint = ('A rotating machine, mains, a pump or a fan near the sensor, or one of these folded down by sampling. Stop the machine and '
-            'record again; change the sample rate: an alias moves.')
+    signature = (
+        'one narrow line in the PSD; a bump in the Allan deviation with nulls at tau = n/f0'
+    )
+    hint = (
+        'A rotating machine, mains, a pump or a fan near the sensor, or one of these folded down by sampling. Stop the machine and '
+        'record again; change the sample rate: an alias moves.'
+    )
     reference = 'IEEE 952 C.1.7'
     several = True
     parameters = (

@@ -6,7 +6,7 @@ from scipy.special import log_ndtr, ndtri
 from ...effect import Estimate, Finding
 from ..kinds import Defect, Parameter
 
-SURE = 15.0          # nats from which outliers are taken out of the samples that the spectrum is made of
+SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 
 
 class Spikes(Defect):
@@ -17,8 +17,10 @@ class Spikes(Defect):
     title = 'spikes (outliers)'
     equation = 'x_k + s_k, s_k ~ N(0, sigma^2) in a share rate*dt of the samples, else 0'
     signature = 'tails of the whitened samples beyond the normal distribution, isolated in time; white spectrum'
-    hint = ('Transmission errors, electrical interference, or knocks (these show on several axes at once and ring). Check the bus, its '
-            'checksums and the supply. N as fitted here is that of the samples without them.')
+    hint = (
+        'Transmission errors, electrical interference, or knocks (these show on several axes at once and ring). Check the bus, its '
+        'checksums and the supply. N as fitted here is that of the samples without them.'
+    )
     reference = 'Huber, Robust Statistics, 1981'
     views = ('distribution', 'variance')
     parameters = (
@@ -36,8 +38,14 @@ class Spikes(Defect):
             return {}
         threshold = float(-ndtri(0.01 / n)) * sigma
         index = np.flatnonzero(np.abs(rest) > threshold)
-        return {'index': index, 'size': rest[index], 'sigma': np.array(sigma), 'threshold': np.array(threshold),
-                'n': np.array(n), 'dt': np.array(inputs.dt)}
+        return {
+            'index': index,
+            'size': rest[index],
+            'sigma': np.array(sigma),
+            'threshold': np.array(threshold),
+            'n': np.array(n),
+            'dt': np.array(inputs.dt),
+        }
 
     @classmethod
     def screen(cls, y, kept, inputs):
@@ -54,7 +62,10 @@ class Spikes(Defect):
         return out
 
     def find(self, evidence):
-        """Each outlier's likelihood as a spike of the fitted size, over that of a normal sample."""
+        """
+        Each outlier's likelihood as a spike of the fitted size, over that of a normal sample.
+
+        """
         kept = evidence.kept(self.name)
         found = _gain(kept) if kept else None
         if found is None:
@@ -62,17 +73,29 @@ class Spikes(Defect):
         gain, spread, wide = found
         size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])
         k = len(size)
-        # spikes too small to be told from noise are missing: scale by the share beyond the threshold
+        # spikes too small to be told from noise are missing: scale by the share beyond the
+        # threshold
         seen = max(2 * float(np.exp(log_ndtr(-float(kept['threshold']) / wide))), 0.05)
         duration = n * float(kept['dt'])
         rate = k / duration / seen
         std = np.sqrt(k) / duration / seen
         effect = self.with_values(rate=rate, sigma=spread)
-        return Finding(self.name, float(gain), effect, {
-            'rate': Estimate(rate, float(std), (max(rate - 1.96 * std, 0), rate + 1.96 * std)),
-            'sigma': Estimate(spread, spread / np.sqrt(2 * k), (spread * (1 - 1.4 / np.sqrt(k)), spread * (1 + 1.4 / np.sqrt(k))))},
-            view='distribution', evidence=f'{k} samples beyond {float(kept["threshold"]) / sigma:.1f} standard deviations, '
-                                          f'the largest {np.max(np.abs(size)) / sigma:.0f}')
+        return Finding(
+            self.name,
+            float(gain),
+            effect,
+            {
+                'rate': Estimate(rate, float(std), (max(rate - 1.96 * std, 0), rate + 1.96 * std)),
+                'sigma': Estimate(
+                    spread,
+                    spread / np.sqrt(2 * k),
+                    (spread * (1 - 1.4 / np.sqrt(k)), spread * (1 + 1.4 / np.sqrt(k))),
+                ),
+            },
+            view='distribution',
+            evidence=f'{k} samples beyond {float(kept["threshold"]) / sigma:.1f} standard deviations, '
+            f'the largest {np.max(np.abs(size)) / sigma:.0f}',
+        )
 
     def apply(self, x, inputs, rng):
         """Add a normal spike to a share of the samples."""
@@ -86,14 +109,20 @@ class Spikes(Defect):
 
 
 def _gain(kept):
-    """Return (nats, standard deviation of the spikes, of spike and noise together); None where there are none, or too many."""
+    """
+    Return (nats, standard deviation of the spikes, of spike and noise together); None where there
+    are none, or too many.
+
+    """
     size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])
     k = len(size)
     if not 0 < k <= 0.05 * n:
         return None
-    spread = float(np.sqrt(max(np.mean(size ** 2) - sigma ** 2, sigma ** 2)))
+    spread = float(np.sqrt(max(np.mean(size**2) - sigma**2, sigma**2)))
     wide = float(np.hypot(sigma, spread))
-    gain = np.sum(0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)) - k * (np.log(n / k) + 1)
+    gain = np.sum(
+        0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)
+    ) - k * (np.log(n / k) + 1)
     return float(gain), spread, wide
 
 
@@ -112,6 +141,6 @@ def _against_neighbours(y):
 
 
 def _robust(x):
-    some = x[::max(1, len(x) // 200_000)]
+    some = x[:: max(1, len(x) // 200_000)]
     sigma = 1.4826 * float(np.median(np.abs(some - np.median(some))))
     return sigma

@@ -13,17 +13,40 @@ class Step(Mean):
     title = 'step of the bias'
     equation = 'mean = size for t >= time'
     signature = 'two flat parts of the time series with a jump between them; once, not back and forth (that is rts)'
-    hint = ('A knock, a change of supply or range, a thermal stress released. Look at what happened at that time; record again, and '
-            'analyse the stretches before and after by themselves.')
+    hint = (
+        'A knock, a change of supply or range, a thermal stress released. Look at what happened at that time; record again, and '
+        'analyse the stretches before and after by themselves.'
+    )
     reference = 'Basseville and Nikiforov, Detection of Abrupt Changes, 1993'
     several = True
     parameters = (
-        Parameter('size', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='height of the step'),
-        Parameter('time', 's', 0.0, 1e7, log=False, discrete=True, title='when, from the beginning of the record'),
+        Parameter(
+            'size',
+            '{rate}',
+            -1e3,
+            1e3,
+            log=False,
+            amplitude=True,
+            linear=True,
+            title='height of the step',
+        ),
+        Parameter(
+            'time',
+            's',
+            0.0,
+            1e7,
+            log=False,
+            discrete=True,
+            title='when, from the beginning of the record',
+        ),
     )
 
     def starts(self, evidence):
-        """Every 256th part of the record, and finer around the largest contrast of neighbouring means."""
+        """
+        Every 256th part of the record, and finer around the largest contrast of neighbouring
+        means.
+
+        """
         t = evidence.slow_t
         grid = np.linspace(t[0], t[-1], 258)[2:-2]
         y = np.concatenate([[0.0], np.cumsum(evidence.slow_y)])

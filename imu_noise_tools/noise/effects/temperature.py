@@ -14,14 +14,36 @@ class Temperature(Mean):
     title = 'temperature sensitivity of the bias'
     equation = 'mean = slope (T - Tm) + curvature ((T - Tm)^2 - mean), T lagged by a first-order time constant'
     signature = 'the slow part of the record follows the temperature topic; slope +1/2 to +1 at the long end'
-    hint = ('The bias drifts with the temperature of the die. Calibrate it over temperature, keep the temperature constant, or feed the '
-            'temperature to the estimator.')
+    hint = (
+        'The bias drifts with the temperature of the die. Calibrate it over temperature, keep the temperature constant, or feed the '
+        'temperature to the estimator.'
+    )
     reference = 'IEEE 1554, bias temperature sensitivity'
     needs = 'record a temperature topic (sensor_msgs/Temperature) or column along with the IMU'
     parameters = (
-        Parameter('slope', '{rate}/degC', -1e3, 1e3, log=False, amplitude=True, linear=True, title='change a degree'),
-        Parameter('curvature', '{rate}/degC^2', -1e3, 1e3, log=False, amplitude=True, linear=True, title='change a degree squared'),
-        Parameter('lag', 's', 0.0, 1e6, log=False, discrete=True, title='time constant of the lag'),
+        Parameter(
+            'slope',
+            '{rate}/degC',
+            -1e3,
+            1e3,
+            log=False,
+            amplitude=True,
+            linear=True,
+            title='change a degree',
+        ),
+        Parameter(
+            'curvature',
+            '{rate}/degC^2',
+            -1e3,
+            1e3,
+            log=False,
+            amplitude=True,
+            linear=True,
+            title='change a degree squared',
+        ),
+        Parameter(
+            'lag', 's', 0.0, 1e6, log=False, discrete=True, title='time constant of the lag'
+        ),
     )
 
     def starts(self, evidence):
@@ -29,7 +51,10 @@ class Temperature(Mean):
         t = evidence.slow_others.get('temperature')
         if t is None or np.ptp(t) == 0:
             return []
-        return [self.with_values(lag=float(x)) for x in (0.0, *np.geomspace(evidence.duration / 500, evidence.duration / 8, 12))]
+        return [
+            self.with_values(lag=float(x))
+            for x in (0.0, *np.geomspace(evidence.duration / 500, evidence.duration / 8, 12))
+        ]
 
     def columns(self, inputs, lag):
         """T - Tm and its square, both without mean."""
@@ -38,7 +63,7 @@ class Temperature(Mean):
             a = np.exp(-(inputs.t[1] - inputs.t[0]) / lag)
             t = lfilter([1 - a], [1, -a], t, zi=[a * t[0]])[0]
         t = t - np.mean(t)
-        return np.column_stack([t, t ** 2 - np.mean(t ** 2)])
+        return np.column_stack([t, t**2 - np.mean(t**2)])
 
     @classmethod
     def example(cls):

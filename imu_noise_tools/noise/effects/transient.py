@@ -13,11 +13,22 @@ class Transient(Mean):
     title = 'warm-up transient'
     equation = 'mean = amplitude e^(-t/tc), t from the beginning of the record'
     signature = 'the mean moves fast at first, then settles; the Allan deviation rises towards slope +1 at the long end'
-    hint = ('The sensor was warming up after power-on. Wait a few tc before recording, or record the temperature as well: '
-            'then it may turn out to be a temperature effect.')
+    hint = (
+        'The sensor was warming up after power-on. Wait a few tc before recording, or record the temperature as well: '
+        'then it may turn out to be a temperature effect.'
+    )
     reference = 'IEEE 1554, warm-up time'
     parameters = (
-        Parameter('amplitude', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='excess at the beginning'),
+        Parameter(
+            'amplitude',
+            '{rate}',
+            -1e3,
+            1e3,
+            log=False,
+            amplitude=True,
+            linear=True,
+            title='excess at the beginning',
+        ),
         Parameter('tc', 's', 1e-2, 1e6, title='time constant'),
     )
 

@@ -12,15 +12,26 @@ class VarianceChange(Modulation):
     name = 'variance_change'
     symbol = 'factor, time, period'
     title = 'variance that changes in time'
-    equation = ('variance x factor from time on (period 0); x factor^(t/T) over the record (time 0, period 0); or swinging by factor '
-                'between its extremes with a period, largest at time')
+    equation = (
+        'variance x factor from time on (period 0); x factor^(t/T) over the record (time 0, period 0); or swinging by factor '
+        'between its extremes with a period, largest at time'
+    )
     signature = 'the dynamic Allan deviation moves; the power of blocks in time scatters more than chance; heavy tails'
-    hint = ('Something near was switched on, the supply or the range changed, or the sensor warms up. Analyse the stretches by '
-            'themselves, and look at what happened at that time.')
+    hint = (
+        'Something near was switched on, the supply or the range changed, or the sensor warms up. Analyse the stretches by '
+        'themselves, and look at what happened at that time.'
+    )
     reference = 'Galleani and Tavella, The dynamic Allan variance, 2009'
     parameters = (
         Parameter('factor', '1', 1e-3, 1e3, title='ratio of the variances'),
-        Parameter('time', 's', 0, 1e7, log=False, title='when (step), when largest (period), 0 for a drift'),
+        Parameter(
+            'time',
+            's',
+            0,
+            1e7,
+            log=False,
+            title='when (step), when largest (period), 0 for a drift',
+        ),
         Parameter('period', 's', 0, 1e7, log=False, title='0 unless periodic'),
     )
 
@@ -38,8 +49,13 @@ class VarianceChange(Modulation):
         return f ** (t / max(float(t[-1]), 1e-300))
 
     def measure(self, evidence):
-        """The shape that gains most likelihood over a constant variance, from the power in time; None where none does."""
+        """
+        The shape that gains most likelihood over a constant variance, from the power in time; None
+        where none does.
+
+        """
         from ..views import power_in_time
+
         t, x, w = power_in_time(evidence)
         x, w = (x @ w) / w.sum(), float(w.sum())
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
@@ -57,12 +73,33 @@ class VarianceChange(Modulation):
         gain, effect = best
         f = effect['factor']
         std = float(2 * f * np.sqrt(2 / (w * len(x))))
-        shape = 'swings with a period' if effect['period'] > 0 else 'steps' if effect['time'] > 0 else 'drifts'
-        when = f' of {effect["period"]:.3g} s' if effect['period'] > 0 else f' at {effect["time"]:.4g} s' if effect['time'] > 0 else ''
-        found = {'factor': Estimate(f, std, (f - 1.96 * std, f + 1.96 * std)),
-                 'time': Estimate(effect['time'], float(t[1] - t[0]) / 2, None), 'period': Estimate(effect['period'], None, None)}
-        return Finding(self.name, float(gain), effect, found, view='variance',
-                       evidence=f'the variance {shape}{when}, by a factor {max(f, 1 / f):.3g}')
+        shape = (
+            'swings with a period'
+            if effect['period'] > 0
+            else 'steps'
+            if effect['time'] > 0
+            else 'drifts'
+        )
+        when = (
+            f' of {effect["period"]:.3g} s'
+            if effect['period'] > 0
+            else f' at {effect["time"]:.4g} s'
+            if effect['time'] > 0
+            else ''
+        )
+        found = {
+            'factor': Estimate(f, std, (f - 1.96 * std, f + 1.96 * std)),
+            'time': Estimate(effect['time'], float(t[1] - t[0]) / 2, None),
+            'period': Estimate(effect['period'], None, None),
+        }
+        return Finding(
+            self.name,
+            float(gain),
+            effect,
+            found,
+            view='variance',
+            evidence=f'the variance {shape}{when}, by a factor {max(f, 1 / f):.3g}',
+        )
 
     def _shapes(self, t, x):
         """Return (effect, nats to pay for the search) of each shape at its most likely values."""
@@ -74,10 +111,18 @@ class VarianceChange(Modulation):
         profile = n * np.log(level) - i * np.log(a) - (n - i) * np.log(b)
         k = int(np.argmax(profile))
         width = t[1] - t[0]
-        yield self.with_values(factor=float(b[k] / a[k]), time=float(t[i[k]] - width / 2), period=0.0), 0.5 * np.log(n) + 1
+        yield (
+            self.with_values(
+                factor=float(b[k] / a[k]), time=float(t[i[k]] - width / 2), period=0.0
+            ),
+            0.5 * np.log(n) + 1,
+        )
         u = t / t[-1]
         slope = float(np.polyfit(u, np.log(x), 1)[0])
-        yield self.with_values(factor=float(np.exp(np.clip(slope, -6, 6))), time=0.0, period=0.0), 0.0
+        yield (
+            self.with_values(factor=float(np.exp(np.clip(slope, -6, 6))), time=0.0, period=0.0),
+            0.0,
+        )
         y = x / level - 1
         spectrum = np.fft.rfft(y, 4 * n)
         power = np.abs(spectrum) ** 2
@@ -87,8 +132,14 @@ class VarianceChange(Modulation):
         z = 2 / n * np.sum(y * np.exp(-2j * np.pi * (t - t[0]) / period))
         swing = min(abs(z), 0.95)
         peak = float(np.angle(z) / (2 * np.pi) * -period + t[0]) % period
-        yield self.with_values(factor=float((1 + swing) / (1 - swing)), time=peak if peak > 0 else period, period=float(period)), \
-            np.log(n)
+        yield (
+            self.with_values(
+                factor=float((1 + swing) / (1 - swing)),
+                time=peak if peak > 0 else period,
+                period=float(period),
+            ),
+            np.log(n),
+        )
 
     @classmethod
     def example(cls):

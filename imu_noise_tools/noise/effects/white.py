@@ -13,10 +13,14 @@ class White(Spectrum):
     title = 'angle / velocity random walk'
     equation = 'S(f) = N^2 (two-sided), sigma^2(tau) = N^2/tau'
     signature = 'slope -1/2 in the Allan deviation, flat PSD'
-    hint = ('Thermal and electronic noise of the sensor. Present in every sensor; a lower bandwidth setting does not '
-            'change N, only the variance of a sample.')
+    hint = (
+        'Thermal and electronic noise of the sensor. Present in every sensor; a lower bandwidth setting does not '
+        'change N, only the variance of a sample.'
+    )
     reference = 'IEEE 952 C.1.1'
-    parameters = (Parameter('N', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True, title='noise density'),)
+    parameters = (
+        Parameter('N', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True, title='noise density'),
+    )
 
     def psd(self, f, dt):
         """2 N^2."""
