@@ -25,8 +25,7 @@ def moving_average_outliers(
     z: np.ndarray, window: int = 25, threshold: float = 4.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return z (n,) with its outliers replaced by the moving average of their neighbours, and the
-    mask of them.
+    Return z (n,) with its outliers replaced by the moving average; and their mask.
 
     An outlier is further than ``threshold`` robust standard deviations from the centred moving
     average of ``window`` samples, itself left out.
@@ -72,10 +71,7 @@ def reverse_arrangements(values: np.ndarray) -> float:
 
 
 def stationarity(z: np.ndarray, segments: int = SEGMENTS) -> tuple[float, float]:
-    """
-    Return u of the reverse arrangements of segment means and mean squares of z (n,).
-
-    """
+    """Return u of the reverse arrangements of segment means and mean squares of z (n,)."""
     size = len(z) // segments
     if size < 2:
         raise InputError(f'{len(z)} samples are too few', f'give at least {2 * segments}')

@@ -15,7 +15,7 @@ import numpy as np
 from . import motion as _motion, output_noise as _output_noise
 from .modes import default_modes, Modes, modes_of
 from .output_noise import White
-from .statespace import DOMAIN, state_space
+from .statespace import DOMAIN, FilterEffect, state_space
 from ..effect import find_effect, Model
 from ..errors import UsageError
 
@@ -68,7 +68,7 @@ class Design:
 
     def models(self) -> list[Model]:
         """Return motion and noise of each axis as one model; the default bank has none."""
-        return [m + n for m, n in zip(self.motion, self.noise)]
+        return [m + n for m, n in zip(self.motion or (), self.noise)]
 
     def modes(self, dt: float) -> Modes:
         """Return the bank over an interval dt, s."""
@@ -95,6 +95,8 @@ def design(
         Fading memory, 0 < alpha <= 1.
     values : mapping of label to mapping of parameter to value, or one for each axis
         In SI; what is not given is typical.
+    axes : int
+        How many there are.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def design(
         no motion.
 
     """
-    if not (np.isscalar(alpha) and np.isfinite(alpha) and 0 < alpha <= 1):
+    if not 0 < float(alpha) <= 1:
         raise UsageError(f'alpha is {alpha}', 'it must be above 0 and at most 1')
     values = (
         [values or {}] * axes if values is None or isinstance(values, Mapping) else list(values)
@@ -135,7 +137,7 @@ def _named(names, kind: str) -> Model:
     else:
         names = [names] if isinstance(names, str) else list(names)
         model = Model(find_effect(DOMAIN, n)() for n in names if n)
-    for e in model:
+    for e in model.of(FilterEffect):
         if e.kind != kind:
             raise UsageError(
                 f'{e.name} is a {e.kind} effect, not a {kind} effect', f'name it under {e.kind}'

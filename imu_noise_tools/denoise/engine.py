@@ -35,10 +35,7 @@ class Counts:
 
 @dataclass
 class History:
-    """
-    The last samples and normalised innovations, a ring; what a diagnosis while running looks at.
-
-    """
+    """A ring of the last samples and innovations: what a diagnosis while running looks at."""
 
     size: int
     axes: int
@@ -119,6 +116,7 @@ class Engine:
         self._ready = self._clock is not None and not self.design.unknown_r
         self._bank: Bank | None = None
         self._last = None
+        self._last_z = np.zeros(self.axes)
         self._answer = None
         self._blend = None
         self._read_at = READ_AGAIN

@@ -239,10 +239,7 @@ def _chi2_tail(x: float) -> float:
 
 
 def rms(error: np.ndarray) -> np.ndarray:
-    """
-    Return the root mean square of errors (n, ...) over the first axis; NaN samples are left out.
-
-    """
+    """Return the root mean square of errors (n, ...) over the first axis, NaN left out."""
     return np.sqrt(np.nanmean(np.square(error), axis=0))
 
 

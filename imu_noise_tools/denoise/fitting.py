@@ -1,7 +1,4 @@
-"""
-Maximum likelihood of the innovations: which values of a model's effects predict a series best.
-
-"""
+"""Maximum likelihood: which values of a model's effects predict a series best."""
 
 from __future__ import annotations
 
@@ -9,6 +6,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from .predict import by_bank, jumps, predict
+from .statespace import FilterEffect
 from ..effect import Effect, Estimate, Model
 from ..units import si
 
@@ -32,15 +30,17 @@ class Likelihood:
 
 
 class Free:
-    """
-    The free parameters of a model as a vector: logarithms where the parameter is searched for so.
-
-    """
+    """The free parameters of a model as a vector, in logarithms where they are searched for so."""
 
     def __init__(self, model: Model, fixed):
         self.model = model
-        self.parts = [(e.label, p) for e in model if e.label not in fixed for p in e.parameters
-                      if p.name not in e.measured]
+        self.parts = [
+            (e.label, p)
+            for e in model.of(FilterEffect)
+            if e.label not in fixed
+            for p in e.parameters
+            if p.name not in e.measured
+        ]
 
     def vector(self) -> np.ndarray:
         """Return the model's own values."""
@@ -117,7 +117,10 @@ def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
 
 def _complete(model: Model) -> bool:
     """Tell whether a partial model can be evaluated: it has motion and white noise."""
-    return any(e.kind == 'motion' and e.name != 'rate_step' for e in model) and 'white' in model
+    return (
+        any(e.kind == 'motion' and e.name != 'rate_step' for e in model.of(FilterEffect))
+        and 'white' in model
+    )
 
 
 def maximise(model: Model, fixed, evaluate: Likelihood) -> tuple[Model, float]:
@@ -223,7 +226,7 @@ def estimates(
         elif value <= p.lower * 1.001 or value >= p.upper * 0.999:
             flags.append(f'{label}: {p.name} is at the limit of its range')
         out.setdefault(label, {})[p.name] = entry
-    for e in model:
+    for e in model.of(FilterEffect):
         for p in e.parameters:
             if e.label not in fixed and p.name in e.measured:
                 out.setdefault(e.label, {})[p.name], flag = _measured(

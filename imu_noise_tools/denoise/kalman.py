@@ -222,7 +222,8 @@ def resume(
                 break
         x, p, nu, s = update(space, x, p, z[k])
         out[:, k] = space.rate @ x, space.rate @ p @ space.rate, nu, s
-    return Run(*out, x, p)
+    rate, variance, innovations, s = out
+    return Run(rate, variance, innovations, s, x, p)
 
 
 def run(space: StateSpace, z: np.ndarray, alpha: float = 1.0, steady: Steady | None = None) -> Run:

@@ -20,10 +20,7 @@ DIFFUSE = (
 
 
 def _integrator(phi, q, p0=0.0) -> Block:
-    """
-    Return a block whose first state is the rate; p0 is the variance of the state that drives it.
-
-    """
+    """Return a block whose first state is the rate; p0 is the variance of the second."""
     d = len(phi)
     start = np.zeros((d, d))
     start[0, 0] = DIFFUSE
@@ -186,10 +183,7 @@ class Jerk(Motion):
 
 
 class Singer(Motion):
-    """
-    A manoeuvre: angular acceleration that lasts about tc and then is forgotten (Gauss-Markov).
-
-    """
+    """A manoeuvre: angular acceleration that lasts about tc (Gauss-Markov)."""
 
     name = 'singer'
     symbol = 'a'
@@ -226,10 +220,7 @@ class Singer(Motion):
         ]
 
     def block(self, dt):
-        """
-        Return the sampled form; its series where dt << tc, since the closed one cancels there.
-
-        """
+        """Return the sampled form; its series where dt << tc and the closed one cancels."""
         sigma2, tc = self['sigma'] ** 2, self['tc']
         x = dt / tc
         e, one_less = np.exp(-x), -np.expm1(-x)

@@ -65,10 +65,7 @@ class NoiseLevel(OutputNoise):
 
     @classmethod
     def guesses(cls, look):
-        """
-        Return what third differences show, over what was stated, and the level of the scores.
-
-        """
+        """Return some levels, and that of the third differences over what they should be."""
         return [
             cls({'factor': float(np.clip(f, 1e-3, 1e3))}) for f in (0.3, 1.5, np.mean(look.u**2))
         ]
@@ -218,10 +215,7 @@ class Outliers(OutputNoise):
 
     @classmethod
     def guesses(cls, look):
-        """
-        Return from one in a thousand to one in twenty, from three to a hundred times the noise.
-
-        """
+        """Return from one in a thousand to one in twenty, 3 to 100 times the noise."""
         if not look.tails:
             return []
         return [

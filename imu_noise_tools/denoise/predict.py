@@ -65,10 +65,7 @@ def _from_best_start(steady, z, x):
 
 
 def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Prediction:
-    """
-    Return the prediction of z (n,) by one model; impossible values predict with likelihood 0.
-
-    """
+    """Return the prediction of z (n,) by one model; likelihood 0 where it cannot be."""
     if jumps(model):
         log_l, u = by_bank([model], z, dt, alpha)
         return Prediction(float(log_l[0]), u[0])

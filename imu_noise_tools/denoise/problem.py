@@ -184,10 +184,7 @@ class FilterProblem:
         )
 
     def summary(self, fit: Fit) -> dict[str, float]:
-        """
-        Return the information lost per sample, nats, on the second half by the fit of the first.
-
-        """
+        """Return the nats lost per sample on the second half by the fit of the first."""
         first, second = self.split()[0]
         bare = Model(type(e)({}, e.label) for e in fit.model)
         u = second.prediction(first.fit(bare).model).u

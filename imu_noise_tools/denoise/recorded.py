@@ -1,7 +1,4 @@
-"""
-A recorded bag through the filter, as fast as arrays go: the same rules, and numbers, as live.
-
-"""
+"""A record through the filter, as fast as arrays go: rules and numbers are those of the engine."""
 
 from __future__ import annotations
 
@@ -52,6 +49,12 @@ def filter_record(
 
     Parameters
     ----------
+    t : ndarray (n,)
+        Stamps, s.
+    z : ndarray (n, axes)
+        Rates, rad/s.
+    design : Design
+        What to filter with.
     rate_hz : float or None
         Nominal rate; by default one over the median interval.
     progress : callable or None
@@ -110,7 +113,8 @@ def filter_record(
         whole = np.full(z.shape, np.nan)
         whole[finite] = part[back]
         out.append(whole)
-    return Filtered(*out, finite, design, clock, counts)
+    rate, variance, score = out
+    return Filtered(rate, variance, score, finite, design, clock, counts)
 
 
 def _by_steady_state(z, keys, design, clock, steady):

@@ -30,10 +30,7 @@ class Clock:
 
     @classmethod
     def of(cls, rate_hz: float) -> Clock:
-        """
-        Return the rules for a rate: a gap is a second, or ten intervals where that is longer.
-
-        """
+        """Return the rules for a rate: a gap is a second, or ten intervals if longer."""
         return cls(1 / rate_hz, max(1.0, 10 / rate_hz))
 
     def keys(self, dt: np.ndarray) -> np.ndarray:

@@ -150,7 +150,7 @@ def state_space(model: Model, dt: float) -> StateSpace:
 
     """
     blocks = []
-    for e in model:
+    for e in model.of(FilterEffect):
         if not e.fitted:
             raise UsageError(f'{e.label} has no values', 'fit it, or give them')
         blocks.append((e, e.block(dt)))

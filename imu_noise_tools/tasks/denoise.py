@@ -116,8 +116,14 @@ def denoise(
     motion, noise, alpha, values
         As :func:`imu_noise_tools.denoise.design.design`; the noise of ``model`` and the noise
         named add.
+    topic : str or None
+        The Imu topic, where there are several.
     rate_hz : float or None
         Nominal rate; by default that of the stamps.
+    force : bool
+        Replace a bag and a study that are there.
+    progress : callable or None
+        Called with (share done, what).
 
     Raises
     ------
@@ -219,7 +225,7 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
     None, with a note, where the record is too short or an axis constant.
 
     """
-    problems, models = {}, {}
+    problems = {}
     for i, axis in enumerate(AXES):
         given = {**stated.get(axis, {}), **(values or {})}
         try:
@@ -229,7 +235,7 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
     if not problems:
         return None
     names = list(START[:2]) if chosen.motion is None else [e.name for e in chosen.motion[0]]
-    models = model_of(DOMAIN, [*names, *(e.name for e in chosen.noise[0])])
+    model = model_of(DOMAIN, [*names, *(e.name for e in chosen.noise[0])])
     source = {
         'path': record.path,
         'topic': record.topic,
@@ -242,7 +248,7 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         'alpha': alpha,
         'warnings': [*record.warnings, *notes, BIAS, CORRELATED],
     }
-    return Study.begin(problems, models, source)
+    return Study.begin(problems, model, source)
 
 
 def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
