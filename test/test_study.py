@@ -106,9 +106,9 @@ def test_remove_goes_back():
 
 def test_removing_what_is_there_makes_it_worse():
     s = begin('white', 'flicker', 'random_walk')
-    for x in s.remove('flicker'):
+    for x in s.remove('random_walk'):
         assert x.verdict == 'rises' and x.fall < -study.FALL
-        assert 'flicker' not in x.effects
+        assert 'random_walk' not in x.effects
 
 
 def test_one_target_alone():
