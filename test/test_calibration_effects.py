@@ -197,6 +197,23 @@ def test_g_sensitivity_of_one_end_up():
     assert any('not determined' in flag for flag in fit.flags)
 
 
+def test_a_turn_left_out_leaves_its_axis_open_and_the_rest_sound():
+    """One turn an axis and rests: without one, S of that axis is open, and nothing blows up."""
+    rng = np.random.default_rng(20)
+    inputs = np.vstack([np.eye(3), np.zeros((9, 3))])
+    force = sim.G * np.vstack([np.eye(3)] * 4)
+    device = sim.Device.drawn(rng, 'gyro', 1e-5)
+    poses = core.Poses.of('gyro', device.output(inputs, rng, None, force).T, 1e-5, 1.0, inputs.T,
+                          force=force.T)
+    problem = core.CalibrationProblem(poses)
+    for name in ('earth_rate', 'g_sensitivity', 'quadratic'):
+        model = core.base_model() + find_effect('calibration', name)()
+        for to_fit, to_score in problem.split():
+            fit = to_fit.fit(model)
+            assert np.abs(fit.details['S']).max() < 2
+            assert all(np.isfinite(v.pull).all() for v in to_score.score(fit).views.values())
+
+
 def test_error_of_left_out_poses_falls_for_the_right_one_alone():
     """The ladder in eight sessions: the right effect, a wrong one (by chance in 8 % of them)."""
     rng = np.random.default_rng(9)

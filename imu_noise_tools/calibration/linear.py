@@ -82,7 +82,11 @@ class Equations:
         added = np.array([label not in BASE for label, _ in self.keys])
         if added.any() and not keep.all():
             shared = self.undetermined * size[:, None]
-            scaled = scaled - shared @ np.linalg.lstsq(shared[added], scaled[added], rcond=None)[0]
+            # columns of ``shared`` have length one: to touch the added ones by less is rounding
+            u, s, vt = np.linalg.svd(shared[added], full_matrices=False)
+            felt = s > 1e-6
+            move = vt[felt].T @ ((u.T @ scaled[added])[felt] / s[felt])
+            scaled = scaled - shared @ move
         return scaled / size
 
     @cached_property

@@ -8,8 +8,8 @@ import numpy as np
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 from ..errors import InputError
-from ..record import ImuRecord
 from ..health.stillness import LEAST, still_stretches
+from ..record import ImuRecord
 
 STILL_S = 2.0           # shortest rest that counts, s
 CONE_DEG = 20.0         # a pose within this of an axis is a face

@@ -8,8 +8,8 @@ from .gravity import EARTH_RATE
 from .poses import DIRECTIONS, joined, nearest_face, Poses
 from .positions import Rest, rests, standard_errors, temperatures
 from ..errors import InputError, UsageError
-from ..record import ImuRecord
 from ..health.stillness import still_stretches
+from ..record import ImuRecord
 
 REFERENCE = ('reference_x', 'reference_y', 'reference_z')      # columns of the true rate, rad/s
 _CONE_DEG = 20.0
