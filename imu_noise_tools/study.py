@@ -324,35 +324,35 @@ def diagnose(state: State) -> Diagnosis:
     ranked = with_probabilities(problem.candidates(fit))
     failed = failures(problem.omnibus(fit))
     able = [f for f in ranked if f.gain > f.penalty]
-    if not able:
-        verdict = 'unknown' if failed else 'complete'
-        return Diagnosis(
-            verdict,
-            tuple(ranked[:5]),
-            tuple(failed),
-            getattr(problem, 'advice', _no_advice)(verdict, ranked, failed),
-        )
-    confirmed, still = [], []
+    verdict = 'complete' if not failed else 'unknown'
+    if able:
+        best, share = _most_likely(state, able, failed)
+        if best is not None:
+            verdict = 'missing' if share >= SURE else 'undecidable'
+            best = replace(best, probability=share)
+            ranked = [best, *(f for f in ranked if f.name != best.name)]
+        elif not failed:
+            verdict = 'undecidable'
+    advice = getattr(problem, 'advice', _no_advice)(verdict, ranked, failed)
+    return Diagnosis(verdict, tuple(ranked[:5]), tuple(failed), advice)
+
+
+def _most_likely(state: State, able: list[Finding], failed: list[Finding]):
+    """
+    Return the first candidate that holds on data not fitted, and its share of the probability.
+
+    A candidate that raises the error, or leaves the failure that it claims to explain, is out of
+    the race; one whose fall chance could explain stays in it, without being named.
+    """
+    refuted: set[str] = set()
     for f in able[:4]:
-        ok, left = confirm(state, f, failed)
-        (confirmed if ok else still).append((f, left))
-        if ok:
-            break
-    if confirmed:
-        best = confirmed[0][0]
-        total = sum(f.probability or 0 for f in able if f.name not in [s[0].name for s in still])
-        share = (best.probability or 0) / total if total > 0 else 0.0
-        rest = [f for f in ranked if f.name != best.name]
-        ranked = [replace(best, probability=share), *rest]
-        verdict = 'missing' if share >= SURE else 'undecidable'
-    else:
-        verdict = 'unknown' if failed else 'undecidable'
-    return Diagnosis(
-        verdict,
-        tuple(ranked[:5]),
-        tuple(failed),
-        getattr(problem, 'advice', _no_advice)(verdict, ranked, failed),
-    )
+        fall, healed = confirm(state, f, failed)
+        if fall > FALL and healed:
+            total = sum(g.probability or 0 for g in able if g.name not in refuted)
+            return f, (f.probability or 0) / total if total > 0 else 0.0
+        if fall < 0 or not healed:
+            refuted.add(f.name)
+    return None, 0.0
 
 
 def _no_advice(verdict, ranked, failed):
@@ -384,18 +384,11 @@ def failures(findings: Iterable[Finding], level: float = OMNIBUS_LEVEL) -> list[
     return out
 
 
-def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[bool, list[Finding]]:
-    """
-    Tell whether adding a candidate lowers the error on data not fitted and heals the view it
-    claims to explain.
-
-    """
+def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[float, bool]:
+    """Return by how much a candidate lowers the error on data not fitted, and whether it heals its view."""
+    assert finding.effect is not None
     problem = state.problem
     model = unfitted(state.model).plus(type(finding.effect)())
-    fit = problem.fit(model)
-    after = held_out(problem, model)
-    left = failures(problem.omnibus(fit))
-    names_before = {f.name for f in failed}
-    fell = fall_of(state.error, after, [finding.effect]) > FALL
-    healed = not any(f.name == finding.view and f.name in names_before for f in left)
-    return fell and healed, left
+    fall = fall_of(state.error, held_out(problem, model), [finding.effect])
+    left = {f.name for f in failures(problem.omnibus(problem.fit(model)))}
+    return fall, not (finding.view in left and finding.view in {f.name for f in failed})

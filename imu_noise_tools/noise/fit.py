@@ -327,7 +327,7 @@ class Likelihood:
                 out[:, j] = (sides[0] - sides[1]) / (2 * h * v)
         return out
 
-    def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=60):
+    def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400):
         """
         Return (x, -ln L, information) from a start; ``free`` (p,) bool says which parameters move.
 

@@ -153,6 +153,17 @@ class NoiseProblem:
 
         return candidates(self, fit)
 
+    def advice(self, verdict: str, ranked, failed) -> str:
+        """Return which recording would decide, or where to look."""
+        if verdict == 'undecidable':
+            able = [f for f in ranked if f.gain > f.penalty][:3] or list(ranked[:1])
+            said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able)
+            return f'This record cannot tell. What would: {"; ".join(said)}.'
+        if verdict == 'unknown':
+            where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
+            return f'No known effect explains it ({where}). Look at what was going on then, or at that frequency.'
+        return ''
+
     def summary(self, fit: Fit) -> dict[str, float]:
         """
         Return the rms relative difference of model and measured Allan deviation over tau <= T/10,

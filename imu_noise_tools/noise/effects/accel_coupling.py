@@ -17,6 +17,7 @@ class AccelCoupling(Coupling):
     )
     reference = 'IEEE 1554, g-sensitivity and vibration rectification error'
     needs = 'record the accelerometer along with the gyroscope; it applies to gyroscope axes'
+    decide = 'shake the mount gently along one axis after the other, and record the accelerometer'
     parameters = tuple(
         Parameter(name, unit, -1e6, 1e6, log=False, amplitude=True, linear=True, title=title)
         for name, unit, title in (

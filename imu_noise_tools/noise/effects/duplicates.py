@@ -28,6 +28,7 @@ class Duplicates(Defect, Response):
     )
     reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
     views = ('frequency', 'time', 'distribution', 'variance')
+    decide = 'read the sensor at its own rate'
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
         Parameter(

@@ -22,6 +22,7 @@ class Flicker(Spectrum):
         'state space: a few Gauss-Markov terms imitate it over a stated band.'
     )
     reference = 'IEEE 952 C.1.3'
+    decide = 'record several times longer'
     parameters = (Parameter('B', '{rate}', 1e-12, 1e2, amplitude=True, title='bias instability'),)
 
     def psd(self, f, dt):

@@ -24,6 +24,7 @@ class GaussMarkov(Spectrum):
     )
     reference = 'IEEE 952 C.1.5'
     several = True
+    decide = 'record ten times longer than its correlation time takes to show, on another supply'
     parameters = (
         Parameter('sigma', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
         Parameter('tc', 's', 1e-4, 1e6, title='correlation time'),

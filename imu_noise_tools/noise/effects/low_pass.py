@@ -23,6 +23,7 @@ class LowPass(Response):
         'output rate, or a wider filter, if neighbouring samples must be independent.'
     )
     reference = 'IEEE 1554, bandwidth'
+    decide = 'set the widest filter of the sensor and record again'
     parameters = (
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
         Parameter(

@@ -18,6 +18,7 @@ class Quantization(Spectrum):
         'A step in the *rate* is something else: rate_quantization, which is white.'
     )
     reference = 'IEEE 952 C.1.2'
+    decide = 'record at another output rate: quantization of the angle scales with it'
     parameters = (
         Parameter('Q', '{integral}', 1e-14, 1e2, amplitude=True, title='angle quantization'),
     )

@@ -18,6 +18,7 @@ class Ramp(Mean):
         'ends it was a warm-up (transient) or temperature.'
     )
     reference = 'IEEE 952 C.1.6'
+    decide = 'record twice as long: a ramp goes on, what settles or wanders does not'
     parameters = (
         Parameter(
             'R', '{slope}', -1e3, 1e3, log=False, amplitude=True, linear=True, title='rate ramp'

@@ -18,6 +18,7 @@ class RandomWalk(Spectrum):
         'and the temperature with it.'
     )
     reference = 'IEEE 952 C.1.4'
+    decide = 'record several times longer'
     parameters = (
         Parameter('K', '{slope}/sqrt(Hz)', 1e-14, 1e2, amplitude=True, title='rate random walk'),
     )

@@ -24,6 +24,7 @@ class RateQuantization(Spectrum, Defect):
         'deviation of noise the rounding is no longer white, and averaging no longer helps.'
     )
     reference = 'Widrow and Kollar, Quantization Noise, 2008'
+    decide = 'choose a finer output range'
     parameters = (
         Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),
     )

@@ -22,6 +22,7 @@ class Rts(Spectrum, Defect):
     )
     reference = 'Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, 1954'
     views = ('frequency', 'time')
+    decide = 'record longer, so that dozens of switches are in it'
     parameters = (
         Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='distance of the levels'),
         Parameter('tau', 's', 1e-4, 1e6, title='mean dwell in a level'),

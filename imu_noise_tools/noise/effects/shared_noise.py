@@ -20,6 +20,7 @@ class SharedNoise(Coupling):
     )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
     needs = 'analyse a record with all axes of the sensor'
+    decide = 'record on a heavy base, on another supply'
     parameters = (
         Parameter(
             'gain',

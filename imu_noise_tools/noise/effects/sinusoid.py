@@ -21,6 +21,7 @@ class Sinusoid(Line):
     )
     reference = 'IEEE 952 C.1.7'
     several = True
+    decide = 'stop the machines near by, or change the sample rate: a line moves or goes'
     parameters = (
         Parameter('amplitude', '{rate}', 1e-12, 1e3, amplitude=True, title='amplitude'),
         Parameter('frequency', 'Hz', 1e-6, 1e5, title='frequency'),

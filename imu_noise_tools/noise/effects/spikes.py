@@ -23,6 +23,7 @@ class Spikes(Defect):
     )
     reference = 'Huber, Robust Statistics, 1981'
     views = ('distribution', 'variance')
+    decide = 'change cable or bus rate and record again'
     parameters = (
         Parameter('rate', 'Hz', 1e-9, 1e4, amplitude=True, title='spikes a second'),
         Parameter('sigma', '{rate}', 1e-12, 1e4, title='standard deviation of their size'),

@@ -19,6 +19,7 @@ class Step(Mean):
     )
     reference = 'Basseville and Nikiforov, Detection of Abrupt Changes, 1993'
     several = True
+    decide = 'record again: a step does not come back at the same time'
     parameters = (
         Parameter(
             'size',

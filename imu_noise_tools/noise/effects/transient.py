@@ -18,6 +18,7 @@ class Transient(Mean):
         'then it may turn out to be a temperature effect.'
     )
     reference = 'IEEE 1554, warm-up time'
+    decide = 'record again after an hour of warm-up: a transient is gone'
     parameters = (
         Parameter(
             'amplitude',

@@ -22,6 +22,7 @@ class VarianceChange(Modulation):
         'themselves, and look at what happened at that time.'
     )
     reference = 'Galleani and Tavella, The dynamic Allan variance, 2009'
+    decide = 'record again with everything around switched off'
     parameters = (
         Parameter('factor', '1', 1e-3, 1e3, title='ratio of the variances'),
         Parameter(

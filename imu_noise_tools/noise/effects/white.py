@@ -18,6 +18,7 @@ class White(Spectrum):
         'change N, only the variance of a sample.'
     )
     reference = 'IEEE 952 C.1.1'
+    decide = 'record again'
     parameters = (
         Parameter('N', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True, title='noise density'),
     )
