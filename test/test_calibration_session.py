@@ -284,7 +284,7 @@ def test_commands(faces_npz, tmp_path, capsys):
                     ['add', str(out), 'quadratic']):
         assert main(command) == 0, command
     capsys.readouterr()
-    again = yaml.safe_load((out / 'calibration.yaml').read_text())              # all files go along
+    again = yaml.safe_load((out / 'calibration.yaml').read_text())      # all files go along
     assert list(again['effects']) == ['quadratic'] and 'effects(x)' in again['formula']
     assert main(['calibrate', str(bag), '-o', str(out), '--force', '--json']) == 0
     assert json.loads(capsys.readouterr().out)['S'] == data['S']
