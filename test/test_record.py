@@ -406,3 +406,11 @@ def test_every_bad_input_that_opens_can_be_examined(name, tmp_path):
     """Inspection never fails on what analysis refuses."""
     health = examine(open_record(bad_input.make_one(name, tmp_path).path))
     assert all(line.endswith('.') and '\n' not in line for line in health.advice)
+
+
+def test_units_are_judged_at_rest_only():
+    """Where nothing rests, the mean acceleration says nothing about its unit."""
+    r = with_gyro(record_of(), lambda t: 2 * np.sin(2 * np.pi * 0.3 * t))
+    r = replace(r, accel=r.accel * np.sin(2 * np.pi * 0.3 * r.t)[:, None])
+    assert not any('unit' in w for w in prepare(r, keep_motion=True).warnings)
+    assert examine(r).units == () and examine(r).gravity is None

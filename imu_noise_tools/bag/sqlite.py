@@ -42,10 +42,20 @@ class SqliteFile:
     def _open(self) -> None:
         journal = self.path.with_name(self.path.name + '-wal')
         self._logged = journal.exists() and journal.stat().st_size > 0
-        mode = 'mode=ro' if self._logged else 'immutable=1'
-        self.database = sqlite3.connect(
-            f'file:{quote(str(self.path.absolute()))}?{mode}', uri=True, check_same_thread=False
-        )
+        for mode in ['mode=ro'] * self._logged + ['immutable=1']:
+            try:
+                return self._connect(mode)
+            except Damaged:             # the log needs a folder that may be written to
+                if mode == 'immutable=1':
+                    raise
+                self._logged = False
+
+    def _connect(self, mode: str) -> None:
+        where = f'file:{quote(str(self.path.absolute()))}?{mode}'
+        try:
+            self.database = sqlite3.connect(where, uri=True, check_same_thread=False)
+        except sqlite3.Error as error:
+            raise Damaged(str(error)) from error
         self.database.text_factory = lambda raw: raw.decode(errors='replace')
         try:
             try:

@@ -96,8 +96,8 @@ def examine(record: ImuRecord) -> Health:
     still = still_stretches(tidy) if rate and tidy.n > 10 else []
     longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
     rest = tidy.part(*longest)
-    units = tuple(wrong_units(rest)) if rest.n else ()
-    accel = None if rest.accel is None or not rest.n else finite_mean(rest.accel)
+    units = tuple(wrong_units(rest)) if still else ()
+    accel = finite_mean(rest.accel) if still and rest.accel is not None else None
     positive = step[step > 0]
     found = Health(
         samples=record.n,

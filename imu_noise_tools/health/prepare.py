@@ -65,7 +65,7 @@ def prepare(record: ImuRecord, keep_motion: bool = False) -> ImuRecord:
     record = _filled(record)
     _enough(record)
     record = replace(record, rate_hz=(record.n - 1) / record.duration_s)
-    return record.warned(*_rate_doubts(record), *wrong_units(record))
+    return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 
 def _enough(record: ImuRecord) -> None:
@@ -195,6 +195,14 @@ def _filled(record: ImuRecord) -> ImuRecord:
         receive_t=None if record.receive_t is None else np.interp(grid, place, record.receive_t),
         covariates={k: np.interp(grid, place, v) for k, v in record.covariates.items()})
     return filled.warned(*said)
+
+
+def _unit_doubts(record: ImuRecord, moves: bool) -> list[str]:
+    """Return what is doubtful about the units: only at rest is it known what to expect."""
+    if not moves:
+        return wrong_units(record)
+    rest = longest_rest(record)
+    return wrong_units(record.part(rest[0][0], rest[-1][1])) if rest else []
 
 
 def _rate_doubts(record: ImuRecord) -> list[str]:
