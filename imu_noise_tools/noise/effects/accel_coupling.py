@@ -12,8 +12,8 @@ class AccelCoupling(Coupling):
     equation = 'rate = ... + gain_x a_x + gain_y a_y + gain_z a_z + rectification |a - mean a|^2'
     signature = 'coherence of the gyroscope axis with accelerometer axes, where the mount shakes'
     hint = (
-        'Acceleration and vibration leak into the gyroscope. Damp the mount, move the sensor away from the source; calibrate '
-        'g-sensitivity on several poses.'
+        'Acceleration and vibration leak into the gyroscope. Damp the mount, move the sensor '
+        'away from the source; calibrate g-sensitivity on several poses.'
     )
     reference = 'IEEE 1554, g-sensitivity and vibration rectification error'
     needs = 'record the accelerometer along with the gyroscope; it applies to gyroscope axes'
@@ -33,7 +33,7 @@ class AccelCoupling(Coupling):
         return [self] if self.channels(evidence) else []
 
     def channels(self, evidence):
-        """The accelerometer axes and their squared vibration."""
+        """Return the accelerometer axes and their squared vibration."""
         names = ('accel_x', 'accel_y', 'accel_z', 'accel_square')
         return (
             names

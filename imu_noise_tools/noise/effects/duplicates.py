@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from ...effect import Estimate, Finding
 from ..grid import grid_step, robust_sigma
 from ..kinds import Defect, Parameter, Response
+from ...effect import Estimate, Finding
 
 
 class Duplicates(Defect, Response):
     """
-    A share of the samples repeats the one before: the sensor is read faster than it measures, or a
-    message is sent twice.
+    A share of the samples repeats the one before.
+
+    The sensor is read faster than it measures, or a message is sent twice.
 
     """
 
@@ -18,13 +19,17 @@ class Duplicates(Defect, Response):
     symbol = 'fraction'
     title = 'repeated samples'
     equation = (
-        'gain^2, scaled to 1 at f = 0: held at random (1-p)^2/(1-2p cos w+p^2); always r times the squared Dirichlet kernel '
-        'of r = 1/(1-p) samples'
+        'gain^2, scaled to 1 at f = 0: held at random (1-p)^2/(1-2p cos w+p^2); always r times '
+        'the squared Dirichlet kernel of r = 1/(1-p) samples'
     )
-    signature = 'neighbours are exactly equal more often than noise and resolution allow; power falls towards Nyquist'
+    signature = (
+        'neighbours are exactly equal more often than noise and resolution allow; power falls '
+        'towards Nyquist'
+    )
     hint = (
-        "The bus or the driver is read faster than the sensor updates: lower the publishing rate to the sensor's, or read on its "
-        'data-ready interrupt. N as fitted here holds at low frequencies.'
+        'The bus or the driver is read faster than the sensor updates: lower the publishing rate '
+        "to the sensor's, or read on its data-ready interrupt. N as fitted here holds at low "
+        'frequencies.'
     )
     reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
     views = ('frequency', 'time', 'distribution', 'variance')
@@ -45,8 +50,9 @@ class Duplicates(Defect, Response):
     @classmethod
     def statistics(cls, y, inputs):
         """
-        Keep the share of equal neighbours, what chance gives, and whether the runs have one
-        length.
+        Keep the share of equal neighbours and what chance gives.
+
+        Kept too is whether the runs have one length.
 
         """
         same = np.diff(y) == 0
@@ -75,7 +81,7 @@ class Duplicates(Defect, Response):
         return out
 
     def find(self, evidence):
-        """More equal neighbours than a Poisson count of the expected ones allows."""
+        """Test for more equal neighbours than a Poisson count of the expected ones allows."""
         kept = evidence.kept(self.name)
         if not kept or float(kept['fraction']) == 0:
             return None
@@ -98,7 +104,8 @@ class Duplicates(Defect, Response):
                 'regular': Estimate(regular, None, None),
             },
             view='repeats',
-            evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % would be by rounding',
+            evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '
+            'would be by rounding',
         )
 
     def gain2(self, f, dt):

@@ -8,7 +8,9 @@ from ..kinds import Parameter, Spectrum
 
 class Flicker(Spectrum):
     """
-    B: power as 1/f; the sampled process is the fractional difference of order 1/2 of white noise.
+    B: power as 1/f.
+
+    The sampled process is the fractional difference of order 1/2 of white noise.
 
     """
 
@@ -18,8 +20,9 @@ class Flicker(Spectrum):
     equation = 'S(f) = B^2/(2 pi f) (two-sided), sigma^2(tau) = (2 ln2/pi) B^2 = (0.664 B)^2'
     signature = 'the flat part of the Allan deviation at 0.664 B; PSD falling as 1/f'
     hint = (
-        'Electronics and the sensing element. It limits how well any averaging can determine the bias. It has no finite '
-        'state space: a few Gauss-Markov terms imitate it over a stated band.'
+        'Electronics and the sensing element. It limits how well any averaging can determine the '
+        'bias. It has no finite state space: a few Gauss-Markov terms imitate it over a stated '
+        'band.'
     )
     reference = 'IEEE 952 C.1.3'
     decide = 'record several times longer'
@@ -35,6 +38,7 @@ class Flicker(Spectrum):
 
         Its structure function is that of fractional noise of order 1/2; the factor is 1.443,
         1.154, 1.034 at m = 1, 2, 5.
+
         """
         m = np.asarray(m, float)
         flat = 2 * np.log(2) / np.pi * self['B'] ** 2
@@ -52,6 +56,7 @@ class Flicker(Spectrum):
 
         Increments of S = sigma^2 |2 sin(pi f dt)|^{1}: gamma_0 = 4/pi, gamma_k = gamma_{k-1} (k -
         3/2)/(k + 1/2) for sigma = 1 (Hosking 1981); B^2 = sigma^2 in S_1 = 2 B^2 dt/s of the sum.
+
         """
         n = len(x)
         k = np.arange(1, n + 1)
@@ -63,7 +68,7 @@ class Flicker(Spectrum):
         if len(more):
             gamma = np.concatenate([gamma, gamma[-1] * np.cumprod((more - 1.5) / (more + 0.5))])
         half = size // 2
-        row = np.concatenate([gamma[: half + 1], gamma[1 : size - half][::-1]])
+        row = np.concatenate([gamma[:half + 1], gamma[1:size - half][::-1]])
         eigen = np.maximum(rfft(row).real, 0)
         noise = rfft(rng.standard_normal(size))
         steps = irfft(np.sqrt(eigen) * noise, size)[:n]
@@ -72,5 +77,5 @@ class Flicker(Spectrum):
 
     @classmethod
     def example(cls):
-        """A consumer MEMS gyroscope, 5 deg/h."""
+        """Return the effect of a consumer MEMS gyroscope, 5 deg/h."""
         return cls({'B': 2.4e-5})

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from ... import ar1
 from ..kinds import Parameter, Spectrum
+from ... import ar1
 
 
 class GaussMarkov(Spectrum):
@@ -17,10 +17,13 @@ class GaussMarkov(Spectrum):
         'S(f) = 2 sigma^2 Tc/(1 + (2 pi f Tc)^2) (two-sided), '
         'sigma^2(tau) = (2 sigma^2 Tc/tau) [1 - (Tc/2tau)(3 - 4 e^(-tau/Tc) + e^(-2tau/Tc))]'
     )
-    signature = 'a smooth bump in the Allan deviation, peak at 1.893 Tc; a shoulder in the PSD without a line'
+    signature = (
+        'a smooth bump in the Allan deviation, peak at 1.893 Tc; a shoulder in the PSD without a '
+        'line'
+    )
     hint = (
-        'A control loop, a regulator, a fan or slow internal temperature regulation. If two levels show in the time series it is '
-        'rts, if a line shows in the spectrum a sinusoid.'
+        'A control loop, a regulator, a fan or slow internal temperature regulation. If two '
+        'levels show in the time series it is rts, if a line shows in the spectrum a sinusoid.'
     )
     reference = 'IEEE 952 C.1.5'
     several = True
@@ -32,8 +35,9 @@ class GaussMarkov(Spectrum):
 
     def starts(self, evidence):
         """
-        Start from correlation times that the record can show: from two samples to a fifth of its
-        length.
+        Start from correlation times that the record can show.
+
+        From two samples to a fifth of its length.
 
         """
         if 'tc' in self.values:
@@ -48,11 +52,11 @@ class GaussMarkov(Spectrum):
         return {'tc': (evidence.dt / 3, evidence.duration)}
 
     def psd(self, f, dt):
-        """The AR(1) spectrum."""
+        """Return the AR(1) spectrum."""
         return ar1.psd(f, self['sigma'], self['tc'], dt)
 
     def avar(self, m, dt):
-        """The closed form of the sampled process."""
+        """Return the closed form of the sampled process."""
         return ar1.avar(m, self['sigma'], self['tc'], dt)
 
     def state_space(self, dt):
@@ -70,5 +74,5 @@ class GaussMarkov(Spectrum):
 
     @classmethod
     def example(cls):
-        """A bump at 20 s."""
+        """Return a bump at 20 s."""
         return cls({'sigma': 4e-5, 'tc': 10.0})

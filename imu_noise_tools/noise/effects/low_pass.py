@@ -14,13 +14,18 @@ class LowPass(Response):
     symbol = 'cutoff'
     title = "the sensor's own low-pass"
     equation = (
-        'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth 1/(1+(tan(w/2)/tan(wc/2))^4) or '
-        '1/(1+(f/cutoff)^4); moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)'
+        'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth '
+        '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4); moving average (sin(w r/2)/(r '
+        'sin(w/2)))^2, r = 0.443/(cutoff dt)'
     )
-    signature = 'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no repeated samples'
+    signature = (
+        'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no '
+        'repeated samples'
+    )
     hint = (
-        'The digital low-pass of the sensor is set below half the output rate. Harmless: N holds below the cutoff. Ask for a lower '
-        'output rate, or a wider filter, if neighbouring samples must be independent.'
+        'The digital low-pass of the sensor is set below half the output rate. Harmless: N holds '
+        'below the cutoff. Ask for a lower output rate, or a wider filter, if neighbouring '
+        'samples must be independent.'
     )
     reference = 'IEEE 1554, bandwidth'
     decide = 'set the widest filter of the sensor and record again'
@@ -33,7 +38,8 @@ class LowPass(Response):
             3,
             log=False,
             discrete=True,
-            title='0 first order, 1 Butterworth 2 (digital), 2 Butterworth 2 (analogue), 3 moving average',
+            title='0 first order, 1 Butterworth 2 (digital), 2 Butterworth 2 (analogue), 3 '
+            'moving average',
         ),
     )
 
@@ -75,5 +81,5 @@ class LowPass(Response):
 
     @classmethod
     def example(cls):
-        """A quarter of Nyquist at 100 Hz."""
+        """Return a cutoff at a quarter of Nyquist at 100 Hz."""
         return cls({'cutoff': 12.0, 'form': 0.0})

@@ -14,8 +14,9 @@ class Quantization(Spectrum):
     equation = 'S(f) = (4 Q^2/tau0) sin^2(pi f tau0) (two-sided), sigma^2(tau) = 3 Q^2/tau^2'
     signature = 'slope -1 in the Allan deviation; PSD rising as f^2 up to Nyquist'
     hint = (
-        'The output is an angle or velocity increment that is read to a finite step (ring laser and fibre-optic gyroscopes). '
-        'A step in the *rate* is something else: rate_quantization, which is white.'
+        'The output is an angle or velocity increment that is read to a finite step (ring laser '
+        'and fibre-optic gyroscopes). A step in the *rate* is something else: rate_quantization, '
+        'which is white.'
     )
     reference = 'IEEE 952 C.1.2'
     decide = 'record at another output rate: quantization of the angle scales with it'

@@ -12,10 +12,13 @@ class Ramp(Mean):
     symbol = 'R'
     title = 'rate ramp'
     equation = 'mean = R t, sigma^2(tau) = R^2 tau^2/2'
-    signature = 'slope +1 at the long end of the Allan deviation; the mean of the record drifts in one direction'
+    signature = (
+        'slope +1 at the long end of the Allan deviation; the mean of the record drifts in one '
+        'direction'
+    )
     hint = (
-        'Warming up, a slow temperature change, ageing. Record the temperature, and wait before recording: if the drift then '
-        'ends it was a warm-up (transient) or temperature.'
+        'Warming up, a slow temperature change, ageing. Record the temperature, and wait before '
+        'recording: if the drift then ends it was a warm-up (transient) or temperature.'
     )
     reference = 'IEEE 952 C.1.6'
     decide = 'record twice as long: a ramp goes on, what settles or wanders does not'

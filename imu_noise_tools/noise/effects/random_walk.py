@@ -14,8 +14,8 @@ class RandomWalk(Spectrum):
     equation = 'S(f) = (K/2 pi)^2/f^2 (two-sided), sigma^2(tau) = K^2 tau/3 (1 + 1/(2 m^2))'
     signature = 'slope +1/2 at the long end of the Allan deviation; PSD falling as 1/f^2'
     hint = (
-        'Slow wandering of the bias. Short records cannot tell it from flicker noise, a ramp or temperature: record longer, '
-        'and the temperature with it.'
+        'Slow wandering of the bias. Short records cannot tell it from flicker noise, a ramp or '
+        'temperature: record longer, and the temperature with it.'
     )
     reference = 'IEEE 952 C.1.4'
     decide = 'record several times longer'
@@ -44,5 +44,5 @@ class RandomWalk(Spectrum):
 
     @classmethod
     def example(cls):
-        """A consumer MEMS gyroscope."""
+        """Return the effect of a consumer MEMS gyroscope."""
         return cls({'K': 1.5e-6})

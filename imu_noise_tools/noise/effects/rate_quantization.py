@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from ...effect import Estimate, Finding
 from ..grid import grid_step, robust_sigma
 from ..kinds import Defect, Parameter, Spectrum
+from ...effect import Estimate, Finding
 
 
 class RateQuantization(Spectrum, Defect):
     """
-    The output is rounded to a step: white noise of N = step/sqrt(12 fs) where the noise spans half
-    a step or more.
+    The output is rounded to a step.
+
+    White noise of N = step/sqrt(12 fs) where the noise spans half a step or more.
 
     """
 
@@ -20,8 +21,9 @@ class RateQuantization(Spectrum, Defect):
     equation = 'S(f) = step^2 dt/12 (two-sided): N = step/sqrt(12 fs)'
     signature = 'few distinct levels, evenly spaced; white'
     hint = (
-        'The output word is short or the range is set too wide: choose a smaller range or a longer word. Below half a standard '
-        'deviation of noise the rounding is no longer white, and averaging no longer helps.'
+        'The output word is short or the range is set too wide: choose a smaller range or a '
+        'longer word. Below half a standard deviation of noise the rounding is no longer white, '
+        'and averaging no longer helps.'
     )
     reference = 'Widrow and Kollar, Quantization Noise, 2008'
     decide = 'choose a finer output range'
@@ -46,7 +48,7 @@ class RateQuantization(Spectrum, Defect):
         }
 
     def find(self, evidence):
-        """The step is what the levels say; it is an effect from half a standard deviation on."""
+        """Find the step in the levels; it is an effect from half a standard deviation on."""
         kept = evidence.kept(self.name)
         step, sigma = float(kept['step']), float(kept['sigma'])
         if not step > 0:
@@ -62,7 +64,8 @@ class RateQuantization(Spectrum, Defect):
             self.with_values(step=step),
             {'step': Estimate(step, 0.0, (step, step), fixed=True)},
             view='repeats',
-            evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} standard deviations',
+            evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} '
+            'standard deviations',
         )
 
     def psd(self, f, dt):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ... import ar1
-from ...effect import Estimate, Finding
 from ..grid import grid_step
 from ..kinds import Defect, Parameter, Spectrum
+from ... import ar1
+from ...effect import Estimate, Finding
 
 
 class Rts(Spectrum, Defect):
@@ -14,11 +14,17 @@ class Rts(Spectrum, Defect):
     name = 'rts'
     symbol = 'step, tau'
     title = 'random telegraph signal (popcorn noise)'
-    equation = 'two levels, step apart, mean dwell tau: the spectrum of a Gauss-Markov process with sigma = step/2, Tc = tau/2'
-    signature = 'block means have two humps; the Allan deviation bumps as for a Gauss-Markov process, which has one hump'
+    equation = (
+        'two levels, step apart, mean dwell tau: the spectrum of a Gauss-Markov process with '
+        'sigma = step/2, Tc = tau/2'
+    )
+    signature = (
+        'block means have two humps; the Allan deviation bumps as for a Gauss-Markov process, '
+        'which has one hump'
+    )
     hint = (
-        'A defect in the semiconductor traps and frees a charge. It belongs to the unit: compare another one. Averaging helps only '
-        'beyond many dwell times.'
+        'A defect in the semiconductor traps and frees a charge. It belongs to the unit: compare '
+        'another one. Averaging helps only beyond many dwell times.'
     )
     reference = 'Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, 1954'
     views = ('frequency', 'time')
@@ -31,8 +37,9 @@ class Rts(Spectrum, Defect):
     @classmethod
     def statistics(cls, y, inputs):
         """
-        Keep, for block lengths 1, 2, 4 ..., the two-level fit to the block means and what it gains
-        over one level.
+        Keep the two-level fit to block means and what it gains over one level.
+
+        For block lengths 1, 2, 4 ...
 
         """
         step, _ = grid_step(y)
@@ -48,7 +55,12 @@ class Rts(Spectrum, Defect):
         return {'scales': np.array(rows).reshape(-1, 6)}
 
     def find(self, evidence):
-        """The block length at which two levels gain most; counted in dwells, not in samples."""
+        """
+        Find the block length at which two levels gain most.
+
+        It is counted in dwells, not in samples.
+
+        """
         kept = evidence.kept(self.name)
         if not kept:
             return None
@@ -80,16 +92,16 @@ class Rts(Spectrum, Defect):
                 ),
             },
             view='frequency',
-            evidence=f'means of {length * evidence.dt:.3g} s stand on two levels {step / spread:.1f} standard deviations apart, '
-            f'{int(switches)} switches',
+            evidence=f'means of {length * evidence.dt:.3g} s stand on two levels '
+            f'{step / spread:.1f} standard deviations apart, {int(switches)} switches',
         )
 
     def psd(self, f, dt):
-        """The AR(1) spectrum."""
+        """Return the AR(1) spectrum."""
         return ar1.psd(f, self['step'] / 2, self['tau'] / 2, dt)
 
     def avar(self, m, dt):
-        """That of the Gauss-Markov process of the same spectrum."""
+        """Return that of the Gauss-Markov process of the same spectrum."""
         return ar1.avar(m, self['step'] / 2, self['tau'] / 2, dt)
 
     def state_space(self, dt):
@@ -168,8 +180,9 @@ def _two_levels(y, length, dt):
 
 def _slow_part(z):
     """
-    Return a smooth curve through z, far slower than anything that switches often: means of 12
-    stretches, interpolated.
+    Return a smooth curve through z, far slower than anything that switches often.
+
+    Means of 12 stretches, interpolated.
 
     """
     k = 12

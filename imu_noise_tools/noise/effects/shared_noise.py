@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...record import AXES
 from ..kinds import Coupling, Parameter
+from ...record import AXES
 
 
 class SharedNoise(Coupling):
@@ -15,8 +15,8 @@ class SharedNoise(Coupling):
     equation = 'y = ... + gain * y_source'
     signature = 'coherence between axes of one sensor at rest'
     hint = (
-        'Common supply or reference noise, real motion of the mount, or cross-talk. At rest on a heavy base true motion should be '
-        'gone: record there; if it stays it is electrical.'
+        'Common supply or reference noise, real motion of the mount, or cross-talk. At rest on a '
+        'heavy base true motion should be gone: record there; if it stays it is electrical.'
     )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
     needs = 'analyse a record with all axes of the sensor'
@@ -52,7 +52,7 @@ class SharedNoise(Coupling):
         ]
 
     def channels(self, evidence):
-        """The source."""
+        """Return the source."""
         name = AXES[int(self.values.get('source', 0))]
         return (name,) if name in evidence.channels else ()
 

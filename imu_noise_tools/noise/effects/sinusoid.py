@@ -16,8 +16,8 @@ class Sinusoid(Line):
         'one narrow line in the PSD; a bump in the Allan deviation with nulls at tau = n/f0'
     )
     hint = (
-        'A rotating machine, mains, a pump or a fan near the sensor, or one of these folded down by sampling. Stop the machine and '
-        'record again; change the sample rate: an alias moves.'
+        'A rotating machine, mains, a pump or a fan near the sensor, or one of these folded down '
+        'by sampling. Stop the machine and record again; change the sample rate: an alias moves.'
     )
     reference = 'IEEE 952 C.1.7'
     several = True
@@ -40,5 +40,5 @@ class Sinusoid(Line):
 
     @classmethod
     def example(cls):
-        """A machine at 23 Hz."""
+        """Return the line of a machine at 23 Hz."""
         return cls({'amplitude': 1e-4, 'frequency': 3.7})

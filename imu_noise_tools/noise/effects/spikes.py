@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.special import log_ndtr, ndtri
 
-from ...effect import Estimate, Finding
 from ..kinds import Defect, Parameter
+from ...effect import Estimate, Finding
 
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 
@@ -16,10 +16,14 @@ class Spikes(Defect):
     symbol = 'rate, sigma'
     title = 'spikes (outliers)'
     equation = 'x_k + s_k, s_k ~ N(0, sigma^2) in a share rate*dt of the samples, else 0'
-    signature = 'tails of the whitened samples beyond the normal distribution, isolated in time; white spectrum'
+    signature = (
+        'tails of the whitened samples beyond the normal distribution, isolated in time; white '
+        'spectrum'
+    )
     hint = (
-        'Transmission errors, electrical interference, or knocks (these show on several axes at once and ring). Check the bus, its '
-        'checksums and the supply. N as fitted here is that of the samples without them.'
+        'Transmission errors, electrical interference, or knocks (these show on several axes at '
+        'once and ring). Check the bus, its checksums and the supply. N as fitted here is that '
+        'of the samples without them.'
     )
     reference = 'Huber, Robust Statistics, 1981'
     views = ('distribution', 'variance')
@@ -64,7 +68,9 @@ class Spikes(Defect):
 
     def find(self, evidence):
         """
-        Each outlier's likelihood as a spike of the fitted size, over that of a normal sample.
+        Weigh each outlier's likelihood as a spike against that of a normal sample.
+
+        The spike is one of the fitted size.
 
         """
         kept = evidence.kept(self.name)
@@ -94,8 +100,8 @@ class Spikes(Defect):
                 ),
             },
             view='distribution',
-            evidence=f'{k} samples beyond {float(kept["threshold"]) / sigma:.1f} standard deviations, '
-            f'the largest {np.max(np.abs(size)) / sigma:.0f}',
+            evidence=f'{k} samples beyond {float(kept["threshold"]) / sigma:.1f} standard '
+            f'deviations, the largest {np.max(np.abs(size)) / sigma:.0f}',
         )
 
     def apply(self, x, inputs, rng):
@@ -111,8 +117,9 @@ class Spikes(Defect):
 
 def _gain(kept):
     """
-    Return (nats, standard deviation of the spikes, of spike and noise together); None where there
-    are none, or too many.
+    Return (nats, standard deviation of the spikes, of spike and noise together).
+
+    None where there are none, or too many.
 
     """
     size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])

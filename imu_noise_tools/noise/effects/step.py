@@ -12,10 +12,13 @@ class Step(Mean):
     symbol = 'size, time'
     title = 'step of the bias'
     equation = 'mean = size for t >= time'
-    signature = 'two flat parts of the time series with a jump between them; once, not back and forth (that is rts)'
+    signature = (
+        'two flat parts of the time series with a jump between them; once, not back and forth '
+        '(that is rts)'
+    )
     hint = (
-        'A knock, a change of supply or range, a thermal stress released. Look at what happened at that time; record again, and '
-        'analyse the stretches before and after by themselves.'
+        'A knock, a change of supply or range, a thermal stress released. Look at what happened '
+        'at that time; record again, and analyse the stretches before and after by themselves.'
     )
     reference = 'Basseville and Nikiforov, Detection of Abrupt Changes, 1993'
     several = True
@@ -44,8 +47,9 @@ class Step(Mean):
 
     def starts(self, evidence):
         """
-        Every 256th part of the record, and finer around the largest contrast of neighbouring
-        means.
+        Start at every 256th part of the record.
+
+        The starts are finer around the largest contrast of neighbouring means.
 
         """
         t = evidence.slow_t

@@ -12,11 +12,17 @@ class Temperature(Mean):
     name = 'temperature'
     symbol = 'slope, curvature, lag'
     title = 'temperature sensitivity of the bias'
-    equation = 'mean = slope (T - Tm) + curvature ((T - Tm)^2 - mean), T lagged by a first-order time constant'
-    signature = 'the slow part of the record follows the temperature topic; slope +1/2 to +1 at the long end'
+    equation = (
+        'mean = slope (T - Tm) + curvature ((T - Tm)^2 - mean), T lagged by a first-order time '
+        'constant'
+    )
+    signature = (
+        'the slow part of the record follows the temperature topic; slope +1/2 to +1 at the long '
+        'end'
+    )
     hint = (
-        'The bias drifts with the temperature of the die. Calibrate it over temperature, keep the temperature constant, or feed the '
-        'temperature to the estimator.'
+        'The bias drifts with the temperature of the die. Calibrate it over temperature, keep '
+        'the temperature constant, or feed the temperature to the estimator.'
     )
     reference = 'IEEE 1554, bias temperature sensitivity'
     needs = 'record a temperature topic (sensor_msgs/Temperature) or column along with the IMU'

@@ -12,10 +12,13 @@ class Transient(Mean):
     symbol = 'A, tc'
     title = 'warm-up transient'
     equation = 'mean = amplitude e^(-t/tc), t from the beginning of the record'
-    signature = 'the mean moves fast at first, then settles; the Allan deviation rises towards slope +1 at the long end'
+    signature = (
+        'the mean moves fast at first, then settles; the Allan deviation rises towards slope +1 '
+        'at the long end'
+    )
     hint = (
-        'The sensor was warming up after power-on. Wait a few tc before recording, or record the temperature as well: '
-        'then it may turn out to be a temperature effect.'
+        'The sensor was warming up after power-on. Wait a few tc before recording, or record the '
+        'temperature as well: then it may turn out to be a temperature effect.'
     )
     reference = 'IEEE 1554, warm-up time'
     decide = 'record again after an hour of warm-up: a transient is gone'
@@ -39,7 +42,7 @@ class Transient(Mean):
         return [self.with_values(tc=float(c)) for c in np.geomspace(t / 200, t / 3, 8)]
 
     def bounds(self, evidence):
-        """What takes longer than half the record to settle is a ramp to it."""
+        """Bound the settling to half the record; what takes longer is a ramp to it."""
         return {'tc': (5 * evidence.dt, evidence.duration / 2)}
 
     def columns(self, inputs, tc):

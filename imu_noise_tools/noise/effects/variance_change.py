@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...effect import Estimate, Finding
 from ..kinds import Modulation, Parameter
+from ...effect import Estimate, Finding
 
 
 class VarianceChange(Modulation):
@@ -13,13 +13,16 @@ class VarianceChange(Modulation):
     symbol = 'factor, time, period'
     title = 'variance that changes in time'
     equation = (
-        'variance x factor from time on (period 0); x factor^(t/T) over the record (time 0, period 0); or swinging by factor '
-        'between its extremes with a period, largest at time'
+        'variance x factor from time on (period 0); x factor^(t/T) over the record (time 0, '
+        'period 0); or swinging by factor between its extremes with a period, largest at time'
     )
-    signature = 'the dynamic Allan deviation moves; the power of blocks in time scatters more than chance; heavy tails'
+    signature = (
+        'the dynamic Allan deviation moves; the power of blocks in time scatters more than '
+        'chance; heavy tails'
+    )
     hint = (
-        'Something near was switched on, the supply or the range changed, or the sensor warms up. Analyse the stretches by '
-        'themselves, and look at what happened at that time.'
+        'Something near was switched on, the supply or the range changed, or the sensor warms '
+        'up. Analyse the stretches by themselves, and look at what happened at that time.'
     )
     reference = 'Galleani and Tavella, The dynamic Allan variance, 2009'
     decide = 'record again with everything around switched off'
@@ -51,8 +54,9 @@ class VarianceChange(Modulation):
 
     def measure(self, evidence):
         """
-        The shape that gains most likelihood over a constant variance, from the power in time; None
-        where none does.
+        Return the shape that gains most likelihood over a constant variance.
+
+        It is found from the power in time; None where none does.
 
         """
         from ..views import power_in_time

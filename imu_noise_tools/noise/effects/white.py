@@ -14,8 +14,8 @@ class White(Spectrum):
     equation = 'S(f) = N^2 (two-sided), sigma^2(tau) = N^2/tau'
     signature = 'slope -1/2 in the Allan deviation, flat PSD'
     hint = (
-        'Thermal and electronic noise of the sensor. Present in every sensor; a lower bandwidth setting does not '
-        'change N, only the variance of a sample.'
+        'Thermal and electronic noise of the sensor. Present in every sensor; a lower bandwidth '
+        'setting does not change N, only the variance of a sample.'
     )
     reference = 'IEEE 952 C.1.1'
     decide = 'record again'
@@ -41,5 +41,5 @@ class White(Spectrum):
 
     @classmethod
     def example(cls):
-        """A consumer MEMS gyroscope, 0.005 deg/s/sqrt(Hz)."""
+        """Return the effect of a consumer MEMS gyroscope, 0.005 deg/s/sqrt(Hz)."""
         return cls({'N': 8.7e-5})
