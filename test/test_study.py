@@ -304,7 +304,6 @@ def test_the_loop_finds_what_is_missing():
     assert s.add() == [], 'nothing is missing, so nothing is added'
 
 
-@pytest.mark.xfail(strict=True, reason='a candidate must heal its view alone to be confirmed')
 def test_the_loop_finds_two_one_after_another():
     """Neither alone heals the view in which both show; the first must not wait for the other."""
     s = parabola(bend=8.0)
