@@ -1,10 +1,15 @@
 """
-Something hidden in a record: is it named? Confusion tables for bench/RESULTS.md.
+Tell whether something hidden in a record is named.
 
-    python bench/hidden_effects.py [--records 20] [--effects sinusoid,...] [--strength 1,10] [--hours 1] [--rate 50] [--bags]
+Confusion tables for bench/RESULTS.md.
 
-The records come from test/hidden.py, which shares no formula with the package. One gyroscope axis holds the effect; the
-verdict on it is the first diagnosis of the base model white + flicker + random_walk.
+    python bench/hidden_effects.py [--records 20] [--effects sinusoid,...] [--strength 1,10]
+                                   [--hours 1] [--rate 50] [--bags]
+
+The records come from test/hidden.py, which shares no formula with the package. One gyroscope axis
+holds the effect; the verdict on it is the first diagnosis of the base model white + flicker +
+random_walk.
+
 """
 
 from __future__ import annotations
@@ -71,8 +76,10 @@ def through_bag(record):
 
 def right(row) -> bool:
     """
-    Tell whether the verdict is right: the name; below five nats complete and undecidable too;
-    unknown for what nobody knows.
+    Tell whether the verdict is right.
+
+    Right is the name, below five nats complete and undecidable too; for what nobody knows,
+    unknown.
 
     """
     if not row['hidden']:
@@ -140,8 +147,8 @@ def report(rows, args):
         strong = [r for r in rows if all(h[3] for h in r['hidden'])]
         both = sum(set(h[0] for h in r['hidden']) <= set(r.get('added', ())) for r in strong)
         print(
-            f'both found: {share(both, len(strong))} (strength >= 1 and clear); of all {len(rows)}: '
-            f'{sum(set(r["names"]) <= set(r.get("added", ())) for r in rows)}'
+            f'both found: {share(both, len(strong))} (strength >= 1 and clear); of all '
+            f'{len(rows)}: {sum(set(r["names"]) <= set(r.get("added", ())) for r in rows)}'
         )
         return
     table = defaultdict(Counter)

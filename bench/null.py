@@ -3,9 +3,11 @@ Gains that candidates reach where nothing is hidden: writes imu_noise_tools/nois
 
     python bench/null.py [--records 200] [--write]
 
-Records of several durations and rates with white, flicker and random-walk noise, a wandering temperature and an
-accelerometer beside them. The penalty of a candidate is the gain that one record in a thousand exceeds: an exponential
-tail is fitted to the largest tenth, for a thousandth is beyond what a few hundred records show directly.
+Records of several durations and rates with white, flicker and random-walk noise, a wandering
+temperature and an accelerometer beside them. The penalty of a candidate is the gain that one
+record in a thousand exceeds: an exponential tail is fitted to the largest tenth, for a thousandth
+is beyond what a few hundred records show directly.
+
 """
 
 from __future__ import annotations
@@ -51,7 +53,9 @@ def one(seed: int) -> list[tuple[str, float]]:
 
 def threshold(gains: np.ndarray, total: int) -> float:
     """
-    Return the gain exceeded with probability LEVEL: an exponential tail above the 90 % point.
+    Return the gain exceeded with probability LEVEL.
+
+    An exponential tail above the 90 % point.
 
     """
     gains = np.concatenate([gains, np.zeros(max(total - len(gains), 0))])
@@ -77,12 +81,18 @@ def main():
     for name, gains in sorted(found.items()):
         table[name] = round(threshold(np.array(gains), total), 2)
         print(
-            f'{name:20s} {len(gains):5d}  90 % {np.quantile(gains, 0.9):6.2f}  99 % {np.quantile(gains, 0.99):6.2f}  '
-            f'largest {max(gains):6.2f}  penalty {table[name]:6.2f}'
+            f'{name:20s} {len(gains):5d}  90 % {np.quantile(gains, 0.9):6.2f}  '
+            f'99 % {np.quantile(gains, 0.99):6.2f}  largest {max(gains):6.2f}  '
+            f'penalty {table[name]:6.2f}'
         )
     if args.write:
         lines = [
-            '"""Gain in nats that a candidate exceeds by chance in one axis of a thousand; bench/null.py writes this file."""',
+            '"""',
+            'Gain in nats that a candidate exceeds by chance in one axis of a thousand.',
+            '',
+            'Written by bench/null.py.',
+            '',
+            '"""',
             '',
             f'AXES = {total}',
             'DEFAULT = 10.0',

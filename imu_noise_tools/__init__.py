@@ -4,24 +4,25 @@ How good is an IMU, and what is wrong with the model of it.
 Said once, here, and repeated nowhere:
 
 Units
-    SI everywhere inside: rad/s, m/s^2, s, Hz, degrees Celsius. Field units (deg/sqrt(h), ug/sqrt(Hz)
-    ...) appear only where people read, through :mod:`imu_noise_tools.units`.
+    SI everywhere inside: rad/s, m/s^2, s, Hz, degrees Celsius. Field units (deg/sqrt(h),
+    ug/sqrt(Hz) ...) appear only where people read, through :mod:`imu_noise_tools.units`.
 Densities
     A noise density N is the square root of the *two-sided* power spectral density, which is what
-    IEEE 952, Kalibr and the Allan deviation at 1 s mean. ``psd`` methods return *one-sided* densities
-    of the *sampled* process (2 N^2 for white noise), defined on 0 < f <= 1/(2 dt).
+    IEEE 952, Kalibr and the Allan deviation at 1 s mean. ``psd`` methods return *one-sided*
+    densities of the *sampled* process (2 N^2 for white noise), defined on 0 < f <= 1/(2 dt).
 Frames and signs
-    REP-103 and REP-145: right-handed, x forward, y left, z up; at rest an accelerometer reads +g on the
-    axis that points up. A face is named after the axis that reads +g: ``+z`` means z up.
+    REP-103 and REP-145: right-handed, x forward, y left, z up; at rest an accelerometer reads +g
+    on the axis that points up. A face is named after the axis that reads +g: ``+z`` means z up.
 Shapes
-    A record is n samples; ``gyro`` and ``accel`` are (n, 3); one axis is (n,); a calibration stacks
-    inputs as rows of the regressor I (p, poses) and outputs as O (3, poses), so that O = G I.
+    A record is n samples; ``gyro`` and ``accel`` are (n, 3); one axis is (n,); a calibration
+    stacks inputs as rows of the regressor I (p, poses) and outputs as O (3, poses), so that
+    O = G I.
 Names of axes
     ``gyro_x gyro_y gyro_z accel_x accel_y accel_z``.
 Uncertainty
-    ``std`` is one standard deviation, ``ci95`` a 95 % interval, ``upper95`` a one-sided 95 % limit. A
-    value whose interval reaches zero is ``None``: it is not observable from the record.
-References
+    ``std`` is one standard deviation, ``ci95`` a 95 % interval, ``upper95`` a one-sided 95 %
+    limit. A value whose interval reaches zero is ``None``: it is not observable from the record.
+Sources
     IEEE 952 and IEEE 1554 (terms and Allan variance), REP-103, REP-145 (frames).
 
 """

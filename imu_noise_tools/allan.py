@@ -1,9 +1,9 @@
 """
 Allan deviation: the tau grid, the curve of one axis, its confidence.
 
-Standard and overlapping Allan variance are computed here by prefix sums; the modified, Hadamard and total
-deviations are allantools' (which also is the oracle of the tests). All take rates; increments or integrated
-input are turned into rates when the record is read.
+Standard and overlapping Allan variance are computed here by prefix sums; the modified, Hadamard
+and total deviations are allantools' (which also is the oracle of the tests). All take rates;
+increments or integrated input are turned into rates when the record is read.
 
 """
 
@@ -52,7 +52,9 @@ class AllanCurve:
     @property
     def percent_error(self) -> np.ndarray:
         """
-        Relative error of a standard estimate, in percent: 100/sqrt(2 (n/m - 1)) (IEEE 952 C.1).
+        Return the relative error of a standard estimate, in percent.
+
+        100/sqrt(2 (n/m - 1)) (IEEE 952 C.1).
 
         """
         return 100 / np.sqrt(2 * (self.n / self.m - 1))
@@ -65,8 +67,9 @@ class AllanCurve:
 
 def cluster_sizes(n: int, points: int = 100, octaves: bool = False) -> np.ndarray:
     """
-    Return cluster sizes m from 1 to n/3: log-spaced whole numbers, each once, or octaves 1, 2, 4
-    ...
+    Return cluster sizes m from 1 to n/3.
+
+    Log-spaced whole numbers, each once, or octaves 1, 2, 4 ...
 
     Raises
     ------
@@ -84,8 +87,9 @@ def cluster_sizes(n: int, points: int = 100, octaves: bool = False) -> np.ndarra
 
 def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
     """
-    Return the overlapping Allan variance of rates y (n,) at cluster sizes m, every pair of
-    clusters counted.
+    Return the overlapping Allan variance of rates y (n,) at cluster sizes m.
+
+    Every pair of clusters is counted.
 
     sigma^2(m) = sum_j (x_{j+2m} - 2 x_{j+m} + x_j)^2 / (2 m^2 (n - 2m + 1)), x the prefix sums of
     y (IEEE 952 C.2).
@@ -100,8 +104,8 @@ def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
         total = 0.0
         for j in range(0, count, _BLOCK):
             size = min(_BLOCK, count - j)
-            d = np.add(x[j : j + size], x[j + 2 * k : j + 2 * k + size], out=work[:size])
-            d -= twice[j + k : j + k + size]
+            d = np.add(x[j:j + size], x[j + 2 * k:j + 2 * k + size], out=work[:size])
+            d -= twice[j + k:j + k + size]
             total += float(d @ d)
         out[i] = total / (2.0 * k * k * count)
     return out
@@ -109,8 +113,9 @@ def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 def standard_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
     """
-    Return half the mean squared difference of neighbouring cluster means, clusters side by side
-    (IEEE 952 C.1).
+    Return half the mean squared difference of neighbouring cluster means.
+
+    The clusters lie side by side (IEEE 952 C.1).
 
     """
     x = _prefix(y)
@@ -121,7 +126,9 @@ def standard_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 def _prefix(y: np.ndarray) -> np.ndarray:
     """
-    Prefix sums of y less its mean: the mean cancels in every difference, and so does its rounding.
+    Return the prefix sums of y less its mean.
+
+    The mean cancels in every difference, and so does its rounding.
 
     """
     x = np.empty(len(y) + 1)
@@ -188,8 +195,9 @@ def _by_allantools(y, deviation, m):
 
 def interval(dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95):
     """
-    Return (lo, hi) of a deviation: edf dev^2 / sigma^2 is chi-squared with edf degrees of freedom
-    (IEEE 1139).
+    Return the bounds (lo, hi) of a deviation.
+
+    edf dev^2 / sigma^2 is chi-squared with edf degrees of freedom (IEEE 1139).
 
     """
     tail = (1 - confidence) / 2
@@ -199,8 +207,9 @@ def interval(dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95):
 
 def smooth_slope(m, dev, decades: float = 0.5) -> np.ndarray:
     """
-    Return the slope of log dev against log m, of a straight line through half a decade around each
-    point.
+    Return the slope of log dev against log m around each point.
+
+    It is that of a straight line through half a decade.
 
     """
     x, y = np.log(np.asarray(m, float)), np.log(dev)
@@ -209,7 +218,7 @@ def smooth_slope(m, dev, decades: float = 0.5) -> np.ndarray:
     for i in range(len(x) if len(x) > 1 else 0):
         near = np.abs(x - x[i]) <= reach
         if near.sum() < 3:
-            near[max(0, i - 1) : i + 2] = True
+            near[max(0, i - 1):i + 2] = True
         u = x[near] - x[near].mean()
         out[i] = np.sum(u * y[near]) / np.sum(u * u)
     return out

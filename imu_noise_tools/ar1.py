@@ -18,8 +18,9 @@ def phi(dt: float, tc: float) -> float:
 
 def innovation_variance(sigma: float, tc: float, dt: float) -> float:
     """
-    Return the variance of the driving noise of one step, sigma^2 (1 - phi^2), exact for dt << tc
-    too.
+    Return the variance of the driving noise of one step, sigma^2 (1 - phi^2).
+
+    Exact for dt << tc too.
 
     """
     return float(-(sigma**2) * np.expm1(-2 * dt / tc))

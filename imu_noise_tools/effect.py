@@ -1,9 +1,10 @@
 """
 Effects, models and what a fit says: knows no problem, no file and no plot.
 
-A model is a sum of named effects: ``White() + Flicker() + RandomWalk()``. An effect belongs to one domain
-(``noise``, ``calibration`` or ``filter``), registers itself when its class is made, and nothing else names it.
-What an effect *does* is said by the kind it derives from, in the package of its domain.
+A model is a sum of named effects: ``White() + Flicker() + RandomWalk()``. An effect belongs to one
+domain (``noise``, ``calibration`` or ``filter``), registers itself when its class is made, and
+nothing else names it. What an effect *does* is said by the kind it derives from, in the package of
+its domain.
 
 """
 
@@ -205,7 +206,9 @@ class Model:
 
     def with_values(self, values: Mapping[str, Mapping[str, float]]) -> Model:
         """
-        Return the model with values, by label and parameter, in place of or beside those it has.
+        Return the model with values in place of or beside those it has.
+
+        They are given by label and parameter.
 
         """
         out = Model()
@@ -267,8 +270,9 @@ def registry(domain: str) -> Mapping[str, type[Effect]]:
 
 def find_effect(domain: str, name: str) -> type[Effect]:
     """
-    Return an effect's class by its name (or a label such as ``sinusoid.2``); raise UsageError for
-    an unknown one.
+    Return an effect's class by its name (or a label such as ``sinusoid.2``).
+
+    Raise UsageError for an unknown one.
 
     """
     known = registry(domain)
@@ -282,8 +286,9 @@ def find_effect(domain: str, name: str) -> type[Effect]:
 
 def model_of(domain: str, names) -> Model:
     """
-    Return the model, not yet fitted, of these names; raise UsageError for an unknown or repeated
-    one.
+    Return the model, not yet fitted, of these names.
+
+    Raise UsageError for an unknown or repeated one.
 
     """
     return Model(find_effect(domain, n)() for n in names)
@@ -365,8 +370,9 @@ class Fit:
 @dataclass(frozen=True)
 class View:
     """
-    One way to look at the data: pulls (standard normal under a true model) at x, and their excess
-    deviance per bin.
+    One way to look at the data.
+
+    Pulls (standard normal under a true model) at x, and their excess deviance per bin.
 
     ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where
     given, is the total -2 ln p of the data under the prediction, up to what the data alone decide:
@@ -391,8 +397,9 @@ class View:
 @dataclass(frozen=True)
 class Score:
     """
-    How well a fit predicts data it has not seen: the mean over the views of their excess, and its
-    chance scatter.
+    How well a fit predicts data it has not seen.
+
+    The mean over the views of their excess, and its chance scatter.
 
     """
 

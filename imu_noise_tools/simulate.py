@@ -1,8 +1,9 @@
 """
 Records with known truth, from a specification.
 
-Each effect of each axis has a random stream of its own, named by the seed, the axis and the effect's label: one seed gives one
-record, and adding an effect leaves the others' draws as they were.
+Each effect of each axis has a random stream of its own, named by the seed, the axis and the
+effect's label: one seed gives one record, and adding an effect leaves the others' draws as they
+were.
 
 """
 
@@ -25,8 +26,9 @@ MOTIONS = ('rocking', 'constant_rate', 'vibration')
 
 def stage(effect: NoiseEffect) -> int:
     """
-    Return the order in which effects act: noise, then what the sensor does to it, then what the
-    electronics do to samples.
+    Return the order in which effects act.
+
+    Noise, then what the sensor does to it, then what the electronics do to samples.
 
     """
     if isinstance(effect, Response):

@@ -2,8 +2,8 @@
 The orthonormal DCT-II of a record, its power in bins, and what a finite record does to a spectrum.
 
 c_k = sum_j y_j phi_k(j), phi_k(j) = sqrt(2/n) cos(pi k (j + 1/2)/n), so that f_k = k/(2 n dt) and
-I_k = 2 dt c_k^2 is a one-sided periodogram. The even extension of the cosines has no jump at the ends: red
-noise does not leak as it does in a Fourier periodogram, and no taper throws data away.
+I_k = 2 dt c_k^2 is a one-sided periodogram. The even extension of the cosines has no jump at the
+ends: red noise does not leak as it does in a Fourier periodogram, and no taper throws data away.
 
 """
 
@@ -24,8 +24,9 @@ CORRECTED = 32  # coefficients whose expectation differs noticeably from the spe
 @dataclass(frozen=True)
 class Bins:
     """
-    Bins of DCT coefficients of an n-sample record: [first, last) for each, ``count`` of them in
-    each.
+    Bins of DCT coefficients of an n-sample record.
+
+    [first, last) for each, ``count`` of them in each.
 
     All arrays (b,). The mean (k = 0) is in none.
 
@@ -86,8 +87,9 @@ def power(c: np.ndarray, dt: float, bins: Bins) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
     """
-    Return (x, W): E[I_k] = sum_x W[k-1, x] S(x/T) for k = 1 ... CORRECTED, T the length of the
-    record.
+    Return (x, W): E[I_k] = sum_x W[k-1, x] S(x/T) for k = 1 to CORRECTED.
+
+    T is the length of the record.
 
     W_k(x) = 2 |Phi_k(x)|^2, Phi_k the Fourier transform of sqrt(2) cos(pi k u) on 0 < u < 1:
     |Phi_k|^2 = 2 (2 pi x)^2 4 {sin^2, cos^2}(pi x) / ((2 pi x)^2 - (pi k)^2)^2 for even, odd k. A
@@ -104,7 +106,7 @@ def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
     k = np.arange(1, CORRECTED + 1)[:, None]
     w = 2 * np.pi * x
     wave = np.where(k % 2 == 0, np.sin(np.pi * x) ** 2, np.cos(np.pi * x) ** 2)
-    wave[:, len(near) :] = 0.5
+    wave[:, len(near):] = 0.5
     weight = 16 * w**2 * wave / (w**2 - (np.pi * k) ** 2) ** 2 * width
     return x, weight / weight.sum(axis=1, keepdims=True)
 
@@ -120,6 +122,8 @@ def expected(psd, bins: Bins) -> np.ndarray:
     ----------
     psd : callable
         f (Hz) -> one-sided PSD of the sampled process.
+    bins : Bins
+        Of the record.
 
     """
     f, weight, alone, pairs = _grid(bins.n, bins.dt)
@@ -132,8 +136,9 @@ def expected(psd, bins: Bins) -> np.ndarray:
 @lru_cache(maxsize=32)
 def _grid(n: int, dt: float):
     """
-    Return the frequencies that ``expected`` asks for, the window's weights, and where single bins
-    and pairs are.
+    Return the frequencies that ``expected`` asks for and the window's weights.
+
+    With them comes where single bins and pairs are.
 
     """
     bins = bins_of(n, dt)

@@ -1,5 +1,7 @@
 """
-Studies to and from a directory: study.yaml (plain numbers, SI) and evidence.npz (plain arrays), whole or not at all.
+Studies to and from a directory, whole or not at all.
+
+study.yaml holds plain numbers (SI), evidence.npz plain arrays.
 
 Nothing in a study names code to run: YAML is loaded safely, arrays without pickles.
 
@@ -19,9 +21,9 @@ import numpy as np
 import yaml
 
 from . import units
-from .effect import Estimate, Finding, find_effect, Model
+from .effect import Estimate, find_effect, Finding, Model
 from .errors import ImuNoiseError, InputError
-from .study import assess, Diagnosis, State, Step, Study
+from .study import assess, Diagnosis, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 # Where the problems of a domain are made from the arrays of evidence.npz, and back.
@@ -78,8 +80,9 @@ def dump_yaml(data) -> str:
 
 def load_yaml(path):
     """
-    Return the plain data of a YAML file; raise InputError where it is not there, not YAML, or
-    holds objects.
+    Return the plain data of a YAML file.
+
+    Raise InputError where it is not there, not YAML, or holds objects.
 
     """
     path = Path(path)
@@ -305,8 +308,9 @@ def read(folder) -> dict:
 
 def load(folder) -> Study:
     """
-    Return the study of a folder, its models fitted again to the evidence (the same numbers, and
-    all that hangs on them).
+    Return the study of a folder, its models fitted again to the evidence.
+
+    The numbers are the same, and all that hangs on them.
 
     Raises
     ------
@@ -350,8 +354,9 @@ def load(folder) -> Study:
 
 def load_arrays(path) -> dict[str, np.ndarray]:
     """
-    Return the arrays of an .npz file, never unpickling; raise InputError where it is damaged or
-    bloated.
+    Return the arrays of an .npz file, never unpickling.
+
+    Raise InputError where it is damaged or bloated.
 
     """
     try:

@@ -1,8 +1,8 @@
 """
 SI, and the units the field speaks.
 
-A parameter's unit is a template: ``{rate}`` stands for rad/s or m/s^2, ``{slope}`` for its time derivative,
-``{integral}`` for its time integral.
+A parameter's unit is a template: ``{rate}`` stands for rad/s or m/s^2, ``{slope}`` for its time
+derivative, ``{integral}`` for its time integral.
 
 """
 
@@ -35,8 +35,9 @@ _FIELD = {
 
 def si(template: str, sensor: str) -> str:
     """
-    Return the SI unit of a template for ``gyro`` or ``accel``: ``{rate}/sqrt(Hz)`` ->
-    ``rad/s/sqrt(Hz)``.
+    Return the SI unit of a template for ``gyro`` or ``accel``.
+
+    ``{rate}/sqrt(Hz)`` becomes ``rad/s/sqrt(Hz)``.
 
     """
     return template.format(**_SI[sensor]) if '{' in template else template
@@ -49,7 +50,9 @@ def field(template: str, sensor: str) -> tuple[float, str]:
 
 def shown(value: float | None, template: str, sensor: str) -> str:
     """
-    Return a value as the field writes it, with three significant digits: ``0.301 deg/sqrt(h)``.
+    Return a value as the field writes it: ``0.301 deg/sqrt(h)``.
+
+    With three significant digits.
 
     """
     factor, unit = field(template, sensor)

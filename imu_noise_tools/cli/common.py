@@ -41,8 +41,9 @@ def load_own_effects(args) -> None:
 @contextmanager
 def progress_line(args):
     """
-    Yield a function of (share or None, what) that draws one line on a terminal, and nothing
-    elsewhere.
+    Yield a function of (share or None, what) that draws one line.
+
+    It draws on a terminal, and nothing elsewhere.
 
     """
     if not sys.stderr.isatty() or getattr(args, 'json', False):

@@ -130,7 +130,7 @@ def diagnose(args) -> int:
     """Run ``diagnose``."""
     from .. import store
     from . import text
-    from ..tasks import noise as tasks
+    from ..tasks import loop as tasks
 
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
@@ -176,7 +176,7 @@ def add(args) -> int:
     """Run ``add``."""
     from ..effect import find_effect
     from .. import store
-    from ..tasks import noise as tasks
+    from ..tasks import loop as tasks
 
     common.load_own_effects(args)
     import imu_noise_tools.noise  # noqa: F401  (registers the effects)
@@ -196,7 +196,7 @@ def add(args) -> int:
 
 def remove(args) -> int:
     """Run ``remove``."""
-    from ..tasks import noise as tasks
+    from ..tasks import loop as tasks
 
     common.load_own_effects(args)
     study, steps = tasks.change(args.dir, lambda s: s.remove(args.label, args.axis))

@@ -20,7 +20,8 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
         prog='imu_noise',
         description='How good is my IMU, and what is wrong with my model of it?',
-        epilog='Start with: imu_noise inspect BAG; imu_noise analyse BAG; imu_noise diagnose BAG.study',
+        epilog='Start with: imu_noise inspect BAG; imu_noise analyse BAG; imu_noise diagnose '
+        'BAG.study',
     )
     top.add_argument('--version', action='version', version=__version__)
     commands = top.add_subparsers(dest='command', metavar='COMMAND', required=True)
@@ -32,7 +33,9 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv=None) -> int:
     """
-    Run one command; return its exit status: 0 done, 1 bad input, 2 wrong usage, 130 interrupted.
+    Run one command.
+
+    Return its exit status: 0 done, 1 bad input, 2 wrong usage, 130 interrupted.
 
     """
     args = parser().parse_args(argv)

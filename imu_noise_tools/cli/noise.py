@@ -10,8 +10,8 @@ def register(commands) -> None:
     c = commands.add_parser(
         'analyse',
         help='Allan curves, noise coefficients and imu.yaml of a bag',
-        description='Read a bag, fit the noise model, write a study: study.yaml, imu.yaml (Kalibr), allan.csv, '
-        'allan.png, report.html, evidence.npz.',
+        description='Read a bag, fit the noise model, write a study: study.yaml, imu.yaml '
+        '(Kalibr), allan.csv, allan.png, report.html, evidence.npz.',
     )
     c.add_argument(
         'bag', metavar='BAG', help='rosbag1 file, rosbag2 folder, .mcap, .db3, .csv or .npz'

@@ -42,7 +42,8 @@ def compare(study, verbose=False) -> str:
             bad = view.excess > 2 * view.std
             if bad or verbose:
                 out.append(
-                    f'  {"FAILS in" if bad else "holds in"} {view.name}: {against_chance(view.excess, view.std)}'
+                    f'  {"FAILS in" if bad else "holds in"} {view.name}: '
+                    f'{against_chance(view.excess, view.std)}'
                 )
             if bad:
                 out.append(f'    {where(view)}')
@@ -65,8 +66,8 @@ def where(view) -> str:
             side = 'above' if np.mean(pull[g]) > 0 else 'below'
             side = side if abs(np.mean(pull[g])) * np.sqrt(len(g)) > 2 else 'about'
             parts.append(
-                f'{x[g[0]]:.3g} to {x[g[-1]]:.3g} {view.unit} (measured {side} the model, worst pull '
-                f'{pull[g][np.argmax(np.abs(pull[g]))]:+.1f})'
+                f'{x[g[0]]:.3g} to {x[g[-1]]:.3g} {view.unit} (measured {side} the model, worst '
+                f'pull {pull[g][np.argmax(np.abs(pull[g]))]:+.1f})'
             )
     return 'worst: ' + '; '.join(parts) if parts else 'spread over the whole range'
 
@@ -81,7 +82,8 @@ def diagnosis(study, folder, verbose=False) -> str:
         elif d.verdict == 'missing':
             best = d.ranked[0]
             out.append(
-                f'{target}: {best.name} is missing (probability {best.probability:.2f}). {best.evidence}'
+                f'{target}: {best.name} is missing (probability {best.probability:.2f}). '
+                f'{best.evidence}'
             )
             sensor = target.partition('_')[0]
             for p in best.effect.parameters:
@@ -99,7 +101,8 @@ def diagnosis(study, folder, verbose=False) -> str:
         elif d.verdict == 'unknown':
             failed = ', '.join(f'{f.name} ({f.evidence})' for f in d.failed)
             out.append(
-                f'{target}: something is missing that no known effect explains. It shows in {failed}'
+                f'{target}: something is missing that no known effect explains. It shows in '
+                f'{failed}'
             )
         else:
             able = [f for f in d.ranked if f.gain > f.penalty] or list(d.ranked[:2])
@@ -145,7 +148,9 @@ def history(rows) -> str:
 
 def steps(study, done) -> str:
     """
-    Return what a step changed: the error before and after, and what the added effect came out as.
+    Return what a step changed.
+
+    The error before and after, and what the added effect came out as.
 
     """
     out = []
@@ -227,7 +232,9 @@ def effect(cls) -> str:
 
 def sketch(example) -> list[str]:
     """
-    Return its Allan deviation as a small picture in text (log-log), for typical values at 100 Hz.
+    Return its Allan deviation as a small picture in text.
+
+    Log-log, for typical values at 100 Hz.
 
     """
     import numpy as np
@@ -289,7 +296,8 @@ def inspection(found) -> str:
     line('record', f'{found.topic}: {h.samples} samples, {h.duration_s:.6g} s')
     line(
         'rate',
-        f'{hertz(h.rate_hz)} (median {hertz(h.median_rate_hz)}, received {hertz(h.receive_rate_hz)})',
+        f'{hertz(h.rate_hz)} (median {hertz(h.median_rate_hz)}, received '
+        f'{hertz(h.receive_rate_hz)})',
     )
     if h.clock_drift_ppm is not None:
         line('clock drift', f'{h.clock_drift_ppm:.3g} ppm against the receiver')

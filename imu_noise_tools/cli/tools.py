@@ -11,7 +11,8 @@ SPEC = """example of SPEC.yaml:
   duration_s: 3600
   seed: 1
   targets:
-    gyro_x: {white: {N: 8.7e-5}, flicker: {B: 2.4e-5}, sinusoid: {amplitude: 1.0e-4, frequency: 23}, bias: 0.01}
+    gyro_x: {white: {N: 8.7e-5}, flicker: {B: 2.4e-5}, sinusoid: \
+{amplitude: 1.0e-4, frequency: 23}, bias: 0.01}
     accel_z: {white: {N: 1.0e-3}}
   covariates: {temperature: {base: 25, swing: 5, period_s: 3600}}
   motion: {rocking: {axis: x, amplitude_deg: 15, period_s: 10}}
@@ -102,7 +103,8 @@ def simulate(args) -> int:
         common.print_json(truth)
     else:
         print(
-            f'written to {args.output}; what is in it: truth.yaml beside it\nnext: imu_noise analyse {args.output}'
+            f'written to {args.output}; what is in it: truth.yaml beside it\n'
+            f'next: imu_noise analyse {args.output}'
         )
     return 0
 
@@ -143,7 +145,8 @@ def plan(args) -> int:
             )
         )
         print(
-            'along with it: the temperature (sensor_msgs/Temperature) and all six axes; on a heavy base, motors off;\n'
+            'along with it: the temperature (sensor_msgs/Temperature) and all six axes; on a '
+            'heavy base, motors off;\n'
             "a rate of at least twice the sensor's bandwidth; half an hour of warm-up before."
         )
     return 0

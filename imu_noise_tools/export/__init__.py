@@ -1,4 +1,9 @@
-"""A study's numbers in the files that other programs read: one module a consumer, found by its name."""
+"""
+A study's numbers in the files that other programs read.
+
+One module a consumer, found by its name.
+
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""What every format asks of a noise study: N and K of a sensor, over its axes, with what had to be said."""
+"""
+What every format asks of a noise study.
+
+N and K of a sensor, over its axes, with what had to be said.
+
+"""
 
 from __future__ import annotations
 
@@ -44,6 +49,7 @@ def value_of(
 
     Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the
     effect it is fitted for this.
+
     """
     axes = [t for t in study.targets if t.startswith(sensor)]
     if not axes:
@@ -87,10 +93,12 @@ def left_out(study: Study) -> list[str]:
 
 def covering(state: State, horizon: float) -> dict[str, float]:
     """
-    Return the (N, K) whose curve N^2/tau + K^2 tau/3 covers model and data up to a horizon (s)
-    with the least excess.
+    Return the (N, K) that cover model and data up to a horizon (s) with the least excess.
+
+    What covers is the curve N^2/tau + K^2 tau/3.
 
     N covers all tau up to some tau_1, K the rest; tau_1 is where the mean log excess is smallest.
+
     """
     c = state.problem.evidence.curve
     some = (c.tau <= horizon) & (c.edf > 3)

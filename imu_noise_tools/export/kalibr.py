@@ -1,9 +1,14 @@
-"""Kalibr's imu.yaml: continuous-time densities N and random walks K (kalibr wiki, IMU-Noise-Model)."""
+"""
+Kalibr's imu.yaml: continuous-time densities N and random walks K.
+
+Source: the wiki of kalibr, IMU-Noise-Model.
+
+"""
 
 from __future__ import annotations
 
-from ..study import Study
 from ._values import left_out, number, value_of
+from ..study import Study
 
 KEYS = (
     ('accelerometer_noise_density', 'accel', 'N', 'm/s^2/sqrt(Hz)'),
@@ -18,7 +23,8 @@ def text(
 ) -> str:
     """Return imu.yaml; one value a sensor, by the rule ``axes``, times ``inflate``."""
     lines = [
-        '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), SI units.',
+        '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), '
+        'SI units.',
         f'# One value a sensor: {axes} of its axes'
         + (f', times {inflate:g}' if inflate != 1 else '')
         + '.',

@@ -3,7 +3,8 @@ Call a node's service from the shell where ros2 is not installed.
 
     python -m imu_noise_tools.nodes.trigger /analyser/analyse [--patience SECONDS]
 
-Prints the answer, which is YAML; exit status 0 for success, 1 for a refusal, 3 where nobody answers.
+Prints the answer, which is YAML; exit status 0 for success, 1 for a refusal, 3 where nobody
+answers.
 
 """
 
@@ -20,8 +21,9 @@ from std_srvs.srv import Trigger
 
 def call(name: str, patience: float) -> tuple[bool, str] | None:
     """
-    Return (success, message) of a Trigger service, None where it is not there or does not answer
-    in time.
+    Return (success, message) of a Trigger service.
+
+    None where it is not there or does not answer in time.
 
     """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -57,7 +59,8 @@ def main(args=None) -> int:
         return 130
     if answer is None:
         print(
-            f'{given.service}: no answer in {given.patience:g} s: is the node running, in this ROS domain?',
+            f'{given.service}: no answer in {given.patience:g} s: is the node running, in this '
+            'ROS domain?',
             file=sys.stderr,
         )
         return 3

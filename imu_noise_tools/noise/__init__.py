@@ -1,6 +1,11 @@
-"""Noise of one axis of a static record: effects, evidence, fit, the problem that the loop drives."""
+"""
+Noise of one axis of a static record.
 
-from . import effects  # noqa: F401  (registers them)
+Effects, evidence, fit, and the problem that the loop drives.
+
+"""
+
+from . import effects
 from .kinds import (
     Coupling,
     Defect,
@@ -9,7 +14,22 @@ from .kinds import (
     Mean,
     Modulation,
     NoiseEffect,
-    Parameter,  # noqa: F401
+    Parameter,
     Response,
     Spectrum,
 )
+
+# importing the effects registers them
+__all__ = [
+    'Coupling',
+    'Defect',
+    'Inputs',
+    'Line',
+    'Mean',
+    'Modulation',
+    'NoiseEffect',
+    'Parameter',
+    'Response',
+    'Spectrum',
+    'effects',
+]

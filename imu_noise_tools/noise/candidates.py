@@ -1,25 +1,32 @@
-"""What could be missing from a model: every registered effect, tried, with the log-likelihood it gains."""
+"""
+What could be missing from a model.
+
+Every registered effect is tried, with the log-likelihood it gains.
+
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..effect import Finding, Fit, Model, registry, unfitted
 from . import views
 from .evidence import Evidence, line_penalty
 from .fit import fit as fit_part, measure, MEASURED, with_units
 from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
 from .null import DEFAULT, PENALTY
+from ..effect import Finding, Fit, Model, registry, unfitted
 
 
 def candidates(problem, fit: Fit) -> list[Finding]:
     """
-    Return, best first, a finding for each registered effect that is not in the model and applies
-    to the record.
+    Return a finding for each registered effect, best first.
+
+    Left out are effects that are in the model or do not apply to the record.
 
     ``gain`` is the log-likelihood gained over the model as it is, summed over the views the effect
     acts on; ``penalty`` what chance reaches on records in which nothing is hidden
     (:func:`penalty`).
+
     """
     evidence: Evidence = problem.evidence
     if problem.method != 'likelihood':
@@ -82,8 +89,8 @@ def _line(evidence, fit, effect):
         estimates,
         line_penalty(evidence.n),
         'frequency',
-        f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around it, coherent through the '
-        f'record{harmonic}{_as_rpm(frequency)}',
+        f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around '
+        f'it, coherent through the record{harmonic}{_as_rpm(frequency)}',
     )
 
 
@@ -143,7 +150,10 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
             for k, e in estimates.items()
             if e.std and abs(e.point) > 2 * e.std
         ]
-        return f'coherent with {", ".join(effect.channels(evidence))}: {", ".join(parts) or "nothing significant"}'
+        return (
+            f'coherent with {", ".join(effect.channels(evidence))}: '
+            f'{", ".join(parts) or "nothing significant"}'
+        )
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
 
     def minus_log(x):
@@ -159,7 +169,9 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
 
 def penalty(name: str) -> float:
     """
-    Return the gain (nats) that one in a thousand records with nothing hidden reaches by chance.
+    Return the gain (nats) that chance reaches in one record of a thousand.
+
+    Nothing is hidden in these records.
 
     """
     return PENALTY.get(name, DEFAULT)

@@ -1,8 +1,9 @@
 """
 The popular readings of an Allan curve: weighted least squares (``avar``) and slopes (``slopes``).
 
-They throw information away (a slope reading of B or K is easily wrong by a half) and are offered because everybody knows
-them. Their standard deviations come from the equivalent degrees of freedom of the points they use.
+They throw information away (a slope reading of B or K is easily wrong by a half) and are offered
+because everybody knows them. Their standard deviations come from the equivalent degrees of freedom
+of the points they use.
 
 """
 
@@ -11,11 +12,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize, nnls
 
+from .evidence import Evidence
+from .kinds import Line, Mean, Spectrum
 from .. import units
 from ..effect import Estimate, Fit, Model
 from ..errors import UsageError
-from .evidence import Evidence
-from .kinds import Line, Mean, Spectrum
 
 FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
 # name: parameter, slope, tau at which the line of that slope is read, and what the reading is
@@ -36,11 +37,16 @@ def _templates(effect):
 
 def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
     """
-    Return the model fitted to the Allan curve: non-negative least squares weighted by edf, shapes
-    by simplex search.
+    Return the model fitted to the Allan curve.
+
+    Non-negative least squares weighted by edf, shapes by simplex search.
 
     Parameters
     ----------
+    evidence : Evidence
+        Of the axis; its whole curve is fitted.
+    model : Model
+        As asked for; ``full`` holds it with values.
     full : Fit
         The likelihood fit: start of the shape parameters, and the values of what does not show in
         a curve.
@@ -126,12 +132,14 @@ def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
 
 def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:
     """
-    Return the covariance (k, k) of the measured Allan variances under a model with power v (b,) in
-    the bins.
+    Return the covariance (k, k) of the measured Allan variances.
+
+    It holds under a model with power v (b,) in the bins.
 
     The Allan variance is a weighted sum of periodogram ordinates, weights 2 sin^4(pi f m dt)/(m
     sin(pi f dt))^2 df (sin^4 replaced by its mean where a bin holds many of its oscillations); a
     bin of w ordinates has variance 2 v^2/w.
+
     """
     c, bins = evidence.curve, evidence.whole.bins
     f, width = bins.f, bins.count / (2 * bins.n * c.dt)
@@ -142,18 +150,25 @@ def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:
 
 
 def _floor(effect, name):
-    """The lower bound of an amplitude on a logarithmic scale, else zero."""
+    """Return the lower bound of an amplitude on a logarithmic scale, else zero."""
     p = next(p for p in effect.parameters if p.name == name)
     return p.lower if p.log else 0.0
 
 
 def fit_slopes(evidence: Evidence, model: Model, full: Fit, bias_at: str = 'flat') -> Fit:
     """
-    Return the model with coefficients read from the curve at the point whose local slope is
-    nearest to each line's.
+    Return the model with coefficients read from the slopes of the curve.
+
+    Each is read at the point whose local slope is nearest to its line's.
 
     Parameters
     ----------
+    evidence : Evidence
+        Of the axis; its curve is read.
+    model : Model
+        As asked for; ``full`` holds it with values.
+    full : Fit
+        The likelihood fit: the values of what is not read from the curve.
     bias_at : str
         Where B is read: ``flat`` (slope nearest to zero), ``rise`` (the first rise after tau = 1
         s), ``minimum``, or a number of seconds.

@@ -1,15 +1,15 @@
-"""What a fitted model adds up to in the Allan variance of the record it was fitted to, effect by effect."""
+"""What a fitted model adds up to in the Allan variance of its record, effect by effect."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..allan import overlapping_variance
-from ..effect import Effect, Model
-from ..spectrum import quadrature_avar
 from .evidence import Evidence
 from .fit import Likelihood
 from .kinds import Coupling, Defect, Inputs, Line, Mean, model_avar, Response, Spectrum
+from ..allan import overlapping_variance
+from ..effect import Effect, Model
+from ..spectrum import quadrature_avar
 
 
 def model_curve(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:

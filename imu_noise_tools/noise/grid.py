@@ -7,7 +7,9 @@ import numpy as np
 
 def robust_sigma(y) -> float:
     """
-    Return the standard deviation of the fast part of y: of neighbouring differences, over sqrt(2).
+    Return the standard deviation of the fast part of y.
+
+    It is that of neighbouring differences, over sqrt(2).
 
     """
     return float(np.std(np.diff(y))) / np.sqrt(2)
@@ -18,6 +20,7 @@ def grid_step(y, most: int = 4096) -> tuple[float, int]:
     Return (step, levels): the spacing of the grid that all of y lies on, 0 where there is none.
 
     Levels that differ by less than a millionth of their spread are one (float32 storage).
+
     """
     some = y[:200_000]
     levels = np.unique(some)

@@ -1,8 +1,10 @@
 """
-Kinds of noise effect: what each can do to one axis of a static record, and how it combines with the others.
+Kinds of noise effect: what each can do to one axis of a static record.
 
-A kind is a capability; an effect derives from one or two. ``psd``, ``columns`` and the like give mathematics only;
-fitting, scoring, pictures and export are derived from them.
+Each kind also says how it combines with the others.
+
+A kind is a capability; an effect derives from one or two. ``psd``, ``columns`` and the like give
+mathematics only; fitting, scoring, pictures and export are derived from them.
 
 """
 
@@ -67,15 +69,18 @@ class NoiseEffect(Effect):
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """
-        Return what it must keep of the samples of one axis: small arrays, stored in evidence.npz.
+        Return what it must keep of the samples of one axis.
+
+        Small arrays, stored in evidence.npz.
 
         """
         return {}
 
     def starts(self, evidence) -> list[Effect]:
         """
-        Return where a fit should start from, one effect for each; an empty list means: not
-        applicable here.
+        Return where a fit should start from, one effect for each.
+
+        An empty list means: not applicable here.
 
         By default each searched parameter starts at three points spread over its range (amplitudes
         are then set from the measured spectrum).
@@ -96,8 +101,9 @@ class NoiseEffect(Effect):
 
     def bounds(self, evidence) -> dict[str, tuple[float, float]]:
         """
-        Return bounds narrower than the parameters' own, for what this record can tell from other
-        effects.
+        Return bounds narrower than the parameters' own.
+
+        They hold what this record can tell from other effects.
 
         """
         return {}
@@ -124,16 +130,18 @@ class Spectrum(NoiseEffect):
 
     def state_space(self, dt: float):
         """
-        Return (Phi, Q, H) with this PSD: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k; None where no
-        finite one exists.
+        Return (Phi, Q, H) with this PSD: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k.
+
+        None where no finite one exists.
 
         """
         return None
 
     def apply(self, x, inputs, rng):
         """
-        Add a realisation drawn through the DCT: exact in power, stationary but for the record's
-        ends.
+        Add a realisation drawn through the DCT.
+
+        It is exact in power, stationary but for the record's ends.
 
         """
         from ..spectrum import bins_of, expected
@@ -150,8 +158,9 @@ class Spectrum(NoiseEffect):
 
 class Mean(NoiseEffect):
     """
-    Adds to the mean: columns times linear parameters, in the order in which the effect lists its
-    linear parameters.
+    Adds to the mean: columns times linear parameters.
+
+    The columns come in the order in which the effect lists its linear parameters.
 
     All other parameters are nonlinear and passed to ``columns`` by name.
 
@@ -180,8 +189,9 @@ class Mean(NoiseEffect):
 
 class Line(NoiseEffect):
     """
-    Adds a coherent line: its amplitude, frequency and phase are measured on the samples when the
-    evidence is made.
+    Adds a coherent line.
+
+    Its amplitude, frequency and phase are measured on the samples when the evidence is made.
 
     """
 
@@ -223,7 +233,9 @@ class Modulation(NoiseEffect):
 
     def measure(self, evidence):
         """
-        Return a Finding (gain, effect with values, estimates) from the power in time, or None.
+        Return a Finding from the power in time, or None.
+
+        It holds the gain, the effect with values and its estimates.
 
         """
         return None
@@ -239,8 +251,9 @@ class Defect(NoiseEffect):
 
     def find(self, evidence):
         """
-        Return a Finding (gain in log-likelihood, effect with values, evidence in words) from kept
-        statistics, or None.
+        Return a Finding from kept statistics, or None.
+
+        It holds the gain in log-likelihood, the effect with values and the evidence in words.
 
         """
         return None
@@ -253,8 +266,9 @@ class Defect(NoiseEffect):
 
 def additive_psd(model: Model, f: np.ndarray, dt: float, filtered: bool) -> np.ndarray:
     """
-    Return the sum of the one-sided PSDs of the spectral effects on one side of the sensor's
-    response.
+    Return the sum of the PSDs on one side of the sensor's response.
+
+    They are the one-sided PSDs of the spectral effects.
 
     """
     total = np.zeros(np.shape(f))
@@ -266,7 +280,9 @@ def additive_psd(model: Model, f: np.ndarray, dt: float, filtered: bool) -> np.n
 
 def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """
-    Return the one-sided PSD of the whole model: (sum of what is filtered) x responses + the rest.
+    Return the one-sided PSD of the whole model.
+
+    (Sum of what is filtered) x responses + the rest.
 
     """
     gain = np.ones(np.shape(f))
@@ -277,8 +293,9 @@ def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
 
 def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
     """
-    Return the Allan variance of the whole model at cluster sizes m: the sum, or its quadrature
-    behind a response.
+    Return the Allan variance of the whole model at cluster sizes m.
+
+    It is the sum of its effects', or a quadrature behind a response.
 
     """
     if model.of(Response):

@@ -1,4 +1,9 @@
-"""Gain in nats that a candidate exceeds by chance in one axis of a thousand; bench/null.py writes this file."""
+"""
+Gain in nats that a candidate exceeds by chance in one axis of a thousand.
+
+Written by bench/null.py.
+
+"""
 
 AXES = 180
 DEFAULT = 10.0

@@ -1,20 +1,26 @@
-"""How precisely a record of some length and rate can show a model's parameters: the Cramer-Rao bound, and its inverse."""
+"""
+How precisely a record of some length and rate can show a model's parameters.
+
+The Cramer-Rao bound, and its inverse.
+
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .kinds import model_psd, Spectrum
 from ..effect import Model
 from ..spectrum import bins_of, expected
-from .kinds import Spectrum, model_psd
 
 LONGEST = 1000 * 3600.0  # s; what takes longer than a thousand hours is not worth planning
 
 
 def precision(model: Model, duration: float, dt: float) -> dict[tuple[str, str], float]:
     """
-    Return the Cramer-Rao bound of each searched parameter of the spectral effects, relative to its
-    value.
+    Return the Cramer-Rao bound of each searched parameter, relative to its value.
+
+    The parameters are those of the spectral effects.
 
     Parameters
     ----------
@@ -39,15 +45,11 @@ def precision(model: Model, duration: float, dt: float) -> dict[tuple[str, str],
     h = 1e-3
     columns = []
     for label, name in slots:
-        up, down = (
-            expected(
-                lambda f, m=model.with_effect(model[label].with_values(**{name: model[label][name] * k})): (
-                    model_psd(m, f, dt)
-                ),
-                bins,
-            )
+        moved = (
+            model.with_effect(model[label].with_values(**{name: model[label][name] * k}))
             for k in (np.exp(h), np.exp(-h))
         )
+        up, down = (expected(lambda f, m=m: model_psd(m, f, dt), bins) for m in moved)
         columns.append((up - down) / (2 * h) / base)
     if not columns:
         return {}
@@ -69,8 +71,9 @@ def duration_for(
     model: Model, label: str, name: str, dt: float, wanted: float = 0.2, begin: float = 60.0
 ) -> float | None:
     """
-    Return the record length (s) from which a parameter is known to a relative precision; None
-    beyond 1000 h.
+    Return the record length (s) from which a parameter is known to a relative precision.
+
+    None beyond 1000 h.
 
     """
     low, high = begin, begin

@@ -1,4 +1,9 @@
-"""The whole story on a simulated IMU: record, analyse, see the model fail, find the missing effect, add it, watch the error fall."""
+"""
+The whole story on a simulated IMU.
+
+Record, analyse, see the model fail, find the missing effect, add it, watch the error fall.
+
+"""
 
 from __future__ import annotations
 
@@ -42,12 +47,14 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
 
     Where rclpy is to be had the bag is also played by the real ``bag_reader`` to the real
     ``analyser``, as processes, and what they save must equal what the command line computes.
+
     """
     out = Path(out).resolve()
     with files.new_folder(out, force=True) as new:
         new = Path(new)
         say(
-            f'1. Simulate an hour of an IMU at rest, with something hidden in gyro_x and gyro_y: {out / "bag"}'
+            '1. Simulate an hour of an IMU at rest, with something hidden in gyro_x and gyro_y: '
+            f'{out / "bag"}'
         )
         simulate(SPEC, new / 'bag')
         say('2. Analyse it as anybody would: white + flicker + random_walk on every axis')
@@ -65,7 +72,8 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
         for s in steps:
             before = next(r for r in study.history if r.target == s.target)
             say(
-                f'   {s.target}: + {s.added}: error {before.held_out:.3f} -> {s.held_out:.3f} (chance: up to {2 * s.held_out_std:.3f})'
+                f'   {s.target}: + {s.added}: error {before.held_out:.3f} -> {s.held_out:.3f} '
+                f'(chance: up to {2 * s.held_out_std:.3f})'
             )
         for t, d in study.diagnosis.items():
             say(f'   {t}: {d.verdict}')
@@ -93,13 +101,15 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
 
 def _nodes(folder: Path, study, say) -> bool | None:
     """
-    Play the bag through the real nodes; return whether they computed the same, None where they
-    could not run.
+    Play the bag through the real nodes.
+
+    Return whether they computed the same, None where they could not run.
 
     """
     if importlib.util.find_spec('rclpy') is None:
         say(
-            '3. The ROS nodes are left out: rclpy cannot be imported here (pip install ".[ros]", or source ROS)'
+            '3. The ROS nodes are left out: rclpy cannot be imported here (pip install ".[ros]", '
+            'or source ROS)'
         )
         return None
     say(

@@ -1,19 +1,44 @@
-"""What the loop asks of two studies: what changed beyond chance."""
+"""Go on with a study on disk, and tell what changed between two."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import importlib
+
 import numpy as np
 
+from .. import files, store
 from ..errors import InputError
 from ..study import Study
 
 BEYOND = 3.0  # standard deviations
+# Where the files of a domain's study are made, if there is more to them than the report.
+_OUTPUTS = {'noise': 'noise', 'calibration': 'calibration'}
+
+
+def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
+    """Load a study, do something to it, rewrite all of its files; return it and what came back."""
+    study = store.load(folder)
+    result = what(study)
+    files.replace_files(folder, outputs(study, folder))
+    return study, result
+
+
+def outputs(study: Study, folder) -> dict[str, str | bytes]:
+    """Return all files of a study of any domain by name; ``folder`` is what the page names."""
+    if study.domain in _OUTPUTS:
+        module = importlib.import_module(f'{__package__}.{_OUTPUTS[study.domain]}')
+        return module.outputs(study, folder)
+    from .. import report
+
+    return {**store.study_files(study), 'report.html': report.html(study, folder=str(folder))}
 
 
 def compare_two(first: Study, second: Study) -> list[dict]:
     """
-    Return what differs between two studies of one domain (motor off and on, cold and warm), target
-    by target.
+    Return what differs between two studies of one domain, target by target.
+
+    Motor off and on, say, or cold and warm.
 
     Every parameter that both models hold is compared by value and interval; for noise, the spectra
     too, in a few bands.
@@ -88,7 +113,9 @@ def _shown(e):
 
 def _of_spectra(target, a, b, bands=6):
     """
-    Compare measured power in bands of frequency; ln of a mean of w chi-squared has variance 2/w.
+    Compare measured power in bands of frequency.
+
+    The ln of a mean of w chi-squared has variance 2/w.
 
     """
     low = max(a.whole.bins.f[0], b.whole.bins.f[0])

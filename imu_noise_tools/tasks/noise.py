@@ -132,11 +132,13 @@ def analyse(
     **options,
 ) -> tuple[Study, Path]:
     """
-    Analyse a bag and write its study; return both the study and its folder (``<bag>.study`` unless
-    given).
+    Analyse a bag and write its study.
+
+    Return both the study and its folder (``<bag>.study`` unless given).
 
     Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise, and
     InputError where the folder holds a study already and ``force`` is not given.
+
     """
     from ..bag import open_record
 
@@ -173,7 +175,9 @@ def default_folder(bag) -> Path:
 
 def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
     """
-    Return all files of a noise study by name; ``folder`` is what the page's next commands name.
+    Return all files of a noise study by name.
+
+    ``folder`` is what the page's next commands name.
 
     """
     from .. import report
@@ -203,33 +207,3 @@ def allan_csv(study: Study) -> str:
                 [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])]
             )
     return text.getvalue()
-
-
-def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
-    """
-    Load the study of a folder, do something to it, and rewrite all of its files; return the study
-    and what came back.
-
-    """
-    study = store.load(folder)
-    result = what(study)
-    save(study, folder)
-    return study, result
-
-
-def save(study: Study, folder) -> None:
-    """Rewrite all files of a study's folder."""
-    files.replace_files(folder, outputs_of(study, folder))
-
-
-def outputs_of(study: Study, folder) -> dict[str, str | bytes]:
-    """Return all files of a study of any domain."""
-    if study.domain == 'noise':
-        return outputs(study, folder)
-    if study.domain == 'calibration':
-        from . import calibration
-
-        return calibration.outputs(study)
-    from .. import report
-
-    return {**store.study_files(study), 'report.html': report.html(study, folder=str(folder))}

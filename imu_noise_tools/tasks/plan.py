@@ -14,8 +14,9 @@ def plan(
     folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted: float = 0.2
 ) -> list[dict]:
     """
-    Return one row a parameter: what an hour gives, and how long a record gives the wanted relative
-    precision.
+    Return one row a parameter: what an hour gives, and how long a record must be.
+
+    The record is as long as the wanted relative precision takes.
 
     Parameters
     ----------
@@ -23,6 +24,12 @@ def plan(
         A noise study to take the models from.
     given : mapping
         N, B, K in SI, where there is no study.
+    sensor : str
+        ``gyro`` or ``accel``, where there is no study.
+    rate_hz : float
+        Sample rate, where there is no study.
+    wanted : float
+        Relative standard deviation that is wanted.
 
     """
     if folder:

@@ -14,6 +14,7 @@ def simulate(spec, out, force: bool = False) -> dict:
     Simulate a specification (a mapping, or the path of a YAML file) into a bag; return the truth.
 
     ``truth.yaml`` is written beside the bag (in its folder's parent).
+
     """
     import imu_noise_tools.noise  # noqa: F401  (registers the effects)
 
