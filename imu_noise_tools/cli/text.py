@@ -109,7 +109,8 @@ def diagnosis(study, folder, verbose=False) -> str:
             out.append(
                 f'{target}: undecidable from this record: {", ".join(f.name for f in able)}'
             )
-        if d.advice:
+        hint = d.ranked[0].effect.hint if d.verdict == 'missing' else ''
+        if d.advice and hint not in d.advice:
             out += textwrap.wrap(
                 d.advice, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
             )

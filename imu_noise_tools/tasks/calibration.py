@@ -169,13 +169,14 @@ def as_dict(study: Study) -> dict:
     return store.plain(data)
 
 
-def outputs(study: Study) -> dict[str, str | bytes]:
-    """Return all files of a calibration study by name."""
+def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+    """Return all files of a calibration study by name; ``folder`` is what the page names."""
     from .. import report
     from ..plots import calibration as plots, style
     picture = style.png(plots.calibration_figure(calibration_of(study)))
     return {**store.study_files(study), 'calibration.png': picture,
-            'report.html': report.html(study),
+            'report.html': report.html(study, extra=[('Poses', picture)],
+                                       folder=str(folder or 'DIR')),
             FILE: store.dump_yaml(as_dict(study))}
 
 
@@ -209,7 +210,7 @@ def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, ra
         done.study.diagnose()
         if progress:
             progress(0.9, 'writing')
-        for name, data in outputs(done.study).items():
+        for name, data in outputs(done.study, folder).items():
             files.atomic_write(Path(new) / name, data)
     return replace(done, folder=folder)
 

@@ -170,9 +170,9 @@ def denoise(
     )
     study = made['study']
     if study is not None:
-        from .noise import outputs_of
+        from .loop import outputs
         with files.new_folder(folder, force=force) as new:
-            for name, data in outputs_of(study, folder).items():
+            for name, data in outputs(study, folder).items():
                 files.atomic_write(Path(new) / name, data)
     return Done(
         written,
