@@ -1,7 +1,8 @@
 """
 The loop, for any problem: compare, diagnose, add, remove, and the history of what was tried.
 
-Knows only the :class:`~imu_noise_tools.effect.Problem` protocol: nothing of noise, calibration or filters, no files.
+Knows only the :class:`~imu_noise_tools.effect.Problem` protocol: nothing of noise, calibration or
+filters, no files.
 
 """
 
@@ -12,12 +13,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .effect import Finding, Fit, Model, Problem, Score, View, find_effect, unfitted
+from .effect import find_effect, Finding, Fit, Model, Problem, Score, unfitted, View
 from .errors import UsageError
 
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 SURE = 0.9  # probability from which one effect is named
-FALL = 6.0  # deviance (three nats) by which an error on data not fitted must fall to be more than chance
+# deviance (three nats) by which an error on data not fitted must fall to be more than chance
+FALL = 6.0
 OMNIBUS_LEVEL = 0.005  # family-wise, by Holm
 
 
@@ -53,8 +55,9 @@ class Step:
 @dataclass(frozen=True)
 class Diagnosis:
     """
-    What is missing from one target's model: a verdict, the ranked candidates, what failed, and
-    what to do.
+    What is missing from one target's model.
+
+    A verdict, the ranked candidates, what failed, and what to do.
 
     """
 
@@ -66,8 +69,9 @@ class Diagnosis:
 
 def held_out(problem: Problem, model: Model) -> Score:
     """
-    Return the error on data not fitted: each view averaged over the splits, then the views
-    averaged.
+    Return the error on data not fitted.
+
+    Each view is averaged over the splits, then the views are averaged.
 
     """
     known = getattr(problem, 'held_out', None)          # some problems have it in closed form
@@ -104,11 +108,13 @@ def deviance(score: Score, names=()) -> float:
 
 def fall_of(before: Score, after: Score, effects) -> float:
     """
-    Return by how much the deviance on data not fitted fell, in the views in which the effects are
-    judged.
+    Return by how much the deviance on data not fitted fell.
+
+    It is counted in the views in which the effects are judged.
 
     A view that one of the two models cannot say anything in counts with its excess where that is
     above zero.
+
     """
     names: set = set()
     for e in effects:
@@ -227,10 +233,12 @@ class Study:
 
     def add(self, effects: Iterable[str] | None = None, targets=None) -> list[Step]:
         """
-        Put effects into the model of the targets; without names, the best of the diagnosis for
-        each target it names.
+        Put effects into the model of the targets.
+
+        Without names, the best of the diagnosis for each target it names.
 
         Returns the rungs added to the ladder (none where nothing is missing).
+
         """
         plan = {}
         if effects:
@@ -258,8 +266,9 @@ class Study:
 
     def remove(self, label: str, targets=None) -> list[Step]:
         """
-        Take an effect out of the model of each target that has it; raise UsageError where none has
-        it.
+        Take an effect out of the model of each target that has it.
+
+        Raise UsageError where none has it.
 
         """
         names = [t for t in self.chosen(targets) if label in self.states[t].model]
@@ -322,6 +331,7 @@ def diagnose(state: State) -> Diagnosis:
     *missing*: the best candidate has probability >= 0.9, lowers the error on data not fitted, and
     leaves no failure that it should have healed; *complete*: nothing fails and no candidate stands
     out; *unknown*: something fails and no candidate explains it; *undecidable*: otherwise.
+
     """
     problem, fit = state.problem, state.fit
     ranked = with_probabilities(problem.candidates(fit))
@@ -346,6 +356,7 @@ def _most_likely(state: State, able: list[Finding], failed: list[Finding]):
 
     A candidate that raises the error, or leaves the failure that it claims to explain, is out of
     the race; one whose fall chance could explain stays in it, without being named.
+
     """
     refuted: set[str] = set()
     for f in able[:4]:
@@ -364,8 +375,9 @@ def _no_advice(verdict, ranked, failed):
 
 def with_probabilities(findings: Iterable[Finding]) -> list[Finding]:
     """
-    Return findings, best first, with probabilities: equal priors, weight exp(gain - penalty),
-    'nothing' among them.
+    Return findings, best first, with probabilities.
+
+    Equal priors, weight exp(gain - penalty), 'nothing' among them.
 
     """
     found = sorted(findings, key=lambda f: f.penalty - f.gain)
@@ -388,7 +400,12 @@ def failures(findings: Iterable[Finding], level: float = OMNIBUS_LEVEL) -> list[
 
 
 def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[float, bool]:
-    """Return by how much a candidate lowers the error on data not fitted, and whether its view heals."""
+    """
+    Return by how much a candidate lowers the error, and whether it heals its view.
+
+    The error is that on data not fitted.
+
+    """
     assert finding.effect is not None
     problem = state.problem
     model = unfitted(state.model).plus(type(finding.effect)())
@@ -398,7 +415,12 @@ def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[floa
 
 
 def heals(problem: Problem, model: Model, view: str, further: int = 2) -> bool:
-    """Tell whether a view holds under a model, or would with one or two effects more that are there as well."""
+    """
+    Tell whether a view holds under a model, or would with one or two effects more.
+
+    These are effects that are there as well.
+
+    """
     fit = problem.fit(model)
     if view not in {f.name for f in failures(problem.omnibus(fit))}:
         return True

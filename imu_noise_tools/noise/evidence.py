@@ -1,10 +1,13 @@
 """
-What is kept of a record: some 500 numbers a view, from which every model is fitted, scored and diagnosed.
+What is kept of a record, from which every model is fitted, scored and diagnosed.
 
-The record is looked at once, here. It is cut in the middle: the whole and each half have a spectrum of their own
-(power in bins of DCT coefficients), so that a model fitted to one half can be scored on the other. Coherent lines
-are measured on the samples and taken out of the spectrum; what each of them adds is kept beside it. The slow part
-(block means) serves everything that acts on the mean. Each effect class may keep more (``statistics``).
+It is some 500 numbers a view.
+
+The record is looked at once, here. It is cut in the middle: the whole and each half have a
+spectrum of their own (power in bins of DCT coefficients), so that a model fitted to one half can
+be scored on the other. Coherent lines are measured on the samples and taken out of the spectrum;
+what each of them adds is kept beside it. The slow part (block means) serves everything that acts
+on the mean. Each effect class may keep more (``statistics``).
 
 """
 
@@ -19,12 +22,12 @@ from scipy.fft import idct
 from scipy.stats import norm
 
 from . import effects as _effects  # noqa: F401  (registers them)
+from .grid import grid_step
+from .kinds import Defect, Inputs
 from .. import allan
 from ..effect import registry
 from ..record import ImuRecord, sensor_of
 from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients, power
-from .grid import grid_step
-from .kinds import Defect, Inputs
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 1024  # signed coefficients kept
@@ -173,8 +176,9 @@ class Evidence:
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """
-        Return what an effect kept of the samples; empty where it was not known when the record was
-        read.
+        Return what an effect kept of the samples.
+
+        Empty where it was not known when the record was read.
 
         """
         return self.statistics.get(effect, {})
@@ -182,8 +186,9 @@ class Evidence:
 
 def smooth_length(n: int) -> int:
     """
-    Return the largest 2-3-5-7-smooth number up to n (a prime length makes a transform many times
-    slower).
+    Return the largest 2-3-5-7-smooth number up to n.
+
+    A prime length makes a transform many times slower.
 
     """
     while n > 1:
@@ -212,7 +217,9 @@ def gather(
     Parameters
     ----------
     record : ImuRecord
+        The prepared one.
     axes : sequence of str
+        Names of the axes that are wanted.
     deviation, points, octaves
         Of the curve, see :func:`imu_noise_tools.allan.curve`.
     progress : callable or None
@@ -247,15 +254,15 @@ def gather(
         bins = bins_of(length, dt)
         coefficients = {}
         for axis in axes:
-            c = cosine_transform(clean[axis][begin : begin + length].copy())
+            c = cosine_transform(clean[axis][begin:begin + length].copy())
             if name == 'whole':
                 own[axis]['line_table'] = _find_lines(c, clean[axis][:used], dt)
                 step(f'{axis}: spectrum')
             lines = _take_lines_out(c, own[axis]['line_table'], begin, dt)
             coefficients[axis] = c
-            own[axis][name] = Part(length, dt, power(c, dt, bins), lines, c[1 : LOW + 1].copy())
+            own[axis][name] = Part(length, dt, power(c, dt, bins), lines, c[1:LOW + 1].copy())
         for other, values in covariates.items():
-            coefficients[other] = cosine_transform(np.array(values[begin : begin + length], float))
+            coefficients[other] = cosine_transform(np.array(values[begin:begin + length], float))
         for a, b in combinations_with_replacement(sorted(coefficients), 2):
             if a != b or a not in own:
                 cross[a, b, name] = bins.mean(2 * dt * coefficients[a] * coefficients[b])
@@ -274,8 +281,9 @@ def gather(
 
 def _covariates(record: ImuRecord, axes) -> dict[str, np.ndarray]:
     """
-    Return all that varies beside the axes that are asked for: other axes, covariates, the squared
-    vibration.
+    Return all that varies beside the axes that are asked for.
+
+    Other axes, covariates, the squared vibration.
 
     """
     out = {**{a: record.column(a) for a in record.axes if a not in axes}, **record.covariates}
@@ -312,8 +320,9 @@ def _block_means(y, length):
 
 def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
     """
-    Return a smooth one-sided PSD at every k >= 1 from running medians: lines and spikes in it do
-    not show.
+    Return a smooth one-sided PSD at every k >= 1 from running medians.
+
+    Lines and spikes in it do not show.
 
     """
     n = len(c)
@@ -322,7 +331,7 @@ def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
     values = np.empty(len(centres))
     for i, k in enumerate(centres):
         reach = int(np.clip(0.2 * k, 12, max(12, n // 100)))
-        some = level[max(1, k - reach) : k + reach + 1]
+        some = level[max(1, k - reach):k + reach + 1]
         if len(some) > 4096:
             some = some[:: len(some) // 4096 + 1]
         values[i] = (
@@ -334,8 +343,9 @@ def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
 
 def line_penalty(n: int) -> float:
     """
-    Return the gain (nats) that the highest of n coefficients of noise exceeds once in a thousand
-    records: ln(500 n).
+    Return the gain (nats) of a line that noise exceeds once in a thousand records: ln(500 n).
+
+    It is that of the highest of n coefficients.
 
     """
     return float(np.log(500.0 * n))
@@ -360,14 +370,15 @@ def _find_lines(c, y, dt) -> np.ndarray:
         frequency, a, b = _measure_line(y, (k + 1) / (2 * n * dt), dt)
         found.append((frequency, a, b, float(np.sqrt(window[k]))))
         reach = 8 + int(2 * np.sqrt(window[k]))  # the skirts of a strong line are not lines
-        window[max(0, k - reach) : k + reach + 1] = 0
+        window[max(0, k - reach):k + reach + 1] = 0
     return np.array(found).reshape(-1, 4)
 
 
 def _measure_line(y, near, dt):
     """
-    Return (frequency, a, b) of the line near a frequency: demodulate, then find the peak of the
-    padded spectrum.
+    Return (frequency, a, b) of the line near a frequency.
+
+    Demodulate, then find the peak of the padded spectrum.
 
     """
     n = len(y)
@@ -395,8 +406,9 @@ def _measure_line(y, near, dt):
 
 def _take_lines_out(c, table, begin, dt):
     """
-    Subtract the lines from the coefficients of a part that begins at a sample, in place; return
-    what each added (l, b).
+    Subtract the lines from the coefficients of a part that begins at a sample, in place.
+
+    Return what each added (l, b).
 
     """
     n = len(c)
@@ -441,8 +453,9 @@ def _samples_in_time(looks, dt, step):
 
 def _whitened(c, dt):
     """
-    Return how many samples, whitened by the smoothed measured spectrum, fall into each
-    equiprobable cell.
+    Return how many whitened samples fall into each equiprobable cell.
+
+    They are whitened by the smoothed measured spectrum.
 
     """
     white = np.zeros_like(c)
@@ -457,8 +470,9 @@ def _whitened(c, dt):
 
 def _power_in_time(y, dt):
     """
-    Return (blocks, bands) Hann-windowed power, coefficients in each band, and the bands' centres,
-    Hz.
+    Return the Hann-windowed power (blocks, bands).
+
+    With it come the coefficients in each band, and the bands' centres, Hz.
 
     """
     n = len(y)
@@ -470,13 +484,13 @@ def _power_in_time(y, dt):
     out = np.empty((blocks, len(edges) - 1))
     rows = max(1, (1 << 18) // length)
     for i in range(0, blocks, rows):
-        some = np.asarray(y[i * length : min(blocks, i + rows) * length], float).reshape(
+        some = np.asarray(y[i * length:min(blocks, i + rows) * length], float).reshape(
             -1, length
         )
         spectrum = (
             np.abs(np.fft.rfft((some - some.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
         )
-        out[i : i + len(some)] = np.add.reduceat(
+        out[i:i + len(some)] = np.add.reduceat(
             spectrum[:, : edges[-1]], edges[:-1], axis=1
         ) / np.diff(edges)
     return (
@@ -501,8 +515,9 @@ def _envelope(y, dt):
 
 def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
     """
-    Return plain arrays by ``axis/field`` names (``common/...`` for what is shared), which
-    :func:`from_arrays` reads.
+    Return plain arrays by ``axis/field`` names, which :func:`from_arrays` reads.
+
+    What is shared is named ``common/...``.
 
     """
     out: dict[str, np.ndarray] = {}
@@ -554,7 +569,7 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
 
 
 def _below(flat, prefix):
-    return {k[len(prefix) + 1 :]: v for k, v in flat.items() if k.startswith(prefix + '/')}
+    return {k[len(prefix) + 1:]: v for k, v in flat.items() if k.startswith(prefix + '/')}
 
 
 def _one_from_arrays(axis, flat, common):

@@ -1,9 +1,10 @@
 """
 Maximum likelihood in the cosine domain: point values, profile intervals, upper limits.
 
--ln L = 1/2 sum_b w_b (ln v_b + P_b/v_b), P_b the measured power of a bin, w_b its coefficients, v_b the model's. What acts
-on the mean is solved for by generalised least squares inside, with the restricted (REML) likelihood: each coefficient then
-counts by one less its leverage. Searched parameters move by Fisher scoring with Levenberg's damping.
+-ln L = 1/2 sum_b w_b (ln v_b + P_b/v_b), P_b the measured power of a bin, w_b its coefficients,
+v_b the model's. What acts on the mean is solved for by generalised least squares inside, with the
+restricted (REML) likelihood: each coefficient then counts by one less its leverage. Searched
+parameters move by Fisher scoring with Levenberg's damping.
 
 """
 
@@ -15,12 +16,12 @@ import numpy as np
 from scipy.fft import dct
 from scipy.optimize import nnls
 
+from .evidence import Evidence
+from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, Spectrum
 from .. import units
 from ..effect import Estimate, Finding, Fit, Model, Parameter
 from ..errors import FitError
 from ..spectrum import Bins, expected
-from .evidence import Evidence
-from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, Spectrum
 
 MEASURED = (
     Line,
@@ -146,7 +147,7 @@ class Likelihood:
 
     def _slow_transform(self, y):
         y = y - np.mean(y, axis=0)
-        c = dct(y, type=2, norm='ortho', axis=0)[1 : self._count + 1]
+        c = dct(y, type=2, norm='ortho', axis=0)[1:self._count + 1]
         return c * (self._to_full if c.ndim == 1 else self._to_full[:, None])
 
     def _replaced(self, power, weight, after):
@@ -218,7 +219,7 @@ class Likelihood:
         covariance = np.zeros((len(beta), len(beta)))
         at = 0
         for c in covariances:
-            covariance[at : at + len(c), at : at + len(c)] = c
+            covariance[at:at + len(c), at:at + len(c)] = c
             at += len(c)
         return Linear(beta, covariance, power, weight, log_det)
 
@@ -244,8 +245,9 @@ class Likelihood:
 
     def without_couplings(self, model: Model) -> np.ndarray:
         """
-        Return the power (b,) less what the model's couplings, with the values they have, put
-        there.
+        Return the power (b,) less what the model's couplings put there.
+
+        The couplings have the values that the model gives them.
 
         """
         pairs, cross, own = self._channels(model)
@@ -279,10 +281,7 @@ class Likelihood:
         return np.maximum(total, 1e-290), each
 
     def _spectrum(self, effect, responses):
-        """
-        Return what one effect is expected to put into the bins, behind the sensor's responses.
-
-        """
+        """Return what one effect puts into the bins, as expected behind the sensor's responses."""
 
         def of_f(f):
             s = effect.psd(f, self.dt)
@@ -329,7 +328,9 @@ class Likelihood:
 
     def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400):
         """
-        Return (x, -ln L, information) from a start; ``free`` (p,) bool says which parameters move.
+        Return (x, -ln L, information) from a start.
+
+        ``free`` (p,) bool says which parameters move.
 
         """
         x = np.array(x0, float)
@@ -402,6 +403,7 @@ def fit(
     Parameters
     ----------
     evidence : Evidence
+        Of the axis.
     model : Model
         Values it already has are starts, not constraints.
     part : str
@@ -521,7 +523,9 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
 
 def with_units(finding: Finding, evidence: Evidence) -> Finding:
     """
-    Return a finding whose estimates have units and points, marked as measured on the samples.
+    Return a finding whose estimates have units and points.
+
+    They are marked as measured on the samples.
 
     """
     known = {p.name: p for p in finding.effect.parameters}
@@ -541,8 +545,9 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
 
 def _measure_line(evidence, effect, claimed):
     """
-    Claim the strongest free line (or the one nearest to a given frequency); its errors are the
-    Cramer-Rao bound.
+    Claim the strongest free line (or the one nearest to a given frequency).
+
+    Its errors are the Cramer-Rao bound.
 
     """
     table = evidence.line_table
@@ -579,7 +584,7 @@ def _measure_line(evidence, effect, claimed):
     amplitude = float(np.hypot(a, b))
     bins = evidence.whole.bins
     at = bins.index(max(1, min(evidence.whole.n - 1, int(2 * t * frequency))))
-    level = float(np.median(evidence.whole.power[max(0, at - 5) : at + 6]))
+    level = float(np.median(evidence.whole.power[max(0, at - 5):at + 6]))
     std_a = float(np.sqrt(2 * level / (2 * t)))
     std_f = float(np.sqrt(3 * level / (np.pi**2 * amplitude**2 * t**3)))
     found = {
@@ -618,8 +623,9 @@ def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
 
 def _starts(likelihood: Likelihood, given: Model | None):
     """
-    Return search vectors: every combination of shapes the effects propose, amplitudes by non-
-    negative least squares.
+    Return search vectors: every combination of shapes the effects propose.
+
+    Amplitudes are set by non-negative least squares.
 
     """
     model = likelihood.model
@@ -650,8 +656,9 @@ def _starts(likelihood: Likelihood, given: Model | None):
 
 def _revived(likelihood, found, reddest):
     """
-    Return the better of a minimum and what follows when amplitudes that died on the way are
-    brought back to life.
+    Return the better of a minimum and what follows when dead amplitudes are revived.
+
+    These are the amplitudes that died on the way to the minimum.
 
     """
     x = found[0]
@@ -669,8 +676,9 @@ def _revived(likelihood, found, reddest):
 
 def _best_columns(likelihood, effect, options, keep=2):
     """
-    Return the options whose columns explain most of the slow part, against the smoothed measured
-    spectrum.
+    Return the options whose columns explain most of the slow part.
+
+    They are judged against the smoothed measured spectrum.
 
     """
     root = np.sqrt(2 * likelihood.dt / likelihood._fine(_smooth(likelihood.power)))
@@ -701,8 +709,9 @@ def _most_promising(plain, starts, mean, most=6):
 
 def _with_amplitudes(likelihood, model, share):
     """
-    Return the search vector with amplitudes from the measured power; none below a share of where
-    it matters most.
+    Return the search vector with amplitudes from the measured power.
+
+    None below a share of where it matters most.
 
     """
     spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)]
@@ -760,8 +769,9 @@ def _smooth(power):
 
 def _reddest(likelihood, x):
     """
-    Return the slot of the amplitude whose spectrum rises most towards low frequencies; None for a
-    single spectrum.
+    Return the slot of the amplitude whose spectrum rises most towards low frequencies.
+
+    None for a single spectrum.
 
     """
     spectra = [e for e in likelihood.model.of(Spectrum) if not isinstance(e, Defect)]
@@ -931,7 +941,9 @@ class _Profile:
 
     def crossing(self, j, sign, level, step):
         """
-        Return where the deviance reaches a level on one side; None where it never does (a limit).
+        Return where the deviance reaches a level on one side.
+
+        None where it never does (a limit).
 
         """
         lower, upper = self.likelihood.slots[j].bounds

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from . import classic, views
-from ..effect import Finding, Fit, Model, Score, unfitted
-from ..errors import UsageError
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
 from .kinds import Spectrum
 from .plan import duration_for, in_words
+from ..effect import Finding, Fit, Model, Score, unfitted
+from ..errors import UsageError
 
 METHODS = ('likelihood', 'avar', 'slopes')
 
@@ -48,7 +48,9 @@ class NoiseProblem:
 
     def split(self):
         """
-        Return (to fit, to score): each half by the other, each parity of blocks by the other.
+        Return (to fit, to score).
+
+        Each half is scored by the other, each parity of blocks by the other.
 
         """
         first, second, odd, even = (
@@ -79,10 +81,7 @@ class NoiseProblem:
         return replace(found, estimates=self._planned(found))
 
     def _planned(self, fit):
-        """
-        Say beside each spectral amplitude that is not observable how long a record would show it.
-
-        """
+        """Say how long a record would show each spectral amplitude that is not observable."""
         out = {k: dict(v) for k, v in fit.estimates.items()}
         for e in fit.model.of(Spectrum):
             for name, estimate in out.get(e.label, {}).items():
@@ -121,7 +120,9 @@ class NoiseProblem:
 
     def omnibus(self, fit: Fit) -> list[Finding]:
         """
-        Return one test a view, on the whole record: what fails says that something is missing.
+        Return one test a view, on the whole record.
+
+        What fails says that something is missing.
 
         """
         e = self.evidence
@@ -142,7 +143,8 @@ class NoiseProblem:
                         0.0,
                         view=view.name,
                         p_value=views.p_value(view),
-                        evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull {view.pull[worst]:.1f}',
+                        evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull '
+                        f'{view.pull[worst]:.1f}',
                     )
                 )
         return out
@@ -161,16 +163,21 @@ class NoiseProblem:
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
             where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
-            return f'No known effect explains it ({where}). Look at what was going on then, or at that frequency.'
+            return (
+                f'No known effect explains it ({where}). Look at what was going on then, or at '
+                'that frequency.'
+            )
         return ''
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """
-        Return the rms relative difference of model and measured Allan deviation over tau <= T/10,
-        in percent.
+        Return the rms relative difference of model and measured Allan deviation, in percent.
+
+        It is taken over tau <= T/10.
 
         ``misfit_expected`` is what a true model would show: the scatter of the measured deviation
         itself.
+
         """
         c = self.evidence.curve
         some = c.tau <= c.n * c.dt / 10

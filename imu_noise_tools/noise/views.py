@@ -1,9 +1,12 @@
 """
-Ways to look at a record beside its model: pulls that are standard normal, and a deviance that is zero, under a true model.
+Ways to look at a record beside its model.
 
-Each view returns a :class:`~imu_noise_tools.effect.View`. ``frequency`` needs a fit; ``time`` predicts half of the block means
-from the other half; ``variance``, ``distribution``, ``repeats`` and ``coherence`` compare the samples with what the model says
-of their stationarity, shape, repetition and independence.
+Under a true model pulls are standard normal, and a deviance is zero.
+
+Each view returns a :class:`~imu_noise_tools.effect.View`. ``frequency`` needs a fit; ``time``
+predicts half of the block means from the other half; ``variance``, ``distribution``, ``repeats``
+and ``coherence`` compare the samples with what the model says of their stationarity, shape,
+repetition and independence.
 
 """
 
@@ -15,11 +18,11 @@ import numpy as np
 from scipy.special import digamma, polygamma
 from scipy.stats import chi2
 
+from .evidence import Evidence
+from .fit import claimed_lines, Likelihood
+from .kinds import Coupling, Inputs, Mean, model_psd, Modulation, Spectrum
 from ..effect import Fit, Model, View
 from ..spectrum import bins_of, expected
-from .evidence import Evidence
-from .fit import Likelihood, claimed_lines
-from .kinds import Coupling, Inputs, Mean, Modulation, Spectrum, model_psd
 
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
@@ -61,7 +64,7 @@ def _view(name, x, pull, excess, variance, unit, extra=0.0):
 
 
 def _nothing(name, unit):
-    """A view that can say nothing of this record and model."""
+    """Return a view that can say nothing of this record and model."""
     return View(name, np.zeros(0), np.zeros(0), float('nan'), float('nan'), unit)
 
 
@@ -77,8 +80,9 @@ def frequency(
     evidence: Evidence, part: str, fit: Fit, mean: Fit | None = None, fitted_here: bool = False
 ) -> View:
     """
-    Return the power in the bins of a part beside the model's; ``mean`` is the fit of the whole,
-    for a half.
+    Return the power in the bins of a part beside the model's.
+
+    ``mean`` is the fit of the whole, for a half.
 
     """
     likelihood = Likelihood(evidence, part, fit.model, mean if mean is not None else fit)
@@ -105,12 +109,12 @@ def parameter_scatter(
     evidence: Evidence, part: str, fit: Fit, v: np.ndarray, weight: np.ndarray, draws: int = 32
 ) -> float:
     """
-    Return the mean square of the excess deviance that the uncertainty of the fitted parameters
-    causes.
+    Return the mean square of the excess deviance from the uncertainty of fitted parameters.
 
     Parameters are drawn from the fit's own information (at most a factor e apart on a logarithmic
     scale, where the information says next to nothing); a truth of v' in place of v costs sum w
     (v'/v - ln(v'/v) - 1).
+
     """
     slots, information = fit.details.get('slots', ()), fit.details.get('information')
     if not slots:
@@ -136,8 +140,9 @@ def parameter_scatter(
 @dataclass(frozen=True)
 class BlockMeans:
     """
-    Means of equal blocks, (k,), their times, what acts on the mean as columns (k, p), and their
-    covariance (k, k).
+    Means of equal blocks, (k,), and their times.
+
+    With what acts on the mean as columns (k, p), and their covariance (k, k).
 
     """
 
@@ -187,8 +192,9 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
 
 def _covariance_of_means(psd, count, n, dt):
     """
-    Return the covariance of the means of ``count`` blocks: Phi diag(V) Phi^T, Phi the DCT basis of
-    the blocks.
+    Return the covariance of the means of ``count`` blocks.
+
+    It is Phi diag(V) Phi^T, Phi the DCT basis of the blocks.
 
     A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its
     Dirichlet kernel; k and 2 count j +- k fold onto each other.
@@ -218,8 +224,9 @@ def predicted(
     means: BlockMeans, known: np.ndarray, wanted: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """
-    Return (standard normal residuals, -2 ln p) of the wanted blocks predicted from the known ones
-    (universal kriging).
+    Return (standard normal residuals, -2 ln p) of the wanted blocks.
+
+    They are predicted from the known ones (universal kriging).
 
     """
     c_kk = means.covariance[np.ix_(known, known)]
@@ -227,7 +234,7 @@ def predicted(
     x_k, x_w = means.columns[known], means.columns[wanted]
     c_kk = c_kk + np.eye(len(c_kk)) * 1e-12 * np.trace(c_kk) / len(c_kk)
     solved = np.linalg.solve(c_kk, np.column_stack([c_wk.T, x_k, means.y[known]]))
-    gain, kx, ky = solved[:, : len(c_wk)].T, solved[:, len(c_wk) : -1], solved[:, -1]
+    gain, kx, ky = solved[:, :len(c_wk)].T, solved[:, len(c_wk):-1], solved[:, -1]
     gram = np.linalg.pinv(x_k.T @ kx)
     beta = gram @ (x_k.T @ ky)
     rest = means.y[wanted] - x_w @ beta - gain @ (means.y[known] - x_k @ beta)
@@ -242,8 +249,9 @@ def predicted(
 
 def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
     """
-    Return the block means of the stretches of one parity predicted from the other's; pulls in time
-    order.
+    Return the block means of the stretches of one parity predicted from the other's.
+
+    Pulls in time order.
 
     """
     means = block_means(evidence, fit)
@@ -260,8 +268,9 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
 
 def _hann_degrees(count):
     """
-    Degrees of freedom of a sum of neighbouring Hann-windowed periodogram ordinates (correlations
-    4/9 and 1/36).
+    Return the degrees of freedom of a sum of Hann-windowed periodogram ordinates.
+
+    Neighbouring ordinates have correlations 4/9 and 1/36.
 
     """
     return (
@@ -273,8 +282,9 @@ def _hann_degrees(count):
 
 def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 4):
     """
-    Return (t, x, w): relative power of groups of bands in time (blocks, groups), less what the
-    model's modulation explains.
+    Return (t, x, w): relative power of groups of bands in time (blocks, groups).
+
+    What the model's modulation explains is taken off.
 
     """
     p = evidence.block_power_of(model)
@@ -335,8 +345,9 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
 
 def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
     """
-    Return the coherence with each other axis and covariate, in groups of at least eight
-    coefficients.
+    Return the coherence with each other axis and covariate.
+
+    In groups of at least eight coefficients.
 
     """
     x, pulls, excess, spread = [], [], [], []
@@ -360,7 +371,9 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
 
 def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: str = 'whole'):
     """
-    Return (f, r, w): correlation of DCT coefficients with another channel in groups of bins, (g,).
+    Return (f, r, w): correlation of DCT coefficients with another channel.
+
+    In groups of bins, (g,).
 
     """
     bins = evidence.part(part).bins
@@ -393,8 +406,9 @@ def _running(power):
 
 def p_value(view: View) -> float:
     """
-    Return the chance that a true model shows as much excess, by a scaled chi-squared of the same
-    mean and scatter.
+    Return the chance that a true model shows as much excess.
+
+    By a scaled chi-squared of the same mean and scatter.
 
     """
     if not np.isfinite(view.excess) or not view.std > 0:
