@@ -121,8 +121,10 @@ class SqliteFile:
         if not self.problems.cut:
             try:
                 low, high = ask('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
-                return (dict(ask('SELECT topic_id, count(*) FROM messages GROUP BY topic_id')),
-                        (int(low or 0), int(high or 0)))
+                by_topic = 'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'
+                if len(self.connections) == 1:      # then an index is all that has to be read
+                    by_topic = f'SELECT {self.connections[0].id}, count(*) FROM messages'
+                return dict(ask(by_topic)), (int(low or 0), int(high or 0))
             # a number may have become a text
             except (sqlite3.DatabaseError, ValueError, TypeError):
                 self.problems.cut = True

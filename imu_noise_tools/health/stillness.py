@@ -119,16 +119,15 @@ def _smooth(x: np.ndarray, unit: int, rate: float) -> np.ndarray:
             else np.zeros(len(x))
         )
     piece = max(1, round(0.01 * rate))
-    x = x[:len(x) // piece * piece].reshape(-1, piece).mean(axis=1)
-    box = max(1, round(BOX_S * rate / piece)) | 1
-    x = x - x[0]
-    for _ in range(3):
-        total = np.cumsum(
-            np.concatenate([np.repeat(x[:1], box // 2 + 1), x, np.repeat(x[-1:], box // 2)])
-        )
-        x = (total[box:] - total[:-box]) / box
-    middle = (np.arange(len(good) // unit) * unit + unit // 2) // piece
-    return x[np.minimum(middle, len(x) - 1)]
+    whole = len(x) // piece * piece
+    fine = x[0:whole:piece] - x[0]
+    for k in range(1, piece):       # many times faster than a mean along short rows
+        fine = fine + (x[k:whole:piece] - x[0])
+    box = np.ones(max(1, round(BOX_S * rate / piece)) | 1)
+    kernel = np.convolve(np.convolve(box, box), box) / (len(box) ** 3 * piece)
+    middle = np.minimum((np.arange(len(good) // unit) * unit + unit // 2) // piece, len(fine) - 1)
+    padded = np.pad(fine, len(kernel) // 2, mode='edge')
+    return np.lib.stride_tricks.sliding_window_view(padded, len(kernel))[middle] @ kernel
 
 
 def _moving(data: np.ndarray, unit: int, rate: float, sensor: str) -> np.ndarray:
