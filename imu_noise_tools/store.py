@@ -14,6 +14,7 @@ import importlib
 import io
 import math
 from pathlib import Path
+from typing import Any
 import zipfile
 import zlib
 
@@ -130,7 +131,7 @@ def target_to_dict(study: Study, target: str) -> dict:
     """Return one target: its effects with their estimates, and its error."""
     state = study.states[target]
     sensor = target.partition('_')[0]
-    out = {}
+    out: dict[str, Any] = {}
     if sensor in ('gyro', 'accel'):
         out['unit'] = units.si('{rate}', sensor)
     out['effects'] = {
@@ -165,7 +166,7 @@ def _template(domain, effect, parameter):
 
 def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
     """Return one estimate as plain data."""
-    out = {
+    out: dict[str, Any] = {
         'value': e.value,
         'std': e.std,
         'ci95': None if e.ci95 is None else list(e.ci95),
@@ -188,7 +189,7 @@ def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
 
 def step_to_dict(s: Step) -> dict:
     """Return one rung of the ladder."""
-    out = {'target': s.target, 'effects': list(s.effects), 'added': s.added}
+    out: dict[str, Any] = {'target': s.target, 'effects': list(s.effects), 'added': s.added}
     if s.removed:
         out['removed'] = s.removed
     out.update(held_out=s.held_out, held_out_std=s.held_out_std)

@@ -135,7 +135,7 @@ def fall_of(before: Score, after: Score, effects) -> float:
 def assess(problem: Problem, model: Model) -> State:
     """Fit a model to a target and score it on data not fitted."""
     fit = problem.fit(unfitted(model))
-    summary = getattr(problem, 'summary', lambda _: {})(fit)
+    summary: dict[str, float] = getattr(problem, 'summary', lambda _: {})(fit)
     return State(problem, fit, held_out(problem, unfitted(model)), summary)
 
 

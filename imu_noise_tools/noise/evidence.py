@@ -362,7 +362,7 @@ def _find_lines(c, y, dt) -> np.ndarray:
     # four coefficients hold a line of any phase; the level is a little below that at which a line
     # is believed
     threshold = 2 * line_penalty(n) - 2
-    found = []
+    found: list[tuple[float, float, float, float]] = []
     while len(found) < MOST_LINES:
         k = int(np.argmax(window))
         if window[k] < threshold:

@@ -116,7 +116,7 @@ class NoiseEffect(Effect):
 class Spectrum(NoiseEffect):
     """Adds power: a stationary Gaussian process, independent of all others."""
 
-    views = ('frequency', 'time')
+    views: ClassVar[tuple[str, ...]] = ('frequency', 'time')
     #: whether the sensor's own response acts on it (quantization happens behind the filter)
     filtered = True
 
@@ -166,7 +166,7 @@ class Mean(NoiseEffect):
 
     """
 
-    views = ('time',)
+    views: ClassVar[tuple[str, ...]] = ('time',)
 
     def columns(self, inputs: Inputs, **nonlinear: float) -> np.ndarray:
         """Return (n, p), slowly varying."""
@@ -195,7 +195,7 @@ class Line(NoiseEffect):
 
     """
 
-    views = ('frequency', 'time')
+    views: ClassVar[tuple[str, ...]] = ('frequency', 'time')
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return what it adds to the Allan variance."""
@@ -205,7 +205,7 @@ class Line(NoiseEffect):
 class Coupling(NoiseEffect):
     """Adds other signals, recorded at the full rate, times linear parameters (one each)."""
 
-    views = ('coherence', 'frequency', 'time')
+    views: ClassVar[tuple[str, ...]] = ('coherence', 'frequency', 'time')
 
     def channels(self, evidence) -> tuple[str, ...]:
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
@@ -215,7 +215,7 @@ class Coupling(NoiseEffect):
 class Response(NoiseEffect):
     """Multiplies power: the sensor's own low-pass."""
 
-    views = ('frequency',)
+    views: ClassVar[tuple[str, ...]] = ('frequency',)
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain at f (Hz)."""
@@ -225,7 +225,7 @@ class Response(NoiseEffect):
 class Modulation(NoiseEffect):
     """Changes the variance in time."""
 
-    views = ('variance', 'distribution')
+    views: ClassVar[tuple[str, ...]] = ('variance', 'distribution')
 
     def variance(self, t: np.ndarray) -> np.ndarray:
         """Return the factor of the variance at t (s)."""

@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 from . import noise
 from .simulate import simulate
@@ -26,7 +27,7 @@ GYRO = {'white': {'N': 8.7e-5}, 'flicker': {'B': 2.4e-5}, 'random_walk': {'K': 1
 ACCEL = {'white': {'N': 1.0e-3}, 'flicker': {'B': 4.0e-4}, 'random_walk': {'K': 1.5e-5}}
 # what is hidden: a machine that shakes one axis, and a part of the electronics that regulates
 # slowly in another
-SPEC = {
+SPEC: dict[str, Any] = {
     'rate_hz': 100.0,
     'duration_s': 3600.0,
     'seed': 7,
