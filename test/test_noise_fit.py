@@ -378,3 +378,18 @@ def test_a_model_of_the_mean_alone():
     y = 1e-4 * np.arange(5000) + np.random.default_rng(14).standard_normal(5000)
     e = fit_one(y, ('ramp',)).estimates['ramp']['R']
     assert abs(e.value - 1e-4 / 0.05) < 4.5 * e.std
+
+
+def test_a_ridge_is_walked_to_its_end(shared_data):
+    """
+    A filter, a fast Gauss-Markov term and white noise imitate each other for hundreds of steps.
+
+    A search that stops on the way leaves values outside their own intervals.
+    """
+    with np.load(shared_data / 'records' / 'adis16405_run2.npz') as data:
+        y, rate = data['gyro'][:, 0].astype(float), float(data['rate_hz'])
+    found = fit_one(y, (*BASE, 'low_pass', 'gauss_markov'), 1 / rate)
+    for label, values in found.estimates.items():
+        for name, e in values.items():
+            if e.value is not None and e.ci95 is not None:
+                assert e.ci95[0] <= e.value <= e.ci95[1], (label, name, e)
