@@ -238,7 +238,7 @@ def gather(
         y = np.ascontiguousarray(record.column(axis), float)
         kept[axis] = {name: cls.statistics(y, inputs) for name, cls in registry('noise').items()}
         kept[axis] = {k: v for k, v in kept[axis].items() if v}
-        clean[axis] = _screened(y, kept[axis], inputs)
+        clean[axis] = _bridged(_screened(y, kept[axis], inputs), record)
         step(f'{axis}: samples')
         own[axis]['curve'] = allan.curve(
             y, dt, deviation=deviation, points=points, octaves=octaves
@@ -310,6 +310,19 @@ def _screened(y, kept, inputs):
     for name, cls in registry('noise').items():
         if issubclass(cls, Defect) and name in kept:
             y = cls.screen(y, kept[name], inputs)
+    return y
+
+
+def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
+    """Return y with straight lines through the stretches that are left out (knocks)."""
+    if not record.left_out:
+        return y
+    y = y.copy()
+    for begin, end, _ in record.left_out:
+        i, j = np.searchsorted(record.t, (begin, end))
+        before, after = y[max(0, i - 50):i], y[j:j + 50]
+        ends = [np.mean(x) if len(x) else np.mean(y) for x in (before, after)]
+        y[i:j] = np.linspace(*ends, j - i)
     return y
 
 
