@@ -54,8 +54,9 @@ class Flicker(Spectrum):
         """
         Add the running sum of ARFIMA(0, -1/2, 0) increments, drawn exactly by circulant embedding.
 
-        Increments of S = sigma^2 |2 sin(pi f dt)|^{1}: gamma_0 = 4/pi, gamma_k = gamma_{k-1} (k -
-        3/2)/(k + 1/2) for sigma = 1 (Hosking 1981); B^2 = sigma^2 in S_1 = 2 B^2 dt/s of the sum.
+        Increments of S = sigma^2 |2 sin(pi f dt)|^{1}: gamma_0 = 4/pi,
+        gamma_k = gamma_{k-1} (k - 3/2)/(k + 1/2) for sigma = 1 (Hosking 1981); B^2 = sigma^2 in
+        S_1 = 2 B^2 dt/s of the sum.
 
         """
         n = len(x)
