@@ -200,11 +200,14 @@ def test_blocks_and_curves_survive_the_way():
 
 def test_images_and_numbers():
     pytest.importorskip('rclpy')
-    from builtin_interfaces.msg import Time
+    from rclpy.clock import Clock
 
     from imu_noise_tools.nodes import messages
+
+    class Node:
+        get_clock = Clock
     pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)[:, ::-1]        # not contiguous
-    image = messages.image(pixels, Time())
+    image = messages.image(Node(), pixels)
     assert (image.height, image.width, image.step, image.encoding) == (2, 4, 12, 'rgb8')
     assert bytes(image.data) == np.ascontiguousarray(pixels).tobytes()
     status = messages.status('a', 'b', {'N [rad/s]': np.float64(2e-5), 'n': np.int64(3),

@@ -92,6 +92,7 @@ def _close(node, executor) -> None:
     finally:
         if executor is not None:
             executor.remove_node(node)
+            executor.shutdown(timeout_sec=0.0)      # else its handles outlive the context
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
