@@ -14,7 +14,7 @@ setup(
                 'noise models, calibration and denoising for recorded bags and live topics.',
     long_description='See README.md.',
     maintainer='imu_noise_tools maintainers',
-    maintainer_email='maintainers@users.noreply.h-seed-a02d8fcd.example',
+    maintainer_email='maintainers@imu-noise-tools.example',
     license='Apache-2.0',
     keywords=['ROS', 'IMU', 'Allan variance', 'gyroscope', 'accelerometer', 'calibration'],
     classifiers=[

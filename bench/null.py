@@ -100,7 +100,9 @@ def main():
             *(f'    {k!r}: {v},' for k, v in table.items()),
             '}',
         ]
-        (TOP / 'imu_noise_tools' / 'noise' / 'null.py').write_text('\n'.join(lines) + '\n')
+        path = TOP / 'imu_noise_tools' / 'noise' / 'null.py'
+        head = [x for x in path.read_text().splitlines() if x.startswith('#')]   # the licence
+        path.write_text('\n'.join([*head, *([''] if head else []), *lines]) + '\n')
 
 
 if __name__ == '__main__':

@@ -15,7 +15,7 @@ from scipy.optimize import minimize, nnls
 from .evidence import Evidence
 from .kinds import Line, Mean, Spectrum
 from .. import units
-from ..effect import Estimate, Fit, Model
+from ..effect import Estimate, Fit
 from ..errors import UsageError
 
 FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
@@ -35,7 +35,7 @@ def _templates(effect):
     return {p.name: p.unit for p in effect.parameters}
 
 
-def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
+def fit_avar(evidence: Evidence, full: Fit) -> Fit:
     """
     Return the model fitted to the Allan curve.
 
@@ -45,8 +45,6 @@ def fit_avar(evidence: Evidence, model: Model, full: Fit) -> Fit:
     ----------
     evidence : Evidence
         Of the axis; its whole curve is fitted.
-    model : Model
-        As asked for; ``full`` holds it with values.
     full : Fit
         The likelihood fit: start of the shape parameters, and the values of what does not show in
         a curve.
@@ -155,7 +153,7 @@ def _floor(effect, name):
     return p.lower if p.log else 0.0
 
 
-def fit_slopes(evidence: Evidence, model: Model, full: Fit, bias_at: str = 'flat') -> Fit:
+def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
     """
     Return the model with coefficients read from the slopes of the curve.
 
@@ -165,8 +163,6 @@ def fit_slopes(evidence: Evidence, model: Model, full: Fit, bias_at: str = 'flat
     ----------
     evidence : Evidence
         Of the axis; its curve is read.
-    model : Model
-        As asked for; ``full`` holds it with values.
     full : Fit
         The likelihood fit: the values of what is not read from the curve.
     bias_at : str

@@ -75,9 +75,9 @@ class NoiseProblem:
     def _fit_whole(self, model):
         found = fit_part(self.evidence, model)
         if self.method == 'avar':
-            found = classic.fit_avar(self.evidence, model, found)
+            found = classic.fit_avar(self.evidence, found)
         elif self.method == 'slopes':
-            found = classic.fit_slopes(self.evidence, model, found, self.bias_at)
+            found = classic.fit_slopes(self.evidence, found, self.bias_at)
         return replace(found, estimates=self._planned(found))
 
     def _planned(self, fit):

@@ -29,6 +29,15 @@ class RateQuantization(Spectrum, Defect):
     decide = 'choose a finer output range'
     parameters = (
         Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='step of the output'),
+        Parameter(
+            'white',
+            '1',
+            0,
+            1,
+            log=False,
+            discrete=True,
+            title='1 where the noise spans half a step, so that rounding adds white noise; else 0',
+        ),
     )
     filtered = False
     views = ()
@@ -57,12 +66,15 @@ class RateQuantization(Spectrum, Defect):
         # const a sample, far above any penalty as soon as the grid is coarse; finer grids are part
         # of N.
         coarse = step >= 0.5 * sigma
+        # noise of half a step before the rounding is one of 0.577 steps after it; below, what the
+        # samples show is the crossing of levels, which the white noise of the fit takes as it is
+        white = float(sigma >= 0.577 * step)
         gain = evidence.n * 0.5 * min(1.0, (step / max(sigma, step / 12)) ** 2) if coarse else 0.0
         return Finding(
             self.name,
             gain,
-            self.with_values(step=step),
-            {'step': Estimate(step, 0.0, (step, step), fixed=True)},
+            self.with_values(step=step, white=white),
+            {'step': Estimate(step, 0.0, (step, step)), 'white': Estimate(white, None, None)},
             view='repeats',
             evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} '
             'standard deviations',
@@ -70,11 +82,11 @@ class RateQuantization(Spectrum, Defect):
 
     def psd(self, f, dt):
         """step^2 dt/6, one-sided."""
-        return np.full(np.shape(f), self['step'] ** 2 * dt / 6)
+        return np.full(np.shape(f), self['white'] * self['step'] ** 2 * dt / 6)
 
     def avar(self, m, dt):
         """step^2/(12 m)."""
-        return self['step'] ** 2 / 12 / np.asarray(m)
+        return self['white'] * self['step'] ** 2 / 12 / np.asarray(m)
 
     def apply(self, x, inputs, rng):
         """Round to the step."""
@@ -83,4 +95,4 @@ class RateQuantization(Spectrum, Defect):
     @classmethod
     def example(cls):
         """0.05 deg/s."""
-        return cls({'step': 8.7e-4})
+        return cls({'step': 8.7e-4, 'white': 1.0})
