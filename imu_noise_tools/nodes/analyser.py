@@ -17,7 +17,7 @@ from .saving import Folder, npz
 from .topics import STEADY
 from .. import store
 from ..effect import load_effects, model_of
-from ..errors import InputError
+from ..errors import InputError, UsageError
 from ..noise.problem import METHODS
 from ..study import Study
 from ..tasks import noise as tasks
@@ -37,7 +37,7 @@ class Analyser(Node):
             Setting('input', 'messages', 'imu/data_raw or imu/buffer, never both', fixed=True,
                     choices=('messages', 'buffer')),
             Setting('effects', list(tasks.DEFAULT_EFFECTS), 'effects of the model that is fitted',
-                    check=lambda names: model_of('noise', names)),
+                    check=_model),
             Setting('method', 'likelihood', 'how the model is fitted', choices=METHODS),
             Setting('keep_motion', False, 'analyse everything, not the longest still stretch'),
             Setting('update_period', 5.0, 'time between two curves while data come', 's',
@@ -135,6 +135,12 @@ class Analyser(Node):
             self._refresh_timer.timer_period_ns = int(values['update_period'] * 1e9)
         if self._study is not None and {'effects', 'method', 'keep_motion'} & set(values):
             self._refit = True
+
+
+def _model(names: list[str]) -> None:
+    """Refuse names that are no effects, and none at all."""
+    if not len(model_of('noise', names)):
+        raise UsageError('no effect is named', f'e.g. {", ".join(tasks.DEFAULT_EFFECTS)}')
 
 
 def main(args=None) -> int:
