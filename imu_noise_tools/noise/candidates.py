@@ -31,9 +31,12 @@ def candidates(problem, fit: Fit) -> list[Finding]:
     evidence: Evidence = problem.evidence
     if problem.method != 'likelihood':
         fit = fit_part(evidence, unfitted(fit.model), intervals=False)
+    explained = {x for e in fit.model for x in e.explains}
     found = []
     for name, cls in registry('noise').items():
         if name in fit.model and not cls.several:
+            continue
+        if cls.explains and set(cls.explains) <= explained:
             continue
         finding = _one(evidence, fit, cls())
         if finding is not None and np.isfinite(finding.gain):
@@ -50,7 +53,7 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
         return None
     more = _refitted(evidence, fit, effect)
     label = more.model.labels[-1]
-    gain = more.details['ml'] - fit.details['ml']
+    gain = more.details['ml'] - fit.details['ml'] + more.model[label].bonus(evidence)
     return Finding(
         effect.name,
         float(gain),

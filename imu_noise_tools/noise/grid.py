@@ -38,3 +38,16 @@ def grid_step(y, most: int = 4096) -> tuple[float, int]:
     step = float(np.sum(gaps) / np.sum(np.round(multiples)))
     on_grid = np.abs(gaps / step - np.round(gaps / step))
     return (step, len(levels)) if np.max(on_grid) < 0.05 else (0.0, len(levels))
+
+
+def grid_gain(n: int, step: float, sigma: float) -> float:
+    """
+    Return what a grid says in nats: each sample on it is likelier than under a density.
+
+    By about half the squared ratio of step to noise a sample, and nothing where the step is below
+    half a standard deviation: finer grids are part of the white noise.
+
+    """
+    if not step >= 0.5 * sigma or not step > 0:
+        return 0.0
+    return 0.5 * n * min(1.0, (step / max(sigma, step / 12)) ** 2)

@@ -61,6 +61,8 @@ class NoiseEffect(Effect):
     neutral: ClassVar[Mapping[str, float]] = {}
     #: views that can say nothing while it is in the model
     hides: ClassVar[tuple[str, ...]] = ()
+    #: features of the samples that it accounts for: one effect in the model is enough for each
+    explains: ClassVar[tuple[str, ...]] = ()
     #: what a record must hold for it to apply
     needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals
@@ -107,6 +109,10 @@ class NoiseEffect(Effect):
 
         """
         return {}
+
+    def bonus(self, evidence) -> float:
+        """Return what the samples say for it, fitted, beyond the spectrum (nats)."""
+        return 0.0
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Return x (n,) with the effect in it: its simulation."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..grid import grid_gain, grid_step, robust_sigma
 from ..kinds import Parameter, Spectrum
 
 
@@ -24,6 +25,23 @@ class Quantization(Spectrum):
         Parameter('Q', '{integral}', 1e-14, 1e2, amplitude=True, title='angle quantization'),
     )
     filtered = False
+    explains = ('grid',)
+    hides = ('distribution', 'variance')  # samples on a coarse grid are not normal
+
+    @classmethod
+    def statistics(cls, y, inputs):
+        """Keep the step of the rate's grid, which is that of the angle over dt, and the noise."""
+        step, _ = grid_step(y)
+        return {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
+
+    def bonus(self, evidence):
+        """Count the grid too, where Q is what an angle read to that grid would have."""
+        kept = evidence.kept(self.name)
+        step = float(kept.get('step', 0.0))
+        wanted = step * evidence.dt / np.sqrt(12)
+        if not 0.7 * wanted < self['Q'] < 2.0 * wanted:  # a dithered reading has sqrt(2) more
+            return 0.0
+        return grid_gain(evidence.n, step, float(kept['sigma']))
 
     def psd(self, f, dt):
         """2 Q^2 s^2/dt, s = 2 sin(pi f dt)."""

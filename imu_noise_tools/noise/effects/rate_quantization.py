@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..grid import grid_step, robust_sigma
+from ..grid import grid_gain, grid_step, robust_sigma
 from ..kinds import Defect, Parameter, Spectrum
 from ...effect import Estimate, Finding
 
@@ -41,6 +41,7 @@ class RateQuantization(Spectrum, Defect):
     )
     filtered = False
     views = ()
+    explains = ('grid',)
     hides = (
         'distribution',
         'variance',
@@ -62,17 +63,12 @@ class RateQuantization(Spectrum, Defect):
         step, sigma = float(kept['step']), float(kept['sigma'])
         if not step > 0:
             return None
-        # Each sample on the grid is that much likelier than under a density: ln(sigma/step) +
-        # const a sample, far above any penalty as soon as the grid is coarse; finer grids are part
-        # of N.
-        coarse = step >= 0.5 * sigma
         # noise of half a step before the rounding is one of 0.577 steps after it; below, what the
         # samples show is the crossing of levels, which the white noise of the fit takes as it is
         white = float(sigma >= 0.577 * step)
-        gain = evidence.n * 0.5 * min(1.0, (step / max(sigma, step / 12)) ** 2) if coarse else 0.0
         return Finding(
             self.name,
-            gain,
+            grid_gain(evidence.n, step, sigma),
             self.with_values(step=step, white=white),
             {'step': Estimate(step, 0.0, (step, step)), 'white': Estimate(white, None, None)},
             view='repeats',
