@@ -7,6 +7,11 @@ from pathlib import Path
 
 import pytest
 
+# Before numpy is imported: on a busy machine the threads of its linear algebra slow small matrices
+# down by ten times and more.
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 ROOT = Path(__file__).resolve().parents[1]
 
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
+import os
 import sys
 
 from ..errors import ImuNoiseError, UsageError
+
+# The matrices here are small: threads of a linear algebra library cost more than they bring.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
 MODULES = ('noise', 'loop', 'calibration', 'denoise', 'tools', 'demo')

@@ -371,6 +371,8 @@ def _find_lines(c, y, dt) -> np.ndarray:
         return np.zeros((0, 4))
     ratio = 2 * dt * c[1:] ** 2 / reference_spectrum(c, dt)
     window = np.convolve(ratio, np.ones(4), mode='same')
+    # near zero frequency the level around a coefficient is known from a few dozen of them only
+    window /= 1 + 25 / (2 * np.clip(0.2 * np.arange(1, n), 12, max(12, n // 100)) + 1)
     window[:16] = 0
     # four coefficients hold a line of any phase; the level is a little below that at which a line
     # is believed
