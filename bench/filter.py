@@ -13,8 +13,9 @@
 # limitations under the License.
 
 """
-The default filter in one fixed setting: rms errors, delay, real motion against optical attitude,
-CPU time.
+Measure the default filter in one fixed setting.
+
+Rms errors, delay, real motion against optical attitude, CPU time:
 
     python bench/filter.py [table] [delay] [motion] [speed]      (all by default)
 
@@ -211,8 +212,9 @@ def delays():
 
 def reference_rate(quaternions, rate):
     """
-    Return the body rate (n, 3), rad/s, of optical attitudes [w x y z], by a local quadratic fit of
-    rotation vectors.
+    Return the body rate (n, 3), rad/s, of optical attitudes [w x y z].
+
+    By a local quadratic fit of rotation vectors.
 
     """
     good = np.isfinite(quaternions).all(axis=1)
@@ -232,8 +234,9 @@ def reference_rate(quaternions, rate):
 
 def aligned(gyro, reference, ok, rate):
     """
-    Return the reference in the gyroscope's frame and time: rotation, delay (to a hundredth of a
-    sample), and bias.
+    Return the reference in the gyroscope's frame and time.
+
+    Rotation, delay (to a hundredth of a sample), and bias are found.
 
     """
     best = None
@@ -261,8 +264,9 @@ def _fit(gyro, reference, ok, index, shift):
 
 def attitude_error(rate_estimate, truth, good, rate, seconds=5.0):
     """
-    Return the rms angle (deg) by which integrated rates and the reference's drift apart over
-    windows.
+    Return the rms angle (deg) by which integrated rates and the reference's drift apart.
+
+    Over windows of equal length.
 
     """
     size = int(seconds * rate)
@@ -287,8 +291,9 @@ def _integral(rates, rate):
 
 def measured_delay(y, z, rate):
     """
-    Return by how many seconds y lags behind z: the shift of least squared difference, all axes,
-    sub-sample.
+    Return by how many seconds y lags behind z.
+
+    The shift of least squared difference over all axes, finer than a sample.
 
     """
     lags = np.arange(-2, 30)
@@ -300,8 +305,9 @@ def measured_delay(y, z, rate):
 
 def real_motion():
     """
-    Print errors against optical attitude, raw beside filtered and low-pass filters of the same
-    delay.
+    Print errors against optical attitude.
+
+    Raw beside filtered and low-pass filters of the same delay.
 
     """
     folder = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data') / 'records'

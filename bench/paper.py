@@ -13,8 +13,9 @@
 # limitations under the License.
 
 """
-The experiments of Qian, Xia, Que and Zhang (2010) with the filter of config/adis16350.yaml: Tables
-1-6, Figures 1-5.
+Repeat the experiments of Qian, Xia, Que and Zhang (2010): Tables 1-6, Figures 1-5.
+
+The filter is that of config/adis16350.yaml.
 
     python bench/paper.py [-o FOLDER]
 
@@ -77,8 +78,9 @@ def seed_values(p: dict) -> dict:
 
 def errors(p, z, truth, rate, motion=SEED, alpha=1.0, values=None):
     """
-    Return (mean, std, mean magnitude) of the error before and after, deg/s, and the filtered
-    rates.
+    Return (mean, std, mean magnitude) of the error before and after, and the filtered rates.
+
+    All in deg/s.
 
     """
     chosen = design(motion, values=values or seed_values(p), alpha=alpha, axes=z.shape[1])
@@ -89,8 +91,9 @@ def errors(p, z, truth, rate, motion=SEED, alpha=1.0, values=None):
 
 def _figures(e):
     """
-    Return mean, std and mean magnitude (about the mean) of errors (n, runs), the mean over runs of
-    each.
+    Return mean, std and mean magnitude (about the mean) of errors (n, runs).
+
+    Of each the mean over the runs.
 
     """
     return (float(np.mean(e.mean(axis=0))), float(np.mean(e.std(axis=0))),
@@ -113,7 +116,9 @@ def rocking(amplitude, period, rate, n):
 
 def experiments(p: dict, runs: int = 8, seed: int = 2010) -> dict:
     """
-    Run all; return {'static': ..., 'constant': {rate: ...}, (rate_hz, alpha): {amplitude: (before,
+    Run all experiments.
+
+    Returns {'static': ..., 'constant': {rate: ...}, (rate_hz, alpha): {amplitude: (before,
     after)}}.
 
     """

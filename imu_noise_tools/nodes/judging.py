@@ -41,6 +41,8 @@ def begin_study(t, z, design: Design, stated: Mapping[str, Mapping], source: Map
         constant_rate + ar_increment.
     stated : mapping of axis to mapping of label to values
         What was given; the rest is fitted.
+    source : mapping
+        Where the samples came from, for people.
 
     Raises
     ------
