@@ -42,7 +42,7 @@ _PATIENCE = 3.0             # s without data after which a bag at its end is tak
 class Analyser(Node):
     """Data, curves and services run beside each other, in a group of callbacks each."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('analyser')
         self._settings = p = Settings(
             self,

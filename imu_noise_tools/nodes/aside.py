@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from multiprocessing import get_context
+from multiprocessing.pool import Pool
 import os
 import signal
 import threading
@@ -42,7 +43,7 @@ class Aside:
 
     """
 
-    def __init__(self, node: Node):
+    def __init__(self, node: Node) -> None:
         self._of, self._stop = node, threading.Event()
         self._node = Node(f'_{node.get_name()}_aside', namespace=node.get_namespace(),
                           use_global_arguments=False, start_parameter_services=False,
@@ -50,7 +51,7 @@ class Aside:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._pool = None
+        self._pool: Pool | None = None
 
     def begin(self) -> None:
         """Start, once everything is there."""

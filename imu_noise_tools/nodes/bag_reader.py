@@ -34,7 +34,6 @@ from .params import Setting, Settings
 from .playback import about, pieces, Player
 from .run import run
 from .topics import complete, overridable, result, STEADY
-from ..bag.encode import serialise
 from ..errors import InputError
 
 _UNDER_WAY = 16             # blocks not yet acknowledged: they are held in memory
@@ -44,7 +43,7 @@ _TICK = 0.01                # s between two messages on /clock
 class BagReader(Node):
     """Plays a bag: where a :class:`~imu_noise_tools.nodes.playback.Player` puts its pieces."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('bag_reader')
         self._settings = p = Settings(
             self,
@@ -78,8 +77,9 @@ class BagReader(Node):
         self.create_service(Trigger, '~/pause', self._pause)
         self.create_timer(0.5, self._tell, clock=STEADY)
         self._tick_at, self._since_flush = 0.0, 0
-        self._player = Player(lambda: pieces(bag, topic), self, p['speed'], p['start'],
-                              p['duration'], p['wait_for_subscribers'], p['loop'])
+        self._player = Player(
+            lambda: pieces(bag, topic, self._messages is not None), self, p['speed'], p['start'],
+            p['duration'], p['wait_for_subscribers'], p['loop'])
         p.changed = self._changed
         self._player.begin()
 
@@ -100,12 +100,9 @@ class BagReader(Node):
     def piece(self, piece, due) -> None:
         """Publish a piece: its messages when each is due, the block when its last sample is."""
         if self._messages is not None:
-            rows = serialise(piece.stamps, piece.values, piece.frame_id)
-            raw, size = rows.tobytes(), rows.shape[1]
-            for k, stamp in enumerate(piece.stamps.tolist()):
+            for stamp, message in zip(piece.stamps.tolist(), piece.raw):
                 if not due(stamp):
                     return
-                message = raw[k * size:(k + 1) * size]
                 if self._settings['stamps'] == 'now':
                     message = messages.with_stamp(message, self.get_clock().now().nanoseconds)
                 self._tick(stamp)

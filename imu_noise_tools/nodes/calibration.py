@@ -41,7 +41,7 @@ from ..units import DEG, G0
 class Calibration(Node):
     """The stream is fed and corrected in one group of callbacks, services work in another."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('calibration')
         self._settings = p = Settings(
             self,

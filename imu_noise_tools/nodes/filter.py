@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import threading
 
@@ -27,17 +26,15 @@ from sensor_msgs.msg import Imu
 
 from . import messages
 from .aside import Aside
+from .filter_settings import chosen, given_values, value_settings
 from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
 from .topics import ImuInput, live, overridable, result, STEADY
-from .. import units
 from ..denoise.design import AUTO, design
 from ..denoise.engine import Engine
 from ..denoise.evaluate import Innovations
-from ..denoise.statespace import DOMAIN
-from ..effect import registry
 from ..study import Study
 from ..tasks.denoise import BIAS, CORRELATED, from_study
 
@@ -45,19 +42,11 @@ _SHOWN = 4096           # latest innovations of which the figures are published
 _JUDGED = 16384         # latest samples that a diagnosis looks at
 
 
-def value_settings() -> list[Setting]:
-    """Return a setting for every parameter of every effect; NaN stands for a typical value."""
-    return [Setting(f'{name}.{p.name}', math.nan, f'{effect.title}: {p.title}; NaN: typical',
-                    units.si(p.unit, 'gyro'), p.lower, p.upper, optional=True)
-            for name, effect in registry(DOMAIN).items() for p in effect.parameters]
-
-
 class Filter(Node):
     """Every message is filtered in its own callback; services and figures run aside."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('filter')
-        values = value_settings()
         self._settings = p = Settings(
             self,
             Setting('model', '', 'folder of an analysed study, for the noise'),
@@ -66,12 +55,11 @@ class Filter(Node):
             Setting('alpha', 1.0, 'fading memory; 1: none', '1', 0.01, 1.0),
             Setting('rate_hz', 0.0, 'nominal rate; 0: by the first stamps', 'Hz', 0.0, 1e5,
                     fixed=True),
-            *values)
-        self._values = [s.name for s in values]
-        self._engine = Engine(rate_hz=p['rate_hz'] or None, **self._chosen(p))
+            *value_settings())
+        self._engine = Engine(rate_hz=p['rate_hz'] or None, **chosen(p))
         self._lock = threading.Lock()           # of the engine: it is switched from two threads
         self._adopting = False
-        p.together = lambda new: design(**self._chosen(new))
+        p.together = lambda new: design(**chosen(new))
         p.changed = self._changed
         self._first: int | None = None
         self._study: Study | None = None
@@ -87,27 +75,10 @@ class Filter(Node):
         self._aside.begin()
         self.get_logger().info(f'{BIAS}; {CORRELATED}')
 
-    def _given(self, parameters) -> dict:
-        """Return the values that parameters state, by label."""
-        values: dict = {}
-        for name in self._values:
-            if not math.isnan(parameters[name]):
-                label, _, parameter = name.rpartition('.')
-                values.setdefault(label, {})[parameter] = parameters[name]
-        return values
-
-    def _chosen(self, p) -> dict:
-        """Return what the engine is to be, from parameters or a mapping of them."""
-        motion, noise = p['motion'], p['noise']
-        if p['model']:
-            dt = 1 / p['rate_hz'] if p['rate_hz'] else None
-            motion, noise, _, _ = from_study(p['model'], motion, noise, dt)
-        return {'motion': motion, 'noise': noise, 'alpha': p['alpha'], 'values': self._given(p)}
-
     def _changed(self, values) -> None:
         if not self._adopting:
             # what the loop has put into the model stays when only the memory changes
-            new = values if set(values) == {'alpha'} else self._chosen(self._settings)
+            new = values if set(values) == {'alpha'} else chosen(self._settings)
             with self._lock:
                 self._engine.switch(**new)
 
@@ -143,10 +114,10 @@ class Filter(Node):
         with self._lock:
             t, z, _ = self._engine.history.latest(_JUDGED)
             design, counts = self._engine.design, self._engine.counts
-        stated = dict.fromkeys(GYRO, {})
+        stated: dict[str, dict] = dict.fromkeys(GYRO, {})
         if p['model']:
             stated = {**stated, **from_study(p['model'], p['motion'], p['noise'])[2]}
-        stated = {axis: {**stated[axis], **self._given(p)} for axis in GYRO}
+        stated = {axis: {**stated[axis], **given_values(p)} for axis in GYRO}
         source = {'path': self._topic, 'topic': self._topic, 'samples': counts.samples,
                   'rate_hz': self._engine.rate_hz, 'judged': len(t), **design.names}
         study = self._aside.compute(begin_study, t, z, design, stated, source)

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 
 from ..denoise.design import aligned, AUTO, Design
 from ..denoise.problem import problem_of, START
-from ..denoise.statespace import DOMAIN
+from ..denoise.statespace import DOMAIN, Motion, OutputNoise
 from ..effect import Model, model_of
 from ..record import AXES
 from ..study import Study
@@ -60,7 +60,7 @@ def begin_study(t, z, design: Design, stated: Mapping[str, Mapping], source: Map
 def running(study: Study, automatic: bool) -> dict:
     """Return what is to run by a study: motion, noise, and the values of each axis."""
     whole = aligned([study.states[axis].model for axis in GYRO])
-    motion = [e.name for e in whole[0] if e.kind == 'motion']
+    motion = [e.name for e in whole[0].of(Motion)]
     return {'motion': [AUTO] if automatic else motion,
-            'noise': [Model(e for e in m if e.kind == 'noise') for m in whole],
+            'noise': [Model(m.of(OutputNoise)) for m in whole],
             'values': [{e.label: dict(e.values) for e in m} for m in whole]}

@@ -67,8 +67,8 @@ class LiveCurve:
     def __init__(self, columns: int):
         strides = np.unique(np.geomspace(1, _LONGEST / _PER_CLUSTER, 120).astype(int))
         self.n = 0
-        self._offset = self._last = None
-        self._sum = np.zeros(columns)
+        self._offset: np.ndarray | None = None
+        self._last = self._sum = np.zeros(columns)
         self._sizes = [
             _Size(m, s, np.zeros((1, columns)), np.zeros(columns))
             for m, s in [*((m, 1) for m in range(1, _PER_CLUSTER)),
@@ -80,7 +80,6 @@ class LiveCurve:
             return
         if self._offset is None:
             self._offset = np.where(np.isfinite(y[0]), y[0], 0.0)
-            self._last = np.zeros_like(self._offset)
         y = _filled(y - self._offset, self._last)
         self._last = y[-1]
         prefix = self._sum + np.cumsum(y, axis=0)
@@ -246,8 +245,9 @@ class Stream:
         rate_hz = regular_rate(t)
         if rate_hz is None:
             raise InputError(f'{topic}: the stamps do not advance', 'stamp the messages')
-        parts = [x if np.any((x != 0) & ~np.isnan(x)) else None for x in (gyro, accel)]
-        if parts[0] is None and parts[1] is None:
+        there = [bool(np.any((x != 0) & ~np.isnan(x))) for x in (gyro, accel)]
+        if not any(there):
             raise InputError(f'{topic} holds neither rates nor accelerations', 'check the driver')
-        return ImuRecord(*parts, t=t, rate_hz=rate_hz, start=float(stamps[0]) * 1e-9, topic=topic,
-                         frame_id=frame_id, path=path or topic)
+        return ImuRecord(gyro if there[0] else None, accel if there[1] else None, t, rate_hz,
+                         start=float(stamps[0]) * 1e-9, topic=topic, frame_id=frame_id,
+                         path=path or topic)

@@ -98,23 +98,23 @@ class Loop:
 
     def add_best(self) -> dict:
         """Put what the diagnosis names into the model; nothing missing is a success, too."""
-        study = self._study()
-        steps = self._done(study, 'add')
-        if steps:
-            self._changed(study)
-        return {'added': [step_to_dict(s) for s in steps]}
+        return {'added': self._steps('add')}
 
     def remove_last(self) -> dict:
         """Take out what was added last."""
-        study = self._study()
-        steps = self._done(study, 'undo')
-        if steps:
-            self._changed(study)
-        return {'removed': [step_to_dict(s) for s in steps]}
+        return {'removed': self._steps('undo')}
 
     def history(self) -> dict:
         """Return the ladder."""
         return {'history': [step_to_dict(s) for s in self._study().history]}
+
+    def _steps(self, what: str) -> list[dict]:
+        """Change the models of the study; return the new rungs of the ladder."""
+        study = self._study()
+        steps = self._done(study, what)
+        if steps:
+            self._changed(study)
+        return [step_to_dict(s) for s in steps]
 
     def _done(self, study: Study, what: str):
         """Return what a method of the study returns; the study is changed wherever it is done."""

@@ -96,7 +96,7 @@ def rate_of(raw: bytes) -> tuple[int, tuple[float, float, float], bool]:
     return sec * 10 ** 9 + nanosec, tuple(rate), covariance != -1.0
 
 
-def with_rate(raw: bytes, rate: Sequence[float], variance: Sequence[float]) -> bytes:
+def with_rate(raw: bytes, rate: Iterable[float], variance: Iterable[float]) -> bytes:
     """Return the message with another rate (rad/s) and variance; all else is copied."""
     x, y, z = variance
     out = bytearray(raw)
@@ -178,7 +178,8 @@ def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
-def status(name: str, message: str, values: Mapping[str, object] | Iterable = (),
+def status(name: str, message: str,
+           values: Mapping[str, object] | Iterable[tuple[str, object]] = (),
            level=OK) -> DiagnosticStatus:
     """Return one status; numbers are written so that they can be plotted (units are in keys)."""
     pairs = values.items() if isinstance(values, Mapping) else values
@@ -194,7 +195,7 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
     A single capital (N, B, K, Q, R) names itself; other parameters bear the label of their effect.
 
     """
-    values = []
+    values: list[tuple[str, object]] = []
     for label, effect in entry['effects'].items():
         for name, e in effect.items():
             if not isinstance(e, Mapping):
@@ -211,7 +212,7 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
 
 def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
     """Return one target's diagnosis as a status; a missing or unknown effect is a warning."""
-    best = next(iter(entry.get('ranked') or ()), {})
+    best: Mapping = next(iter(entry.get('ranked') or ()), {})
     named = entry['verdict'] in ('missing', 'undecidable') and best
     text = f'{entry["verdict"]}: {best["effect"]}' if named else entry['verdict']
     values = {'verdict': entry['verdict'], 'best': best.get('effect'),

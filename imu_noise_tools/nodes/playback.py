@@ -12,21 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag as it is played: piece by piece, each as arrays and as serialised messages, at a pace."""
+"""A bag as it is played: piece by piece, each as arrays and as messages, at a pace."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 import threading
 import time
 
 import numpy as np
 
-from ..bag import iter_blocks
-from ..bag.decode import ACCEL, decode, GYRO, IMU
-from ..bag.encode import imu_values
+from . import messages
+from ..bag import iter_blocks, iter_raw
 from ..bag.source import Bag
 from ..bag.tables import read_table, table_kind
 from ..bag.topics import choose, list_topics
@@ -38,27 +38,32 @@ _SETTLE = 2.0               # s that further listeners get once the first is the
 
 @dataclass(frozen=True)
 class Piece:
-    """Samples ``first`` and on: stamps (n,) ns, all doubles of an Imu (n, 37), and the frame."""
+    """
+    Samples ``first`` and on: stamps (n,) ns, gyro and accel (n, 3), the frame.
+
+    ``raw`` holds the messages, serialised, where they are wanted.
+
+    """
 
     first: int
     stamps: np.ndarray
-    values: np.ndarray
+    gyro: np.ndarray
+    accel: np.ndarray
     frame_id: str
+    raw: list[bytes]
 
-    @property
-    def gyro(self) -> np.ndarray:
-        """Angular rate (n, 3), rad/s."""
-        return self.values[:, GYRO]
-
-    @property
-    def accel(self) -> np.ndarray:
-        """Specific force (n, 3), m/s^2."""
-        return self.values[:, ACCEL]
+    def part(self, some: np.ndarray, first: int) -> Piece:
+        """Return some samples (mask), the first of which has this index."""
+        if some.all():
+            return replace(self, first=first)
+        raw = [r for r, good in zip(self.raw, some) if good]
+        return Piece(first, self.stamps[some], self.gyro[some], self.accel[some],
+                     self.frame_id, raw)
 
 
-def pieces(path, topic: str | None) -> Iterator[Piece]:
+def pieces(path, topic: str | None, raw: bool) -> Iterator[Piece]:
     """
-    Yield a record piece by piece, with everything an Imu message holds.
+    Yield a record piece by piece; with the messages where they are wanted.
 
     Raises
     ------
@@ -66,34 +71,23 @@ def pieces(path, topic: str | None) -> Iterator[Piece]:
         As :func:`imu_noise_tools.bag.open_record`.
 
     """
-    first = 0
-    for stamps, values, frame_id in _arrays(path, topic):
-        yield Piece(first, stamps, values, frame_id)
-        first += len(stamps)
-
-
-def _arrays(path, topic):
-    if not table_kind(path):
-        with Bag(path) as bag:
-            choice = choose(bag, topic)
-            if choice.type == IMU and choice.gyro == choice.accel:
-                yield from _messages(bag, choice.base)
-                return
-    for block in iter_blocks(path, topic, _BLOCK):
-        gyro, accel = (None if np.isnan(x).all() else x for x in (block.gyro, block.accel))
-        yield block.stamp, imu_values(gyro, accel), block.frame_id
-
-
-def _messages(bag: Bag, topic: str):
-    zero = None
-    for batch in bag.batches([topic], [IMU]):
-        for k in range(0, len(batch.begin), _BLOCK):
-            some = batch.take(slice(k, k + _BLOCK))
-            found = decode(some)
-            if len(found.stamp):
-                zero = not found.stamp.any() if zero is None else zero
-                stamps = some.receive[found.readable] if zero else found.stamp
-                yield stamps, found.values, found.frame_id
+    if not raw:
+        first = 0
+        for b in iter_blocks(path, topic, _BLOCK):
+            nothing = np.full((len(b.stamp), 3), np.nan)
+            gyro, accel = (nothing if x is None else x for x in (b.gyro, b.accel))
+            yield Piece(first, b.stamp, gyro, accel, b.frame_id, [])
+            first += len(b.stamp)
+        return
+    source, first = iter_raw(path, topic), 0
+    while some := list(islice(source, _BLOCK)):
+        stamps = np.array([stamp for _, _, stamp in some], np.int64)
+        # where all stamps of a record are zero, the receive time beside the bytes is its stamp
+        batch = [message if messages.rate_of(message)[0] else messages.with_stamp(message, stamp)
+                 for _, message, stamp in some]
+        found = messages.samples(batch)
+        yield Piece(first, stamps, found.gyro, found.accel, found.frame_id, batch)
+        first += len(some)
 
 
 def about(path, topic: str | None) -> tuple[int, str]:
@@ -229,9 +223,7 @@ class Player:
         some = after >= self.start * 1e9
         if self.duration:
             some &= after < (self.start + self.duration) * 1e9
-        if some.all():
-            return replace(piece, first=self.sent)
-        return Piece(self.sent, piece.stamps[some], piece.values[some], piece.frame_id)
+        return piece.part(some, self.sent)
 
     def interrupted(self) -> bool:
         """Whether to leave off at once."""

@@ -72,7 +72,7 @@ class Results:
             messages.diagnosis(t, d) for t, d in data['diagnosis'].items()])
         self._drawn = self._stream.received
         for axis, state in study.states.items():
-            c = state.problem.evidence.curve
+            c = state.problem.evidence.curve        # type: ignore[attr-defined]
             model = _deviation(state.model, c.m, c.dt)
             self._curve(axis, c.tau, c.dev, c.lo, c.hi, model, 'analysed')
 

@@ -33,7 +33,7 @@ class Folder:
 
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._made: Path | None = None
 
     def save(self, wanted: str, content: Mapping[str, str | bytes]) -> Path:
@@ -68,5 +68,5 @@ def free(path: Path) -> Path:
 def npz(**arrays: np.ndarray) -> bytes:
     """Return arrays as the bytes of an .npz file, not compressed: it must not take long."""
     out = io.BytesIO()
-    np.savez(out, **arrays)
+    np.savez(out, **arrays)         # type: ignore[arg-type]
     return out.getvalue()
