@@ -7,6 +7,7 @@ PY    := $(VENV)/bin/python
 .PHONY: demo test bench lint clean
 
 demo: $(READY)
+	rm -rf imu_noise_demo
 	$(PY) -m imu_noise_tools.cli.main demo -o imu_noise_demo
 
 test: $(READY)
