@@ -292,18 +292,17 @@ def test_playing_keeps_stamps_paces_pauses_and_tells(ros, small_bag):
                            start=5, duration=20.0, clock=True)
         assert wait_for(lambda: len(got) > 100), reader.text
         assert ros.trigger(f'{reader.full}/pause')[1]['paused'] is True
-        time.sleep(0.3)
+        time.sleep(1.0)                             # what was under way arrives
         held = len(got)
         time.sleep(0.7)
         assert len(got) == held < 2000
+        began = time.monotonic()
         assert ros.trigger(f'{reader.full}/pause')[1]['paused'] is False
-        began, first = time.monotonic(), len(got)
         told = values(ros.latest(f'{reader.full}/status', DiagnosticArray, lambda m: (
             values(m, 'bag_reader')['state'] == 'end')), 'bag_reader')
         assert told['samples'] == '2000' and float(told['position [s]']) == pytest.approx(24.99)
         assert wait_for(lambda: len(got) == 2000)
-        pace = (2000 - first) / 100 / (time.monotonic() - began)
-        assert pace < 11
+        assert (2000 - held) / 100 / (time.monotonic() - began) < 10.1
         stamps = [m.header.stamp.sec * 10 ** 9 + m.header.stamp.nanosec for m in got]
         wanted = 1_700_000_000_000_000_000 + np.round((record.t[500:2500]) * 1e9).astype(int)
         assert np.abs(np.array(stamps) - wanted).max() < 1000

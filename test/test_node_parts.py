@@ -109,6 +109,22 @@ def test_stream_holds_the_last_hours_and_says_so():
     assert tau[-1] > 80 and dev[0, 0] == pytest.approx(reference.dev[0], rel=1e-9)
 
 
+def test_a_record_that_begins_again_replaces_what_was_there():
+    """Wherever in a batch it begins; a stamp that only goes back a little is not a beginning."""
+    y, stamps = signal(1000, 6), 10 ** 9 + np.arange(1000) * 10_000_000
+    again = np.concatenate([stamps[900:], stamps[:400]])
+    stream = Stream(hours=1.0)
+    assert stream.add(stamps[:900], y[:900, :3], y[:900, 3:]) == ''
+    assert 'begins again' in stream.add(again, y[:500, :3], y[:500, 3:])
+    assert stream.received == 400 and np.array_equal(stream.samples()[0], stamps[:400])
+    assert np.array_equal(stream.samples()[1], y[100:500, :3])
+    assert stream.add(stamps[[390, 391]], y[:2, :3], y[:2, 3:]) == '' and stream.received == 402
+    assert 'begins again' in stream.add(stamps[:10], y[:10, :3], y[:10, 3:], first=0)
+    assert '10 samples are missing' in stream.add(
+        stamps[20:30], y[:10, :3], y[:10, 3:], first=20)
+    assert (stream.received, stream.missed) == (20, 10)
+
+
 def test_a_parameter_reads_what_people_write():
     pytest.importorskip('rclpy')
     from imu_noise_tools.nodes.params import Setting

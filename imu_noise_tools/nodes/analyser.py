@@ -64,7 +64,7 @@ class Analyser(Node):
         self._results = Results(self, self._stream)
         self._folder = Folder()
         self._study: Study | None = None
-        self._at_end: int | None = None         # the end of a bag that was dealt with
+        self._passes = '0'                      # of a bag, that were dealt with
         self._refit = self._redraw = False
         group = MutuallyExclusiveCallbackGroup()
         Loop(self, self._the_study, self._show, group)
@@ -122,11 +122,9 @@ class Analyser(Node):
         """Do what comes due: analyse at the end of a bag, refit, draw, tell."""
         self._intake.read()
         end, received = self._intake.end, self._stream.received
-        if end is None:
-            self._at_end = None
-        elif end != self._at_end and received and \
-                (received >= end or self._intake.idle_s > _PATIENCE):
-            self._at_end, self._refit = end, True
+        late = self._intake.idle_s > _PATIENCE
+        if end and received and self._intake.passes != self._passes and (received >= end or late):
+            self._passes, self._refit = self._intake.passes, True
             if received < end:
                 self.get_logger().warning(f'{end - received} of {end} samples did not arrive')
         for due, work in (('_refit', self.analyse), ('_redraw', self._draw)):

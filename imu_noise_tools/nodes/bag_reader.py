@@ -81,6 +81,7 @@ class BagReader(Node):
             lambda: pieces(bag, topic, self._messages is not None), self, p['speed'], p['start'],
             p['duration'], p['wait_for_subscribers'], p['loop'])
         p.changed = self._changed
+        self._changed({})
         self._player.begin()
 
     def _output(self, kind, topic: str):
@@ -103,7 +104,7 @@ class BagReader(Node):
             for stamp, message in zip(piece.stamps.tolist(), piece.raw):
                 if not due(stamp):
                     return
-                if self._settings['stamps'] == 'now':
+                if self._present:
                     message = messages.with_stamp(message, self.get_clock().now().nanoseconds)
                 self._tick(stamp)
                 self._send(self._messages, message)
@@ -160,6 +161,7 @@ class BagReader(Node):
         if 'speed' in values:
             self._player.set_speed(values['speed'])
         self._player.loop = self._settings['loop']
+        self._present = self._settings['stamps'] == 'now'
 
     def _tell(self) -> None:
         p = self._player

@@ -43,7 +43,8 @@ class Intake:
     kind : str
         ``messages`` or ``buffer``.
 
-    ``end`` is the number of samples of a bag at its end, as bag_reader says; None while it plays.
+    ``end`` is the number of samples of a bag at its end, as bag_reader says, None while it plays;
+    ``passes`` says how often it was played.
 
     """
 
@@ -53,6 +54,7 @@ class Intake:
         self._lock = threading.Lock()
         self._heard = time.monotonic()
         self.end: int | None = None
+        self.passes = '0'
         self._told: dict[str, str] = {}
         group = MutuallyExclusiveCallbackGroup()
         if kind == 'messages':
@@ -110,6 +112,7 @@ class Intake:
     def _hear(self, message) -> None:
         self._told = {v.key: v.value for s in message.status for v in s.values}
         self.end = int(self._told['samples']) if self._told.get('state') == 'end' else None
+        self.passes = self._told.get('passes', '0')
 
     @property
     def source(self) -> dict[str, str]:

@@ -170,8 +170,10 @@ class Stream:
             return ''
         said = ''
         with self._lock:
-            if self.received and self._again(stamps, first):
+            again = self._again(stamps, first)
+            if again is not None:
                 self._clear()
+                stamps, gyro, accel = stamps[again:], gyro[again:], accel[again:]
                 said = 'the record begins again; what was gathered before is dropped'
             lost = self._lost(stamps, first)
             if lost:
@@ -180,10 +182,14 @@ class Stream:
             self._append(stamps, np.column_stack([gyro, accel]))
         return said
 
-    def _again(self, stamps, first) -> bool:
+    def _again(self, stamps, first) -> int | None:
+        """Return from which sample on the record begins again; None where it goes on."""
         if first is not None:
-            return first == 0
-        return stamps[0] < self._last and stamps[0] <= self._first
+            return 0 if first == 0 and self.received else None
+        zero = self._first if self.received else stamps[0]
+        before = np.concatenate([[self._last if self.received else stamps[0]], stamps[:-1]])
+        found = np.flatnonzero((stamps < before) & (stamps <= zero))
+        return int(found[-1]) if len(found) else None
 
     def _lost(self, stamps, first) -> int:
         if first is not None:

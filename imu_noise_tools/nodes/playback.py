@@ -154,7 +154,8 @@ class Player:
         self._thread.join(1.0)
 
     def restart(self) -> None:
-        """Go back to the beginning."""
+        """Go back to the beginning, and play."""
+        self._paused = False
         self._again.set()
         self._interrupt.set()
 
@@ -168,10 +169,13 @@ class Player:
         self._speed, self._begun = speed, None
 
     def _run(self) -> None:
-        while not self._quit:
+        while True:
             self._interrupt.clear()
             self._again.clear()
-            self.state, self.sent, self.seen, self._begun = 'waiting', 0, 0, None
+            if self._quit:              # looked at after the events: an end() before counts, too
+                return
+            self.state, self.error, self._begun = 'waiting', '', None
+            self.sent = self.seen = 0
             try:
                 self._wait_for_listeners()
                 self._once()
