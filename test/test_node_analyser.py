@@ -288,7 +288,7 @@ def test_playing_keeps_stamps_paces_pauses_and_tells(ros, small_bag):
     ns = ros.namespace()
     with ros.listening(f'{ns}/imu/data_raw', Imu) as got, \
             ros.listening('/clock', Clock) as clock:
-        reader = ros.start('bag_reader', ns, bag=str(bag), publish='messages', speed=10,
+        reader = ros.start('bag_reader', ns, bag=str(bag), publish='messages', speed=3,
                            start=5, duration=20.0, clock=True)
         assert wait_for(lambda: len(got) > 100), reader.text
         assert ros.trigger(f'{reader.full}/pause')[1]['paused'] is True
@@ -302,7 +302,7 @@ def test_playing_keeps_stamps_paces_pauses_and_tells(ros, small_bag):
             values(m, 'bag_reader')['state'] == 'end')), 'bag_reader')
         assert told['samples'] == '2000' and float(told['position [s]']) == pytest.approx(24.99)
         assert wait_for(lambda: len(got) == 2000)
-        assert (2000 - held) / 100 / (time.monotonic() - began) < 10.1
+        assert (2000 - held) / 100 / (time.monotonic() - began) < 3.1
         stamps = [m.header.stamp.sec * 10 ** 9 + m.header.stamp.nanosec for m in got]
         wanted = 1_700_000_000_000_000_000 + np.round((record.t[500:2500]) * 1e9).astype(int)
         assert np.abs(np.array(stamps) - wanted).max() < 1000
