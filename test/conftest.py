@@ -26,6 +26,19 @@ import pytest
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
+try:
+    from hypothesis import HealthCheck, settings
+except ImportError:
+    pass
+else:
+    # The same examples in every run, and no limit of time: a run that fails says something of the
+    # change, not of the machine. (HYPOTHESIS_PROFILE=search draws new ones, and more.)
+    settings.register_profile('same', derandomize=True, deadline=None, database=None,
+                              suppress_health_check=[HealthCheck.too_slow,
+                                                     HealthCheck.data_too_large])
+    settings.register_profile('search', max_examples=1000, deadline=None)
+    settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'same'))
+
 ROOT = Path(__file__).resolve().parents[1]
 
 

@@ -27,6 +27,7 @@ import json
 import os
 from pathlib import Path
 import random
+import shutil
 import signal
 import socket
 import subprocess
@@ -39,9 +40,11 @@ import yaml
 
 rclpy = pytest.importorskip('rclpy', reason='no rclpy (pip install .[ros], or source ROS)')
 # flake8: noqa: E402, F401, I100, I201, I202
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import (DescribeParameters, GetParameters, ListParameters, SetParameters)
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -54,7 +57,9 @@ from imu_noise_tools.nodes import messages
 
 ROOT = Path(__file__).resolve().parents[1]
 NODES = ('bag_reader', 'analyser', 'calibration', 'filter')
-PATIENCE = 30.0             # discovery takes seconds, and the machine may be busy
+PATIENCE = 120.0            # discovery takes seconds, and the machine may be busy
+SETTLE = 0.3                # s, see Ros.call
+ROOM = 256 << 20            # bytes that shared memory should have left
 
 
 def reserve_domain() -> socket.socket:
@@ -69,6 +74,10 @@ def reserve_domain() -> socket.socket:
             held.close()
             continue
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        shared = Path('/dev/shm')
+        if not shared.is_dir() or shutil.disk_usage(shared).free < ROOM:
+            # a container has 64 MB of it; a node with none left says so, or ends by SIGBUS
+            os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
         return held
     raise RuntimeError('no free ROS domain id')
 
@@ -119,7 +128,7 @@ class NodeProcess:
         status = Path(f'/proc/{self._child.pid}/status').read_text()
         return int(status.split('VmRSS:')[1].split()[0]) / 1024
 
-    def end(self, patience: float = 30.0) -> int | None:
+    def end(self, patience: float = PATIENCE) -> int | None:
         """Wait until it ends by itself; return its status, None where it did not."""
         try:
             return self._child.wait(patience)
@@ -129,12 +138,16 @@ class NodeProcess:
     def stop(self, number: int = signal.SIGTERM) -> tuple[float, int]:
         """Send a signal; return seconds until it ended and its exit status (-9: was killed)."""
         began = time.monotonic()
-        if self.running:
-            self._child.send_signal(number)
-        if self.end(15) is None:
+        self.tell(number)
+        if self.end() is None:
             self._child.kill()
             self._child.wait()
         return time.monotonic() - began, self._child.returncode
+
+    def tell(self, number: int = signal.SIGTERM) -> None:
+        """Send a signal, if it still runs."""
+        if self.running:
+            self._child.send_signal(number)
 
 
 class Ros:
@@ -152,10 +165,14 @@ class Ros:
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
         self.processes: list[NodeProcess] = []
+        self._clients: dict = {}
 
     def _spin(self) -> None:
         while not self._stop.is_set():
-            self._executor.spin_once(timeout_sec=0.1)
+            try:
+                self._executor.spin_once(timeout_sec=0.1)
+            except rclpy_implementation.InvalidHandle:
+                pass                        # a subscription that a test has just destroyed
 
     def close(self) -> None:
         """Stop everything."""
@@ -178,17 +195,25 @@ class Ros:
         return process
 
     def stop_all(self) -> None:
-        """End every process that still runs."""
-        for process in self.processes:
-            if process.running:
-                process.stop(signal.SIGKILL)
+        """End every process that still runs; one that is killed leaves shared memory behind."""
+        self.end(self.processes)
         self.processes.clear()
+
+    @staticmethod
+    def end(processes) -> None:
+        """End processes, all at a time."""
+        processes = list(processes)
+        for process in processes:
+            process.tell()
+        for process in processes:
+            process.stop()
 
     def ready(self, *processes: NodeProcess) -> None:
         """Wait until the services of nodes are there."""
         for p in processes:
             mark = f'{p.full}/describe_parameters'
-            assert wait_for(lambda: mark in self.services() or not p.running) and p.running, p.text
+            assert wait_for(lambda: mark in self.services() or not p.running), p.text
+            assert p.running, p.text
 
     def topics(self) -> dict[str, list[str]]:
         """Return the types of each topic."""
@@ -203,8 +228,7 @@ class Ros:
         """Yield a list that fills with what comes on a topic."""
         got: list = []
         durable = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        qos = QoSProfile(depth=1 if latched else 5000, reliability=ReliabilityPolicy.RELIABLE,
-                         durability=durable)
+        qos = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE, durability=durable)
         subscription = self.node.create_subscription(kind, topic, got.append, qos, raw=raw)
         try:
             yield got
@@ -212,10 +236,38 @@ class Ros:
             self.node.destroy_subscription(subscription)
 
     def latest(self, topic: str, kind, such=lambda message: True, patience: float = PATIENCE):
-        """Return the last message of a latched topic, once it is such."""
+        """Return a message of a latched topic, the last one or the first to come that is such."""
         with self.listening(topic, kind, latched=True) as got:
-            assert wait_for(lambda: got and such(got[-1]), patience), f'{topic}: {got[-1:]}'
-            return got[-1]
+            return self.heard(got, such, patience, topic)
+
+    @staticmethod
+    def heard(got: list, such, patience: float = PATIENCE, what: str = ''):
+        """Wait for a message that is such in a list that fills; however short it is the last."""
+        looked, found = 0, []
+
+        def look():
+            nonlocal looked
+            some = got[looked:]
+            looked += len(some)
+            found.extend(m for m in some if such(m))
+            return found
+        assert wait_for(look, patience), f'{what}: {got[-1:]}'
+        return found[0]
+
+    @staticmethod
+    def flowing(got: list, probe) -> None:
+        """
+        Call probe() until something comes back: only then has the other side found this one.
+
+        That a publisher is known here does not say that it knows its subscriber; what it sends
+        before that is lost, whatever the quality of service.
+
+        """
+        end = time.monotonic() + PATIENCE
+        while not got and time.monotonic() < end:
+            probe()
+            wait_for(lambda: got, 0.5)
+        assert got, 'nothing comes back'
 
     def publisher(self, topic: str, kind, reliable: bool = True):
         """Return a publisher that has found a subscriber."""
@@ -225,18 +277,22 @@ class Ros:
         assert wait_for(publisher.get_subscription_count), f'nobody listens to {topic}'
         return publisher
 
-    def call(self, name: str, kind, request, patience: float = 60.0):
+    def call(self, name: str, kind, request, patience: float = 2 * PATIENCE):
         """Return the answer of a service."""
-        client = self.node.create_client(kind, name)
-        assert client.wait_for_service(timeout_sec=PATIENCE), f'no service {name}'
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self.node.create_client(kind, name)
+            assert client.wait_for_service(timeout_sec=PATIENCE), f'no service {name}'
+            # The server waits 0.1 s for a client whose answers it cannot send yet, then drops
+            # them, and nothing on this side tells whether it has found this client.
+            time.sleep(SETTLE)
         done = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: done.set())
         assert done.wait(patience), f'{name} did not answer in {patience} s'
-        self.node.destroy_client(client)
         return future.result()
 
-    def trigger(self, name: str, patience: float = 60.0):
+    def trigger(self, name: str, patience: float = 2 * PATIENCE):
         """Call a Trigger; return success and its message as YAML."""
         answer = self.call(name, Trigger, Trigger.Request(), patience)
         return answer.success, yaml.safe_load(answer.message)

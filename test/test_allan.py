@@ -135,7 +135,7 @@ records = st.tuples(st.integers(12, 400), st.integers(0, 2 ** 32 - 1)).map(
     lambda a: np.random.default_rng(a[1]).standard_normal(a[0]))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(records, st.floats(1e-9, 1e9), st.sampled_from([-1, 1]),
        st.sampled_from(['oadev', 'adev']))
 def test_scales_with_the_data(y, size, sign, deviation):
@@ -144,14 +144,14 @@ def test_scales_with_the_data(y, size, sign, deviation):
     np.testing.assert_allclose(other.hi, size * one.hi, rtol=1e-6)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(records, st.floats(-1e3, 1e3), st.sampled_from(['oadev', 'adev']))
 def test_blind_to_a_constant(y, offset, deviation):
     one, other = (allan.curve(v, 0.1, deviation=deviation) for v in (y, y + offset))
     np.testing.assert_allclose(other.dev, one.dev, rtol=1e-8)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(records)
 def test_blind_to_the_direction_of_time(y):
     m = allan.cluster_sizes(len(y))
@@ -159,7 +159,7 @@ def test_blind_to_the_direction_of_time(y):
     np.testing.assert_allclose(forward, backward, rtol=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(records, st.floats(1e-4, 10))
 def test_time_scale_moves_tau_alone(y, dt):
     one, other = allan.curve(y, 1.0), allan.curve(y, dt)
@@ -253,7 +253,7 @@ def test_interval_is_chi_squared():
 
 # --- grid and errors ---------------------------------------------------------------------------
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.integers(9, 10 ** 7), st.integers(2, 300), st.booleans())
 def test_grid(n, points, octaves):
     m = allan.cluster_sizes(n, points, octaves)

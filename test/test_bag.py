@@ -158,7 +158,7 @@ def imu_message(store, stamp, frame, numbers):
 FRAMES = st.text(st.characters(codec='utf-8', exclude_characters='\0'), max_size=20)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     data=st.data(),
     frames=st.lists(FRAMES, min_size=1, max_size=3),

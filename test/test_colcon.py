@@ -51,7 +51,7 @@ def prefix(root, tmp_path_factory) -> Path:
     env['PATH'] = f'{Path(sys.executable).parent}:{env["PATH"]}'
     done = subprocess.run(
         [colcon(), 'build', '--packages-select', NAME, '--event-handlers', 'console_direct+'],
-        cwd=space, env=env, capture_output=True, text=True, timeout=280)
+        cwd=space, env=env, capture_output=True, text=True, timeout=800)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     return space / 'install' / NAME
 
@@ -84,7 +84,7 @@ def test_an_installed_executable_runs(prefix):
     site = next(prefix.glob('lib/python3*/site-packages'))
     done = subprocess.run([sys.executable, prefix / 'lib' / NAME / 'imu_noise', '--help'],
                           env={**os.environ, 'PYTHONPATH': str(site)},
-                          capture_output=True, text=True, timeout=60)
+                          capture_output=True, text=True, timeout=300)
     assert done.returncode == 0 and 'analyse' in done.stdout, done.stderr[-1000:]
 
 

@@ -23,12 +23,23 @@ import numpy as np
 import pytest
 import yaml
 
-from nodes_support import DiagnosticArray, Imu, values, wait_for
+from nodes_support import DiagnosticArray, Imu, Time, values, wait_for
 
 G = 9.80665
 S = np.array([[1.02, 0.004, -0.003], [0.002, 0.985, 0.005], [-0.004, 0.001, 1.01]])
 BIAS = np.array([0.12, -0.2, 0.3])
 FACES = {f'{"+-"[s]}{"xyz"[k]}': np.eye(3)[k] * (1 - 2 * s) for k in range(3) for s in range(2)}
+
+
+def stamp_of(k):
+    """Return the stamp of message k."""
+    sec, nanosec = divmod(1_700_000_000_000_000_000 + k * 5_000_000, 10 ** 9)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def ns_of(stamp):
+    """Return a stamp in ns."""
+    return stamp.sec * 10 ** 9 + stamp.nanosec
 
 
 class Bench:
@@ -39,23 +50,34 @@ class Bench:
         self.node = ros.start('calibration', self.ns, **parameters)
         ros.ready(self.node)
         self._publisher = ros.publisher(f'{self.ns}/imu/data_raw', Imu)
-        time.sleep(0.5)
+        self._listening = ros.listening(f'{self.node.full}/calibration', DiagnosticArray, True)
+        self._told = self._listening.__enter__()
         self._k, self._rng = 0, np.random.default_rng(2)
 
+    def close(self):
+        """End listening, and the node, as it ends on Ctrl-C; return its status."""
+        self._listening.__exit__(None, None, None)
+        return self.node.stop(signal.SIGINT)[1]
+
     def play(self, accel, gyro):
-        """Publish a stretch at 200 Hz: true inputs (n, 3)."""
+        """Publish a stretch at 200 Hz, true inputs (n, 3), and wait until the node has it."""
         message = Imu()
         message.header.frame_id, message.orientation_covariance[0] = 'imu_link', -1.0
         for a, w in zip(accel, gyro):
-            t = 1_700_000_000_000_000_000 + self._k * 5_000_000
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(t, 10 ** 9)
+            message.header.stamp = stamp_of(self._k)
             m, v = S @ a + BIAS + 0.01 * self._rng.standard_normal(3), message.linear_acceleration
             v.x, v.y, v.z = m.tolist()
             m, v = w + 0.001 * self._rng.standard_normal(3), message.angular_velocity
             v.x, v.y, v.z = m.tolist()
             self._publisher.publish(message)
             self._k += 1
-        time.sleep(0.4)
+        self._told[:] = self._told[-1:]
+        self.ros.heard(self._told, lambda m: int(values(m, 'session')['samples']) == self._k)
+
+    @property
+    def sent(self):
+        """How many messages were sent."""
+        return self._k
 
     def rest(self, direction, seconds=4.0):
         """Hold a direction up."""
@@ -91,7 +113,7 @@ def solved(tmp_path_factory, ros_session):
             answers['early'] = bench.call('solve')
     answers['solved'] = bench.call('solve')
     yield bench, answers
-    bench.node.stop(signal.SIGKILL)
+    bench.close()
 
 
 @pytest.fixture
@@ -99,9 +121,7 @@ def keep(ros_session):
     """Keep the node of the module when a test's other nodes are ended."""
     before = list(ros_session.processes)
     yield ros_session
-    for process in ros_session.processes:
-        if process not in before:
-            process.stop(signal.SIGKILL)
+    ros_session.end(p for p in list(ros_session.processes) if p not in before)
     ros_session.processes[:] = before
 
 
@@ -140,15 +160,17 @@ def test_the_stream_is_corrected_and_else_as_it_was(solved, keep):
     bench, _ = solved
     direction = np.array([0.6, 0.0, 0.8])
     with keep.listening(f'{bench.ns}/imu/data_calibrated', Imu) as got:
-        assert wait_for(lambda: keep.node.count_publishers(f'{bench.ns}/imu/data_calibrated'))
-        time.sleep(0.5)
+        keep.flowing(got, lambda: bench.rest(direction, 0.005))
+        before = bench.sent
         bench.rest(direction, 3.0)
-        assert wait_for(lambda: len(got) >= 600), len(got)
+        assert wait_for(lambda: got[-1].header.stamp == stamp_of(bench.sent - 1))
+        got = [m for m in got if ns_of(m.header.stamp) >= ns_of(stamp_of(before))]
+    assert len(got) == 600
     accel = np.array([[m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z]
                       for m in got])
     assert np.abs(accel.mean(0) - G * direction).max() < 0.01
     assert got[0].header.frame_id == 'imu_link' and got[0].orientation_covariance[0] == -1
-    steps = np.diff([m.header.stamp.sec * 10 ** 9 + m.header.stamp.nanosec for m in got])
+    steps = np.diff([ns_of(m.header.stamp) for m in got])
     assert np.all(steps == 5_000_000)
 
 
@@ -171,24 +193,22 @@ def test_saved_loaded_and_reset(solved, keep):
     assert success and np.allclose(np.array(data['G'])[:, :3], S, atol=2e-3)
     other = Bench(keep, file=answer['file'])
     with keep.listening(f'{other.ns}/imu/data_calibrated', Imu) as got:
-        assert wait_for(lambda: keep.node.count_publishers(f'{other.ns}/imu/data_calibrated'))
-        time.sleep(0.5)
+        keep.flowing(got, lambda: other.rest([0, 0, 1], 0.005))
         other.rest([0, 0, 1], 0.5)
-        assert wait_for(lambda: len(got) >= 100)
+        last = stamp_of(other.sent - 1)
+        assert wait_for(lambda: got[-1].header.stamp == last)
         assert np.mean([m.linear_acceleration.z for m in got]) == pytest.approx(G, abs=0.01)
         assert other.call('reset') == (True, {'reset': True})
-        time.sleep(0.5)
-        got.clear()
         other.rest([0, 0, 1], 0.5)
-        assert not got
-    assert other.node.stop(signal.SIGINT)[1] == 0
+        time.sleep(0.5)                                 # what should not come would by now
+        assert got[-1].header.stamp == last
+    assert other.close() == 0
 
 
 def test_a_solution_not_saved_is_saved_on_a_signal(solved):
     """Run last: it ends the node."""
     bench, _ = solved
     assert bench.call('solve')[0]
-    took, code = bench.node.stop(signal.SIGTERM)
-    assert code == 0 and took <= 2
+    assert bench.node.stop(signal.SIGTERM)[1] == 0
     data = yaml.safe_load(bench.file.with_name('unit.2.yaml').read_text())
     assert np.allclose(data['S'], S, atol=2e-3)

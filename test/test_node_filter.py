@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 
@@ -65,10 +66,18 @@ class Stream:
         ros.ready(self.process)
         self._listening = ros.listening(f'{self.ns}/imu/data_filtered', Imu)
         self.out = self._listening.__enter__()
-        topic = f'{self.ns}/imu/data_filtered'
-        assert wait_for(lambda: ros.node.count_publishers(topic))
         self._publisher = ros.publisher(f'{self.ns}/imu/data_raw', Imu)
-        time.sleep(0.5)
+        probes = (imu(START + k, np.zeros(3)) for k in itertools.count())
+        last = None
+
+        def probe():
+            nonlocal last
+            last = next(probes)
+            self._publisher.publish(last)
+        ros.flowing(self.out, probe)
+        assert wait_for(lambda: self.out[-1].header == last.header)
+        assert ros.trigger(f'{self.process.full}/reset') == (True, {'reset': True})
+        self.out.clear()
 
     def send(self, sent, wait=True):
         """Send messages; return what came back of them."""
@@ -190,22 +199,29 @@ def test_the_loop_finds_the_motion_while_the_stream_goes_on(ros, stream):
     s = stream(motion=['constant_rate', 'ar_increment'], rate_hz=200.0)
 
     def call(name):
-        return ros.trigger(f'{s.process.full}/{name}', 200)
+        return ros.trigger(f'{s.process.full}/{name}')
 
     def error(got, truth):
         return np.std(np.array([rate(m) for m in got])[:, 0] - truth)
     success, answer = call('compare')
     assert not success and answer['error'] and answer['remedy']
-    n = 1500
-    true = 0.5 * np.sin(2 * np.pi * 0.5 * np.arange(3 * n) * 0.005)
-    sent = [imu(START + k * 5_000_000, true[k] + z) for k, z in enumerate(noise(3 * n))]
-    before = error(s.send(sent[:n]), true[:n])
-    answers = []
-    asking = threading.Thread(target=lambda: answers.append(call('diagnose')))
+    n, rng = 1500, np.random.default_rng(1)
+    true = 0.5 * np.sin(2 * np.pi * 0.5 * np.arange(400 * 50) * 0.005)
+    z = true[:, None] + SIGMA * rng.standard_normal((len(true), 3))
+
+    def sway(first, last):
+        got = s.send([imu(START + k * 5_000_000, z[k]) for k in range(first, last)])
+        return error(got, true[first:last])
+    before = sway(0, n)
+    asking, answers = threading.Thread(target=lambda: answers.append(call('diagnose'))), []
     asking.start()
-    s.send(sent[n:2 * n])                       # comes back, all of it, before the answer does
-    assert not answers
-    asking.join(200)
+    k, while_asking = n, 0
+    while asking.is_alive() and k < len(z) - n:
+        sway(k, k + 50)                         # comes back, all of it
+        k += 50
+        while_asking += not answers             # before the answer does
+    asking.join()
+    assert while_asking > 1
     success, answer = answers[0]
     found = answer['diagnosis']['gyro_x']
     assert success and found['verdict'] == 'missing'
@@ -213,7 +229,7 @@ def test_the_loop_finds_the_motion_while_the_stream_goes_on(ros, stream):
     success, answer = call('add_best')
     assert success and {step['added'] for step in answer['added']} == {'harmonic'}
     assert s.counts(lambda c: c['motion'] == 'constant_rate ar_increment harmonic')
-    assert error(s.send(sent[2 * n:]), true[2 * n:]) < 0.5 * before
+    assert sway(k, k + n) < 0.5 * before
     success, answer = call('remove_last')
     assert success and {step['removed'] for step in answer['removed']} == {'harmonic'}
     assert s.counts(lambda c: c['motion'] == 'constant_rate ar_increment')

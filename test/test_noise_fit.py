@@ -308,14 +308,14 @@ def test_the_direction_of_time_does_not_matter():
     assert_scaled(fit_one(y), fit_one(y[::-1].copy()))
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.floats(-10, 10))
 def test_a_constant_does_not_matter(offset):
     y = sample()
     assert_scaled(fit_one(y), fit_one(y + offset))
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.permutations(BASE))
 def test_the_order_of_effects_does_not_matter(order):
     y = sample()

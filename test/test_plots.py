@@ -20,7 +20,6 @@ from dataclasses import replace
 import io
 import subprocess
 import sys
-import time
 from types import SimpleNamespace
 import warnings
 
@@ -367,14 +366,6 @@ def test_figures_of_some_axes(study, axes):
     panels_ = [ax.get_title(loc='left') for ax in noise.allan_figure(some).axes]
     assert [t for t in panels_ if t in axes] == axes
     assert style.png(noise.series_figure(some, [(1.0, 2.0, 'knock')]))
-
-
-def test_drawing_is_quick(study):
-    begin = time.process_time()
-    for figure in (noise.series_figure(study), noise.allan_figure(study),
-                   noise.target_figure(study.states['gyro_y'])):
-        style.png(figure)
-    assert time.process_time() - begin < 10.0
 
 
 def test_no_global_state_of_matplotlib_is_touched():

@@ -127,7 +127,7 @@ def still_effects():
 
 
 @pytest.mark.parametrize(
-    'name, effect', still_effects(), ids=lambda x: x if isinstance(x, str) else ''
+    'name, effect', list(still_effects()), ids=lambda x: x if isinstance(x, str) else ''
 )
 def test_disturbed_rest_is_rest(name, effect):
     """Vibration, drift, steps of the bias, outliers and the like are analysed, not cut away."""

@@ -27,7 +27,7 @@ from imu_noise_tools import ar1, spectrum
 N, DT = 4096, 0.02
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(3, 3_000_000))
 @example(3)
 @example(257)
@@ -45,7 +45,7 @@ def test_bins_tile_all_coefficients_but_the_mean(n):
     assert np.all(b.f > 0) and b.f[-1] < 0.5 / DT
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.integers(300, 100_000), st.data())
 def test_index_finds_the_bin(n, data):
     b = spectrum.bins_of(n, DT)
@@ -61,7 +61,7 @@ def test_frequency_is_that_of_the_cosines():
     assert b.f[i] == pytest.approx(np.mean(np.arange(b.first[i], b.last[i])) / (2 * N * DT))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(10, 5000), st.integers(0, 2 ** 31), st.floats(-1e3, 1e3))
 def test_no_power_is_lost(n, seed, offset):
     """Parseval: the bins hold the variance of the record, whatever its mean."""
@@ -182,7 +182,7 @@ def test_a_bin_expects_the_mean_of_its_coefficients():
 
 # --- lines ---------------------------------------------------------------------------------------
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(20, 3000), st.floats(1e-3, 0.999), st.floats(-2, 2), st.floats(-2, 2))
 @example(1000, 0.25, 1.0, 0.5)                          # exactly on a coefficient
 @example(1000, 0.2505, 1.0, 0.5)                        # exactly between two

@@ -36,7 +36,8 @@ from ..noise.problem import METHODS
 from ..study import Study
 from ..tasks import noise as tasks
 
-_PATIENCE = 3.0             # s without data after which a bag at its end is taken as it came
+_TICK = 0.25                # s
+_PATIENCE = 12              # ticks without data after which a bag at its end is taken as it came
 
 
 class Analyser(Node):
@@ -70,7 +71,7 @@ class Analyser(Node):
         Loop(self, self._the_study, self._show, group)
         for name in ('analyse', 'save', 'reset'):
             serve(self, name, getattr(self, name), group)
-        self.create_timer(0.25, self._work, callback_group=group, clock=STEADY)
+        self.create_timer(_TICK, self._work, callback_group=group, clock=STEADY)
         self._refresh_timer = self.create_timer(
             p['update_period'], self._refresh, clock=STEADY,
             callback_group=MutuallyExclusiveCallbackGroup())
@@ -122,7 +123,7 @@ class Analyser(Node):
         """Do what comes due: analyse at the end of a bag, refit, draw, tell."""
         self._intake.read()
         end, received = self._intake.end, self._stream.received
-        late = self._intake.idle_s > _PATIENCE
+        late = self._intake.idle() > _PATIENCE
         if end and received and self._intake.passes != self._passes and (received >= end or late):
             self._passes, self._refit = self._intake.passes, True
             if received < end:

@@ -31,7 +31,7 @@ from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run, threads_executor
 from .saving import free
-from .topics import ImuInput, live, overridable, result
+from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import STILL_S
 from ..study import Study
 from ..tasks.calibration import as_dict, FILE, Session
@@ -63,7 +63,7 @@ class Calibration(Node):
             p['sensor'], p['gravity'], p['rate_deg_s'] * DEG or None, p['turn_deg'] * DEG or None)
         self._lock = threading.Lock()           # samples come while a capture looks at them
         self._saved = True
-        self._start = 0
+        self._start = self._samples = 0
         self._status = self.create_publisher(DiagnosticArray, '~/calibration', result())
         self._output = self.create_publisher(
             Imu, 'imu/data_calibrated', live(), qos_overriding_options=overridable())
@@ -72,6 +72,7 @@ class Calibration(Node):
         Loop(self, lambda: self._session.study, self._adopt, group)
         for name in ('capture', 'solve', 'save', 'reset'):
             serve(self, name, getattr(self, name), group)
+        self.create_timer(1.0, self._tell, callback_group=group, clock=STEADY)
         p.changed = self._changed
         self._changed({})
         if p['file'] and Path(p['file']).exists():
@@ -94,6 +95,7 @@ class Calibration(Node):
             for stamp, gyro, accel in zip(
                     ((samples.stamps - self._start) * 1e-9).tolist(), samples.gyro, samples.accel):
                 self._session.feed(stamp, gyro, accel)
+        self._samples += len(samples)
         correction = self._session.correction
         if correction is None:
             return
@@ -153,8 +155,8 @@ class Calibration(Node):
         wanted, left = session.wanted, session.left
         text = f'left: {", ".join(left)}' if left else 'every face captured'
         statuses = [messages.status('session', text, {
-            'captured': len(wanted) - len(left), 'of': len(wanted), 'left': ' '.join(left),
-            'solved': session.calibration is not None})]
+            'samples': self._samples, 'captured': len(wanted) - len(left), 'of': len(wanted),
+            'left': ' '.join(left), 'solved': session.calibration is not None})]
         if correction is not None:
             unit = 'm/s^2' if correction.sensor == 'accel' else 'rad/s'
             matrix = {f'S_{"xyz"[i]}{"xyz"[j]} [1]': v

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import threading
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -52,7 +51,7 @@ class Intake:
         self._stream, self._say = stream, node.get_logger().warning
         self._waiting: list[bytes] = []
         self._lock = threading.Lock()
-        self._heard = time.monotonic()
+        self._quiet, self._seen = 0, 0
         self.end: int | None = None
         self.passes = '0'
         self._told: dict[str, str] = {}
@@ -66,10 +65,16 @@ class Intake:
         node.create_subscription(DiagnosticArray, 'bag_reader/status', self._hear, result(),
                                  callback_group=group)
 
-    @property
-    def idle_s(self) -> float:
-        """Time since the last sample, s."""
-        return time.monotonic() - self._heard
+    def idle(self) -> int:
+        """
+        Return how many times in a row this was asked and nothing had come since.
+
+        Counted, not timed: a process that stood still did not wait for data.
+
+        """
+        self._quiet = 0 if self._stream.received != self._seen else self._quiet + 1
+        self._seen = self._stream.received
+        return self._quiet
 
     def read(self) -> None:
         """Put what waits into the stream."""
@@ -102,7 +107,6 @@ class Intake:
             self._add(samples, first)
 
     def _add(self, samples, first=None) -> None:
-        self._heard = time.monotonic()
         self._stream.refused += samples.refused
         self._stream.frame_id = samples.frame_id or self._stream.frame_id
         said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first)

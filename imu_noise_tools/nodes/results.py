@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+import threading
+
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import Image
@@ -36,6 +38,7 @@ class Results:
     def __init__(self, node, stream: Stream):
         self._node, self._stream = node, stream
         self._drawn = 0
+        self._lock = threading.Lock()           # or a live curve comes after the final one
         kinds = {'status': DiagnosticArray, 'coefficients': DiagnosticArray,
                  'diagnosis': DiagnosticArray, 'plot': Image,
                  **{f'allan/{axis}': Float64MultiArray for axis in AXES}}
@@ -70,11 +73,12 @@ class Results:
             messages.coefficients(t, e) for t, e in data['targets'].items())])
         self._publish('diagnosis', [
             messages.diagnosis(t, d) for t, d in data['diagnosis'].items()])
-        self._drawn = self._stream.received
-        for axis, state in study.states.items():
-            c = state.problem.evidence.curve        # type: ignore[attr-defined]
-            model = _deviation(state.model, c.m, c.dt)
-            self._curve(axis, c.tau, c.dev, c.lo, c.hi, model, 'analysed')
+        with self._lock:
+            self._drawn = self._stream.received
+            for axis, state in study.states.items():
+                c = state.problem.evidence.curve        # type: ignore[attr-defined]
+                model = _deviation(state.model, c.m, c.dt)
+                self._curve(axis, c.tau, c.dev, c.lo, c.hi, model, 'analysed')
 
     def draw(self, study: Study) -> None:
         """Publish the picture of a study."""
@@ -84,18 +88,20 @@ class Results:
 
     def refresh(self, study: Study | None) -> None:
         """Publish the live curves where samples have come since, with the model there is."""
-        received = self._stream.received
-        if received == self._drawn:
-            return
-        self._drawn = received
-        tau, dev, lo, hi = self._stream.curve()
-        dt = 1.0 / (self._stream.rate_hz or 1.0)
-        for k, axis in enumerate(AXES):
-            if len(tau) and np.all(dev[:, k] > 0):
-                model = None
-                if study is not None and axis in study.states:
-                    model = _deviation(study.states[axis].model, np.round(tau / dt), dt)
-                self._curve(axis, tau, dev[:, k], lo[:, k], hi[:, k], model, 'live: stride m/16')
+        with self._lock:
+            received = self._stream.received
+            if received == self._drawn:
+                return
+            self._drawn = received
+            tau, dev, lo, hi = self._stream.curve()
+            dt = 1.0 / (self._stream.rate_hz or 1.0)
+            for k, axis in enumerate(AXES):
+                if len(tau) and np.all(dev[:, k] > 0):
+                    model = None
+                    if study is not None and axis in study.states:
+                        model = _deviation(study.states[axis].model, np.round(tau / dt), dt)
+                    self._curve(axis, tau, dev[:, k], lo[:, k], hi[:, k], model,
+                                'live: stride m/16')
 
     def _curve(self, axis: str, *columns) -> None:
         self._outputs[f'allan/{axis}'].publish(messages.curve(*columns))
