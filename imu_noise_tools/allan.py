@@ -112,17 +112,19 @@ def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
     x = _prefix(y)
     twice = 2 * x
     work = np.empty(_BLOCK)
-    out = np.empty(len(m))
-    for i, k in enumerate(np.asarray(m).tolist()):
-        count = len(x) - 2 * k
-        total = 0.0
-        for j in range(0, count, _BLOCK):
-            size = min(_BLOCK, count - j)
+    sizes = np.asarray(m).tolist()
+    total = np.zeros(len(sizes))
+    # All cluster sizes of a block before the next block: what the small ones read is in the cache.
+    for j in range(0, len(x), _BLOCK):
+        for i, k in enumerate(sizes):
+            size = min(_BLOCK, len(x) - 2 * k - j)
+            if size <= 0:
+                continue
             d = np.add(x[j:j + size], x[j + 2 * k:j + 2 * k + size], out=work[:size])
             d -= twice[j + k:j + k + size]
-            total += float(d @ d)
-        out[i] = total / (2.0 * k * k * count)
-    return out
+            total[i] += d @ d
+    k = np.asarray(m, float)
+    return total / (2.0 * k * k * (len(x) - 2 * k))
 
 
 def standard_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:

@@ -34,6 +34,31 @@ def sensor_of(axis: str) -> str:
     return axis.partition('_')[0]
 
 
+class Memory:
+    """
+    Where arrays as long as a record are kept: here in memory.
+
+    What reads, prepares and looks at records asks it for their place, so that a long record can be
+    kept elsewhere (:class:`imu_noise_tools.bag.Scratch`).
+
+    """
+
+    def empty(self, shape, dtype=float) -> np.ndarray:
+        """Return a new array."""
+        return np.empty(shape, dtype)
+
+    def keep(self, x: np.ndarray) -> np.ndarray:
+        """Return an array in its place; here it is there."""
+        return x
+
+    def columns(self, n: int) -> np.ndarray:
+        """Return a new array (n, 3) whose columns lie in one piece each."""
+        return self.empty((3, n)).T
+
+    def rest(self) -> None:
+        """Let go of what can be had again; called where a piece of work is done."""
+
+
 @dataclass(frozen=True)
 class ImuRecord:
     """

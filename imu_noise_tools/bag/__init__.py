@@ -25,12 +25,14 @@ from .blocks import Block, iter_blocks, iter_raw
 from .copy_files import Changed
 from .copying import copy_bag
 from .reading import open_record, topics
+from .scratch import Scratch
 from .topics import TopicInfo
 from .writing import write_bag
 
 __all__ = [
     'Block',
     'Changed',
+    'Scratch',
     'TopicInfo',
     'copy_bag',
     'iter_blocks',

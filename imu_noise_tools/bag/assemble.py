@@ -26,49 +26,53 @@ from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU,
 from .source import Bag
 from .topics import Choice, COVARIATES, covariates_of
 from ..errors import InputError
-from ..record import ImuRecord, regular_rate
+from ..record import ImuRecord, Memory, regular_rate
 
 NS = 1e-9
+REST = 1 << 21          # samples after which memory rests
 
 
 class Columns:
-    """Arrays that grow in place while a bag is read, so that no message is ever held twice."""
+    """Arrays that grow while a bag is read, each column in one piece."""
 
-    def __init__(self, **widths: int):
-        self.n = 0
-        self._arrays = {
-            name: np.empty((0, w) if w else 0, float if w else np.int64)
-            for name, w in widths.items()
-        }
+    def __init__(self, memory: Memory, **widths: int):
+        self.n, self.room, self.memory = 0, 1024, memory
+        self._arrays = {name: self._new(w) for name, w in widths.items()}
+
+    def _new(self, width: int) -> np.ndarray:
+        shape = (width, self.room) if width else (self.room,)
+        return self.memory.empty(shape, float if width else np.int64)
 
     def extend(self, **more: np.ndarray) -> None:
         """Append rows to every column."""
-        count = len(next(iter(more.values())))
-        room = len(next(iter(self._arrays.values())))
-        if self.n + count > room:
-            room = max(self.n + count, room + room // 8, 1024)
-            for a in self._arrays.values():
-                a.resize((room, *a.shape[1:]), refcheck=False)
+        end = self.n + len(next(iter(more.values())))
+        if end > self.room:
+            self.room = max(end, self.room + self.room // 2)
+            for name, old in self._arrays.items():
+                self._arrays[name] = self._new(len(old) if old.ndim == 2 else 0)
+                self._arrays[name][..., :self.n] = old[..., :self.n]
+                self.memory.rest()
         for name, values in more.items():
-            self._arrays[name][self.n:self.n + count] = values
-        self.n += count
+            self._arrays[name][..., self.n:end] = values.T
+        if self.n // REST != end // REST:
+            self.memory.rest()
+        self.n = end
 
     def take(self) -> dict[str, np.ndarray]:
         """
-        Return the arrays, cut to size and in order of ``receive``.
+        Return the arrays, (n,) or (n, width), cut to size and in order of ``receive``.
 
         The object is empty afterwards.
 
         """
-        arrays, self._arrays = self._arrays, {}
-        for a in arrays.values():
-            a.resize((self.n, *a.shape[1:]), refcheck=False)
+        arrays, self._arrays = {k: a[..., :self.n] for k, a in self._arrays.items()}, {}
         receive = arrays['receive']
         if np.any(receive[1:] < receive[:-1]):
             order = np.argsort(receive, kind='stable')
-            for name in arrays:
-                arrays[name] = arrays[name][order]
-        return arrays
+            for a in arrays.values():
+                for column in np.atleast_2d(a):
+                    column[:] = column[order]
+        return {name: a.T for name, a in arrays.items()}
 
 
 class Part(NamedTuple):
@@ -84,17 +88,16 @@ class Part(NamedTuple):
 class Reader:
     """Gathers the messages of one topic."""
 
-    def __init__(self, topic: str, type: str):
+    def __init__(self, topic: str, type: str, memory: Memory):
         self.topic, self.type = topic, type
         self.frame_id = ''
         self.unreadable = 0
         self.absent = [True, True]
         if type == IMU:
-            self.columns = Columns(stamp=0, receive=0, gyro=3, accel=3)
+            self.columns = Columns(memory, stamp=0, receive=0, gyro=3, accel=3)
         else:
-            self.columns = Columns(
-                stamp=0, receive=0, values={VECTOR: 3}.get(type) or len(COVARIATES[type])
-            )
+            width = {VECTOR: 3}.get(type) or len(COVARIATES[type])
+            self.columns = Columns(memory, stamp=0, receive=0, values=width)
 
     def add(self, batch) -> None:
         """Decode a batch and keep what is needed of it."""
@@ -107,14 +110,16 @@ class Reader:
             self.columns.extend(stamp=found.stamp, receive=receive, gyro=found.values[:, GYRO],
                                 accel=found.values[:, ACCEL])
         else:
-            width = self.columns._arrays['values'].shape[1]
+            width = len(self.columns._arrays['values'])
             self.columns.extend(stamp=found.stamp, receive=receive, values=found.values[:, :width])
         self.frame_id = self.frame_id or found.frame_id
 
 
-def _read(bag: Bag, wanted: dict[str, str], progress: Progress = None) -> dict[str, Reader]:
+def _read(
+    bag: Bag, wanted: dict[str, str], memory: Memory, progress: Progress = None
+) -> dict[str, Reader]:
     """Read topics of given types in one pass."""
-    readers = {topic: Reader(topic, type) for topic, type in wanted.items()}
+    readers = {topic: Reader(topic, type, memory) for topic, type in wanted.items()}
     for batch in bag.batches(readers, set(wanted.values()), progress):
         reader = readers[batch.connection.topic]
         if batch.connection.type == reader.type:
@@ -122,9 +127,17 @@ def _read(bag: Bag, wanted: dict[str, str], progress: Progress = None) -> dict[s
     return readers
 
 
-def record_of(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progress) -> ImuRecord:
+def record_of(
+    bag: Bag,
+    choice: Choice,
+    rate_hz: float | None,
+    progress: Progress,
+    memory: Memory | None = None,
+) -> ImuRecord:
     """
     Return the record that the chosen topics make; ``rate_hz`` goes before the stamps.
+
+    Long arrays are kept where ``memory`` says.
 
     Raises
     ------
@@ -132,9 +145,10 @@ def record_of(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
         There is nothing in them, or no rate.
 
     """
+    memory = memory or Memory()
     wanted = {name: choice.type for name in choice.names}
     beside = covariates_of(bag, choice.base)
-    readers = _read(bag, wanted | {t.name: t.type for t in beside}, progress)
+    readers = _read(bag, wanted | {t.name: t.type for t in beside}, memory, progress)
     said: list[str] = []
     for reader in readers.values():
         if reader.unreadable and reader.columns.n:
@@ -145,7 +159,7 @@ def record_of(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
     parts = {name: _part(bag, readers[name], said) for name in choice.names}
     base = parts[choice.base]
     if choice.gyro and choice.accel and choice.gyro != choice.accel:
-        base = base._replace(accel=_joined(choice, base, parts[choice.accel], said))
+        base = base._replace(accel=_joined(choice, base, parts[choice.accel], said, memory))
     elif not choice.gyro:
         base = base._replace(gyro=None)
     elif not choice.accel:
@@ -153,11 +167,11 @@ def record_of(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
     stamp = base.stamp
     covariates: dict[str, np.ndarray] = {}
     for info in beside:
-        _resample(readers[info.name], stamp, base.receive, covariates, said)
-    t = (stamp - stamp[0]) * NS
-    receive_t = (base.receive - stamp[0]) * NS
+        _resample(readers[info.name], stamp, base.receive, covariates, said, memory)
+    t = _seconds(stamp, stamp[0], memory)
+    receive_t = _seconds(base.receive, stamp[0], memory)
     if rate_hz is not None:
-        t = np.arange(len(t)) / rate_hz
+        t[:] = np.arange(len(t)) / rate_hz
     rate = rate_hz or regular_rate(t)
     if rate is None:
         raise InputError(
@@ -177,6 +191,12 @@ def record_of(bag: Bag, choice: Choice, rate_hz: float | None, progress: Progres
         receive_t=receive_t,
         warnings=tuple(dict.fromkeys((*bag.warnings, *said))),
     )
+
+
+def _seconds(ns: np.ndarray, zero: int, memory: Memory) -> np.ndarray:
+    """Return times in s since zero."""
+    out = memory.empty(len(ns))
+    return np.multiply(np.subtract(ns, zero), NS, out=out)
 
 
 def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
@@ -206,7 +226,7 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
     data: list[np.ndarray | None] = []
     for sensor, absent in zip(('gyro', 'accel'), reader.absent):
         x = arrays[sensor]
-        if absent or not np.any((x != 0) & ~np.isnan(x)):
+        if absent or not _holds_anything(x):
             said.append(
                 f'{reader.topic}: its {sensor} part is all zero or marked absent; left out'
             )
@@ -221,7 +241,14 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
     return Part(stamp, receive, data[0], data[1], reader.frame_id)
 
 
-def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndarray:
+def _holds_anything(x: np.ndarray) -> bool:
+    """Tell whether a value is neither zero nor NaN; the first ones mostly tell."""
+    return any(np.any((some != 0) & ~np.isnan(some)) for some in (x[:1000], *x[1000:].T))
+
+
+def _joined(
+    choice: Choice, gyro: Part, accel: Part, said: list[str], memory: Memory
+) -> np.ndarray:
     """
     Return the accelerations at the stamps of the rates.
 
@@ -236,7 +263,7 @@ def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndar
     if len(gyro.stamp) == len(accel.stamp) and np.array_equal(gyro.stamp, accel.stamp):
         return accel.accel
     order = np.argsort(accel.stamp, kind='stable')
-    stamp, data = accel.stamp[order], accel.accel[order]
+    stamp = accel.stamp[order]
     after = np.clip(np.searchsorted(stamp, gyro.stamp), 1, max(len(stamp) - 1, 1))
     nearest = np.clip(
         after
@@ -247,25 +274,30 @@ def _joined(choice: Choice, gyro: Part, accel: Part, said: list[str]) -> np.ndar
     step = np.median(np.diff(gyro.stamp)) if len(gyro.stamp) > 1 else 0
     close = np.abs(stamp[nearest] - gyro.stamp) <= step / 2
     once = np.all(np.diff(nearest) > 0)
+    out = memory.columns(len(gyro.stamp))
     if once and close.mean() > 0.99:
-        taken = data[nearest].copy()
-        taken[~close] = np.nan
-        return taken
+        for k in range(3):
+            out[:, k] = np.where(close, accel.accel[order[nearest], k], np.nan)
+        return out
     said.append(
         f'{choice.accel} and {choice.gyro} are sampled at different times; the accelerations '
         'were interpolated, '
         f'so that their noise at short times reads low (choose --topic {choice.accel} for the '
         'accelerometer)'
     )
-    out = np.empty((len(gyro.stamp), 3))
     at, known = (gyro.stamp - stamp[0]) * NS, (stamp - stamp[0]) * NS
     for k in range(3):
-        out[:, k] = np.interp(at, known, data[:, k])
+        out[:, k] = np.interp(at, known, accel.accel[order, k])
     return out
 
 
 def _resample(
-    reader: Reader, stamp: np.ndarray, receive: np.ndarray, covariates: dict, said: list[str]
+    reader: Reader,
+    stamp: np.ndarray,
+    receive: np.ndarray,
+    covariates: dict,
+    said: list[str],
+    memory: Memory,
 ) -> None:
     """Add a covariate topic, linearly interpolated to the Imu's times."""
     if not reader.columns.n:
@@ -287,6 +319,8 @@ def _resample(
     number = 1 + sum(bool(re.fullmatch(rf'{next(iter(names))}(_\d+)?', c)) for c in covariates)
     suffix = f'_{number}' if number > 1 else ''
     for k, name in enumerate(names):
-        covariates[name + suffix] = np.interp(
+        values = memory.empty(len(at))
+        values[:] = np.interp(
             (at - zero) * NS, (known[order] - zero) * NS, arrays['values'][order, k]
         )
+        covariates[name + suffix] = values

@@ -27,7 +27,7 @@ from .source import Bag
 from .tables import read_table, table_kind
 from .topics import choose, list_topics, TopicInfo
 from ..errors import UsageError
-from ..record import ImuRecord, regular_rate
+from ..record import ImuRecord, Memory, regular_rate
 from ..units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
@@ -44,6 +44,7 @@ def open_record(
     input_kind: str = 'rate',
     rate_hz: float | None = None,
     progress: Progress = None,
+    memory: Memory | None = None,
 ) -> ImuRecord:
     """
     Read one IMU record.
@@ -64,6 +65,9 @@ def open_record(
         Sample rate, in place of the stamps.
     progress : callable, optional
         Called with the fraction done, 0 to 1.
+    memory : Memory, optional
+        Where long arrays are kept; :class:`~imu_noise_tools.bag.Scratch` for what is too long for
+        memory.
 
     Returns
     -------
@@ -91,8 +95,8 @@ def open_record(
         record = read_table(Path(path), rate_hz)
     else:
         with Bag(path) as bag:
-            record = record_of(bag, choose(bag, topic), rate_hz, progress)
-    return _as_rate(_in_si(record, gyro_unit, accel_unit), input_kind)
+            record = record_of(bag, choose(bag, topic), rate_hz, progress, memory)
+    return _as_rate(_in_si(record, gyro_unit, accel_unit), input_kind, memory or Memory())
 
 
 def topics(path) -> list[TopicInfo]:
@@ -129,7 +133,7 @@ def _in_si(record: ImuRecord, gyro_unit: str | None, accel_unit: str | None) -> 
     return record
 
 
-def _as_rate(record: ImuRecord, kind: str) -> ImuRecord:
+def _as_rate(record: ImuRecord, kind: str, memory: Memory) -> ImuRecord:
     """Turn increments, or the angle and velocity themselves, into rates."""
     if kind == 'rate':
         return record
@@ -139,8 +143,11 @@ def _as_rate(record: ImuRecord, kind: str) -> ImuRecord:
                 data *= record.rate_hz
         return record
     later = record.part(1, record.n)
-    steps = [
-        None if d is None else np.diff(d, axis=0) * record.rate_hz
-        for d in (record.gyro, record.accel)
-    ]
+    steps = []
+    for data in (record.gyro, record.accel):
+        out = None if data is None else memory.columns(later.n)
+        for k in range(3 if out is not None else 0):
+            np.subtract(data[1:, k], data[:-1, k], out=out[:, k])
+            out[:, k] *= record.rate_hz
+        steps.append(out)
     return replace(later, gyro=steps[0], accel=steps[1])

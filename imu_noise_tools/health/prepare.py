@@ -27,11 +27,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from .stamps import losses, ordered
+from .stamps import changed, losses, ordered
 from .stillness import longest_rest
 from .values import finite, is_constant, wrong_units
 from ..errors import InputError
-from ..record import AXES, ImuRecord, regular_rate, sensor_of
+from ..record import AXES, ImuRecord, Memory, regular_rate, sensor_of
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
@@ -43,7 +43,9 @@ RECORDING = (
 )
 
 
-def prepare(record: ImuRecord, keep_motion: bool = False) -> ImuRecord:
+def prepare(
+    record: ImuRecord, keep_motion: bool = False, memory: Memory | None = None
+) -> ImuRecord:
     """
     Return the part of a record that is analysed, ordered, without gaps and at rest.
 
@@ -53,6 +55,8 @@ def prepare(record: ImuRecord, keep_motion: bool = False) -> ImuRecord:
         As recorded.
     keep_motion : bool
         Analyse all of it, whether it moves or not.
+    memory : Memory, optional
+        Where long arrays are kept.
 
     Returns
     -------
@@ -68,15 +72,20 @@ def prepare(record: ImuRecord, keep_motion: bool = False) -> ImuRecord:
         rest.
 
     """
+    memory = memory or Memory()
     _enough(record)
-    record = ordered(record)
+    record = ordered(record, memory)
+    memory.rest()
     record = _without_gaps(record)
     _enough(record)
     _finite_enough(record)
     record = _stuck(record)
+    memory.rest()
     if not keep_motion:
         record = _at_rest(record)
-    record = _filled(record)
+    memory.rest()
+    record = _filled(record, memory)
+    memory.rest()
     _enough(record)
     record = replace(record, rate_hz=(record.n - 1) / record.duration_s)
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
@@ -168,7 +177,7 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
                        f'{part.t[0]:.4g} s on')
 
 
-def _filled(record: ImuRecord) -> ImuRecord:
+def _filled(record: ImuRecord, memory: Memory) -> ImuRecord:
     """Return the record with lost and non-finite samples interpolated, and counted."""
     good = finite(record)
     where, count = losses(record.t, record.dt)
@@ -193,21 +202,19 @@ def _filled(record: ImuRecord) -> ImuRecord:
     shift = np.zeros(record.n, np.int64)
     np.add.at(shift, where + 1, count)
     place = place + np.cumsum(shift)
+    del shift
     grid = np.arange(record.n + lost)
-
-    def on_grid(x: np.ndarray | None) -> np.ndarray | None:
-        return None if x is None else np.stack(
-            [np.interp(grid, place[good], x[good, k]) for k in range(3)], axis=1)
     said = []
     if bad:
         said.append(f'{bad} sample(s) not finite, treated as missing')
     if lost:
         said.append(f'{lost} sample(s) lost in {len(where)} short dropout(s), treated as missing')
-    filled = replace(
-        record, gyro=on_grid(record.gyro), accel=on_grid(record.accel),
-        t=np.interp(grid, place, record.t), missing=record.missing + bad + lost,
-        receive_t=None if record.receive_t is None else np.interp(grid, place, record.receive_t),
-        covariates={k: np.interp(grid, place, v) for k, v in record.covariates.items()})
+    axes = replace(record, receive_t=None, covariates={})
+    known = place[good]
+    axes = changed(axes, lambda x: np.interp(grid, known, x[good]), memory)
+    rest = replace(record, gyro=None, accel=None)
+    rest = changed(rest, lambda x: np.interp(grid, place, x), memory)
+    filled = replace(rest, gyro=axes.gyro, accel=axes.accel, missing=record.missing + bad + lost)
     return filled.warned(*said)
 
 

@@ -16,11 +16,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..record import ImuRecord, regular_rate
+from ..record import ImuRecord, Memory, regular_rate
 
 NEAR = 8                # samples on each side of a late stamp that tell a loss from a delay
 
@@ -58,7 +59,7 @@ def _equal(record: ImuRecord, k: int) -> bool:
     )
 
 
-def ordered(record: ImuRecord) -> ImuRecord:
+def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
     """
     Return the record with stamps that never fall, and no sample twice.
 
@@ -68,12 +69,13 @@ def ordered(record: ImuRecord) -> ImuRecord:
 
     """
     found = examine_stamps(record)
+    memory = memory or Memory()
     said = []
     if found.not_finite:
-        record = _take(record, np.isfinite(record.t))
+        record = _take(record, np.isfinite(record.t), memory)
         said.append(f'{found.not_finite} sample(s) without a stamp were dropped')
     if found.backward and found.swapped:
-        record = _take(record, np.argsort(record.t, kind='stable'))
+        record = _take(record, np.argsort(record.t, kind='stable'), memory)
         said.append(f'{found.backward} backward stamp(s): the samples were put in order')
     elif found.backward:
         record = replace(record, t=_going_on(record.t))
@@ -85,7 +87,7 @@ def ordered(record: ImuRecord) -> ImuRecord:
         twice = [k + 1 for k in np.flatnonzero(step == 0).tolist() if _equal(record, k)]
         keep = np.ones(record.n, bool)
         keep[twice] = False
-        record = _take(record, keep)
+        record = _take(record, keep, memory)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
     if found.duplicate:
         said.append(
@@ -116,14 +118,38 @@ def _going_on(t: np.ndarray) -> np.ndarray:
     return np.maximum.accumulate(t)
 
 
-def _take(record: ImuRecord, which: np.ndarray) -> ImuRecord:
+def _take(record: ImuRecord, which: np.ndarray, memory: Memory) -> ImuRecord:
     """Return some samples, by mask or index."""
+    return changed(record, lambda x: x[which], memory)
+
+
+def changed(record: ImuRecord, change: Callable, memory: Memory) -> ImuRecord:
+    """Return a record whose columns are what a function makes of each, (n,) -> (m,)."""
+
+    def new(x: np.ndarray | None) -> np.ndarray | None:
+        if x is None:
+            return None
+        if x.ndim == 1:
+            some = change(x)
+            out = memory.empty(len(some))
+            out[:] = some
+        else:
+            out = None
+            for k in range(3):
+                some = change(x[:, k])
+                out = memory.columns(len(some)) if out is None else out
+                out[:, k] = some
+        memory.rest()
+        return out
+
     return replace(
-        record, t=record.t[which],
-        gyro=None if record.gyro is None else record.gyro[which],
-        accel=None if record.accel is None else record.accel[which],
-        receive_t=None if record.receive_t is None else record.receive_t[which],
-        covariates={k: v[which] for k, v in record.covariates.items()})
+        record,
+        t=new(record.t),
+        gyro=new(record.gyro),
+        accel=new(record.accel),
+        receive_t=new(record.receive_t),
+        covariates={k: new(v) for k, v in record.covariates.items()},
+    )
 
 
 def losses(t: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

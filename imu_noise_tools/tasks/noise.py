@@ -30,7 +30,7 @@ from ..health import prepare
 from ..noise.curve import model_curve
 from ..noise.evidence import gather
 from ..noise.problem import METHODS, NoiseProblem
-from ..record import ImuRecord, sensor_of
+from ..record import ImuRecord, Memory, sensor_of
 from ..study import Study
 
 DEFAULT_EFFECTS = ('white', 'flicker', 'random_walk')
@@ -49,6 +49,7 @@ def analyse_record(
     octaves: bool = False,
     keep_motion: bool = False,
     progress: Progress | None = None,
+    memory: Memory | None = None,
 ) -> Study:
     """
     Return the study of a record: screened, gathered, fitted with exactly these effects.
@@ -67,6 +68,8 @@ def analyse_record(
         Analyse everything, still or not.
     progress : callable or None
         Called with (share done or None, what).
+    memory : Memory or None
+        Where arrays as long as the record are kept.
 
     Raises
     ------
@@ -83,11 +86,18 @@ def analyse_record(
         raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
     for a in axes or ():
         sensor_of(a)
-    ready = prepare(record, keep_motion=keep_motion)
+    ready = prepare(record, keep_motion=keep_motion, memory=memory)
+    del record
     chosen = _axes(ready, axes)
     half = (lambda p, what: progress(0.8 * p, what)) if progress else None
     evidence = gather(
-        ready, chosen, deviation=deviation, points=points, octaves=octaves, progress=half
+        ready,
+        chosen,
+        deviation=deviation,
+        points=points,
+        octaves=octaves,
+        progress=half,
+        memory=memory,
     )
     rest = (lambda p, what: progress(0.8 + 0.2 * p, what)) if progress else None
     problems = {a: NoiseProblem(e, method=method, bias_at=bias_at) for a, e in evidence.items()}
@@ -154,7 +164,7 @@ def analyse(
     InputError where the folder holds a study already and ``force`` is not given.
 
     """
-    from ..bag import open_record
+    from ..bag import open_record, Scratch
 
     folder = Path(out) if out is not None else default_folder(bag)
     model_of(
@@ -162,6 +172,7 @@ def analyse(
     )  # wrong usage is said before anything is read
     with files.new_folder(folder, force=force) as new:
         reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
+        memory = Scratch()
         record = open_record(
             bag,
             topic,
@@ -170,9 +181,10 @@ def analyse(
             input_kind=input_kind,
             rate_hz=rate_hz,
             progress=reading,
+            memory=memory,
         )
         rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
-        study = analyse_record(record, progress=rest, **options)
+        study = analyse_record(record, progress=rest, memory=memory, **options)
         del record
         for name, data in outputs(study, folder).items():
             files.atomic_write(Path(new) / name, data)
