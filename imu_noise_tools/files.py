@@ -30,6 +30,7 @@ import re
 import secrets
 import shutil
 import socket
+import tempfile
 
 from .errors import InputError
 
@@ -172,6 +173,29 @@ def new_folder(path, force: bool = False) -> Iterator[Path]:
             except OSError:
                 break
         raise
+
+
+def scratch_folder() -> Path:
+    """
+    Return a new folder for what is unpacked, in the system's temporary one.
+
+    Who asks for it removes it; what a killed process left is removed here.
+
+    Raises
+    ------
+    InputError
+        There is no temporary folder that can be written to.
+
+    """
+    try:
+        name = Path(tempfile.gettempdir()) / 'imu_noise'
+    except OSError as error:
+        raise InputError('there is no temporary folder to unpack into', 'set TMPDIR') from error
+    with _mapped(name.parent):
+        _sweep(name)
+        folder = _sibling(name)
+        folder.mkdir(mode=0o700)
+    return folder
 
 
 def replace_files(folder, files: Mapping[str, str | bytes]) -> None:

@@ -22,7 +22,6 @@ import os
 from pathlib import Path, PurePath
 import shutil
 import stat
-import tempfile
 
 import numpy as np
 import yaml
@@ -31,6 +30,7 @@ import zstandard
 from . import mcap, rosbag1, sqlite
 from .container import AT_LEAST, BagFile, Batch, Connection, Damaged, EXPANSION, Progress
 from ..errors import InputError
+from ..files import scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
 NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
@@ -49,7 +49,7 @@ class Bag:
         self.files: list[BagFile] = []
         self.origins: list[Path] = []       # of each file, before it was unpacked
         self._said: list[str] = []
-        self._scratch: tempfile.TemporaryDirectory | None = None
+        self._scratch: Path | None = None
         _refuse_what_cannot_be_read(self.path)
         try:
             self._open()
@@ -71,7 +71,7 @@ class Bag:
             file.close()
         self.files = []
         if self._scratch:
-            self._scratch.cleanup()
+            shutil.rmtree(self._scratch, ignore_errors=True)
             self._scratch = None
 
     def _open(self) -> None:
@@ -166,10 +166,10 @@ class Bag:
     def _unpack(self, path: Path) -> Path:
         """Decompress a whole file into a temporary folder, as far as it goes."""
         if self._scratch is None:
-            self._scratch = tempfile.TemporaryDirectory(prefix='imu_noise_')
-        target = Path(self._scratch.name) / f'{len(self.files)}_{path.stem}'
+            self._scratch = scratch_folder()
+        target = self._scratch / f'{len(self.files)}_{path.stem}'
         limit = max(AT_LEAST, EXPANSION * path.stat().st_size)
-        room = shutil.disk_usage(self._scratch.name).free
+        room = shutil.disk_usage(self._scratch).free
         done = 0
         with open(path, 'rb') as source, open(target, 'wb') as sink:
             stream = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
@@ -180,7 +180,7 @@ class Bag:
                         raise Damaged('unpacks to far more than a recording could')
                     if done > room:
                         raise InputError(
-                            f'{path}: no room to unpack it in {tempfile.gettempdir()}',
+                            f'{path}: no room to unpack it in {self._scratch.parent}',
                             'free some disk space or set TMPDIR',
                         )
                     sink.write(some)
