@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from imu_noise_tools.bag import open_record, scratch, Scratch, write_bag
+from imu_noise_tools.bag import open_record, Scratch, scratch, write_bag
 from imu_noise_tools.errors import InputError
 from imu_noise_tools.health import prepare
 from imu_noise_tools.noise.evidence import gather, to_arrays

@@ -33,7 +33,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.fft import idct
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from . import effects as _effects  # noqa: F401  (registers them)
 from .grid import grid_step
@@ -564,7 +564,7 @@ def _whitened(c, reference, dt):
     y = idct(white, type=2, norm='ortho', overwrite_x=True)
     y -= np.mean(y)
     y /= np.std(y)
-    return _counted(y, norm.ppf(np.arange(1, CELLS) / CELLS))
+    return _counted(y, ndtri(np.arange(1, CELLS) / CELLS))
 
 
 def _counted(y: np.ndarray, edges: np.ndarray) -> np.ndarray:

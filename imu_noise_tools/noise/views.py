@@ -29,8 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import digamma, polygamma
-from scipy.stats import chi2
+from scipy.special import chdtrc, digamma, polygamma
 
 from .evidence import Evidence
 from .fit import claimed_lines, Likelihood
@@ -430,7 +429,7 @@ def p_value(view: View) -> float:
     count = len(view.pull)
     # mean 1, scatter std: chi^2_k/k has variance 2/k
     k = 2 / view.std**2
-    return float(chi2.sf(k * (1 + view.excess), k)) if count else 1.0
+    return float(chdtrc(k, max(k * (1 + view.excess), 0.0))) if count else 1.0
 
 
 def lines_left(evidence: Evidence, model: Model) -> list[int]:

@@ -22,7 +22,7 @@ Each function draws on an Axes and returns it.
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from .curves import Curves, curves, evidence_of, line_envelope, NOTABLE, observable
 from .curves import readings, runs, spectra
@@ -287,7 +287,7 @@ def distribution(ax, state: State):
     chance = RARE * np.sqrt((1 - 1 / k) / (total / k))
     dress(ax, f'{e.axis}: distribution of the samples', 'standard deviations from the mean',
           'samples / normal')
-    at = norm.ppf((np.arange(k) + 0.5) / k)
+    at = ndtri((np.arange(k) + 0.5) / k)
     _beside_chance(ax, at, cells / (total / k), 1 - chance, 1 + chance, 'steps-mid')
     return ax
 

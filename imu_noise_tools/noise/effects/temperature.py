@@ -15,7 +15,6 @@
 """Temperature sensitivity of the bias: linear, quadratic, lagged."""
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..kinds import Mean, Parameter
 
@@ -81,6 +80,8 @@ class Temperature(Mean):
         """T - Tm and its square, both without mean."""
         t = np.asarray(inputs.covariates['temperature'], float)
         if lag > 0 and len(inputs.t) > 1:
+            from scipy.signal import lfilter  # half a second to load
+
             a = np.exp(-(inputs.t[1] - inputs.t[0]) / lag)
             t = lfilter([1 - a], [1, -a], t, zi=[a * t[0]])[0]
         t = t - np.mean(t)
