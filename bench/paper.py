@@ -144,45 +144,35 @@ def experiments(p: dict, runs: int = 8, seed: int = 2010) -> dict:
 
 def cure(p: dict, rest: np.ndarray) -> dict:
     """
-    Run the loop on rocking; return what it said and the std of the error (deg/s), by amplitude.
+    Run the loop on rocking; return what it said and the error at every rung, by amplitude.
 
-    The model is the paper's, as stated; the loop sees one record and never the truth.
+    The model is the paper's, as stated; the loop sees one record and never the truth. ``std`` is
+    against the truth, deg/s, ``lost`` what the loop sees of it, nats a sample, ``said`` (verdict,
+    first names) of the diagnosis of that rung.
 
     """
     paper = p['paper']
-    out: dict = {
-        'said': [],
-        'lost': [],
-        'std': {
-            'the paper\'s filter': [],
-            'with alpha 0.7': [],
-            '+ angular_acceleration': [],
-            '+ harmonic': [],
-            'default (auto)': [],
-        },
-    }
+    rungs = ((), ('angular_acceleration',), ('angular_acceleration', 'harmonic'), ('harmonic',))
+    out: dict = {rung: {'std': [], 'lost': [], 'said': []} for rung in rungs}
+    out['beside'] = {'no filter': [], 'alpha 0.7': [], 'default (auto)': []}
     for a in paper['rocking_deg']:
         truth = rocking(a, paper['rocking_period_s'], 100.0, len(rest))
         z, truth = rest + truth, truth + 0 * rest
-        row = out['std']
-        row['the paper\'s filter'].append(errors(p, z, truth, 100.0)[1][1])
-        row['with alpha 0.7'].append(errors(p, z, truth, 100.0, alpha=0.7)[1][1])
-        row['default (auto)'].append(errors(p, z, truth, 100.0, motion='auto')[1][1])
+        (_, before, _), (_, faded, _), _ = errors(p, z, truth, 100.0, alpha=0.7)
+        out['beside']['no filter'].append(before)
+        out['beside']['alpha 0.7'].append(faded)
+        out['beside']['default (auto)'].append(errors(p, z, truth, 100.0, motion='auto')[1][1])
         problem = FilterProblem((z[:, 0] - rest.mean()) * DEG, 0.01, stated=seed_values(p))
-        study = Study.begin({'gyro_x': problem}, model_of('filter', START))
-        found = study.diagnose()['gyro_x']
-        out['said'].append((found.verdict, [f.name for f in found.ranked[:3]]))
-        lost = [study.states['gyro_x'].summary['nats_per_sample']]
-        for name in ('angular_acceleration', 'harmonic'):
-            study.add([name])
-            state = study.states['gyro_x']
-            lost.append(state.summary['nats_per_sample'])
-            values = {**seed_values(p), name: dict(state.model[name].values)}
-            row[f'+ {name}'].append(
-                errors(p, z, truth, 100.0, motion=(*SEED, name), values=values)[1][1]
-            )
-            study.remove(name)
-        out['lost'].append(lost)
+        for rung in rungs:
+            study = Study.begin({'gyro_x': problem}, model_of('filter', START))
+            for name in rung:
+                study.add([name])
+            state, found = study.states['gyro_x'], study.diagnose()['gyro_x']
+            values = {**seed_values(p), **{k: dict(state.model[k].values) for k in rung}}
+            row = out[rung]
+            row['std'].append(errors(p, z, truth, 100.0, (*SEED, *rung), values=values)[1][1])
+            row['lost'].append(state.summary['nats_per_sample'])
+            row['said'].append((found.verdict, [f.name for f in found.ranked[:2]]))
     return out
 
 
@@ -387,14 +377,12 @@ def figures(p: dict, r: dict, found: dict, folder: Path) -> list[Path]:
     errors_figure(
         'figure_5', 'Figure 5: rocking by 50° at 10 s, 100 Hz, α = 0.7', truth, r[100.0, 0.7][50.0]
     )
-    figure, ax = axes(6.5, 4.0, 0.13)
-    plots.error_by_amplitude(
-        ax,
-        paper['rocking_deg'],
-        found['std'],
-        'what the missing angular acceleration does, and its cure',
-    )
-    save('cure', figure)
+    figure = new_figure(9.0, 3.9)
+    plots.ladder_by_amplitude(figure, paper['rocking_deg'], {
+        'constant_rate + ar_increment, the paper\'s': found[()],
+        '+ angular_acceleration': found['angular_acceleration',],
+        '+ harmonic': found['angular_acceleration', 'harmonic']}, found['beside']['no filter'][0])
+    save('rocking', figure)
     return out
 
 
@@ -407,16 +395,20 @@ def main() -> int:
     r = experiments(p)
     report(p, r)
     found = cure(p, r['rest'])
-    print('\nThe missing effect: what the innovations say of the paper\'s filter, 100 Hz')
-    for a, (verdict, names), lost in zip(p['paper']['rocking_deg'], found['said'], found['lost']):
-        print(
-            f'  {a:6g} deg: {verdict} {", ".join(names)}; lost, nats a sample: {lost[0]:.4f}, with'
-            f' angular_acceleration {lost[1]:.4f}, with harmonic {lost[2]:.4f}'
-        )
-    print('and what adding it does: std of the error, deg/s')
-    print(f'  {"amplitude, deg":>24s}' + ''.join(f'{a:10g}' for a in p['paper']['rocking_deg']))
-    for name, row in found['std'].items():
-        print(f'  {name:>24s}' + ''.join(f'{v:10.4f}' for v in row))
+    amplitudes = p['paper']['rocking_deg']
+    print('\nThe missing effect: what the innovations say, 100 Hz, rung by rung')
+    for rung, row in found.items():
+        if rung == 'beside':
+            continue
+        print('  ' + ' + '.join(('the paper\'s model', *rung)))
+        for a, (verdict, names), lost in zip(amplitudes, row['said'], row['lost']):
+            print(f'    {a:6g} deg: lost {lost:9.4f} nats a sample; {verdict} {", ".join(names)}')
+    print('and what adding does: std of the error, deg/s')
+    print(f'  {"amplitude, deg":>42s}' + ''.join(f'{a:10g}' for a in amplitudes))
+    rows = {**found['beside'], **{' + '.join(('paper\'s', *k)): v['std']
+                                  for k, v in found.items() if k != 'beside'}}
+    for name, row in rows.items():
+        print(f'  {name:>42s}' + ''.join(f'{v:10.4f}' for v in row))
     if args.output:
         for path in figures(p, r, found, args.output):
             print(path)

@@ -32,11 +32,11 @@ except ImportError:
     pass
 else:
     # The same examples in every run, and no limit of time: a run that fails says something of the
-    # change, not of the machine. (HYPOTHESIS_PROFILE=search draws new ones, and more.)
+    # change, not of the machine. (HYPOTHESIS_PROFILE=search draws new ones.)
     settings.register_profile('same', derandomize=True, deadline=None, database=None,
                               suppress_health_check=[HealthCheck.too_slow,
                                                      HealthCheck.data_too_large])
-    settings.register_profile('search', max_examples=1000, deadline=None)
+    settings.register_profile('search', deadline=None)
     settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'same'))
 
 ROOT = Path(__file__).resolve().parents[1]

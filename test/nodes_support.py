@@ -240,8 +240,7 @@ class Ros:
         with self.listening(topic, kind, latched=True) as got:
             return self.heard(got, such, patience, topic)
 
-    @staticmethod
-    def heard(got: list, such, patience: float = PATIENCE, what: str = ''):
+    def heard(self, got: list, such, patience: float = PATIENCE, what: str = ''):
         """Wait for a message that is such in a list that fills; however short it is the last."""
         looked, found = 0, []
 
@@ -251,7 +250,8 @@ class Ros:
             looked += len(some)
             found.extend(m for m in some if such(m))
             return found
-        assert wait_for(look, patience), f'{what}: {got[-1:]}'
+        assert wait_for(look, patience), '\n'.join(
+            [f'{what}: {got[-1:]}', *(f'{p.full}: {p.text}' for p in self.processes)])
         return found[0]
 
     @staticmethod

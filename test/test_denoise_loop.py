@@ -346,7 +346,10 @@ def test_command_filters_a_recording_and_its_study_goes_through_the_loop(
         found['gyro_z']['verdict'] == 'missing'
         and found['gyro_z']['ranked'][0]['effect'] == 'sinusoid'
     )
+    before = (study / 'innovations.png').read_bytes()
     assert main(['add', str(study), 'sinusoid', '--axis', 'gyro_z']) == 0
+    assert (study / 'innovations.png').read_bytes() != before
+    assert '<h2>Innovations</h2>' in (study / 'report.html').read_text()
     rungs = [h['held_out'] for h in store.read(study)['history'] if h['target'] == 'gyro_z']
     assert len(rungs) == 2 and rungs[1] < rungs[0]
     capsys.readouterr()

@@ -31,7 +31,7 @@ from .modes import modes_of
 from .statespace import state_space
 from ..effect import Model
 
-CHUNK, WARM = 1024, 512  # samples: of a chunk run beside others, and of what it is warmed up on
+CHUNK, WARM = 128, 512  # samples: of a chunk run beside others, and of what it is warmed up on
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .style import dress, EFFECTS, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, SMALL
+from .style import (dress, EFFECTS, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, NORMAL,
+                    SMALL)
 from ..denoise.evaluate import autocorrelation, distribution_view, spectrum_view
 from ..units import DEG
 
@@ -113,29 +114,33 @@ def error_by_filter(ax, names, errors, raw: float, title: str = ''):
     return ax
 
 
-def error_by_amplitude(ax, amplitude, series, title: str = ''):
+def ladder_by_amplitude(figure, amplitude, rungs, raw: float):
     """
-    Draw error (deg/s) against amplitude of rocking (deg), one line for each name of ``series``.
+    Draw a ladder of models in rocking: error against the truth, and what the loop sees of it.
 
-    Both logarithmic.
+    ``rungs`` maps a name to ``std`` (deg/s) and ``lost`` (nats a sample), each for every
+    ``amplitude`` (deg); ``raw`` is the error of no filter, deg/s.
 
     """
-    dress(ax, title, 'amplitude of rocking, °', 'rms error, °/s')
-    every = np.concatenate([np.asarray(v) for v in series.values()])
-    log_scale(ax.xaxis, 0.8 * min(amplitude), 1.25 * max(amplitude))
-    log_scale(ax.yaxis, 0.7 * every.min(), 1.5 * every.max())
-    for i, (name, v) in enumerate(series.items()):
-        ax.plot(
-            amplitude,
-            v,
-            'o-',
-            color=EFFECTS[i % len(EFFECTS)],
-            linewidth=1.3,
-            markersize=4,
-            label=name,
-        )
-    ax.legend(fontsize=SMALL, frameon=False, loc='upper left')
-    return ax
+    grid = figure.add_gridspec(1, 2, left=0.075, right=0.985, top=0.9, bottom=0.25, wspace=0.22)
+    panels = [('error against the truth', 'std of the error, °/s', 'std'),
+              ('error of the loop: no truth is needed', 'nats lost a sample', 'lost')]
+    for k, (title, y, key) in enumerate(panels):
+        ax = dress(figure.add_subplot(grid[k]), title, 'amplitude of rocking, °', y)
+        every = np.concatenate([np.asarray(v[key]) for v in rungs.values()])
+        log_scale(ax.xaxis, 0.8 * min(amplitude), 1.25 * max(amplitude))
+        log_scale(ax.yaxis, 0.5 * every.min(), 2 * every.max())
+        ax.set_xticks(amplitude, [f'{a:g}' for a in amplitude])
+        for i, (name, v) in enumerate(rungs.items()):
+            ax.plot(amplitude, v[key], 'o-', color=EFFECTS[(0, 3, 1)[i % 3]], linewidth=1.6,
+                    markersize=4.5, label=name)
+        if key == 'std':
+            ax.axhline(raw, color=MEASURED, linewidth=1.0, linestyle='--')
+            ax.text(amplitude[-1], raw * 1.08, 'no filter', fontsize=SMALL, color=MEASURED,
+                    ha='right')
+    figure.legend(*ax.get_legend_handles_labels(), fontsize=NORMAL, frameon=False,
+                  loc='lower center', ncols=len(rungs))
+    return figure
 
 
 def correlation(ax, z, lags: int = 40, title: str = ''):
@@ -156,38 +161,27 @@ def correlation(ax, z, lags: int = 40, title: str = ''):
     return ax
 
 
-def innovations(figure, u, dt: float, title: str = ''):
+def innovations(axes, u, dt: float, title: str = ''):
     """
-    Draw scores u (n,) in time, their spectrum, distribution and autocorrelation.
+    Draw scores u (n,) into four Axes: in time, spectrum, distribution, autocorrelation.
 
-    All flat if the model is right.
+    All flat if the model is right. ``title`` is put before that of the first.
 
     """
-    grid = figure.add_gridspec(
-        2, 2, left=0.08, right=0.98, top=0.9, bottom=0.1, hspace=0.5, wspace=0.24
-    )
-    if title:
-        figure.suptitle(title, fontsize=11, fontweight='bold', x=0.01, ha='left')
-    ax = dress(figure.add_subplot(grid[0, 0]), 'innovations', 'time, s', 'sigma')
+    time, spectrum, distribution, lags = axes
+    dress(time, f'{title}: innovations' if title else 'innovations', 'time, s', 'sigma')
     some = slice(None, None, max(1, len(u) // POINTS))
-    ax.plot((np.arange(len(u)) * dt)[some], u[some], '.', markersize=1.5, color=MEASURED)
-    ax.axhspan(-1.96, 1.96, color=GOOD, alpha=0.15, linewidth=0)
+    time.plot((np.arange(len(u)) * dt)[some], u[some], '.', markersize=1.5, color=MEASURED)
+    time.axhspan(-1.96, 1.96, color=GOOD, alpha=0.15, linewidth=0)
     view = spectrum_view(u, dt)
-    ax = dress(
-        figure.add_subplot(grid[0, 1]), 'spectrum: pull from flat', 'frequency, Hz', 'sigma'
-    )
-    log_scale(ax.xaxis, view.x[0], view.x[-1])
-    _pulls(ax, view.x, view.pull)
+    dress(spectrum, 'spectrum: pull from flat', 'frequency, Hz', 'sigma')
+    log_scale(spectrum.xaxis, view.x[0], view.x[-1], most=4)
+    _pulls(spectrum, view.x, view.pull)
     view = distribution_view(u)
-    ax = dress(
-        figure.add_subplot(grid[1, 0]),
-        'distribution: pull from normal',
-        'sigma of the innovation',
-        'sigma',
-    )
-    _pulls(ax, view.x, view.pull)
-    correlation(figure.add_subplot(grid[1, 1]), u, title='autocorrelation')
-    return figure
+    dress(distribution, 'distribution: pull from normal', 'sigma of the innovation', 'sigma')
+    _pulls(distribution, view.x, view.pull)
+    correlation(lags, u, title='autocorrelation')
+    return axes
 
 
 def _pulls(ax, x, pull):
@@ -197,6 +191,21 @@ def _pulls(ax, x, pull):
     return ax
 
 
-def innovations_figure(u, dt: float, title: str = ''):
-    """Return the figure of :func:`innovations`."""
-    return innovations(new_figure(9.0, 5.6), u, dt, title)
+def innovations_figure(scores, dt: float):
+    """Return a figure of :func:`innovations`, a row for each name of ``scores``: its u (n,)."""
+    rows = len(scores)
+    height = 2.5 * rows + 0.4
+    figure = new_figure(13.0, height)
+    grid = figure.add_gridspec(rows, 4, left=0.045, right=0.99, top=1 - 0.35 / height,
+                               bottom=0.55 / height, hspace=0.62, wspace=0.27)
+    for i, (name, u) in enumerate(scores.items()):
+        innovations([figure.add_subplot(grid[i, k]) for k in range(4)], u, dt, name)
+    return figure
+
+
+def study_figure(study):
+    """Return the figure of the innovations of a filter's study under its present models."""
+    states = study.states
+    scores = {t: state.problem.prediction(state.fit.model).u
+              for t, state in states.items()}
+    return innovations_figure(scores, next(iter(states.values())).problem.dt)

@@ -42,6 +42,9 @@ _CAPTIONS = {
     'target': 'Allan deviation and spectrum with their pulls; the time series; the rms of the '
               'noise in time; how many samples lie where a normal distribution has equally many. '
               'Grey in the lower row: all but one point of a thousand lie there by chance.',
+    'innovations': 'What the model did not foresee, in its own standard deviations, axis by axis: '
+                   'independent and normal if the model is right. Then the dots fill the green '
+                   'band, and nothing sticks out of the other three beyond chance.',
     'ladder': 'The error on data that the fit has not seen, model after model. In the green band '
               'it is as good as a true model could do. An effect that is really there makes it '
               'fall; one that is not there does not.'}
@@ -123,6 +126,9 @@ def _model(study: Study) -> str:
 
 
 def _curves(shown) -> str:
+    if 'innovations' in shown:
+        return '<h2>Innovations</h2>' + image(shown['innovations'], 'innovations of all axes',
+                                              _CAPTIONS['innovations'])
     if 'allan' not in shown:
         return ''
     return '<h2>Allan deviation</h2>' + image(shown['allan'], 'Allan deviation of all axes',

@@ -27,7 +27,7 @@ def pictures(study: Study) -> dict[str, bytes]:
     Return the pictures of a study by name.
 
     ``series``, ``allan`` and, for the targets that fail most, ``target <name>`` of a noise study;
-    ``ladder`` of any study in which something was added or removed.
+    ``innovations`` of a filter's; ``ladder`` of any study in which something was added or removed.
 
     """
     from ..plots import ladder, noise, style
@@ -39,6 +39,9 @@ def pictures(study: Study) -> dict[str, bytes]:
         for t in worst_targets(study):
             figure = noise.target_figure(study.states[t], study.diagnosis.get(t), left_out)
             out[f'target {t}'] = style.png(figure)
+    if study.domain == 'filter' and all(s.problem for s in study.states.values()):
+        from ..plots import denoise
+        out['innovations'] = style.png(denoise.study_figure(study))
     if any(s.added or s.removed for s in study.history):
         out['ladder'] = style.png(ladder.ladder_figure(study))
     return out

@@ -184,7 +184,6 @@ def denoise(
     )
     study = made['study']
     if study is not None:
-        from .loop import outputs
         with files.new_folder(folder, force=force) as new:
             for name, data in outputs(study, folder).items():
                 files.atomic_write(Path(new) / name, data)
@@ -196,6 +195,14 @@ def denoise(
         made['figures'],
         made['notes'],
     )
+
+
+def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+    """Return all files of a filter's study by name; ``folder`` is what the page names."""
+    from .. import report
+    pictures = report.pictures(study)
+    return {**store.study_files(study), 'innovations.png': pictures['innovations'],
+            'report.html': report.html(study, pictures, folder=str(folder or 'DIR'))}
 
 
 def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) -> dict:

@@ -26,8 +26,8 @@ from ..errors import InputError
 from ..study import Study
 
 BEYOND = 3.0  # standard deviations
-# Where the files of a domain's study are made, if there is more to them than the report.
-_OUTPUTS = {'noise': 'noise', 'calibration': 'calibration'}
+# Where the files of a domain's study are made.
+_OUTPUTS = {'noise': 'noise', 'calibration': 'calibration', 'filter': 'denoise'}
 
 
 def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
@@ -40,12 +40,8 @@ def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
 
 def outputs(study: Study, folder) -> dict[str, str | bytes]:
     """Return all files of a study of any domain by name; ``folder`` is what the page names."""
-    if study.domain in _OUTPUTS:
-        module = importlib.import_module(f'{__package__}.{_OUTPUTS[study.domain]}')
-        return module.outputs(study, folder)
-    from .. import report
-
-    return {**store.study_files(study), 'report.html': report.html(study, folder=str(folder))}
+    module = importlib.import_module(f'{__package__}.{_OUTPUTS[study.domain]}')
+    return module.outputs(study, folder)
 
 
 def compare_two(first: Study, second: Study) -> list[dict]:
