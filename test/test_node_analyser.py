@@ -59,8 +59,9 @@ def small_bag(tmp_path_factory):
 
 @pytest.fixture
 def busy():
-    """Keep every core busy."""
-    hogs = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(3)]
+    """Keep every core busy, for as long as this process lives."""
+    code = 'import os\nparent = os.getppid()\nwhile os.getppid() == parent:\n    pass'
+    hogs = [subprocess.Popen([sys.executable, '-c', code]) for _ in range(3)]
     yield
     for hog in hogs:
         hog.kill()
