@@ -173,6 +173,45 @@ def _grid(n: int, dt: float):
     return np.concatenate(parts), weight[:low], alone, (first, second)
 
 
+def leaked(v: np.ndarray, bins: Bins) -> np.ndarray:
+    """
+    Return what reaches each bin from the bins far below it through the record's ends, (b,).
+
+    The even extension of the cosines has a kink at each end, and what leaks through it falls only
+    as 1/f^2 of the amplitude: behind a filter that leaves nothing near Nyquist, this is what is
+    measured there. White noise leaks as much as it loses: nothing is added to it.
+
+    Parameters
+    ----------
+    v : ndarray (b,)
+        The expected power of the bins.
+    bins : Bins
+
+    """
+    w, own = _leakage(bins.n, bins.dt)
+    return np.maximum(w @ v - own * v, 0.0)
+
+
+@lru_cache(maxsize=8)
+def _leakage(n: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return (w, own): the power that bin b takes from bin j is w[b, j] of its own.
+
+    |Phi_k(omega)|^2 = (8/n) {sin, cos}^2(n omega/2) sin^2(omega/2) cos^2(theta/2) /
+    (cos omega - cos theta)^2, theta = pi k/n, Phi_k the Fourier transform of the cosine k; its
+    mean over the oscillation, integrated over each bin below theta/2.
+
+    """
+    bins = bins_of(n, dt)
+    theta = 2 * np.pi * bins.f * dt
+    wave = np.sin(theta / 2) ** 2 * bins.count / (2 * n * dt)
+    to, by = theta[:, None], theta[None, :]
+    gap = np.where(by < 0.5 * to, np.cos(by) - np.cos(to), np.inf)
+    w = 8 * dt / n * np.cos(to / 2) ** 2 * wave / gap**2
+    w[:CORRECTED] = 0.0  # their window is integrated as it is
+    return w, w.sum(axis=1)
+
+
 def line_coefficients(
     frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float
 ) -> np.ndarray:

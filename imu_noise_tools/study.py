@@ -353,34 +353,33 @@ def diagnose(state: State) -> Diagnosis:
     able = [f for f in ranked if f.gain > f.penalty]
     verdict = 'complete' if not failed else 'unknown'
     if able:
-        best, share = _most_likely(state, able, failed)
-        if best is not None:
-            verdict = 'missing' if share >= SURE else 'undecidable'
-            best = replace(best, probability=share)
-            ranked = [best, *(f for f in ranked if f.name != best.name)]
+        ranked, found = _confirmed(state, ranked, failed)
+        if found:
+            verdict = 'missing' if (ranked[0].probability or 0) >= SURE else 'undecidable'
         elif not failed:
             verdict = 'undecidable'
     advice = getattr(problem, 'advice', _no_advice)(verdict, ranked, failed)
     return Diagnosis(verdict, tuple(ranked[:5]), tuple(failed), advice)
 
 
-def _most_likely(state: State, able: list[Finding], failed: list[Finding]):
+def _confirmed(state: State, ranked: list[Finding], failed: list[Finding]):
     """
-    Return the first candidate that holds on data not fitted, and its share of the probability.
+    Return the ranking, led by the first that holds on data not fitted, and whether one does.
 
     A candidate that raises the error, or leaves the failure that it claims to explain, is out of
     the race; one whose fall chance could explain stays in it, without being named.
 
     """
     refuted: set[str] = set()
-    for f in able[:4]:
+    for f in [f for f in ranked if f.gain > f.penalty][:4]:
         fall, healed = confirm(state, f, failed)
         if fall > FALL and healed:
-            total = sum(g.probability or 0 for g in able if g.name not in refuted)
-            return f, (f.probability or 0) / total if total > 0 else 0.0
+            left = with_probabilities(g for g in ranked if g.name not in refuted)
+            out = [replace(g, probability=0.0) for g in ranked if g.name in refuted]
+            return sorted([*left, *out], key=lambda g: g.name != f.name), True
         if fall < 0 or not healed:
             refuted.add(f.name)
-    return None, 0.0
+    return ranked, False
 
 
 def _no_advice(verdict, ranked, failed):

@@ -30,6 +30,8 @@ from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
 from .null import DEFAULT, PENALTY
 from ..effect import Finding, Fit, Model, registry, unfitted
 
+ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
+
 
 def candidates(problem, fit: Fit) -> list[Finding]:
     """
@@ -67,16 +69,29 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
         return None
     more = _refitted(evidence, fit, effect)
     label = more.model.labels[-1]
-    gain = more.details['ml'] - fit.details['ml'] + more.model[label].bonus(evidence)
+    gain = more.details['ml'] - fit.details['ml'] + more.model[label].bonus(evidence, more)
     return Finding(
         effect.name,
         float(gain),
         more.model[label],
         more.estimates[label],
-        penalty(effect.name),
+        penalty(effect.name) + _unlikely(more),
         _view_of(effect),
         _where(evidence, fit, more, effect),
     )
+
+
+def _unlikely(fit: Fit) -> float:
+    """
+    Return what it costs a fit to leave nothing of what every sensor has, nats.
+
+    White noise behind a low-pass has the spectrum of a Gauss-Markov process without white noise:
+    only that there is no such sensor tells them apart.
+
+    """
+    share = {k: np.max(s / fit.details['v']) for k, s in fit.details['each'].items()}
+    certain = [e.label for e in fit.model.of(Spectrum) if e.in_every_sensor]
+    return ABSENT * sum(share.get(label, 1.0) < 0.05 for label in certain)
 
 
 def _refitted(evidence, fit, effect):

@@ -46,6 +46,7 @@ from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients
 SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 1024  # signed coefficients kept
 BLOCKS = 256  # blocks in time
+CURVED = 256  # coefficients whose level is read from a parabola
 BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
 ENVELOPE = 1000  # columns of the picture of the time series
@@ -291,7 +292,7 @@ def gather(
         for other, values in covariates.items():
             coefficients[other] = memory.keep(cosine_transform(values[begin:begin + length]))
             memory.rest()
-        binned = _cross_powers(coefficients, bins)
+        binned = _cross_powers(coefficients, bins, memory)
         cross.update({(a, b, name): power for (a, b), power in binned.items()})
         for axis in axes:
             low = np.array(coefficients[axis][1:LOW + 1])
@@ -299,12 +300,11 @@ def gather(
         memory.rest()
     step('halves and cross-spectra')
     slow_length = max(1, used // SLOW)
-    common = Common(
-        slow_length,
-        _block_means(t[:used], slow_length),
-        {k: _block_means(v[:used], slow_length) for k, v in {**clean, **covariates}.items()},
-        cross,
-    )
+    slow = {}
+    for name, values in {'t': t, **clean, **covariates}.items():
+        slow[name] = _block_means(values[:used], slow_length)
+        memory.rest()
+    common = Common(slow_length, slow.pop('t'), slow, cross)
     return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
 
 
@@ -332,7 +332,7 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
     return out
 
 
-def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins):
+def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins, memory: Memory):
     """
     Return the binned cross-power (b,) of each pair of channels and of each with itself.
 
@@ -348,6 +348,7 @@ def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins):
         some = {k: c[low:high] for k, c in coefficients.items()}
         for a, b in pairs:
             out[a, b][i:j] = np.add.reduceat(some[a] * some[b], bins.first[i:j] - low)
+        memory.rest()
     return {pair: 2 * bins.dt * total / bins.count for pair, total in out.items()}
 
 
@@ -413,10 +414,36 @@ def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
             np.median(2 * dt * some * some) / 0.4549
         )  # the median of chi-squared with one degree of freedom
     at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
+    level = _smoothed_below(CURVED, c, dt, centres, level)
     out = np.empty(n - 1)
     for i in range(0, n - 1, PIECE):
         k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
         out[i:i + PIECE] = np.exp(np.interp(np.log(k), at, level))
+    return out
+
+
+def _smoothed_below(top: int, c, dt, centres, level):
+    """
+    Return ln of the levels, those of the first centres from parabolas over ln k.
+
+    A few dozen neighbours are too few for a median, and more of them too far apart on a red
+    spectrum; a parabola over k/4 ... 4 k follows it. Ordinates far off the median do not pull it.
+
+    """
+    n = len(c)
+    last = min(4 * top, n - 1)
+    if last < 32:
+        return level
+    k = np.log(np.arange(1, last + 1))
+    rough = np.interp(k, np.log(centres), level)
+    seen = np.log(np.maximum(2 * dt * c[1:last + 1] ** 2, 1e-300))
+    seen = rough + np.clip(seen - rough, -5, 2.5) + 1.1395  # its mean for one degree of freedom
+    out = level.copy()
+    for i in np.flatnonzero(centres <= top):
+        a, b = max(1, centres[i] // 4), min(last, max(4 * centres[i], 32))
+        x = k[a - 1:b] - k[centres[i] - 1]
+        columns = np.stack([np.ones(len(x)), x, x * x])
+        out[i] = np.linalg.solve(columns @ columns.T, columns @ seen[a - 1:b])[0]
     return out
 
 
@@ -443,7 +470,7 @@ def _find_lines(c, reference, y, dt) -> np.ndarray:
     # near both ends the level around a coefficient is known from a few dozen of them only
     for i in range(0, n - 1, PIECE):
         k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
-        window[i:i + PIECE] /= 1 + 25 / (2 * _reach(k, n) + 1)
+        window[i:i + PIECE] /= 1 + 25 / (2 * np.where(k <= CURVED, 1.5 * k, _reach(k, n)) + 1)
     window[:16] = window[-16:] = 0
     # four coefficients hold a line of any phase; the level is a little below that at which a line
     # is believed

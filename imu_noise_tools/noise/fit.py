@@ -35,7 +35,7 @@ from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, S
 from .. import units
 from ..effect import Estimate, Finding, Fit, Model, Parameter
 from ..errors import FitError
-from ..spectrum import Bins, expected
+from ..spectrum import Bins, expected, leaked
 
 MEASURED = (
     Line,
@@ -292,6 +292,7 @@ class Likelihood:
             # rounding happens behind the filter: where that leaves nothing, the output's own step
             # is what is measured
             total = total + self.evidence.resolution**2 * self.dt / 6
+            total = total + leaked(total, self.bins)
         return np.maximum(total, 1e-290), each
 
     def _spectrum(self, effect, responses):

@@ -30,7 +30,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..effect import Effect, Model, Parameter
+from ..effect import Effect, Fit, Model, Parameter
 from ..spectrum import quadrature_avar
 
 __all__ = [
@@ -77,6 +77,8 @@ class NoiseEffect(Effect):
     hides: ClassVar[tuple[str, ...]] = ()
     #: features of the samples that it accounts for: one effect in the model is enough for each
     explains: ClassVar[tuple[str, ...]] = ()
+    #: whether a fit that leaves nothing of it is out of the ordinary
+    in_every_sensor: ClassVar[bool] = False
     #: what a record must hold for it to apply
     needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals
@@ -124,8 +126,8 @@ class NoiseEffect(Effect):
         """
         return {}
 
-    def bonus(self, evidence) -> float:
-        """Return what the samples say for it, fitted, beyond the spectrum (nats)."""
+    def bonus(self, evidence, fit: Fit) -> float:
+        """Return what the samples say for it, fitted so, beyond the spectrum (nats)."""
         return 0.0
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:

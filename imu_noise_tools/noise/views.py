@@ -29,7 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, digamma, polygamma
+from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
 from .evidence import Evidence
 from .fit import claimed_lines, Likelihood
@@ -295,18 +295,14 @@ def _hann_degrees(count):
 
 def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 4):
     """
-    Return (t, x, w): relative power of groups of bands in time (blocks, groups).
+    Return (t, x, w): power of groups of bands in time beside its mean (blocks, groups).
 
-    What the model's modulation explains is taken off.
+    What the model's defects account for is taken off the samples; w is in degrees of freedom.
 
     """
     p = evidence.block_power_of(model)
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
-    factor = np.ones(blocks)
-    for m in model.of(Modulation) if model is not None else ():
-        factor = factor * m.variance(t)
-    p = p / factor[:, None]
     level = np.mean(p, axis=0)
     count = evidence.block_count.astype(float)
     parts = np.array_split(np.arange(len(level)), groups)
@@ -317,11 +313,45 @@ def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 
     return t, x, w
 
 
+def modulated(model: Model, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Return what the model's modulation says of power in time (blocks, groups), mean near 1."""
+    followed = np.ones_like(x)
+    for m in model.of(Modulation):
+        followed = followed * followed_by(block_variance(m, t), x, w)
+    return followed
+
+
+def block_variance(effect: Modulation, t: np.ndarray) -> np.ndarray:
+    """Return the mean variance over each block of which t are the middles."""
+    width = t[1] - t[0]
+    part = (np.arange(8) + 0.5) / 8 - 0.5
+    return effect.variance((t[:, None] + width * part).ravel()).reshape(len(t), 8).mean(axis=1)
+
+
+def followed_by(factor: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """
+    Return what x (blocks, groups) is when part of each group follows a factor (blocks,).
+
+    Noise that changes is one part of a group of bands, noise that does not (flicker, say) the
+    other: m = (1 - a) + a factor, a from 0 to 1 the likeliest of each group, and 1 in the group
+    that says most of the factor.
+
+    """
+    share = np.linspace(0, 1, 41)[:, None, None]
+    m = 1 - share + share * (factor / np.mean(factor))[None, :, None]
+    cost = len(x) * np.log(np.mean(x / m, axis=1)) + np.sum(np.log(m), axis=1)
+    chosen = np.argmin(cost, axis=0)
+    chosen[np.argmax(w * (cost[0] - np.min(cost, axis=0)))] = len(share) - 1
+    best = m[chosen, :, 0].T
+    return best * np.mean(x / best, axis=0)
+
+
 def variance(evidence: Evidence, fit: Fit) -> View:
     """Return the power in time beside its mean over the record, in four groups of bands."""
     if any('variance' in e.hides for e in fit.model):
         return _nothing('variance', 's')
     t, x, w = power_in_time(evidence, fit.model)
+    x = x / modulated(fit.model, t, x, w)
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
     excess, spread = gamma_excess(x, w)
@@ -347,13 +377,25 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     )
     cells = cells.reshape(-1, merge).sum(axis=1)
     total, k = cells.sum(), len(cells)
-    share = total / k
-    pull = (cells - share) / np.sqrt(share * (1 - 1 / k))
+    share = normal_shares(evidence, fit.model, k)
+    pull = (cells - share * total) / np.sqrt(share * total * (1 - share))
     # mean and spread were taken from the samples: three degrees of freedom are gone
     excess = pull**2 - (k - 3) / (k - 1)
     return _view(
         'distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile'
     )
+
+
+def normal_shares(evidence: Evidence, model: Model, k: int) -> np.ndarray:
+    """Return the share of samples in each of k equiprobable cells; more in the tails of a mix."""
+    if not model.of(Modulation):
+        return np.full(k, 1 / k)
+    t, x, w = power_in_time(evidence, model)
+    scale = np.sqrt(modulated(model, t, x, w) @ w / w.sum())
+    scale /= np.sqrt(np.mean(scale**2))
+    inner = ndtri(np.arange(1, k) / k)
+    below = np.mean(ndtr(inner[:, None] / scale), axis=1)
+    return np.diff(np.concatenate([[0.0], below, [1.0]]))
 
 
 def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:

@@ -269,6 +269,7 @@ def in_time(ax, state: State):
     """Draw the rms of the noise in time beside its mean over the record; grey: chance."""
     e = evidence_of(state)
     t, x, w = views.power_in_time(e, state.model, groups=1)
+    x = x / views.modulated(state.model, t, x, w)
     spread = 2 / (9 * w[0])
     # Wilson and Hilferty's normal approximation of chi-squared, backwards
     lo, hi = ((1 - spread + z * np.sqrt(spread)) ** 1.5 for z in (-RARE, RARE))
@@ -284,11 +285,12 @@ def distribution(ax, state: State):
     e = evidence_of(state)
     cells = e.cells_of(state.model).astype(float)
     k, total = len(cells), cells.sum()
+    expected = total * views.normal_shares(e, state.model, k)
     chance = RARE * np.sqrt((1 - 1 / k) / (total / k))
     dress(ax, f'{e.axis}: distribution of the samples', 'standard deviations from the mean',
           'samples / normal')
     at = ndtri((np.arange(k) + 0.5) / k)
-    _beside_chance(ax, at, cells / (total / k), 1 - chance, 1 + chance, 'steps-mid')
+    _beside_chance(ax, at, cells / expected, 1 - chance, 1 + chance, 'steps-mid')
     return ax
 
 

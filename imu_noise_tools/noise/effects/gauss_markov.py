@@ -15,7 +15,6 @@
 """First-order Gauss-Markov process: exponentially correlated noise."""
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..kinds import Parameter, Spectrum
 from ... import ar1
@@ -62,8 +61,8 @@ class GaussMarkov(Spectrum):
         ]
 
     def bounds(self, evidence):
-        """Below a third of the interval it is white, beyond the record a random walk."""
-        return {'tc': (evidence.dt / 3, evidence.duration)}
+        """Below the interval it is white noise, beyond the record a random walk."""
+        return {'tc': (evidence.dt, evidence.duration)}
 
     def psd(self, f, dt):
         """Return the AR(1) spectrum."""
@@ -80,6 +79,8 @@ class GaussMarkov(Spectrum):
 
     def apply(self, x, inputs, rng):
         """Add the recursion, started stationary."""
+        from scipy.signal import lfilter  # half a second to load
+
         w = rng.standard_normal(len(x)) * np.sqrt(
             ar1.innovation_variance(self['sigma'], self['tc'], inputs.dt)
         )

@@ -58,13 +58,33 @@ class LowPass(Response):
     )
 
     def starts(self, evidence):
-        """Each form at three cutoffs below Nyquist."""
-        nyquist = 0.5 / evidence.dt
-        return [
-            self.with_values(cutoff=float(c * nyquist), form=float(k))
-            for k in range(len(FORMS))
-            for c in (0.1, 0.35, 0.8)
-        ]
+        """
+        Return the two best cutoffs of each form.
+
+        The best are those behind which the measured spectrum is flattest, coefficient by
+        coefficient: far off the minimum a fit of the power itself goes astray, since a gain near
+        zero makes the smallest mismatch enormous.
+
+        """
+        bins, dt = evidence.whole.bins, evidence.dt
+        log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
+        falls = np.geomspace(0.02, 1.6, 40) * 0.5 / dt
+        # an average is one of a whole number of samples
+        averages = 0.443 / (np.arange(2, 65) * dt)
+
+        def roughness(effect):
+            left = log_power - np.log(np.maximum(effect.gain2(bins.f, dt), 1e-12))
+            return np.average((left - np.average(left, weights=bins.count)) ** 2,
+                              weights=bins.count)
+
+        out = []
+        for k in range(len(FORMS)):
+            tried = [
+                self.with_values(cutoff=float(c), form=float(k))
+                for c in (averages if FORMS[k] == 'moving_average' else falls)
+            ]
+            out += sorted(tried, key=roughness)[:2]
+        return out
 
     def bounds(self, evidence):
         """Up to a little beyond Nyquist, where the beginning of a fall still shows."""

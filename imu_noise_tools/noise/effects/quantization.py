@@ -48,7 +48,7 @@ class Quantization(Spectrum):
         step, _ = grid_step(y)
         return {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
 
-    def bonus(self, evidence):
+    def bonus(self, evidence, fit):
         """Count the grid too, where Q is what an angle read to that grid would have."""
         kept = evidence.kept(self.name)
         step = float(kept.get('step', 0.0))

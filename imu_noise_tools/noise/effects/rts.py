@@ -14,15 +14,20 @@
 
 """Random telegraph signal: popcorn noise."""
 
+from itertools import product
+
 import numpy as np
+from scipy.fft import dct, idct
+from scipy.special import expit
 
-from ..grid import grid_step
-from ..kinds import Defect, Parameter, Spectrum
+from ..kinds import Parameter, Spectrum
 from ... import ar1
-from ...effect import Estimate, Finding
+
+_SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
+_SEGMENT = 128  # block means that are filtered one after another; segments go side by side
 
 
-class Rts(Spectrum, Defect):
+class Rts(Spectrum):
     """The bias jumps back and forth between two levels, dwelling tau on average in each."""
 
     name = 'rts'
@@ -48,67 +53,61 @@ class Rts(Spectrum, Defect):
         Parameter('tau', 's', 1e-4, 1e6, title='mean dwell in a level'),
     )
 
-    @classmethod
-    def statistics(cls, y, inputs):
-        """
-        Keep the two-level fit to block means and what it gains over one level.
-
-        For block lengths 1, 2, 4 ...
-
-        """
-        step, _ = grid_step(y)
-        if (
-            step > 0
-        ):  # levels of the output are none of the sensor: a triangular dither smooths them away
-            y = y + step * (np.random.default_rng(0).random((2, len(y))).sum(axis=0) - 1)
-        rows = []
-        length = 1
-        while len(y) // length >= 128 and length <= 1 << 16:
-            rows.append(_two_levels(y, length, inputs.dt))
-            length *= 2
-        return {'scales': np.array(rows).reshape(-1, 6)}
-
-    def find(self, evidence):
-        """
-        Find the block length at which two levels gain most.
-
-        It is counted in dwells, not in samples.
-
-        """
-        kept = evidence.kept(self.name)
-        if not kept:
-            return None
-        rows = kept['scales']
-        good = rows[
-            (rows[:, 5] > 4) & (rows[:, 1] > 0) & (rows[:, 2] > 3 * rows[:, 0] * evidence.dt)
+    def starts(self, evidence):
+        """Start from dwells that the record can show: four samples to a fifth of its length."""
+        if 'tau' in self.values:
+            return super().starts(evidence)
+        return [
+            self.with_values(step=1.0, tau=float(tau))
+            for tau in np.geomspace(4 * evidence.dt, evidence.n * evidence.dt / 5, 7)
         ]
-        if not len(good):
-            return None
-        best = good[np.argmax(good[:, 4])]
-        length, step, tau, spread, gain, switches = best
-        if not gain > 0 or step < 2 * spread:
-            return None
-        effect = self.with_values(step=float(step), tau=float(tau))
-        error = float(spread / np.sqrt(max(switches, 1)) + 0.01 * step)
-        dwell = float(tau / np.sqrt(max(switches, 1)))
-        return Finding(
-            self.name,
-            float(gain),
-            effect,
-            {
-                'step': Estimate(
-                    float(step), error, (float(step - 1.96 * error), float(step + 1.96 * error))
-                ),
-                'tau': Estimate(
-                    float(tau),
-                    dwell,
-                    (float(max(tau - 1.96 * dwell, 0)), float(tau + 1.96 * dwell)),
-                ),
-            },
-            view='frequency',
-            evidence=f'means of {length * evidence.dt:.3g} s stand on two levels '
-            f'{step / spread:.1f} standard deviations apart, {int(switches)} switches',
-        )
+
+    def bounds(self, evidence):
+        """Below two samples it is a white noise that was filtered, beyond the record a step."""
+        return {'tau': (2 * evidence.dt, 2 * evidence.duration)}
+
+    def bonus(self, evidence, fit):
+        """
+        Return what two levels say more than a Gauss-Markov process of the same spectrum.
+
+        Block means are predicted one after another by either: by the filter of a two-state chain
+        (Hamilton 1989) and by Kalman's, each with the level of noise, the step and the dwell that
+        suit it best near the fitted ones.
+
+        """
+        z, width = self._without_drift(evidence, fit), evidence.common.slow_length * evidence.dt
+        some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
+        width *= some
+        rows = len(z) // some // _SEGMENT
+        if rows < 2 or self['tau'] < 3 * width:
+            return 0.0  # the means are too few, or too long to show the levels
+        z = z[: len(z) // some * some].reshape(-1, some).mean(axis=1)
+        z = z[-rows * _SEGMENT:].reshape(rows, _SEGMENT)
+        noise = 0.5 * np.mean(np.diff(z, axis=1) ** 2)
+        grid = np.array(list(product(
+            self['step'] * np.array([0.7, 0.85, 1.0, 1.2, 1.4]),
+            self['tau'] * np.array([0.5, 0.7, 1.0, 1.4, 2.0]),
+            noise * np.array([0.3, 0.5, 0.7, 0.85, 1.0]),
+        ))).T
+        gaussian = _gauss_markov(z, *grid, width)
+        levels = max(_two_levels(z, *grid, width, share) for share in _SHARES)
+        return float(levels - gaussian - np.log(len(_SHARES)))
+
+    def _without_drift(self, evidence, fit):
+        """
+        Return the block means less what the model holds for drift (Wiener's estimate of it).
+
+        Neither chain knows of drift: it would break the two levels and not the other.
+
+        """
+        c = dct(evidence.slow_y - np.mean(evidence.slow_y), type=2, norm='ortho')
+        v, bins = fit.details['v'], evidence.whole.bins
+        rest = v - fit.details['each'][self.label]
+        drift = rest - np.min(rest[: bins.index(len(c) - 1) + 1])
+        k = np.arange(1, len(c))
+        centre = 0.5 * (bins.first + bins.last - 1)
+        c[1:] *= 1 - np.clip(np.interp(k, centre, drift / v), 0, 1)
+        return idct(c, type=2, norm='ortho')
 
     def psd(self, f, dt):
         """Return the AR(1) spectrum."""
@@ -135,74 +134,37 @@ class Rts(Spectrum, Defect):
         return cls({'step': 2e-3, 'tau': 8.0})
 
 
-def _two_levels(y, length, dt):
-    """Return (length, step, tau, spread, gain, switches) of a two-level fit to block means."""
-    count = len(y) // length
-    z = y[: count * length].reshape(count, length).mean(axis=1) if length > 1 else y
-    z = z - _slow_part(z)
-    scale = np.std(z)
-    none = (length, 0.0, 0.0, 0.0, 0.0, 0.0)
-    if not scale > 0:
-        return none
-    edges = np.linspace(-5, 5, 201)
-    cells = np.histogram(z / scale, 200, (-5, 5))[0].astype(float)  # even cells need no sorting
-    x = 0.5 * (edges[1:] + edges[:-1])
-    total = cells.sum()
-    mean = cells @ x / total
-    var = cells @ (x - mean) ** 2 / total
-    one = cells @ (-0.5 * (x - mean) ** 2 / var - 0.5 * np.log(var))
-    a, b, s2, share = mean - np.sqrt(var) * 0.8, mean + np.sqrt(var) * 0.8, 0.3 * var, 0.5
-    for _ in range(60):
-        pa = share * np.exp(-0.5 * (x - a) ** 2 / s2)
-        pb = (1 - share) * np.exp(-0.5 * (x - b) ** 2 / s2)
-        r = pa / np.maximum(pa + pb, 1e-300)
-        wa, wb = cells @ r, cells @ (1 - r)
-        if min(wa, wb) < 4:
-            return none
-        a, b = cells @ (r * x) / wa, cells @ ((1 - r) * x) / wb
-        s2 = max((cells @ (r * (x - a) ** 2) + cells @ ((1 - r) * (x - b) ** 2)) / total, 1e-4)
-        share = wa / total
-    two = cells @ (
-        np.log(
-            np.maximum(
-                share * np.exp(-0.5 * (x - a) ** 2 / s2)
-                + (1 - share) * np.exp(-0.5 * (x - b) ** 2 / s2),
-                1e-300,
-            )
-        )
-        - 0.5 * np.log(s2)
-    )
-    # switches with hysteresis: a level counts when it is nearer than a quarter of the distance
-    low, high = a + 0.25 * (b - a), b - 0.25 * (b - a)
-    state = np.where(z / scale < low, -1, np.where(z / scale > high, 1, 0))
-    state = state[state != 0]
-    switches = int(np.count_nonzero(np.diff(state)))
-    if switches < 1:
-        return none
-    tau = count * length * dt / switches
-    # samples within a dwell repeat each other: only the dwells are independent
-    independent = min(count, 2.0 * switches)
-    return (
-        length,
-        (b - a) * scale,
-        tau,
-        float(np.sqrt(s2)) * scale,
-        (two - one) / total * independent - 3.0,
-        switches,
-    )
+def _gauss_markov(z, step, tau, noise, width) -> float:
+    """Return the best ln p of z (rows, k) as an AR(1) in white noise, over sets of values (g,)."""
+    keep, power = np.exp(-2 * width / tau), 0.25 * step**2
+    mean, spread = np.zeros((len(z), len(step))), power.copy()
+    total = np.zeros(len(step))
+    for y in z.T:
+        v = spread + noise
+        rest = y[:, None] - mean
+        total -= 0.5 * np.sum(rest**2, axis=0) / v + 0.5 * len(z) * np.log(v)
+        mean = keep * (mean + spread / v * rest)
+        spread = keep**2 * spread * noise / v + (1 - keep**2) * power
+    return float(np.max(total))
 
 
-def _slow_part(z):
-    """
-    Return a smooth curve through z, far slower than anything that switches often.
-
-    Means of 12 stretches, interpolated.
-
-    """
-    k = 12
-    if len(z) < 8 * k:
-        return np.mean(z)
-    edges = np.linspace(0, len(z), k + 1).astype(int)
-    sums = np.concatenate([[0.0], np.cumsum(z)])
-    means = (sums[edges[1:]] - sums[edges[:-1]]) / np.diff(edges)
-    return np.interp(np.arange(len(z)), 0.5 * (edges[1:] + edges[:-1]), means)
+def _two_levels(z, step, tau, noise, width, share) -> float:
+    """Return the same of z as a chain of two levels in white noise, ``share`` in the upper one."""
+    # a chain of the same second moments: its levels lie apart by step, its mean is zero
+    apart = 0.5 * step / np.sqrt(share * (1 - share))
+    up, down = (1 - share) * apart, -share * apart
+    keep = np.exp(-2 * width / tau)
+    upper = np.full((len(z), len(step)), share)
+    total = np.zeros(len(step))
+    for y in z.T:
+        y = y[:, None]
+        # ln of the odds that y came from the upper level
+        odds = (apart / noise) * (y - 0.5 * (up + down))
+        log_down = -0.5 * (y - down) ** 2 / noise
+        peak = np.maximum(odds, 0.0)
+        total += np.sum(
+            log_down + peak + np.log(upper * np.exp(odds - peak)
+                                     + (1 - upper) * np.exp(-peak)), axis=0)
+        here = expit(odds + np.log(upper) - np.log1p(-upper))
+        upper = np.clip(share + keep * (here - share), 1e-12, 1 - 1e-12)
+    return float(np.max(total - 0.5 * z.size * np.log(noise)))

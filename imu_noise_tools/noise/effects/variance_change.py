@@ -15,6 +15,7 @@
 """A variance that changes in time."""
 
 import numpy as np
+from scipy.optimize import minimize
 
 from ..kinds import Modulation, Parameter
 from ...effect import Estimate, Finding
@@ -27,8 +28,8 @@ class VarianceChange(Modulation):
     symbol = 'factor, time, period'
     title = 'variance that changes in time'
     equation = (
-        'variance x factor from time on (period 0); x factor^(t/T) over the record (time 0, '
-        'period 0); or swinging by factor between its extremes with a period, largest at time'
+        'variance x factor from time on (period 0); x 1 + (factor - 1) t/T over the record (time '
+        '0, period 0); or swinging by factor between its extremes with a period, largest at time'
     )
     signature = (
         'the dynamic Allan deviation moves; the power of blocks in time scatters more than '
@@ -64,7 +65,7 @@ class VarianceChange(Modulation):
             return 1 + swing * np.cos(2 * np.pi * (t - self['time']) / self['period'])
         if self['time'] > 0:
             return np.where(t >= self['time'], f, 1.0)
-        return f ** (t / max(float(t[-1]), 1e-300))
+        return 1 + (f - 1) * t / max(float(t[-1]), 1e-300)
 
     def measure(self, evidence):
         """
@@ -76,52 +77,65 @@ class VarianceChange(Modulation):
         from ..views import power_in_time
 
         t, x, w = power_in_time(evidence)
-        x, w = (x @ w) / w.sum(), float(w.sum())
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
-        rough = np.mean(np.diff(np.log(np.maximum(x, 1e-300))) ** 2) / 2
-        w = min(w, 2 / max(rough, 1e-12))
-        best = None
-        for effect, dof in self._shapes(t, x):
-            v = effect.variance(t)
-            level = np.mean(x / v)
-            gain = 0.5 * w * (len(x) * np.log(np.mean(x)) - np.sum(np.log(v * level))) - dof
-            if best is None or gain > best[0]:
-                best = gain, effect
-        if best is None or best[0] <= 0:
+        rough = np.mean(np.diff(np.log(np.maximum(x, 1e-300)), axis=0) ** 2, axis=0) / 2
+        w = np.minimum(w, 2 / np.maximum(rough, 1e-12))
+        found = [self._refined(e, t, x, w, cost) for e, cost in self._shapes(t, x @ w / w.sum())]
+        gain, effect, std = max(found, key=lambda z: z[0])
+        if not gain > 0:
             return None
-        gain, effect = best
         f = effect['factor']
-        std = float(2 * f * np.sqrt(2 / (w * len(x))))
         shape = (
-            'swings with a period'
+            f'swings with a period of {effect["period"]:.3g} s'
             if effect['period'] > 0
-            else 'steps'
+            else f'steps at {effect["time"]:.4g} s'
             if effect['time'] > 0
             else 'drifts'
         )
-        when = (
-            f' of {effect["period"]:.3g} s'
-            if effect['period'] > 0
-            else f' at {effect["time"]:.4g} s'
-            if effect['time'] > 0
-            else ''
-        )
-        found = {
-            'factor': Estimate(f, std, (f - 1.96 * std, f + 1.96 * std)),
-            'time': Estimate(effect['time'], float(t[1] - t[0]) / 2, None),
-            'period': Estimate(effect['period'], None, None),
-        }
         return Finding(
             self.name,
             float(gain),
             effect,
-            found,
+            {
+                k: Estimate(v, std.get(k), (v - 1.96 * std[k], v + 1.96 * std[k])
+                            if k in std else None)
+                for k, v in effect.values.items()
+            },
             view='variance',
-            evidence=f'the variance {shape}{when}, by a factor {max(f, 1 / f):.3g}',
+            evidence=f'the variance {shape}, by a factor {max(f, 1 / f):.3g}',
         )
 
+    def _refined(self, start, t, x, w, cost):
+        """Return (gain, effect, std) of a shape at its likeliest values, from a start."""
+        from ..views import block_variance, followed_by
+
+        names = ['factor', *(k for k in ('time', 'period') if start[k] > 0)]
+        scale = np.array([1.0, t[1] - t[0], start['period'] / len(t)])[:len(names)]
+
+        def at(z):
+            moved = dict(zip(names, [start[k] for k in names] + scale * z))
+            factor = start['factor'] * np.exp(np.clip(z[0], -9, 9))
+            moved['factor'] = np.clip(factor, 1e-3, 1e3)
+            return self.with_values(**{**start.values, **{k: float(v) for k, v in moved.items()}})
+
+        def nll(z):
+            m = followed_by(np.maximum(block_variance(at(z), t), 1e-6), x, w)
+            return 0.5 * float(np.sum(w * np.sum(np.log(m) + x / m - 1, axis=0)))
+
+        best = minimize(nll, np.zeros(len(names)), method='Nelder-Mead',
+                        options={'xatol': 1e-3, 'fatol': 1e-3, 'maxiter': 200,
+                                 'initial_simplex': np.vstack([np.zeros(len(names)),
+                                                               0.3 * np.eye(len(names))])})
+        effect, std = at(best.x), {}
+        for j, name in enumerate(names):        # the curvature along each, the others held
+            h = 0.1 * np.eye(len(names))[j]
+            bend = (nll(best.x + h) - 2 * best.fun + nll(best.x - h)) / 0.01
+            if bend > 0:
+                std[name] = float((effect['factor'] if j == 0 else scale[j]) / np.sqrt(bend))
+        return -best.fun - cost, effect, std
+
     def _shapes(self, t, x):
-        """Return (effect, nats to pay for the search) of each shape at its most likely values."""
+        """Return (effect, nats to pay for the search) of each shape near its likeliest values."""
         n = len(x)
         total = np.cumsum(x)
         i = np.arange(4, n - 4)
@@ -136,15 +150,11 @@ class VarianceChange(Modulation):
             ),
             0.5 * np.log(n) + 1,
         )
-        u = t / t[-1]
-        slope = float(np.polyfit(u, np.log(x), 1)[0])
-        yield (
-            self.with_values(factor=float(np.exp(np.clip(slope, -6, 6))), time=0.0, period=0.0),
-            0.0,
-        )
+        slope, begin = np.polyfit(t / t[-1], x, 1)
+        factor = np.clip((begin + slope) / max(begin, 0.01 * level), 0.01, 100)
+        yield self.with_values(factor=float(factor), time=0.0, period=0.0), 0.0
         y = x / level - 1
-        spectrum = np.fft.rfft(y, 4 * n)
-        power = np.abs(spectrum) ** 2
+        power = np.abs(np.fft.rfft(y, 4 * n)) ** 2
         power[:6] = 0
         k = int(np.argmax(power))
         period = 4 * n / k * width

@@ -32,6 +32,7 @@ class White(Spectrum):
         'setting does not change N, only the variance of a sample.'
     )
     reference = 'IEEE 952 C.1.1'
+    in_every_sensor = True
     decide = 'record again'
     parameters = (
         Parameter('N', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True, title='noise density'),
