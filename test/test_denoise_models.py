@@ -34,7 +34,7 @@ from imu_noise_tools.denoise.motion import (
     Singer,
 )
 from imu_noise_tools.denoise.output_noise import (
-    flicker_terms,
+    gauss_markov_terms,
     GaussMarkov,
     noise_blocks,
     NoiseLevel,
@@ -45,8 +45,9 @@ from imu_noise_tools.denoise.output_noise import (
 )
 from imu_noise_tools.denoise.predict import by_bank, predict
 from imu_noise_tools.denoise.statespace import DOMAIN, state_space
-from imu_noise_tools.effect import Model, registry
+from imu_noise_tools.effect import find_effect, Model, Parameter, registry
 from imu_noise_tools.errors import UsageError
+from imu_noise_tools.noise.kinds import Spectrum
 from imu_noise_tools.units import DEG
 
 WHITE = White({'R': 0.36 * DEG ** 2})
@@ -360,42 +361,62 @@ def test_steps_make_a_bank_of_two_that_finds_them():
     assert abs(bank.rate()[0][0] - 0.3) < 0.002
 
 
-def test_flicker_terms_follow_flicker_within_the_error_they_state():
-    b = 1e-4
-    for per_decade, most in ((1, 0.35), (2, 0.12)):
-        terms, error = flicker_terms(b, 0.1, 1e3, per_decade)
-        f = np.geomspace(3.2e-3, 3.1, 300) / (2 * np.pi) * 1.0
+def noise(*effects):
+    """Return effects of a study of noise from (name, values)."""
+    return [find_effect('noise', name)(values) for name, values in effects]
+
+
+def test_terms_follow_flicker_within_the_error_they_state():
+    flicker, = noise(('flicker', {'B': 1e-4}))
+    for per_decade, most in ((1, 0.08), (2, 0.01)):
+        terms, error = gauss_markov_terms(flicker.psd, 0.001, 0.1, 1e3, per_decade)
+        f = np.geomspace(3.2e-3, 3.1, 300) / (2 * np.pi)
         one_sided = sum(
             2 * 2 * e['sigma'] ** 2 * e['tc'] / (1 + (2 * np.pi * f * e['tc']) ** 2) for e in terms
         )
-        off = np.abs(one_sided / (b ** 2 / (np.pi * f)) - 1)
-        assert off.max() <= error * 1.01 and error < most
+        off = np.abs(one_sided / (1e-4 ** 2 / (np.pi * f)) - 1)
+        assert off.max() <= error * 1.01 + 1e-4 and error < most
 
 
 def test_noise_of_a_study_becomes_blocks_and_notes():
     dt = 0.01
-    model, notes = noise_blocks(
-        {
-            'white': {'N': 1e-3},
-            'flicker': {'B': 1e-4},
-            'random_walk': {'K': 1e-5},
-            'gauss_markov': {'sigma': 1e-3, 'tc': 2.0},
-            'sinusoid': {'amplitude': 1e-2, 'frequency': 20.0},
-            'ramp': {'R': 1e-7},
-            'sinusoid.2': {'amplitude': 1e-2, 'frequency': 70.0},
-        },
-        dt,
-    )
+    model, notes = noise_blocks(noise(
+        ('white', {'N': 1e-3}),
+        ('flicker', {'B': 1e-4}),
+        ('random_walk', {'K': 1e-5}),
+        ('gauss_markov', {'sigma': 1e-3, 'tc': 2.0}),
+        ('rts', {'step': 4e-3, 'tau': 6.0}),
+        ('sinusoid', {'amplitude': 1e-2, 'frequency': 20.0}),
+        ('ramp', {'R': 1e-7}),
+        ('quantization', {'Q': 1e-6}),
+        ('sinusoid', {'amplitude': 1e-2, 'frequency': 70.0}),
+    ), dt)
     assert model['white']['R'] == pytest.approx(1e-6 / dt)
-    assert len(model.of(GaussMarkov)) == 6 and 'sinusoid' in model and 'random_walk' in model
+    assert model['random_walk']['K'] == pytest.approx(1e-5)
+    terms = [(e['sigma'], e['tc']) for e in model.of(GaussMarkov)]
+    assert len(terms) == 7 and 'sinusoid' in model
+    # popcorn noise has the spectrum of half its step, for half its dwell
+    assert terms[-2:] == [pytest.approx((1e-3, 2.0)), pytest.approx((2e-3, 3.0))]
     assert any('flicker' in n and '%' in n for n in notes)
-    assert any('ramp' in n for n in notes) and any('sinusoid.2' in n for n in notes)
+    assert [n.split()[0] for n in notes] == ['flicker', 'ramp', 'quantization', 'sinusoid']
     assert (
         kalman.steady_state(state_space(ConstantRate() + ArIncrement.example() + model, dt))
         is not None
     )
-    none, notes = noise_blocks({'white': {'N': 1e-3}, 'random_walk': {'K': None}}, dt)
-    assert none.labels == ['white'] and 'not observable' in notes[0]
+
+
+def test_an_effect_of_ones_own_is_a_block_by_what_it_can_say():
+    """No list of names decides: a state space will do."""
+    class Slow(Spectrum):
+        parameters = (Parameter('s', '{rate}', 1e-9, 1.0),)
+
+        def state_space(self, dt):
+            return np.array([[0.5]]), np.array([[self['s'] ** 2]]), np.array([[2.0]])
+
+    model, notes = noise_blocks([Slow({'s': 1e-3}), *noise(('white', {'N': 1e-3}))], 0.01)
+    assert not notes and model.labels == ['gauss_markov', 'white']
+    assert model['gauss_markov']['sigma'] ** 2 == pytest.approx(4e-6 / 0.75)
+    assert model['gauss_markov']['tc'] == pytest.approx(0.01 / np.log(2))
 
 
 def test_random_walk_wanders_as_it_should_for_minutes():

@@ -21,17 +21,20 @@ And what an analysed study says of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable
 
 import numpy as np
+from scipy.optimize import nnls
 
 from .motion import oscillator
 from .statespace import Block, nothing, OutputNoise
 from .. import ar1
-from ..effect import Model, Parameter
+from ..effect import Effect, Model, Parameter
+from ..noise.kinds import Line, Spectrum
 from ..units import DEG
 
 STEADY = 1e3            # s that a line keeps its phase where nobody says how long
+SMALLEST = 1e-8         # rad/s: the least a Gauss-Markov term may be
 LONGEST = 3600.0        # s: a slower wander of the bias cannot be told from rotation
 
 
@@ -243,65 +246,88 @@ class Outliers(OutputNoise):
         return nothing(outliers=(self['fraction'], self['factor']))
 
 
-def flicker_terms(
-    b: float, shortest: float, longest: float, per_decade: int = 1
+def gauss_markov_terms(
+    psd: Callable[[np.ndarray, float], np.ndarray], dt: float, shortest: float, longest: float,
+    per_decade: int = 1
 ) -> tuple[Model, float]:
     """
-    Return Gauss-Markov terms that stand for flicker noise, and how far off they are.
+    Return Gauss-Markov terms that stand for noise of some density, and how far off they are.
 
-    Flicker, B^2/(2 pi f) two-sided, has no finite state space. Terms of equal variance B^2
-    ln(ratio)/pi whose tc stand in a fixed ratio from ``shortest`` to ``longest`` (s) have its
-    slope between 1/(2 pi tc) of the two; the error is the largest relative one of the density over
-    that band, less its outermost half decade at either end.
+    Flicker noise, for one, has no finite state space. The tc of the terms stand in a fixed ratio
+    from ``shortest`` to ``longest`` (s), their variances are those of least squared relative
+    error (non-negative) between 1/(2 pi tc) of the two, less the outermost half decade at either
+    end; the error is the largest relative one there.
 
     """
     count = max(2, int(round(np.log10(longest / shortest) * per_decade)) + 1)
     tc = np.geomspace(shortest, longest, count)
-    sigma = b * np.sqrt(np.log(tc[1] / tc[0]) / np.pi)
     f = np.geomspace(10 ** 0.5 / longest, 10 ** -0.5 / shortest, 200) / (2 * np.pi)
-    density = sum(2 * sigma ** 2 * c / (1 + (2 * np.pi * f * c) ** 2) for c in tc)
-    error = float(np.max(np.abs(density * 2 * np.pi * f / b ** 2 - 1)))
-    return Model(GaussMarkov({'sigma': sigma, 'tc': c}) for c in tc), error
+    shares = np.array([ar1.psd(f, 1.0, c, dt) for c in tc]).T / psd(f, dt)[:, None]
+    scale = shares.max(axis=0)
+    variance = nnls(shares / scale, np.ones(len(f)))[0] / scale
+    error = float(np.max(np.abs(shares @ variance - 1)))
+    return Model(GaussMarkov({'sigma': max(float(np.sqrt(v)), SMALLEST), 'tc': float(c)})
+                 for v, c in zip(variance, tc)), error
 
 
-def noise_blocks(
-    values: Mapping[str, Mapping[str, float]], dt: float
-) -> tuple[Model, tuple[str, ...]]:
+def noise_blocks(effects: Iterable[Effect], dt: float) -> tuple[Model, tuple[str, ...]]:
     """
-    Return the noise part of a filter from a study; and notes on what it leaves out.
+    Return the noise part of a filter from the effects of an analysed study.
+
+    By what each effect can say of itself, whatever its name: its state space, its density where
+    that is not finite, the frequency of a line. Second come notes on what is left out, and on what
+    is not exact.
 
     Parameters
     ----------
-    values : mapping of label to mapping of parameter to value
-        As in study.yaml, plain numbers in SI: ``{'white': {'N': ...}, 'flicker': {'B': ...},
-        'random_walk': {'K': ...}, 'gauss_markov': {'sigma': ..., 'tc': ...}, 'sinusoid':
-        {'amplitude': ..., 'frequency': ...}}``.
+    effects : iterable of Effect
+        Of the domain ``noise``, with values.
     dt : float
-        Sample interval, s: R = N^2/dt.
+        Sample interval, s.
 
     """
     model, notes = Model(), []
-    for label, v in values.items():
-        name = label.partition('.')[0]
-        if any(x is None for x in v.values()):
-            notes.append(f'{label} left out: not observable')
-        elif name == 'white':
-            model = model + White({'R': v['N'] ** 2 / dt})
-        elif name == 'flicker':
-            terms, error = flicker_terms(v['B'], 1.0, LONGEST)
-            model = model + terms
-            notes.append(
-                f'flicker stands as {len(terms)} Gauss-Markov terms from 1 s to {LONGEST:.0f} s, '
-                f'density within {100 * error:.0f} %'
-            )
-        elif name == 'random_walk':
-            model = model + RandomWalk({'K': v['K']})
-        elif name == 'gauss_markov':
-            model = model + GaussMarkov({'sigma': v['sigma'], 'tc': v['tc']})
-        elif name == 'sinusoid' and 3.0 <= v['frequency'] < 0.5 / dt:
-            model = model + Sinusoid(
-                {'amplitude': v['amplitude'], 'frequency': v['frequency'], 'tc': STEADY}
-            )
+    for e in effects:
+        if isinstance(e, Line):
+            parts, note = _line(e, dt)
+        elif isinstance(e, Spectrum):
+            parts, note = _spectrum(e, dt)
         else:
-            notes.append(f'{label} left out: it has no state space in the filter')
+            parts, note = Model(), 'left out: it has no state space in the filter'
+        for part in parts:
+            if part.name == 'white' and 'white' in model:
+                model = model.with_effect(White({'R': model['white']['R'] + part['R']}))
+            else:
+                model = model + type(part)(dict(part.values))
+        notes += [f'{e.label} {note}'] if note else []
     return model, tuple(notes)
+
+
+def _line(e: Effect, dt: float) -> tuple[Model, str]:
+    if 3.0 <= e['frequency'] < 0.5 / dt:
+        return Model([Sinusoid({'amplitude': e['amplitude'], 'frequency': e['frequency'],
+                                'tc': STEADY})]), ''
+    return Model(), 'left out: below 3 Hz an oscillation is taken for motion'
+
+
+def _spectrum(e: Spectrum, dt: float) -> tuple[Model, str]:
+    """Return the blocks of x_k = phi x_{k-1} + w, seen by h; of more states there is none."""
+    space = e.state_space(dt)
+    if space is None:
+        terms, error = gauss_markov_terms(e.psd, dt, 1.0, LONGEST)
+        if error > 0.5:
+            return Model(), 'left out: it has no state space'
+        return terms, (f'stands as {len(terms)} Gauss-Markov terms from 1 s to {LONGEST:.0f} s, '
+                       f'density within {100 * error:.0f} %')
+    phi, q, h = (np.asarray(a, float) for a in space)
+    if phi.shape != (1, 1):
+        return Model(), f'left out: its state space has {len(phi)} states'
+    phi, variance = float(phi[0, 0]), float(h[0, 0] ** 2 * q[0, 0])
+    if phi == 0:
+        return Model([White({'R': variance})]), ''
+    if phi == 1:
+        return Model([RandomWalk({'K': float(np.sqrt(variance / dt))})]), ''
+    if phi < 0:
+        return Model(), 'left out: it alternates'
+    sigma = np.sqrt(variance / -np.expm1(2 * np.log(phi)))
+    return Model([GaussMarkov({'sigma': float(sigma), 'tc': float(-dt / np.log(phi))})]), ''

@@ -34,7 +34,7 @@ from ..denoise.output_noise import noise_blocks
 from ..denoise.problem import problem_of, START
 from ..denoise.recorded import filter_record, Filtered
 from ..denoise.statespace import DOMAIN
-from ..effect import find_effect, Model, model_of
+from ..effect import Effect, find_effect, Model, model_of, registry
 from ..errors import InputError, UsageError
 from ..record import ImuRecord
 from ..study import Study
@@ -298,10 +298,9 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     for axis, entry in entries.items():
         if data['domain'] == 'noise':
             rate = data['source'].get('rate_hz')
-            model, more = noise_blocks(
-                {k: _values(e) for k, e in entry['effects'].items()}, dt or 1 / rate
-            )
-            notes += [f'{axis}: {m}' for m in more]
+            effects, unseen = _noise_effects(entry['effects'])
+            model, more = noise_blocks(effects, dt or 1 / rate)
+            notes += [f'{axis}: {m}' for m in (*unseen, *more)]
         else:
             model = Model(
                 find_effect(DOMAIN, e['effect'])(_points(e), label)
@@ -327,9 +326,18 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     return motion, noises, stated, notes
 
 
-def _values(entry) -> dict:
-    """Return the values of an effect in study.yaml, None where it is not observable."""
-    return {k: e.get('value') for k, e in entry.items() if isinstance(e, dict)}
+def _noise_effects(entries) -> tuple[list[Effect], list[str]]:
+    """Return the effects of an axis in study.yaml that have values; notes on the others."""
+    found, notes = [], []
+    for label, entry in entries.items():
+        values = {k: e.get('value') for k, e in entry.items() if isinstance(e, dict)}
+        if entry['effect'] not in registry('noise'):
+            notes.append(f'{label} left out: unknown here')
+        elif None in values.values():
+            notes.append(f'{label} left out: not observable')
+        else:
+            found.append(find_effect('noise', entry['effect'])(values, label))
+    return found, notes
 
 
 def _points(entry) -> dict:
