@@ -123,6 +123,11 @@ class NodeProcess:
         return self._log.read_text(errors='replace')
 
     @property
+    def lines(self) -> list[str]:
+        """What it printed line by line, but for what the middleware has to say."""
+        return [x for x in self.text.splitlines() if x.strip() and '[RTPS' not in x]
+
+    @property
     def memory(self) -> float:
         """Memory now in use, MB."""
         status = Path(f'/proc/{self._child.pid}/status').read_text()

@@ -346,7 +346,7 @@ def test_a_bag_that_cannot_be_read_ends_with_one_line(ros, shared_data):
              ({'bag': str(bags / 'mpu6050_static_449s'), 'speed': -1.0}, 'speed')]
     for process, (_, why) in [(ros.start('bag_reader', ns, **p), (p, w)) for p, w in cases]:
         assert process.end() == 1
-        lines = [line for line in process.text.splitlines() if line.strip()]
+        lines = process.lines
         assert len(lines) == 1 and lines[0].startswith('error: ') and why in lines[0], process.text
 
 

@@ -77,7 +77,7 @@ def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table):
     started_ = [(ros.start(node, ns, **given), why) for node, given, why in cases]
     for process, why in started_:
         assert process.end() == 1, process.text
-        lines = [x for x in process.text.splitlines() if x.strip()]
+        lines = process.lines
         assert len(lines) == 1 and lines[0].startswith('error: ') and why in lines[0], lines
 
 
