@@ -35,8 +35,8 @@ REST = 1 << 21          # samples after which memory rests
 class Columns:
     """Arrays that grow while a bag is read, each column in one piece."""
 
-    def __init__(self, memory: Memory, **widths: int):
-        self.n, self.room, self.memory = 0, 1024, memory
+    def __init__(self, memory: Memory, room: int, **widths: int):
+        self.n, self.room, self.memory = 0, max(room, 1024), memory
         self._arrays = {name: self._new(w) for name, w in widths.items()}
 
     def _new(self, width: int) -> np.ndarray:
@@ -88,16 +88,16 @@ class Part(NamedTuple):
 class Reader:
     """Gathers the messages of one topic."""
 
-    def __init__(self, topic: str, type: str, memory: Memory):
+    def __init__(self, topic: str, type: str, memory: Memory, room: int = 0):
         self.topic, self.type = topic, type
         self.frame_id = ''
         self.unreadable = 0
         self.absent = [True, True]
         if type == IMU:
-            self.columns = Columns(memory, stamp=0, receive=0, gyro=3, accel=3)
+            self.columns = Columns(memory, room, stamp=0, receive=0, gyro=3, accel=3)
         else:
             width = {VECTOR: 3}.get(type) or len(COVARIATES[type])
-            self.columns = Columns(memory, stamp=0, receive=0, values=width)
+            self.columns = Columns(memory, room, stamp=0, receive=0, values=width)
 
     def add(self, batch) -> None:
         """Decode a batch and keep what is needed of it."""
@@ -119,7 +119,9 @@ def _read(
     bag: Bag, wanted: dict[str, str], memory: Memory, progress: Progress = None
 ) -> dict[str, Reader]:
     """Read topics of given types in one pass."""
-    readers = {topic: Reader(topic, type, memory) for topic, type in wanted.items()}
+    readers = {
+        topic: Reader(topic, type, memory, bag.expected(topic)) for topic, type in wanted.items()
+    }
     for batch in bag.batches(readers, set(wanted.values()), progress):
         reader = readers[batch.connection.topic]
         if batch.connection.type == reader.type:
@@ -170,6 +172,7 @@ def record_of(
         _resample(readers[info.name], stamp, base.receive, covariates, said, memory)
     t = _seconds(stamp, stamp[0], memory)
     receive_t = _seconds(base.receive, stamp[0], memory)
+    memory.rest()
     if rate_hz is not None:
         t[:] = np.arange(len(t)) / rate_hz
     rate = rate_hz or regular_rate(t)
@@ -217,6 +220,7 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
             'record again' if not bag.warnings else bag.warnings[0],
         )
     arrays = reader.columns.take()
+    reader.columns.memory.rest()
     stamp, receive = arrays['stamp'], arrays['receive']
     if not stamp.any():
         said.append(f'{reader.topic}: all stamps are zero; the times of receiving were used')

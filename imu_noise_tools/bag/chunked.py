@@ -86,6 +86,10 @@ class ChunkedFile:
         """
         return self.messages, self.span
 
+    def expected(self, id: int) -> int:
+        """Return how many messages of a topic the file says that it has."""
+        return self.messages.get(id, 0)
+
     def close(self) -> None:
         """Close the file."""
         self.file.close()

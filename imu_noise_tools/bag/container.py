@@ -29,7 +29,7 @@ import bz2
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 import os
-from typing import NamedTuple, Protocol
+from typing import BinaryIO, NamedTuple, Protocol
 
 import lz4.frame
 import numpy as np
@@ -85,6 +85,8 @@ class Batch(NamedTuple):
 class BagFile(Protocol):
     """One file of a bag, open for reading."""
 
+    file: BinaryIO
+
     @property
     def connections(self) -> list[Connection]:
         """Topics."""
@@ -100,6 +102,9 @@ class BagFile(Protocol):
         Without messages the times are 0.
 
         """
+
+    def expected(self, id: int) -> int:
+        """Return about how many messages of a topic there are, at no cost; 0: not known."""
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these connections, by id, in the order of the file."""

@@ -28,11 +28,21 @@ import yaml
 import zstandard
 
 from . import mcap, rosbag1, sqlite
-from .container import AT_LEAST, BagFile, Batch, Connection, Damaged, EXPANSION, Progress
+from .container import (
+    AT_LEAST,
+    BagFile,
+    Batch,
+    Connection,
+    Damaged,
+    EXPANSION,
+    Progress,
+    size_of,
+)
 from ..errors import InputError
 from ..files import scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
+LEAST_BYTES = 8     # a message takes no less, however well it is compressed
 NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
 
 
@@ -207,6 +217,20 @@ class Bag:
                 total[c.topic, c.type] += count.get(c.id, 0)
         return total, (
             (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
+        )
+
+    def expected(self, topic: str) -> int:
+        """
+        Return about how many messages of a topic there are, at no cost; 0: not known.
+
+        It is what the files say, as far as their size allows it.
+
+        """
+        return sum(
+            max(0, min(f.expected(c.id), size_of(f.file) // LEAST_BYTES))
+            for f in self.files
+            for c in f.connections
+            if c.topic == topic
         )
 
     def batches(

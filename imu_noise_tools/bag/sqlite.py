@@ -124,6 +124,13 @@ class SqliteFile:
             )
         ]
 
+    def expected(self, id: int) -> int:
+        """Return the most messages there can be: the rows are numbered."""
+        try:
+            return int(self.database.execute('SELECT max(rowid) FROM messages').fetchone()[0] or 0)
+        except (sqlite3.DatabaseError, ValueError, TypeError):
+            return 0
+
     def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
         """
         Return the number of messages by topic, and the first and last time (ns).
