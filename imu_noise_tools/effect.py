@@ -330,7 +330,7 @@ def load_effects(path) -> list[str]:
         spec.loader.exec_module(module)
     except UsageError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f'{path}: {type(error).__name__}: {error}', 'mend the file') from error
     new = [n for d, known in _REGISTRY.items() for n in known if (d, n) not in before]
     again = [

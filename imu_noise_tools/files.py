@@ -38,6 +38,8 @@ from .errors import InputError
 # replaced.
 MARKERS = ('study.yaml', 'metadata.yaml', 'calibration.yaml')
 
+DEEPEST = 50        # levels of YAML; a study has ten
+
 _REMEDY = {
     errno.ENOSPC: 'free some disk space',
     errno.EDQUOT: 'free some disk space',
@@ -94,6 +96,8 @@ def atomic_path(path) -> Iterator[Path]:
     """
     Give a temporary path to write a file to, which becomes ``path`` when the block ends well.
 
+    Missing parents are made.
+
     Raises
     ------
     InputError
@@ -104,6 +108,7 @@ def atomic_path(path) -> Iterator[Path]:
         target = Path(os.path.realpath(path))
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        made = _make_parents(target.parent)
         _sweep(target)
         temporary = _sibling(target)
     try:
@@ -112,6 +117,7 @@ def atomic_path(path) -> Iterator[Path]:
             os.replace(temporary, target)
     except BaseException:
         temporary.unlink(missing_ok=True)
+        _remove(made)
         raise
 
 
@@ -167,12 +173,37 @@ def new_folder(path, force: bool = False) -> Iterator[Path]:
             _swap(temporary, target)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
-        for parent in reversed(made):
-            try:
-                parent.rmdir()
-            except OSError:
-                break
+        _remove(made)
         raise
+
+
+def plain_yaml(text: str, most_aliases: int = 0):
+    """
+    Return the plain data of a YAML text: no objects, and no more levels than make sense.
+
+    Aliases can unfold into something huge, and deep levels end the process in the C parser.
+
+    Raises
+    ------
+    ValueError
+        It is not such a text.
+
+    """
+    import yaml
+
+    loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+    depth = aliases = 0
+    try:
+        for event in yaml.parse(text, Loader=loader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            aliases += isinstance(event, yaml.AliasEvent)
+            if depth > DEEPEST or aliases > most_aliases:
+                what = 'aliases' if aliases > most_aliases else 'levels'
+                raise ValueError(f'not readable as YAML (too many {what})')
+        return yaml.load(text, Loader=loader)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f'not readable as YAML ({str(error).splitlines()[0]})') from None
 
 
 def scratch_folder() -> Path:
@@ -323,6 +354,15 @@ def _make_parents(folder: Path) -> list[Path]:
         one.mkdir(exist_ok=True)
         made.append(one)
     return made
+
+
+def _remove(made: list[Path]) -> None:
+    """Remove parents again that were made, as far as they are empty."""
+    for parent in reversed(made):
+        try:
+            parent.rmdir()
+        except OSError:
+            break
 
 
 def _swap(temporary: Path, target: Path) -> None:

@@ -77,14 +77,14 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
     """
     n, dt, seed = _size(spec)
     t = np.arange(n) * dt
-    covariates = _covariates(spec.get('covariates') or {}, t, seed)
-    targets = spec.get('targets') or {}
-    if not isinstance(targets, Mapping) or not targets:
+    covariates = _covariates(_mapping(spec, 'covariates'), t, seed)
+    targets = _mapping(spec, 'targets')
+    if not targets:
         raise InputError(
             'targets: no axis in the specification', 'e.g. targets: {gyro_x: {white: {N: 8.7e-5}}}'
         )
     data = {a: _still(a, n) for a in _axes(targets)}
-    _move(spec.get('motion') or {}, data, t)
+    _move(_mapping(spec, 'motion'), data, t)
     # the accelerometer first: it may leak into the gyroscope
     for axis in sorted(
         targets, key=lambda a: AXES.index(a) if a.startswith('accel') else 10 + AXES.index(a)
@@ -116,7 +116,7 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
         'rate_hz': 1 / dt,
         'duration_s': n * dt,
         'seed': seed,
-        'targets': {a: dict(v) for a, v in targets.items()},
+        'targets': {a: dict(v or {}) for a, v in targets.items()},
         'covariates': spec.get('covariates') or {},
         'motion': spec.get('motion') or {},
     }
@@ -158,10 +158,29 @@ def _size(spec):
     return int(round(rate * duration)), 1 / rate, seed
 
 
+def _mapping(spec, name):
+    found = spec.get(name) or {}
+    if not isinstance(found, Mapping):
+        raise InputError(f'{name}: is no mapping', 'see imu_noise simulate --help for an example')
+    return found
+
+
+def _numbers(values, where):
+    """Return a mapping of finite floats; raise InputError for anything else."""
+    try:
+        found = {k: float(x) for k, x in (values or {}).items()}
+    except (TypeError, ValueError, AttributeError):
+        found = {'': np.nan}
+    if not np.all(np.isfinite(list(found.values()))):
+        raise InputError(f'{where}: its values must be numbers', 'e.g. period_s: 600')
+    return found
+
+
 def _axes(targets):
     for a in targets:
         if a not in AXES:
             raise InputError(f'targets.{a}: no such axis', f'axes are {", ".join(AXES)}')
+        _mapping(targets, a)
     sensors = {sensor_of(a) for a in targets}
     return [a for a in AXES if sensor_of(a) in sensors]
 
@@ -172,6 +191,8 @@ def _still(axis, n):
 
 def _model(axis, entries):
     entries = dict(entries or {})
+    if not entries:
+        raise InputError(f'targets.{axis}: no effect', 'e.g. white: {N: 8.7e-5}')
     try:
         bias = float(entries.pop('bias', 0.0))
         model = Model(
@@ -215,13 +236,19 @@ def _covariates(spec, t, seed):
             'settle_s': 600.0,
             'noise': 0.01,
         }
-        unknown = set(values or {}) - set(v)
+        values = _numbers(values, 'covariates.temperature')
+        unknown = set(values) - set(v)
         if unknown:
             raise InputError(
-                f'covariates.temperature: {", ".join(sorted(unknown))} unknown',
+                f'covariates.temperature: {", ".join(sorted(map(str, unknown)))} unknown',
                 f'known are {", ".join(v)}',
             )
-        v.update({k: float(x) for k, x in (values or {}).items()})
+        v.update(values)
+        if not (v['period_s'] > 0 and v['settle_s'] > 0):
+            raise InputError(
+                'covariates.temperature: period_s and settle_s must be above zero',
+                'e.g. period_s: 3600',
+            )
         rng = np.random.default_rng([seed, zlib.crc32(b'temperature')])
         out[name] = (
             v['base']
@@ -236,17 +263,21 @@ def _move(spec, data, t):
     for kind, v in spec.items():
         if kind not in MOTIONS:
             raise InputError(f'motion.{kind}: unknown', f'known are {", ".join(MOTIONS)}')
+        v = dict(_mapping(spec, kind))
+        axis = v.pop('axis', 'no axis')
+        v = _numbers(v, f'motion.{kind}')
         try:
             if kind == 'rocking':
-                w = 2 * np.pi / float(v['period_s'])
-                data[f'gyro_{v["axis"]}'] += float(v['amplitude_deg']) * DEG * w * np.cos(w * t)
+                if not v['period_s'] > 0:
+                    raise InputError('motion.rocking: period_s must be above zero', 'e.g. 10')
+                w = 2 * np.pi / v['period_s']
+                data[f'gyro_{axis}'] += v['amplitude_deg'] * DEG * w * np.cos(w * t)
             elif kind == 'constant_rate':
-                data[f'gyro_{v["axis"]}'] += float(v['deg_s']) * DEG
+                data[f'gyro_{axis}'] += v['deg_s'] * DEG
             else:
-                data[f'accel_{v["axis"]}'] += float(v['amplitude']) * np.sin(
-                    2 * np.pi * float(v['frequency']) * t
-                )
-        except (KeyError, TypeError, ValueError) as error:
+                wave = np.sin(2 * np.pi * v['frequency'] * t)
+                data[f'accel_{axis}'] += v['amplitude'] * wave
+        except KeyError as error:
             raise InputError(
                 f'motion.{kind}: {error.args[0]} is missing or unknown',
                 'see imu_noise simulate --help',

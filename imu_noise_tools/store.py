@@ -38,14 +38,33 @@ import yaml
 from . import units
 from .effect import Estimate, find_effect, Finding, Model
 from .errors import ImuNoiseError, InputError
+from .files import plain_yaml
 from .study import assess, Diagnosis, Step, Study
 
 FORMAT = 'imu_noise_study/1'
+EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
 # Where the problems of a domain are made from the arrays of evidence.npz, and back.
 _PROBLEMS = {
     'noise': 'imu_noise_tools.noise.problem',
     'calibration': 'imu_noise_tools.calibration.problem',
     'filter': 'imu_noise_tools.denoise.problem',
+}
+_NUMBER = (int, float, type(None))
+_ESTIMATE = {'value': _NUMBER, 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
+_SHAPE = {
+    'source!': {},
+    'targets!': {str: {'effects!': {str: {'effect!': str, str: _ESTIMATE}}}},
+    'history!': [
+        {'target!': str, 'effects!': [str], 'held_out!': _NUMBER, 'held_out_std!': _NUMBER}
+    ],
+    'diagnosis!': {
+        str: {
+            'verdict!': str,
+            'ranked!': [{'effect!': str, 'gain!': _NUMBER, 'parameters!': {str: _ESTIMATE}}],
+            'failed!': [{'test!': str, 'p_value!': _NUMBER, 'evidence!': str}],
+            'advice!': str,
+        }
+    },
 }
 
 
@@ -105,24 +124,22 @@ def load_yaml(path):
         if path.stat().st_size > 64 << 20:
             raise InputError(f'{path}: larger than 64 MB', 'this is no study')
         text = path.read_text(encoding='utf-8')
-        for event in yaml.parse(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):
-            if isinstance(event, yaml.AliasEvent):
-                raise InputError(f'{path}: holds YAML aliases', 'this is no study')
-        return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+        return plain_yaml(text)
     except OSError as error:
         raise InputError(
             f'{path}: {error.strerror or error}', 'name a folder that analyse wrote'
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except UnicodeDecodeError:
         raise InputError(
-            f'{path}: not readable as YAML ({str(error).splitlines()[0]})',
-            'analyse again with --force',
+            f'{path}: not readable as YAML (no text)', 'analyse the bag again with --force'
         ) from None
+    except ValueError as error:
+        raise InputError(f'{path}: {error}', 'analyse the bag again with --force') from None
 
 
 def parse_yaml(text: str):
     """Return the plain data of a short YAML text (the answer of a service)."""
-    return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+    return plain_yaml(text)
 
 
 def study_to_dict(study: Study) -> dict:
@@ -318,7 +335,39 @@ def read(folder) -> dict:
         raise InputError(
             f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force'
         )
+    wrong = _misshapen(data, _SHAPE)
+    if wrong:
+        raise InputError(
+            f'{path}: the study is damaged at {wrong}', 'analyse the bag again with --force'
+        )
     return data
+
+
+def _misshapen(data, shape, where: str = '') -> str:
+    """
+    Return where plain data is not of a shape, or nothing.
+
+    A shape is a list of one shape, types, or a mapping of names to shapes: with ! they must be
+    there, ``str`` stands for any other name.
+
+    """
+    if isinstance(shape, list):
+        if not isinstance(data, list):
+            return where
+        inside = [(f'{where}[{k}]', value, shape[0]) for k, value in enumerate(data)]
+    elif isinstance(shape, dict):
+        if not isinstance(data, dict):
+            return where
+        known = {k.rstrip('!'): v for k, v in shape.items() if isinstance(k, str)}
+        missing = [k[:-1] for k in shape if str(k).endswith('!') and k[:-1] not in data]
+        strange = [k for k in data if not isinstance(k, str)]
+        if missing or strange:
+            return f'{where}/{(missing + strange)[0]}'
+        inside = [(f'{where}/{k}', v, known.get(k, shape.get(str))) for k, v in data.items()]
+        inside = [i for i in inside if i[2] is not None]
+    else:
+        return '' if isinstance(data, shape) else where
+    return next((found for i, v, s in inside if (found := _misshapen(v, s, i))), '')
 
 
 def load(folder) -> Study:
@@ -374,10 +423,13 @@ def load_arrays(path) -> dict[str, np.ndarray]:
     Raise InputError where it is damaged or bloated.
 
     """
+    path = Path(path)
     try:
+        if not path.is_file():
+            raise InputError(f'{path}: no such file', 'analyse the bag again with --force')
         with zipfile.ZipFile(path) as archive:
             size = sum(i.file_size for i in archive.infolist())
-            if size > 2 << 30:
+            if size > max(AT_LEAST, EXPANSION * path.stat().st_size):
                 raise InputError(
                     f'{path}: would unpack to {size / 1e9:.0f} GB',
                     'this is no evidence of a study',

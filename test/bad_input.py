@@ -433,6 +433,14 @@ def yaml_bomb(path):
 
 
 @case('warned', 'metadata')
+def deep_metadata(path):
+    """Nest metadata deeper than a stack is."""
+    path = write_bag(path, still())
+    (path / 'metadata.yaml').write_text('[' * 50_000 + ']' * 50_000)
+    return path
+
+
+@case('warned', 'metadata')
 def yaml_object(path):
     """Make metadata that asks for a Python object; made, it leaves a file ``<path>.ran``."""
     write_bag(path, still())

@@ -24,7 +24,6 @@ import shutil
 import stat
 
 import numpy as np
-import yaml
 import zstandard
 
 from . import mcap, rosbag1, sqlite
@@ -39,9 +38,10 @@ from .container import (
     size_of,
 )
 from ..errors import InputError
-from ..files import scratch_folder
+from ..files import plain_yaml, scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
+MOST_ALIASES = 1000  # of a metadata.yaml: some writers give times of files so
 LEAST_BYTES = 8     # a message takes no less, however well it is compressed
 NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
 
@@ -115,7 +115,9 @@ class Bag:
         about = self.metadata()
         names = about.get('relative_file_paths')
         listed = (
-            [self.path / PurePath(str(n)).name for n in names] if isinstance(names, list) else []
+            [self.path / PurePath(n).name for n in names if isinstance(n, str)]
+            if isinstance(names, list)
+            else []
         )
         parts = [p for p in listed if p.exists()]
         missing = [p.name for p in listed if not p.exists()]
@@ -139,11 +141,8 @@ class Bag:
         try:
             if not path.is_file() or path.stat().st_size > 1 << 22:
                 return {}
-            text = path.read_text(errors='replace')
-            if _too_many_aliases(text):
-                return {}
-            found = yaml.load(text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
-        except (OSError, yaml.YAMLError, RecursionError, ValueError):
+            found = plain_yaml(path.read_text(errors='replace'), MOST_ALIASES)
+        except (OSError, ValueError):
             return {}
         about = found.get('rosbag2_bagfile_information') if isinstance(found, dict) else None
         return about if isinstance(about, dict) else {}
@@ -284,11 +283,6 @@ def _unpacked(batch: Batch) -> Batch:
         begin=length.cumsum() - length,
         length=length,
     )
-
-
-def _too_many_aliases(text: str) -> bool:
-    """Tell whether a YAML text could unfold into something huge: metadata has no aliases."""
-    return text.count('*') > 100 and text.count('&') > 3
 
 
 def _kind_of_name(path: Path) -> bool:

@@ -22,6 +22,7 @@ And what an analysed study states of the noise.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -151,6 +152,7 @@ def denoise(
     folder = Path(f'{str(out).rstrip("/")}.study')
     design(motion, noise, alpha, values)  # wrong usage is said before anything is read
     made: dict = {}
+    together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
         made.update(
@@ -165,6 +167,10 @@ def denoise(
                 None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what),
             )
         )
+        if made['study'] is not None:
+            new = together.enter_context(files.new_folder(folder, force=force))
+            for name, data in outputs(made['study'], folder).items():
+                files.atomic_write(Path(new) / name, data)
         return made['changed']
 
     share = (
@@ -179,14 +185,11 @@ def denoise(
         raise InputError(
             f'{folder}: is there already', 'use --force to replace it, or another name'
         )
-    written = copy_bag(
-        bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
-    )
+    with together:
+        written = copy_bag(
+            bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
+        )
     study = made['study']
-    if study is not None:
-        with files.new_folder(folder, force=force) as new:
-            for name, data in outputs(study, folder).items():
-                files.atomic_write(Path(new) / name, data)
     return Done(
         written,
         None if study is None else folder,

@@ -36,6 +36,7 @@ def simulate(spec, out, force: bool = False) -> dict:
         spec = store.load_yaml(spec)
     record, truth = simulate_record(spec)
     out = Path(out)
-    write_bag(out, record, force=force)
-    files.atomic_write(out.parent / 'truth.yaml', store.dump_yaml(truth))
+    with files.atomic_path(out.parent / 'truth.yaml') as temporary:
+        temporary.write_text(store.dump_yaml(truth))
+        write_bag(out, record, force=force)
     return truth
