@@ -232,6 +232,18 @@ def reference_rate(quaternions, rate):
     return total / weight, ok
 
 
+def attitude(rates, rate):
+    """Return the attitude (n, 4) [w x y z] that rates (n, 3), rad/s, turn to; trapezoids."""
+    steps = 0.5 * (rates[1:] + rates[:-1])
+    out = np.empty((len(rates), 4))
+    out[0] = a, b, c, d = 1.0, 0.0, 0.0, 0.0
+    for k, (x, y, z, w) in enumerate(Rotation.from_rotvec(steps / rate).as_quat(), 1):
+        a, b, c, d = (a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
+                      a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w)
+        out[k] = a, b, c, d
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
 def aligned(gyro, reference, ok, rate):
     """
     Return the reference in the gyroscope's frame and time.
@@ -319,6 +331,10 @@ def real_motion():
         '"from recorded": rms in motion from the rates as recorded, whose own noise is small: what'
         ' filtering costs and gains'
     )
+    print(
+        '"by own attitude": the same, but the recorded rates are first integrated and then'
+        ' differentiated as the optical attitude is: what its smoothing does to such a comparison'
+    )
     if not folder.is_dir():
         print(f'  no recordings at {folder}')
         return
@@ -328,10 +344,12 @@ def real_motion():
             gyro, rate = data['gyro'].astype(float), float(data['rate_hz'])
             quaternions, moving = data['opt_quat'].astype(float), data['movement'].astype(bool)
         _, shift, truth, good = aligned(gyro, *reference_rate(quaternions, rate), rate)
+        own, ok = reference_rate(attitude(gyro, rate), rate)
+        ok &= moving
         print(f'  {path.stem}: {rate:.1f} Hz, reference shifted by {1e3 * shift / rate:.2f} ms')
         print(
             f'    {"":26s} {"delay":>8s} {"rms, deg/s":>12s} {"in motion":>10s} {"at rest":>9s}'
-            f' {"attitude, 5 s":>14s} {"from recorded":>14s}'
+            f' {"attitude, 5 s":>14s} {"from recorded":>14s} {"by own attitude":>16s}'
         )
         for added in (0.0, SIGMA):
             z = gyro + added * DEG * rng.standard_normal(gyro.shape)
@@ -358,7 +376,8 @@ def real_motion():
                     f' {rms(e[good & moving].ravel()):10.4f}'
                     f' {rms((e - e[good & ~moving].mean(axis=0))[good & ~moving].ravel()):9.4f}'
                     f' {attitude_error(y, truth, good & moving, rate):10.3f} deg'
-                    f' {rms((y - gyro)[moving].ravel()) / DEG:14.4f}',
+                    f' {rms((y - gyro)[moving].ravel()) / DEG:14.4f}'
+                    f' {rms((y - own)[ok].ravel()) / DEG:16.4f}',
                     flush=True,
                 )
 
