@@ -30,7 +30,6 @@ import math
 from pathlib import Path
 from typing import Any
 import zipfile
-import zlib
 
 import numpy as np
 import yaml
@@ -52,7 +51,10 @@ _PROBLEMS = {
 _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': _NUMBER, 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
 _SHAPE = {
-    'source!': {},
+    'source!': {
+        **dict.fromkeys(('rate_hz', 'duration_s', 'samples', 'start'), _NUMBER),
+        'warnings': [str],
+    },
     'targets!': {str: {'effects!': {str: {'effect!': str, str: _ESTIMATE}}}},
     'history!': [
         {'target!': str, 'effects!': [str], 'held_out!': _NUMBER, 'held_out_std!': _NUMBER}
@@ -440,16 +442,9 @@ def load_arrays(path) -> dict[str, np.ndarray]:
         raise InputError(
             f'{path}: {error.strerror or error}', 'analyse the bag again with --force'
         ) from None
-    except (
-        zipfile.BadZipFile,
-        ValueError,
-        EOFError,
-        KeyError,
-        NotImplementedError,
-        RuntimeError,
-        MemoryError,
-        zlib.error,
-    ) as error:
+    except InputError:
+        raise
+    except Exception as error:      # of zipfile, zlib, numpy, and the tokenizer that numpy uses
         raise InputError(
             f'{path}: damaged ({error})', 'analyse the bag again with --force'
         ) from None

@@ -535,6 +535,12 @@ def infinite(path):
     return _with(path, gyro=_gyro(lambda x: x.__setitem__((700, 1), np.inf)))
 
 
+@case('refused', 'not finite')
+def overflowing(path):
+    """Record values whose squares are no numbers."""
+    return _with(path, gyro=_gyro(lambda x: x.__setitem__((slice(None, None, 50), 0), 1e300)))
+
+
 @case('warned', 'gyro_y.*never changes')
 def one_axis_constant(path):
     """Record an axis that is stuck."""

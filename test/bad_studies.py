@@ -247,6 +247,19 @@ def huge_count(folder: Path):
 
 
 @of(EVIDENCE)
+def broken_header(folder: Path):
+    """Break the header of an array, the sums of the archive being right."""
+    path = folder / 'evidence.npz'
+    with zipfile.ZipFile(path) as archive:
+        members = {i.filename: archive.read(i) for i in archive.infolist()}
+    name = next(iter(members))
+    members[name] = members[name].replace(b"'shape': (", b"'shape': ((")
+    with zipfile.ZipFile(path, 'w') as archive:
+        for member, raw in members.items():
+            archive.writestr(member, raw)
+
+
+@of(EVIDENCE)
 def zip_bomb(folder: Path):
     """Unpack to a thousand times its size."""
     with zipfile.ZipFile(folder / 'evidence.npz', 'w', zipfile.ZIP_DEFLATED) as archive:

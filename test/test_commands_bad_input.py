@@ -124,6 +124,7 @@ def assert_one_line(status, said, *words, statuses=(1,)):
     assert status in statuses, (status, said)
     assert len(said) == 1, said
     assert said[0].startswith('imu_noise: ') and len(said[0]) < 2000
+    assert 'a defect' not in said[0], said[0]
     assert 'Traceback' not in said[0] and 'object at 0x' not in said[0]
     for w in words:
         assert re.search(w, said[0]), said[0]

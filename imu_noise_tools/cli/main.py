@@ -21,6 +21,7 @@ import importlib
 import importlib.util
 import os
 import sys
+import warnings
 
 from ..errors import ImuNoiseError, UsageError
 
@@ -58,7 +59,10 @@ def main(argv=None) -> int:
     """
     args = parser().parse_args(argv)
     try:
-        return args.func(args) or 0
+        with warnings.catch_warnings():
+            if not sys.warnoptions:     # numpy's are for who programs; ours are printed
+                warnings.simplefilter('ignore', RuntimeWarning)
+            return args.func(args) or 0
     except UsageError as error:
         _say(error)
         return 2
@@ -76,6 +80,14 @@ def main(argv=None) -> int:
         return 1
     except OSError as error:
         _say(f'{error.filename or ""}: {error.strerror or error}'.lstrip(': '))
+        return 1
+    except Exception as error:
+        if getattr(args, 'verbose', False):
+            raise
+        _say(
+            f'unexpected {type(error).__name__} ({error}): this is a defect of imu_noise; please '
+            'report it with the input (-v shows where)'
+        )
         return 1
 
 

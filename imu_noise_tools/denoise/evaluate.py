@@ -89,7 +89,7 @@ def spectrum_view(u: np.ndarray, dt: float) -> View:
     half = w / 2
     chance = w * (np.log(half) - digamma(half))
     scatter = np.maximum(w ** 2 * polygamma(1, half) - 2 * w, 0.0)
-    mean = n * float(np.mean(u)) ** 2 - 1
+    mean = n * float(np.mean(u) ** 2) - 1
     excess = (float(np.sum(w * (x - np.log(x) - 1) - chance)) + mean) / len(x)
     pull = np.cbrt(x)                                           # Wilson, Hilferty 1931
     pull = (pull - (1 - 2 / (9 * w))) / np.sqrt(2 / (9 * w))

@@ -22,13 +22,16 @@ from .stillness import finite_mean
 from ..record import ImuRecord
 
 
+HUGE = 1e30             # no sensor's value in any unit, and its square overflows in sums
+
+
 def finite(record: ImuRecord) -> np.ndarray:
-    """Tell of every sample whether all its values are finite, (n,)."""
+    """Tell of every sample whether all its values are finite and not absurd, (n,)."""
     good = np.ones(record.n, bool)
     for data in record.data:
         for k in range(3):
             # column by column: many times faster than along the rows
-            good &= np.isfinite(data[:, k])
+            good &= np.abs(data[:, k]) < HUGE
     return good
 
 
