@@ -283,6 +283,17 @@ def truncated_mcap_zstd(path):
 
 
 @case('warned', 'cut short')
+def damaged_where_cut(path):
+    """Cut a compressed file, and lose what the last chunk begins with."""
+    path = write_bag(path.with_suffix('.mcap'), still(), compression='zstd')
+    raw = path.read_bytes()
+    raw = raw[:int(len(raw) * 0.8)]
+    begin = raw.rindex(b'\x28\xb5\x2f\xfd')
+    path.write_bytes(raw[:begin + 4] + bytes(200) + raw[begin + 204:])
+    return path
+
+
+@case('warned', 'cut short')
 def truncated_sqlite(path):
     """Cut a database in the middle of a page."""
     return cut(write_bag(path.with_suffix('.db3'), still()), 0.8)

@@ -191,25 +191,30 @@ def decompress(kind: str, raw: bytes, size: int | None) -> bytes:
     limit = max(AT_LEAST, EXPANSION * len(raw))
     if size is not None and size > limit:
         raise Damaged(f'declares {size} bytes, compressed to {len(raw)}')
-    try:
-        out = partly(kind, raw, limit if size is None else size)
-    except (ValueError, OSError, EOFError, RuntimeError, zstandard.ZstdError) as error:
-        raise Damaged(str(error)) from error
+    out = partly(kind, raw, limit if size is None else size)
     if size is not None and len(out) != size:
         raise Damaged(f'declares {size} bytes and holds {len(out)}')
     return out
 
 
 def partly(kind: str, raw: bytes, limit: int) -> bytes:
-    """Return up to ``limit`` decompressed bytes of a stream that may be cut short."""
+    """
+    Return up to ``limit`` decompressed bytes of a stream that may be cut short.
+
+    Raise Damaged where nothing comes out.
+
+    """
     if kind in ('', 'none'):
         return raw[:limit]
-    if kind == 'zstd':
-        return _zstd(raw, limit)
-    if kind == 'lz4':
-        return lz4.frame.LZ4FrameDecompressor().decompress(raw, max_length=limit)
-    if kind == 'bz2':
-        return bz2.BZ2Decompressor().decompress(raw, max_length=limit)
+    try:
+        if kind == 'zstd':
+            return _zstd(raw, limit)
+        if kind == 'lz4':
+            return lz4.frame.LZ4FrameDecompressor().decompress(raw, max_length=limit)
+        if kind == 'bz2':
+            return bz2.BZ2Decompressor().decompress(raw, max_length=limit)
+    except (ValueError, OSError, EOFError, RuntimeError, zstandard.ZstdError) as error:
+        raise Damaged(str(error)) from error
     raise Damaged(f'compression {kind!r} is not known')
 
 
