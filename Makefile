@@ -4,7 +4,7 @@ VENV  := .venv
 READY := $(VENV)/.ready
 PY    := $(VENV)/bin/python
 
-.PHONY: demo test bench lint clean
+.PHONY: demo test bench fuzz lint clean
 
 demo: $(READY)
 	rm -rf imu_noise_demo
@@ -15,6 +15,12 @@ test: $(READY)
 
 bench: $(READY)
 	@for script in bench/*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+
+# Every bad input on every command, then mutations of good ones for some minutes.
+MINUTES ?= 10
+fuzz: $(READY)
+	IMU_NOISE_CORPUS=all $(PY) -m pytest -q test/test_commands_bad_input.py
+	$(PY) bench/fuzz.py --minutes $(MINUTES)
 
 lint: $(READY)
 	$(PY) -m flake8

@@ -321,6 +321,7 @@ def main() -> int:
     args = parser.parse_args()
     seed = random.SystemRandom().randrange(1 << 32) if args.seed is None else args.seed
     print(f'seed {seed}')
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))     # clean up then too
     top = Path(tempfile.mkdtemp(prefix='imu_noise_fuzz_'))
     good, here = top / 'good', top / 'here'
     good.mkdir()
