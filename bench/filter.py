@@ -17,7 +17,7 @@ Measure the default filter in one fixed setting.
 
 Rms errors, delay, real motion against optical attitude, CPU time:
 
-    python bench/filter.py [table] [delay] [motion] [speed]      (all by default)
+    python bench/filter.py [table] [fresh] [delay] [motion] [speed]      (all by default)
 
 Verdicts on hidden effects: bench/filter_verdicts.py. The data of `motion` are looked for in
 IMU_NOISE_DATA or ../shared/data; their licence is CC BY 4.0 (Laidig, Caruso, Cereatti, Seel:
@@ -48,6 +48,7 @@ SIGMA, RATE = 0.6, 100.0
 SEED = ('constant_rate', 'ar_increment')
 KNOWN = {'white': {'R': (SIGMA * DEG) ** 2}, 'ar_increment': {'phi': 0.107, 'q': 4e-4 * DEG ** 2}}
 MOTIONS = ('static', '15', '50', '150', 'mixed')
+FRESH = ('rock 4 s', 'rock 20 s', 'wander', 'steps', 'turns')    # not those of the setting
 REFERENCE = (
     0.046,
     0.206,
@@ -87,6 +88,29 @@ def motion(kind: str, n: int, rate: float, seed: int) -> np.ndarray:
         hold = np.repeat(rng.uniform(-150, 150, 5), stretch // 5)
         parts += [np.zeros(stretch), hold, 150 * w * np.sin(w * s), 60 * np.sin(2 * np.pi * s)]
     return np.concatenate(parts)[:n]
+
+
+def fresh_motion(kind: str, n: int, rate: float, seed: int) -> np.ndarray:
+    """
+    Return n rates, deg/s, of a motion that the setting was not chosen on.
+
+    Rocking by 30 deg at 4 s and by 100 deg at 20 s; a random rate of 40 deg/s below 0.3 Hz; steps
+    of 60 deg/s rms every 3 s; turns by 90 deg within a second, smooth, and rest between.
+
+    """
+    t, rng = np.arange(n) / rate, np.random.default_rng([seed, 77])
+    if kind.startswith('rock'):
+        amplitude, period = (30.0, 4.0) if kind == 'rock 4 s' else (100.0, 20.0)
+        w = 2 * np.pi / period
+        return amplitude * w * np.sin(w * t + rng.uniform(0, 6.28))
+    if kind == 'wander':
+        x = lfilter(*butter(2, 0.3, fs=rate), rng.standard_normal(n))
+        return 40.0 * x / x.std()
+    k = (t / 3).astype(int)
+    if kind == 'steps':
+        return (60.0 * rng.standard_normal(k[-1] + 1))[k]
+    inside = np.clip(t - 3 * k, 0, 1)
+    return 90.0 * rng.choice([-1, 1], k[-1] + 1)[k] * (1 - np.cos(2 * np.pi * inside))
 
 
 def run(z, rate, **settings):
@@ -132,32 +156,33 @@ def one_euro(z, rate, least, beta, derivative=1.0):
     return out
 
 
-def rows(seconds=140.0, runs=8, skip=10.0):
+def rows(motions=MOTIONS, of=motion, seed=5, seconds=140.0, runs=8, skip=10.0):
     """Yield (name, rms in each motion, deg/s)."""
     n, head = int(seconds * RATE), int(skip * RATE)
-    rng = np.random.default_rng(5)
-    truth = np.stack([motion(k, n, RATE, i) for k in MOTIONS for i in range(runs)], axis=1)
+    rng = np.random.default_rng(seed)
+    truth = np.stack([of(k, n, RATE, i) for k in motions for i in range(runs)], axis=1)
     z = truth + SIGMA * rng.standard_normal(truth.shape)
 
     def error(y):
         return np.sqrt(
-            np.mean((y - truth)[head:] ** 2, axis=0).reshape(len(MOTIONS), runs).mean(axis=1)
+            np.mean((y - truth)[head:] ** 2, axis=0).reshape(len(motions), runs).mean(axis=1)
         )
 
     yield 'raw', error(z)
     yield 'paper', error(run(z, RATE, motion=SEED))
     yield 'paper, alpha 0.7', error(run(z, RATE, motion=SEED, alpha=0.7))
-    q = (1e-4, 3.0, 100.0, 1e3, 1e5)
-    with_q = [
-        run(
-            z[:, i * runs:(i + 1) * runs],
-            RATE,
-            motion=('constant_rate', 'angular_acceleration'),
-            values={**KNOWN, 'angular_acceleration': {'q': v * DEG**2}},
-        )
-        for i, v in enumerate(q)
-    ]
-    yield 'acceleration, q by motion', error(np.concatenate(with_q, axis=1))
+    if of is motion:
+        q = (1e-4, 3.0, 100.0, 1e3, 1e5)
+        with_q = [
+            run(
+                z[:, i * runs:(i + 1) * runs],
+                RATE,
+                motion=('constant_rate', 'angular_acceleration'),
+                values={**KNOWN, 'angular_acceleration': {'q': v * DEG**2}},
+            )
+            for i, v in enumerate(q)
+        ]
+        yield 'acceleration, q by motion', error(np.concatenate(with_q, axis=1))
     with FirstSetting():
         yield 'first setting', error(run(z, RATE))
     yield 'DEFAULT (auto)', error(run(z, RATE))
@@ -184,6 +209,14 @@ def table():
                 f'  {"over the design bank":>28s}'
                 + ''.join(f'{v / r:9.3f}' for v, r in zip(values, REFERENCE))
             )
+
+
+def fresh():
+    """Print the same for motions and noise that the setting was not chosen on."""
+    print('\nmotions that the setting was not chosen on, rms error, deg/s')
+    print(f'  {"filter":>28s}' + ''.join(f'{k:>11s}' for k in FRESH))
+    for name, values in rows(FRESH, fresh_motion, 2027):
+        print(f'  {name:>28s}' + ''.join(f'{v:11.4f}' for v in values), flush=True)
 
 
 def delays():
@@ -233,7 +266,7 @@ def reference_rate(quaternions, rate):
 
 
 def attitude(rates, rate):
-    """Return the attitude (n, 4) [w x y z] that rates (n, 3), rad/s, turn to; trapezoids."""
+    """Return what rates (n, 3), rad/s, turn to by trapezoids: quaternions (n, 4) [w x y z]."""
     steps = 0.5 * (rates[1:] + rates[:-1])
     out = np.empty((len(rates), 4))
     out[0] = a, b, c, d = 1.0, 0.0, 0.0, 0.0
@@ -426,7 +459,8 @@ def speed():
 
 def main(names) -> int:
     """Run what is named."""
-    every = {'table': table, 'delay': delays, 'motion': real_motion, 'speed': speed}
+    every = {'table': table, 'fresh': fresh, 'delay': delays,
+             'motion': real_motion, 'speed': speed}
     for name in names or every:
         every[name]()
     return 0
