@@ -304,10 +304,13 @@ def noise_blocks(effects: Iterable[Effect], dt: float) -> tuple[Model, tuple[str
 
 
 def _line(e: Effect, dt: float) -> tuple[Model, str]:
-    if 3.0 <= e['frequency'] < 0.5 / dt:
-        return Model([Sinusoid({'amplitude': e['amplitude'], 'frequency': e['frequency'],
-                                'tc': STEADY})]), ''
-    return Model(), 'left out: below 3 Hz an oscillation is taken for motion'
+    frequency = e['frequency']
+    if frequency < 3.0:
+        return Model(), 'left out: below 3 Hz an oscillation is taken for motion'
+    if frequency >= 0.5 / dt:
+        return Model(), f'left out: {frequency:.4g} Hz is beyond half the rate'
+    return Model([Sinusoid({'amplitude': e['amplitude'], 'frequency': frequency,
+                            'tc': STEADY})]), ''
 
 
 def _spectrum(e: Spectrum, dt: float) -> tuple[Model, str]:
