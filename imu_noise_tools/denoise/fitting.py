@@ -101,7 +101,7 @@ def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
 
     """
     order = sorted(
-        model,
+        model.of(FilterEffect),
         key=lambda e: (
             e.name in ('outliers', 'rate_step'),
             e.label not in fixed,

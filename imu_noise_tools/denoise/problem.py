@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import cast
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -25,7 +26,7 @@ from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
 from .predict import predict, Prediction
-from .statespace import DOMAIN, Look
+from .statespace import DOMAIN, FilterEffect, Look
 from ..effect import Finding, Fit, Model, registry, Score
 from ..errors import InputError
 from ..spectrum import cosine_transform
@@ -120,7 +121,7 @@ class FilterProblem:
         How fast it changes is kept.
 
         """
-        for e in model:
+        for e in model.of(FilterEffect):
             if e.label not in self.stated and 'amplitude' in e.measured:
                 t = np.arange(len(self.z)) * self.dt
                 read = (
@@ -156,7 +157,8 @@ class FilterProblem:
         """
         out = []
         n = len(self.z)
-        for name, effect in registry(DOMAIN).items():
+        known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
+        for name, effect in known.items():
             if (
                 name in NEVER
                 or not effect.parameters

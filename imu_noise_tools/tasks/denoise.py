@@ -34,7 +34,7 @@ from ..denoise.evaluate import Innovations
 from ..denoise.output_noise import noise_blocks
 from ..denoise.problem import problem_of, START
 from ..denoise.recorded import filter_record, Filtered
-from ..denoise.statespace import DOMAIN
+from ..denoise.statespace import DOMAIN, Motion, OutputNoise
 from ..effect import Effect, find_effect, Model, model_of, registry
 from ..errors import InputError, UsageError
 from ..record import ImuRecord
@@ -312,14 +312,14 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
         found[axis] = model
     some = next(iter(found.values()))
     whole = aligned([found.get(a, some) for a in AXES])
-    noises = [Model(e for e in m if e.kind == 'noise') for m in whole]
+    noises = [Model(m.of(OutputNoise)) for m in whole]
     wanted = [noise] if isinstance(noise, str) else [] if isinstance(noise, Model) else list(noise)
     if wanted and isinstance(wanted[0], Model):
         raise UsageError('both a study and models of noise are given', 'give one')
     for name in wanted:
         if name and name not in noises[0]:
             noises = [m + find_effect(DOMAIN, name)() for m in noises]
-    moving = [Model(e for e in m if e.kind == 'motion') for m in whole]
+    moving = [Model(m.of(Motion)) for m in whole]
     if data['domain'] == DOMAIN and motion in (AUTO, [AUTO], (AUTO,)):
         motion = moving
     stated = {
@@ -333,7 +333,7 @@ def _noise_effects(entries) -> tuple[list[Effect], list[str]]:
     """Return the effects of an axis in study.yaml that have values; notes on the others."""
     found, notes = [], []
     for label, entry in entries.items():
-        values = {k: e.get('value') for k, e in entry.items() if isinstance(e, dict)}
+        values: dict = {k: e.get('value') for k, e in entry.items() if isinstance(e, dict)}
         if entry['effect'] not in registry('noise'):
             notes.append(f'{label} left out: unknown here')
         elif None in values.values():
