@@ -446,5 +446,5 @@ def load_arrays(path) -> dict[str, np.ndarray]:
         raise
     except Exception as error:      # of zipfile, zlib, numpy, and the tokenizer that numpy uses
         raise InputError(
-            f'{path}: damaged ({error})', 'analyse the bag again with --force'
+            f'{path}: damaged ({str(error)[:100]})', 'analyse the bag again with --force'
         ) from None

@@ -198,7 +198,10 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | N
         if version == (1, 0)
         else np.lib.format.read_array_header_2_0
     )
-    shape, fortran, dtype = header(file)
+    try:
+        shape, fortran, dtype = header(file)
+    except Exception:       # of the tokenizer and the parser that numpy uses
+        raise ValueError(f'the header of {member.filename} is damaged') from None
     if dtype.kind not in 'fiub' or dtype.hasobject:
         return None
     count = 1

@@ -23,6 +23,7 @@ Whatever is done to the record is counted and said in its warnings.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -197,25 +198,44 @@ def _filled(record: ImuRecord, memory: Memory) -> ImuRecord:
             f'{_name(record)}: more samples were lost than recorded',
             'record with fewer topics or a faster disk',
         )
+    memory.rest()
     # Places of the recorded samples on the regular grid.
-    place = np.arange(record.n)
-    shift = np.zeros(record.n, np.int64)
-    np.add.at(shift, where + 1, count)
-    place = place + np.cumsum(shift)
-    del shift
-    grid = np.arange(record.n + lost)
+    place = np.zeros(record.n, np.int64)
+    np.add.at(place, where + 1, count)
+    np.cumsum(place, out=place)
+    place += np.arange(record.n)
     said = []
     if bad:
         said.append(f'{bad} sample(s) not finite, treated as missing')
     if lost:
         said.append(f'{lost} sample(s) lost in {len(where)} short dropout(s), treated as missing')
     axes = replace(record, receive_t=None, covariates={})
-    known = place[good]
-    axes = changed(axes, lambda x: np.interp(grid, known, x[good]), memory)
+    axes = changed(axes, _on_grid(place, good, record.n + lost), memory)
     rest = replace(record, gyro=None, accel=None)
-    rest = changed(rest, lambda x: np.interp(grid, place, x), memory)
+    rest = changed(rest, _on_grid(place, np.ones(record.n, bool), record.n + lost), memory)
     filled = replace(rest, gyro=axes.gyro, accel=axes.accel, missing=record.missing + bad + lost)
     return filled.warned(*said)
+
+
+def _on_grid(place: np.ndarray, good: np.ndarray, n: int) -> Callable:
+    """Return a function that puts a column's good samples in their places of n, others between."""
+    known = place[good]
+    there = np.zeros(n, bool)
+    there[known] = True
+    missing = np.flatnonzero(~there)
+    after = np.clip(np.searchsorted(known, missing), 0, len(known) - 1)
+    before = np.maximum(np.searchsorted(known, missing) - 1, 0)
+    share = (missing - known[before]) / np.maximum(known[after] - known[before], 1)
+    source = np.flatnonzero(good)
+    before, after = source[before], source[after]
+
+    def fill(x: np.ndarray) -> np.ndarray:
+        out = np.empty(n)
+        out[there] = x[good]
+        out[missing] = x[before] + np.clip(share, 0, 1) * (x[after] - x[before])
+        return out
+
+    return fill
 
 
 def _unit_doubts(record: ImuRecord, moves: bool) -> list[str]:

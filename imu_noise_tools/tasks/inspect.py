@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..bag import open_record, TopicInfo, topics
+from ..bag import open_record, Scratch, TopicInfo, topics
 from ..errors import InputError
 from ..health import examine, Health, prepare
+from ..record import Memory
 
 
 @dataclass(frozen=True)
@@ -36,16 +37,18 @@ class Inspection:
 
 def inspect(bag, topic=None, progress=None) -> Inspection:
     """Return what a bag holds; raises what reading it raises."""
-    record = open_record(bag, topic, progress=progress)
+    memory = Scratch()
+    record = open_record(bag, topic, progress=progress, memory=memory)
     return Inspection(
-        tuple(topics(bag)), record.topic, examine(record), record.warnings, _analysed(record)
+        tuple(topics(bag)), record.topic, examine(record), record.warnings,
+        _analysed(record, memory)
     )
 
 
-def _analysed(record) -> str:
+def _analysed(record, memory: Memory) -> str:
     """Return one line on what of a record can be analysed, or why nothing can."""
     try:
-        part = prepare(record)
+        part = prepare(record, memory=memory)
     except InputError as error:
         return error.message
     return f'{part.n} samples, {part.duration_s:.4g} s at rest'
