@@ -313,7 +313,7 @@ def limited(size, command, good):
     """Run a command in a process whose files may not grow beyond a size."""
     return subprocess.run(
         [sys.executable, '-c', LIMITED, str(size), *(c.format(good=good) for c in command)],
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=300,
         env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'})
 
 
