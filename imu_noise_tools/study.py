@@ -434,11 +434,12 @@ def heals(problem: Problem, model: Model, view: str, further: int = 2) -> bool:
     These are effects that are there as well.
 
     """
-    fit = problem.fit(model)
-    if view not in {f.name for f in failures(problem.omnibus(fit))}:
-        return True
-    if not further:
+    fit = getattr(problem, 'point', problem.fit)(model)
+    tests = problem.omnibus(fit)
+    if view not in {f.name for f in tests}:  # an effect that hides a view does not heal it
         return False
+    if view not in {f.name for f in failures(tests)}:
+        return True
     able = [f for f in problem.candidates(fit) if f.gain > f.penalty and f.effect is not None]
     if not able:
         return False

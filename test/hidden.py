@@ -69,6 +69,23 @@ class Truth:
     bystanders: Mapping[str, str] = field(default_factory=dict)    # axes in which it shows as well
 
 
+def right(hidden: tuple[Hidden, ...], verdict: str) -> bool:
+    """
+    Tell whether a first verdict (the name that is missing, or the verdict) on an axis is right.
+
+    Any name of those that are hidden; for what nothing in the library explains, unknown; with less
+    than 5 nats to be had, that nothing or nothing certain is missing as well.
+
+    """
+    if not hidden:
+        return verdict == 'complete'
+    if not all(h.known for h in hidden):
+        return verdict == 'unknown'
+    faint = max(h.nats for h in hidden) < 5
+    return verdict in {h.name for h in hidden} or \
+        (faint and verdict in ('complete', 'undecidable'))
+
+
 @dataclass
 class Scene:
     """A record in the making."""

@@ -449,12 +449,13 @@ def _smoothed_below(top: int, c, dt, centres, level):
 
 def line_penalty(n: int) -> float:
     """
-    Return the gain (nats) of a line that noise exceeds once in a thousand records: ln(500 n).
+    Return the gain (nats) of a line that noise exceeds once in a thousand records.
 
-    It is that of the highest of n coefficients.
+    exp(-g) for each of n/2 frequencies that are independent, times sqrt(pi g/3) for the search
+    between them (Rice 1954), g near 20.
 
     """
-    return float(np.log(500.0 * n))
+    return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3)))
 
 
 def _find_lines(c, reference, y, dt) -> np.ndarray:

@@ -341,11 +341,12 @@ class Likelihood:
                 out[:, j] = (sides[0] - sides[1]) / (2 * h * v)
         return out
 
-    def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400):
+    def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400, enough=1e-7):
         """
         Return (x, -ln L, information) from a start.
 
-        ``free`` (p,) bool says which parameters move.
+        ``free`` (p,) bool says which parameters move; a step that gains less than ``enough`` nats
+        is the last.
 
         """
         x = np.array(x0, float)
@@ -377,7 +378,7 @@ class Likelihood:
                     moved = True
                     break
                 damping *= 10
-            if not moved or gain < 1e-7:
+            if not moved or gain < enough:
                 break
             damping = min(damping, 1.0)
         return x, best, self._derivatives(x, linear, v, each, penalty, reddest)[1]
@@ -410,6 +411,7 @@ def fit(
     *,
     mean: Fit | None = None,
     intervals: bool = True,
+    cautious: bool | None = None,
     start: Model | None = None,
 ) -> Fit:
     """
@@ -427,6 +429,9 @@ def fit(
         For a half: the fit of the same model to the whole.
     intervals : bool
         Whether to compute profile intervals (slow part).
+    cautious : bool or None
+        Whether to keep the slowest amplitude off zero, as a value with an interval wants it; None:
+        where there are intervals. For a prediction the most likely value is better.
     start : Model or None
         A model whose values to start from first (the fit of a smaller model, say).
 
@@ -443,12 +448,12 @@ def fit(
     plain = Likelihood(evidence, part, model, mean)
     starts = _starts(plain, start)
     best = None
-    for likelihood, x0 in _most_promising(plain, starts, mean):
-        # a half serves prediction only: there the most likely value is better than one kept away
-        # from zero
-        reddest = _reddest(likelihood, x0) if intervals else None
-        found = likelihood.minimise(x0, penalty=_REDDEST, reddest=reddest)
-        found = _revived(likelihood, found, reddest)
+    cautious = intervals if cautious is None else cautious
+    enough, most = (1e-7, 6) if cautious else (1e-3, 3)  # a comparison needs no more
+    for likelihood, x0 in _most_promising(plain, starts, mean, most):
+        reddest = _reddest(likelihood, x0) if cautious else None
+        found = likelihood.minimise(x0, penalty=_REDDEST, reddest=reddest, enough=enough)
+        found = _revived(likelihood, found, reddest, enough)
         if np.isfinite(found[1]) and (best is None or found[1] < best[0][1] - 1e-9):
             best = found, reddest, likelihood
     if best is None:
@@ -669,7 +674,7 @@ def _starts(likelihood: Likelihood, given: Model | None):
     return out
 
 
-def _revived(likelihood, found, reddest):
+def _revived(likelihood, found, reddest, enough):
     """
     Return the better of a minimum and what follows when dead amplitudes are revived.
 
@@ -685,7 +690,7 @@ def _revived(likelihood, found, reddest):
             again[j] += 0.5 * np.log(0.3 / max(share, 1e-300))
     if np.array_equal(again, x):
         return found
-    other = likelihood.minimise(again, penalty=_REDDEST, reddest=reddest)
+    other = likelihood.minimise(again, penalty=_REDDEST, reddest=reddest, enough=enough)
     return other if other[1] < found[1] - 1e-6 else found
 
 
@@ -708,7 +713,7 @@ def _best_columns(likelihood, effect, options, keep=2):
     return [options[i] for i in np.argsort(gains)[::-1][:keep]]
 
 
-def _most_promising(plain, starts, mean, most=6):
+def _most_promising(plain, starts, mean, most):
     """Return (likelihood, start) of the starts whose likelihood is best where they stand."""
     found = []
     for candidate, x0 in starts:

@@ -19,19 +19,19 @@ Written by bench/null.py.
 
 """
 
-AXES = 180
+AXES = 360
 DEFAULT = 10.0
 PENALTY = {
-    'accel_coupling': 10.29,
-    'gauss_markov': 7.44,
+    'accel_coupling': 9.42,
+    'gauss_markov': 7.24,
     'low_pass': 6.0,
     'quantization': 6.0,
     'ramp': 6.0,
-    'rts': 6.0,
+    'rts': 8.09,
     'shared_noise': 6.0,
     'spikes': 6.0,
-    'step': 10.37,
-    'temperature': 8.7,
-    'transient': 7.72,
-    'variance_change': 6.48,
+    'step': 10.98,
+    'temperature': 8.17,
+    'transient': 6.99,
+    'variance_change': 15.01,
 }

@@ -59,6 +59,7 @@ class NoiseProblem:
         self.target = evidence.axis
         self.whole = whole or self
         self._fits: dict = {}
+        self._points: dict = {}
 
     def split(self):
         """
@@ -74,25 +75,37 @@ class NoiseProblem:
 
     def fit(self, model: Model) -> Fit:
         """Fit a model; a half borrows the mean of the whole, and starts from its values."""
-        if self.part in ('odd', 'even'):
-            return self.whole.fit(model)
+        if self.part != 'whole':
+            return self.point(model)
         if model not in self._fits:
-            if self.part == 'whole':
-                self._fits[model] = self._fit_whole(model)
-            else:
-                whole = self.whole.fit(model)
-                self._fits[model] = fit_part(
-                    self.evidence, model, self.part, mean=whole, intervals=False, start=whole.model
-                )
+            found = self._by_method(fit_part(self.evidence, model))
+            self._fits[model] = replace(found, estimates=self._planned(found))
         return self._fits[model]
 
-    def _fit_whole(self, model):
-        found = fit_part(self.evidence, model)
+    def point(self, model: Model) -> Fit:
+        """Fit a model without the intervals of its values, which cost most of the time."""
+        if self.part in ('odd', 'even'):
+            return self.whole.point(model)
+        if model in self._fits:
+            return self._fits[model]
+        if model not in self._points:
+            if self.part == 'whole':
+                self._points[model] = self._by_method(
+                    fit_part(self.evidence, model, intervals=False, cautious=True)
+                )
+            else:
+                whole = self.whole.point(model)
+                self._points[model] = fit_part(
+                    self.evidence, model, self.part, mean=whole, intervals=False, start=whole.model
+                )
+        return self._points[model]
+
+    def _by_method(self, found):
         if self.method == 'avar':
-            found = classic.fit_avar(self.evidence, found)
-        elif self.method == 'slopes':
-            found = classic.fit_slopes(self.evidence, found, self.bias_at)
-        return replace(found, estimates=self._planned(found))
+            return classic.fit_avar(self.evidence, found)
+        if self.method == 'slopes':
+            return classic.fit_slopes(self.evidence, found, self.bias_at)
+        return found
 
     def _planned(self, fit):
         """Say how long a record would show each spectral amplitude that is not observable."""
@@ -122,7 +135,7 @@ class NoiseProblem:
             )
         # what acts on the samples and the mean was estimated on the whole: the fit that knows it
         # is the whole's
-        whole = self.whole.fit(unfitted(fit.model))
+        whole = self.whole.point(unfitted(fit.model))
         found = [views.frequency(e, self.part, fit, mean=whole)]
         if self.part == 'second':  # these views have no fitted part that could be held out
             found += [
