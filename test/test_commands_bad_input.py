@@ -43,7 +43,7 @@ from imu_noise_tools.cli.main import main
 from imu_noise_tools.tasks import noise as noise_tasks
 
 ROOT = Path(__file__).resolve().parents[1]
-LIMIT_S = 20
+LIMIT_S = 300               # for a command that waits for ever, not for one that is slow
 BAGS = bad_input.names()
 SPOILT = {**bad_studies.STUDY, **bad_studies.STUDY_VALUES, **bad_studies.EVIDENCE}
 CALIBRATION = """sensor: accel
