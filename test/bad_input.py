@@ -415,6 +415,16 @@ class _Trap:
         return open, (self.path, 'w')
 
 
+@case('refused', 'header of gyro.npy is damaged', opens=False)
+def npz_odd_header(path):
+    """Write words where the header of an array has numbers."""
+    buffer = io.BytesIO()
+    np.save(buffer, still().gyro)
+    with zipfile.ZipFile(path.with_suffix('.npz'), 'w') as archive:
+        archive.writestr('gyro.npy', buffer.getvalue().replace(b'False', b'Fal_e'))
+    return path.with_suffix('.npz')
+
+
 @case('refused', 'not an array of numbers', opens=False)
 def npz_pickle(path):
     """Hide code in an .npz; run, it leaves a file ``<path>.ran``."""

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,7 +25,7 @@ from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, losses, ordered
 from .stillness import finite_mean, still_stretches
 from .values import finite, is_constant, wrong_units
-from ..record import AXES, ImuRecord, regular_rate, sensor_of
+from ..record import AXES, ImuRecord, Memory, regular_rate, sensor_of
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
@@ -89,7 +89,7 @@ class Health:
         return max((b - a for a, b in self.still), default=0.0)
 
 
-def examine(record: ImuRecord) -> Health:
+def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     """
     Examine a record as it was recorded.
 
@@ -97,42 +97,64 @@ def examine(record: ImuRecord) -> Health:
     ----------
     record : ImuRecord
         Any, however bad; nothing is refused.
+    memory : Memory, optional
+        Where long arrays are kept.
 
     """
+    memory = memory or Memory()
     stamps = examine_stamps(record)
-    tidy = ordered(record)
+    tidy = ordered(record, memory)
     rate = regular_rate(tidy.t)
     dt = 1 / rate if rate else None
     step = np.diff(tidy.t)
     regular = step[(step > 0) & (step < 1.5 * dt)] if dt else step[:0]
     where, count = losses(tidy.t, dt) if dt else (step[:0], step[:0])
     there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
+
+    def each(what: Callable) -> dict:
+        found = {}
+        for a in there:
+            found[a] = what(record.column(a))
+            memory.rest()
+        return found
+
+    memory.rest()
     still = still_stretches(tidy) if rate and tidy.n > 10 else []
     longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
     rest = tidy.part(*longest)
     units = tuple(wrong_units(rest)) if still else ()
     accel = finite_mean(rest.accel) if still and rest.accel is not None else None
     positive = step[step > 0]
+    median_rate = float(1 / np.median(positive)) if len(positive) else None
+    jitter = float(np.std(regular)) if len(regular) else None
+    longest_gap = float(step[where].max()) if len(where) else 0.0
+    del step, regular, positive
+    drift = _drift(tidy)
+    memory.rest()
+    not_finite = record.n - int(finite(record).sum())
+    memory.rest()
+    held = _held(record)
+    memory.rest()
     found = Health(
         samples=record.n,
         duration_s=tidy.duration_s,
         rate_hz=rate,
-        median_rate_hz=float(1 / np.median(positive)) if len(positive) else None,
+        median_rate_hz=median_rate,
         mean_rate_hz=(tidy.n - 1) / tidy.duration_s if tidy.duration_s > 0 else None,
         labelled_rate_hz=record.labelled_rate_hz,
         receive_rate_hz=_receive_rate(record),
-        clock_drift_ppm=_drift(tidy),
+        clock_drift_ppm=drift,
         gaps=len(where),
         missing=int(np.sum(count)),
-        longest_gap_s=float(step[where].max()) if len(where) else 0.0,
+        longest_gap_s=longest_gap,
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward,
-        jitter_s=float(np.std(regular)) if len(regular) else None,
-        not_finite=record.n - int(finite(record).sum()),
-        stuck=tuple(a for a in there if is_constant(record.column(a))),
-        saturated={a: k for a in there if (k := _saturated(record.column(a)))},
-        resolution={a: resolution(record.column(a)) for a in there},
-        held=_held(record),
+        jitter_s=jitter,
+        not_finite=not_finite,
+        stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
+        saturated={a: k for a, k in each(_saturated).items() if k},
+        resolution=each(resolution),
+        held=held,
         absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,

@@ -40,7 +40,7 @@ def inspect(bag, topic=None, progress=None) -> Inspection:
     memory = Scratch()
     record = open_record(bag, topic, progress=progress, memory=memory)
     return Inspection(
-        tuple(topics(bag)), record.topic, examine(record), record.warnings,
+        tuple(topics(bag)), record.topic, examine(record, memory), record.warnings,
         _analysed(record, memory)
     )
 
