@@ -309,6 +309,15 @@ sys.exit(main(sys.argv[2:]))
 """
 
 
+def old_results(good, here: Path) -> dict:
+    """Put results of every kind here, and what a command needs; return all that there is."""
+    shutil.copytree(good / 'x.study', here / 'old')
+    write_bag(here / 'old.mcap', bad_input.still(20))
+    (here / 'old.yaml').write_text('old')
+    (here / 'spec.yaml').write_text('rate_hz: 100\nduration_s: 10\n' + bad_studies._WHITE)
+    return content(here)
+
+
 def limited(size, command, good):
     """Run a command in a process whose files may not grow beyond a size."""
     return subprocess.run(
@@ -320,11 +329,7 @@ def limited(size, command, good):
 @pytest.mark.parametrize('command', FULL, ids=lambda c: c[0])
 def test_full_disk_in_between(command, good, run, quick, tmp_path, monkeypatch):
     """When room runs out at any write, the old results stay as they were."""
-    shutil.copytree(good / 'x.study', 'old')
-    write_bag(Path('old.mcap'), bad_input.still(20))
-    Path('old.yaml').write_text('old')
-    Path('spec.yaml').write_text('rate_hz: 100\nduration_s: 10\n' + bad_studies._WHITE)
-    before = content(tmp_path)
+    before = old_results(good, tmp_path)
     open_, writes = builtins.open, []
 
     class Full:
@@ -365,9 +370,7 @@ def test_full_disk_in_between(command, good, run, quick, tmp_path, monkeypatch):
 def test_full_disk_in_a_process(command, good, tmp_path, monkeypatch):
     """The same, said by the system itself."""
     monkeypatch.chdir(tmp_path)
-    shutil.copytree(good / 'x.study', 'old')
-    write_bag(Path('old.mcap'), bad_input.still(20))
-    before = content(tmp_path)
+    before = old_results(good, tmp_path)
     done = limited(2000, command, good)
     said = [s for s in done.stderr.splitlines() if not s.startswith('warning: ')]
     assert_one_line(done.returncode, said, 'cannot be written')
@@ -377,11 +380,7 @@ def test_full_disk_in_a_process(command, good, tmp_path, monkeypatch):
 @pytest.mark.parametrize('command, after', in_turn(FULL, [2, 1, 3]))
 def test_interrupted(command, after, good, run, quick, tmp_path, monkeypatch):
     """Ctrl-C while files are written: status 130, old results whole, nothing left over."""
-    shutil.copytree(good / 'x.study', 'old')
-    write_bag(Path('old.mcap'), bad_input.still(20))
-    Path('old.yaml').write_text('old')
-    Path('spec.yaml').write_text('rate_hz: 100\nduration_s: 10\n' + bad_studies._WHITE)
-    before = content(tmp_path)
+    before = old_results(good, tmp_path)
     open_, count = builtins.open, []
 
     def opened(path, mode='r', *args, **kwargs):

@@ -29,7 +29,7 @@ import bz2
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 import os
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import lz4.frame
 import numpy as np
@@ -85,7 +85,7 @@ class Batch(NamedTuple):
 class BagFile(Protocol):
     """One file of a bag, open for reading."""
 
-    file: BinaryIO
+    file: Any
 
     @property
     def connections(self) -> list[Connection]:

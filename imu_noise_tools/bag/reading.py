@@ -143,11 +143,14 @@ def _as_rate(record: ImuRecord, kind: str, memory: Memory) -> ImuRecord:
                 data *= record.rate_hz
         return record
     later = record.part(1, record.n)
-    steps = []
-    for data in (record.gyro, record.accel):
-        out = None if data is None else memory.columns(later.n)
-        for k in range(3 if out is not None else 0):
+
+    def steps(data: np.ndarray | None) -> np.ndarray | None:
+        if data is None:
+            return None
+        out = memory.columns(later.n)
+        for k in range(3):
             np.subtract(data[1:, k], data[:-1, k], out=out[:, k])
             out[:, k] *= record.rate_hz
-        steps.append(out)
-    return replace(later, gyro=steps[0], accel=steps[1])
+        return out
+
+    return replace(later, gyro=steps(record.gyro), accel=steps(record.accel))

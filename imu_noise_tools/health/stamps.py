@@ -126,28 +126,24 @@ def _take(record: ImuRecord, which: np.ndarray, memory: Memory) -> ImuRecord:
 def changed(record: ImuRecord, change: Callable, memory: Memory) -> ImuRecord:
     """Return a record whose columns are what a function makes of each, (n,) -> (m,)."""
 
-    def new(x: np.ndarray | None) -> np.ndarray | None:
-        if x is None:
-            return None
+    def new(x: np.ndarray) -> np.ndarray:
+        some = change(x if x.ndim == 1 else x[:, 0])
         if x.ndim == 1:
-            some = change(x)
             out = memory.empty(len(some))
             out[:] = some
         else:
-            out = None
+            out = memory.columns(len(some))
             for k in range(3):
-                some = change(x[:, k])
-                out = memory.columns(len(some)) if out is None else out
-                out[:, k] = some
+                out[:, k] = change(x[:, k]) if k else some
         memory.rest()
         return out
 
     return replace(
         record,
         t=new(record.t),
-        gyro=new(record.gyro),
-        accel=new(record.accel),
-        receive_t=new(record.receive_t),
+        gyro=None if record.gyro is None else new(record.gyro),
+        accel=None if record.accel is None else new(record.accel),
+        receive_t=None if record.receive_t is None else new(record.receive_t),
         covariates={k: new(v) for k, v in record.covariates.items()},
     )
 
