@@ -445,6 +445,7 @@ def load_arrays(path) -> dict[str, np.ndarray]:
     except InputError:
         raise
     except Exception as error:      # of zipfile, zlib, numpy, and the tokenizer that numpy uses
+        what = str(error)[:100] if '<' not in str(error) else 'the header of an array'
         raise InputError(
-            f'{path}: damaged ({str(error)[:100]})', 'analyse the bag again with --force'
+            f'{path}: damaged ({what})', 'analyse the bag again with --force'
         ) from None

@@ -454,6 +454,16 @@ def yaml_bomb(path):
 
 
 @case('warned', 'metadata')
+def retyped_metadata(path):
+    """Write mappings and words in the metadata where there are lists and numbers."""
+    path = write_bag(path, still())
+    (path / 'metadata.yaml').write_text(
+        'rosbag2_bagfile_information:\n  version: new\n  message_count: {a: 1}\n'
+        '  files: {b: 2}\n  relative_file_paths: 5\n  topics_with_message_count: many\n')
+    return path
+
+
+@case('warned', 'metadata')
 def deep_metadata(path):
     """Nest metadata deeper than a stack is."""
     path = write_bag(path, still())

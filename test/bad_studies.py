@@ -249,11 +249,21 @@ def huge_count(folder: Path):
 @of(EVIDENCE)
 def broken_header(folder: Path):
     """Break the header of an array, the sums of the archive being right."""
+    _header(folder, b"'shape': (", b"'shape': ((")
+
+
+@of(EVIDENCE)
+def word_in_header(folder: Path):
+    """Write a word where the header of an array has a constant."""
+    _header(folder, b'False', b'Fal_e')
+
+
+def _header(folder: Path, *change: bytes):
     path = folder / 'evidence.npz'
     with zipfile.ZipFile(path) as archive:
         members = {i.filename: archive.read(i) for i in archive.infolist()}
     name = next(iter(members))
-    members[name] = members[name].replace(b"'shape': (", b"'shape': ((")
+    members[name] = members[name].replace(*change)
     with zipfile.ZipFile(path, 'w') as archive:
         for member, raw in members.items():
             archive.writestr(member, raw)

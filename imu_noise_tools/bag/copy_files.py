@@ -303,4 +303,5 @@ class Copy:
 def _count_up(files, name: str, more: int) -> None:
     for entry in files if isinstance(files, list) else []:
         if isinstance(entry, dict) and Path(str(entry.get('path'))).name == name:
-            entry['message_count'] = int(entry.get('message_count') or 0) + more
+            held = entry.get('message_count')
+            entry['message_count'] = (held if isinstance(held, int) else 0) + more

@@ -41,6 +41,14 @@ from ..errors import InputError
 from ..files import plain_yaml, scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
+# What is used of a metadata.yaml must be of these types, or it is as if it were not there.
+METADATA = {
+    'version': int,
+    'message_count': int,
+    'files': list,
+    'relative_file_paths': list,
+    'topics_with_message_count': list,
+}
 MOST_ALIASES = 1000  # of a metadata.yaml: some writers give times of files so
 LEAST_BYTES = 8     # a message takes no less, however well it is compressed
 NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
@@ -145,7 +153,9 @@ class Bag:
         except (OSError, ValueError):
             return {}
         about = found.get('rosbag2_bagfile_information') if isinstance(found, dict) else None
-        return about if isinstance(about, dict) else {}
+        if not isinstance(about, dict):
+            return {}
+        return {k: v for k, v in about.items() if isinstance(v, METADATA.get(k, object))}
 
     def _file(self, path: Path) -> BagFile:
         try:
