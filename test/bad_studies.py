@@ -145,6 +145,7 @@ STUDY_VALUES = {        # valid YAML with wrong values: history and the like may
     'diagnosis_text': changed(diagnosis={'gyro_x': 'fine'}),
     'diagnosis_odd': changed(diagnosis={'gyro_x': {'verdict': 5, 'ranked': [{}]}}),
     'source_text': changed(source='a bag'), 'source_null': changed(source=None),
+    'source_rate': changed(**{'source/rate_hz': []}),
 }
 
 
