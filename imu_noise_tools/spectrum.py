@@ -186,6 +186,7 @@ def leaked(v: np.ndarray, bins: Bins) -> np.ndarray:
     v : ndarray (b,)
         The expected power of the bins.
     bins : Bins
+        Of the record.
 
     """
     w, own = _leakage(bins.n, bins.dt)

@@ -371,8 +371,9 @@ def _confirmed(state: State, ranked: list[Finding], failed: list[Finding]):
 
     """
     refuted: set[str] = set()
-    for f in [f for f in ranked if f.gain > f.penalty][:4]:
-        fall, healed = confirm(state, f, failed)
+    able = [f for f in ranked if f.gain > f.penalty]
+    for f in able[:4]:
+        fall, healed = confirm(state, f, failed, [g for g in able if g.name not in refuted])
         if fall > FALL and healed:
             left = with_probabilities(g for g in ranked if g.name not in refuted)
             out = [replace(g, probability=0.0) for g in ranked if g.name in refuted]
@@ -412,11 +413,13 @@ def failures(findings: Iterable[Finding], level: float = OMNIBUS_LEVEL) -> list[
     return out
 
 
-def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[float, bool]:
+def confirm(
+    state: State, finding: Finding, failed: list[Finding], others: Iterable[Finding] = ()
+) -> tuple[float, bool]:
     """
     Return by how much a candidate lowers the error, and whether it heals its view.
 
-    The error is that on data not fitted.
+    The error is that on data not fitted. ``others`` are candidates that may be there as well.
 
     """
     assert finding.effect is not None
@@ -424,24 +427,26 @@ def confirm(state: State, finding: Finding, failed: list[Finding]) -> tuple[floa
     model = unfitted(state.model).plus(type(finding.effect)())
     fall = fall_of(state.error, held_out(problem, model), [finding.effect])
     fails = finding.view in {f.name for f in failed}
-    return fall, not fails or fall <= FALL or heals(problem, model, finding.view)
+    return fall, not fails or fall <= FALL or heals(problem, model, finding, others)
 
 
-def heals(problem: Problem, model: Model, view: str, further: int = 2) -> bool:
+def heals(problem: Problem, model: Model, finding: Finding, others: Iterable[Finding]) -> bool:
     """
-    Tell whether a view holds under a model, or would with one or two effects more.
+    Tell whether a finding's view holds under a model with it, or with one or two others more.
 
-    These are effects that are there as well.
+    Several may be hidden at once, several of the same kind (lines) too.
 
     """
-    fit = getattr(problem, 'point', problem.fit)(model)
-    tests = problem.omnibus(fit)
-    if view not in {f.name for f in tests}:  # an effect that hides a view does not heal it
-        return False
-    if view not in {f.name for f in failures(tests)}:
-        return True
-    able = [f for f in problem.candidates(fit) if f.gain > f.penalty and f.effect is not None]
-    if not able:
-        return False
-    best = max(able, key=lambda f: f.gain - f.penalty)
-    return heals(problem, model.plus(type(best.effect)()), view, further - 1)
+    rest = [g.effect for g in others if g.effect is not None and g.name != finding.name]
+    again = [finding.effect] * 2 if finding.effect.several else []
+    singles = [*again[:1], *rest[:3]]
+    for more in ([], *([e] for e in singles), [*again, *rest][:2]):
+        tried = model
+        for e in more:
+            tried = tried.plus(type(e)())
+        tests = problem.omnibus(getattr(problem, 'point', problem.fit)(tried))
+        # an effect that hides a view does not heal it
+        seen = finding.view in {f.name for f in tests}
+        if seen and finding.view not in {f.name for f in failures(tests)}:
+            return True
+    return False

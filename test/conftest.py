@@ -71,3 +71,11 @@ def ros(ros_session):
     """Return the client; processes that a test started end with the test."""
     yield ros_session
     ros_session.stop_all()
+
+
+@pytest.fixture(scope='session')
+def fresh_seed():
+    """Return a new seed each run, printed so that a failure can be drawn again."""
+    seed = int.from_bytes(os.urandom(4), 'big')
+    print(f'\nfresh seed {seed}')
+    return seed

@@ -195,11 +195,3 @@ def test_on_draws_never_seen(fresh_seed, n, check):
         except AssertionError as error:
             failed.append(f'{seed}: {error}')
     pytest.fail('\n'.join(failed))
-
-
-@pytest.fixture(scope='module')
-def fresh_seed():
-    """Return a new seed each run, printed so that a failure can be drawn again."""
-    seed = int(np.random.SeedSequence().entropy % 2 ** 32)
-    print(f'\nfresh seed {seed}')
-    return seed

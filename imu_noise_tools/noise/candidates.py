@@ -69,15 +69,19 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
         return None
     more = _refitted(evidence, fit, effect)
     label = more.model.labels[-1]
-    gain = more.details['ml'] - fit.details['ml'] + more.model[label].bonus(evidence, more)
+    bonus = more.model[label].bonus(evidence, more)
+    where = _where(evidence, fit, more, effect)
+    if abs(bonus) > 1:
+        said = 'for' if bonus > 0 else 'against'
+        where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
     return Finding(
         effect.name,
-        float(gain),
+        float(more.details['ml'] - fit.details['ml'] + bonus),
         more.model[label],
         more.estimates[label],
         penalty(effect.name) + _unlikely(more),
         _view_of(effect),
-        _where(evidence, fit, more, effect),
+        where,
     )
 
 
@@ -91,7 +95,7 @@ def _unlikely(fit: Fit) -> float:
     """
     share = {k: np.max(s / fit.details['v']) for k, s in fit.details['each'].items()}
     certain = [e.label for e in fit.model.of(Spectrum) if e.in_every_sensor]
-    return ABSENT * sum(share.get(label, 1.0) < 0.05 for label in certain)
+    return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in certain)
 
 
 def _refitted(evidence, fit, effect):

@@ -37,9 +37,9 @@ from scipy.special import ndtri
 
 from . import effects as _effects  # noqa: F401  (registers them)
 from .grid import grid_step
-from .kinds import Defect, Inputs
+from .kinds import Defect, Inputs, Line
 from .. import allan
-from ..effect import registry
+from ..effect import Model, registry
 from ..record import ImuRecord, Memory, sensor_of
 from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients
 
@@ -47,6 +47,7 @@ SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 1024  # signed coefficients kept
 BLOCKS = 256  # blocks in time
 CURVED = 256  # coefficients whose level is read from a parabola
+FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
 ENVELOPE = 1000  # columns of the picture of the time series
@@ -112,9 +113,9 @@ class Evidence:
     ``resolution`` is the step of the grid that the samples stand on, 0 where there is none.
     ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or
     2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
-    bands' centres, Hz. ``cells`` (1 or 2, cells) counts the whitened samples in equiprobable
-    cells; a second row of either is without defects. ``envelope`` (columns, 3) is time, minimum,
-    maximum. ``statistics`` maps an effect's name to what it kept.
+    bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
+    cells; a second row of either is without defects, and one row more of cells without lines,
+    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -187,8 +188,18 @@ class Evidence:
         return self.block_power[min(self._screens(model), len(self.block_power) - 1)]
 
     def cells_of(self, model) -> np.ndarray:
-        """Return the cells of the distribution, without defects where the model holds them."""
-        return self.cells[min(self._screens(model), len(self.cells) - 1)]
+        """
+        Return the cells of the distribution.
+
+        Without defects, and without lines, where the model holds them.
+
+        """
+        looks = len(self.block_power)
+        if len(self.cells) > looks and model is not None:
+            left = np.delete(self.line_table[:, 3], list(claimed_lines(self, model)))
+            if np.all(left < FAINT) and (looks == 1 or self._screens(model)):
+                return self.cells[-1]
+        return self.cells[min(self._screens(model), looks - 1)]
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """
@@ -198,6 +209,15 @@ class Evidence:
 
         """
         return self.statistics.get(effect, {})
+
+
+def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
+    """Return which rows of the line table the model's lines account for."""
+    out = set()
+    for e in model.of(Line):
+        if e.values.get('amplitude', 0) > 0 and len(evidence.line_table):
+            out.add(int(np.argmin(np.abs(evidence.line_table[:, 0] - e['frequency']))))
+    return out
 
 
 def smooth_length(n: int) -> int:
@@ -284,9 +304,13 @@ def gather(
                 own[axis]['cells'] = _cells(looks, own[axis]['resolution'], c, reference, dt)
                 step(f'{axis}: distribution')
                 own[axis]['line_table'] = _find_lines(c, reference, y, dt)
-                del reference
                 step(f'{axis}: spectrum')
             lines[axis] = _take_lines_out(c, own[axis]['line_table'], begin, dt)
+            if name == 'whole':
+                if len(lines[axis]):  # what is left is normal only without them
+                    cells = _cells_without_lines(c, own[axis]['resolution'], reference, dt)
+                    own[axis]['cells'] = np.vstack([own[axis]['cells'], cells])
+                del reference
             coefficients[axis] = memory.keep(c)
             memory.rest()
         for other, values in covariates.items():
@@ -567,14 +591,25 @@ def _cells(looks, step, c, reference, dt) -> np.ndarray:
         before = [cosine_transform(y) for y in looks[:-1]]
         found = [_whitened(b, reference_spectrum(b, dt), dt) for b in before]
         return np.array([*found, _whitened(c, reference, dt)])
-    # A grid would show through the cells: a triangular dither of its step smooths the rounding
-    # away.
-    dither = step * (np.random.default_rng(0).random((2, len(looks[0]))).sum(axis=0) - 1)
+    dither = _dither(len(looks[0]), step)
     found = []
     for y in looks:
         c = cosine_transform(y + dither)
         found.append(_whitened(c, reference_spectrum(c, dt), dt))
     return np.array(found)
+
+
+def _cells_without_lines(c, step, reference, dt) -> np.ndarray:
+    """Return the cells of the samples whose coefficients c the lines were taken out of."""
+    if step > 0:
+        c = c + cosine_transform(_dither(len(c), step))
+        reference = reference_spectrum(c, dt)
+    return _whitened(c, reference, dt)
+
+
+def _dither(n: int, step: float) -> np.ndarray:
+    """Return triangular noise of a step: a grid would show through the cells without it."""
+    return step * (np.random.default_rng(0).random((2, n)).sum(axis=0) - 1)
 
 
 def _whitened(c, reference, dt):

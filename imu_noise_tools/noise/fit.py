@@ -32,6 +32,7 @@ from scipy.optimize import nnls
 
 from .evidence import Evidence
 from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, Spectrum
+from .null import DEFAULT, PENALTY
 from .. import units
 from ..effect import Estimate, Finding, Fit, Model, Parameter
 from ..errors import FitError
@@ -518,6 +519,9 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
     if isinstance(effect, Line):
         return _measure_line(evidence, effect, claimed)
     finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
+    if finding is not None and not isinstance(effect, (Spectrum, Response)) \
+            and finding.gain < PENALTY.get(effect.name, DEFAULT):
+        finding = None  # chance finds as much where there is nothing
     if finding is None or finding.effect is None:
         values = {
             p.name: effect.neutral.get(
@@ -626,15 +630,6 @@ def _measure_line(evidence, effect, claimed):
         ),
     }
     return {'amplitude': amplitude, 'frequency': float(frequency)}, found, ''
-
-
-def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
-    """Return which rows of the line table the model's lines account for."""
-    out = set()
-    for e in model.of(Line):
-        if e.values.get('amplitude', 0) > 0 and len(evidence.line_table):
-            out.add(int(np.argmin(np.abs(evidence.line_table[:, 0] - e['frequency']))))
-    return out
 
 
 # --- starts --------------------------------------------------------------------------------------
@@ -757,8 +752,11 @@ def _with_amplitudes(likelihood, model, share):
             (v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power))
         )
         shape = np.array([each[k] for k in names]).T
-        target = np.maximum(likelihood.power - fixed, 0)
-        floor = np.maximum(_smooth(likelihood.power), 1e-300)
+        power = likelihood.power
+        if likelihood.couplings:  # what another channel puts there is not the noise's
+            power = likelihood.solve_linear(model, _smooth(power)).power
+        target = np.maximum(power - fixed, 0)
+        floor = np.maximum(_smooth(power), 1e-300)
         level = floor
         # behind a filter only the band that passes says something of the amplitudes
         gain = np.prod(

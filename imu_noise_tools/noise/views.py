@@ -31,8 +31,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
-from .evidence import Evidence
-from .fit import claimed_lines, Likelihood
+from .evidence import claimed_lines, Evidence
+from .fit import Likelihood
 from .kinds import Coupling, Inputs, Mean, model_psd, Modulation, Spectrum
 from ..effect import Fit, Model, View
 from ..spectrum import bins_of, expected
@@ -81,6 +81,17 @@ def _nothing(name, unit):
     return View(name, np.zeros(0), np.zeros(0), float('nan'), float('nan'), unit)
 
 
+def hidden_by(fit: Fit, view: str) -> bool:
+    """Tell whether an effect that is there, and not in the model's name only, hides a view."""
+    for e in fit.model:
+        if view in e.hides:
+            mine = fit.details.get('each', {}).get(e.label)
+            there = any(e[p.name] > 0 for p in e.parameters if p.amplitude)
+            if there and (mine is None or np.max(mine / fit.details['v']) > 0.01):
+                return True
+    return False
+
+
 def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
     """Return the power (b,) of the lines that the model does not hold."""
     lines = evidence.part(part).lines
@@ -111,11 +122,23 @@ def frequency(
         )
         / v
     )
+    # coefficients of noise whose variance changes are not independent: fewer count
+    weight = np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, fit.model), weight)
     excess, variance = gamma_excess(x, weight)
     extra = 0.0 if fitted_here else parameter_scatter(evidence, part, fit, v, weight)
     return _view(
         'frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra
     )
+
+
+def _unevenness(evidence: Evidence, model: Model) -> float:
+    """Return mean(F^2)/mean(F)^2 of what the model's modulation does to the variance, F >= 0."""
+    t = (np.arange(1024) + 0.5) * evidence.duration / 1024
+    out = 1.0
+    for m in model.of(Modulation):
+        f = m.variance(t)
+        out *= float(np.mean(f**2) / np.mean(f) ** 2)
+    return out
 
 
 def parameter_scatter(
@@ -200,6 +223,11 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
         if fit.model.of(Spectrum)
         else np.eye(count) * np.var(mean(y))
     )
+    for m in fit.model.of(Modulation):  # it acts on what is flat in the spectrum
+        f = np.arange(1, 65) / (128 * e.dt)
+        flat = np.min(model_psd(fit.model, f, e.dt)) / (2 * e.dt * per * e.common.slow_length)
+        factor = block_variance(m, mean(t))
+        covariance = covariance + np.diag(flat * (factor / np.mean(factor) - 1))
     return BlockMeans(mean(t), mean(y), x / np.where(scale > 0, scale, 1.0), covariance)
 
 
@@ -354,7 +382,7 @@ def followed_by(factor: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 def variance(evidence: Evidence, fit: Fit) -> View:
     """Return the power in time beside its mean over the record, in four groups of bands."""
-    if any('variance' in e.hides for e in fit.model):
+    if hidden_by(fit, 'variance'):
         return _nothing('variance', 's')
     t, x, w = power_in_time(evidence, fit.model)
     x = x / modulated(fit.model, t, x, w)
@@ -374,7 +402,7 @@ def variance(evidence: Evidence, fit: Fit) -> View:
 
 def distribution(evidence: Evidence, fit: Fit) -> View:
     """Return the whitened samples in equiprobable cells beside the normal distribution."""
-    if any('distribution' in e.hides for e in fit.model):
+    if hidden_by(fit, 'distribution'):
         return _nothing('distribution', 'quantile')
     cells = evidence.cells_of(fit.model).astype(float)
     # cells narrower than a few steps of the output would show the converter's own unevenness
@@ -447,7 +475,9 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: s
             for name, p in zip(e.channels(evidence), (p for p in e.parameters if p.linear)):
                 known = evidence.common.pair(name, channel, part)
                 both = both - e[p.name] * known
-    group = np.searchsorted(np.geomspace(8, bins.n, 60), bins.last)
+    # at least eight coefficients to a group: one alone may be next to nothing by chance
+    edges = np.unique(8 * np.round(np.geomspace(1, bins.n / 8, 60)))
+    group = np.searchsorted(edges, bins.last)
     starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
     w = bins.count.astype(float)
     level = np.sqrt(_running(own) * _running(other))

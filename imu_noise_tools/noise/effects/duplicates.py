@@ -47,6 +47,7 @@ class Duplicates(Defect, Response):
     )
     reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
     views = ('frequency', 'time', 'distribution', 'variance')
+    hides = ('distribution', 'variance')  # whitened, held samples are neither normal nor steady
     decide = 'read the sensor at its own rate'
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
