@@ -115,7 +115,8 @@ class Evidence:
     2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
     bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
     cells; a second row of either is without defects, and one row more of cells without lines,
-    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``statistics`` maps an effect's name to what it kept.
+    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``statistics`` maps
+    an effect's name to what it kept.
 
     """
 

@@ -190,9 +190,16 @@ class NoiseProblem:
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
             where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
+            near = next((f for f in ranked if f.gain > f.penalty), None)
+            nearest = (
+                f' Nearest comes {near.name} ({near.evidence}), but data it was not fitted to do '
+                'not confirm it, or it leaves what fails.'
+                if near
+                else ''
+            )
             return (
-                f'No known effect explains it ({where}). Look at what was going on then, or at '
-                'that frequency.'
+                f'No known effect explains it ({where}).{nearest} Look at what was going on '
+                'then, or at that frequency.'
             )
         return ''
 

@@ -33,7 +33,7 @@ from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
 from .fit import Likelihood
-from .kinds import Coupling, Inputs, Mean, model_psd, Modulation, Spectrum
+from .kinds import Coupling, Defect, Inputs, Mean, model_psd, Modulation, Spectrum
 from ..effect import Fit, Model, View
 from ..spectrum import bins_of, expected
 
@@ -85,9 +85,11 @@ def hidden_by(fit: Fit, view: str) -> bool:
     """Tell whether an effect that is there, and not in the model's name only, hides a view."""
     for e in fit.model:
         if view in e.hides:
-            mine = fit.details.get('each', {}).get(e.label)
             there = any(e[p.name] > 0 for p in e.parameters if p.amplitude)
-            if there and (mine is None or np.max(mine / fit.details['v']) > 0.01):
+            if there and not isinstance(e, Defect):     # fitted, and never quite zero
+                mine = fit.details.get('each', {}).get(e.label)
+                there = mine is None or np.max(mine / fit.details['v']) > 0.01
+            if there:
                 return True
     return False
 
@@ -114,6 +116,8 @@ def frequency(
     if likelihood.couplings:
         power = likelihood.without_couplings(fit.model)
     v, _ = likelihood.spectra(fit.model)
+    if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
+        v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
     x = (
         np.maximum(
             power
@@ -129,6 +133,16 @@ def frequency(
     return _view(
         'frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra
     )
+
+
+def _louder_than_in_the_other(evidence: Evidence, model: Model, half: str) -> float:
+    """Return the mean variance in a half over that in the other, by the model's modulation."""
+    t = (np.arange(1024) + 0.5) * evidence.duration / 1024
+    out = 1.0
+    for m in model.of(Modulation):
+        first, second = np.mean(m.variance(t).reshape(2, -1), axis=1)
+        out *= first / second if half == 'first' else second / first
+    return float(out)
 
 
 def _unevenness(evidence: Evidence, model: Model) -> float:
