@@ -180,14 +180,15 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
         ]
         return f'the mean of the record follows it: {", ".join(parts)}'
     if isinstance(effect, Coupling):
-        estimates = after.estimates[after.model.labels[-1]]
+        fitted = after.model[after.model.labels[-1]]
+        estimates = after.estimates[fitted.label]
         parts = [
             f'{k} {e.point:.3g} +- {e.std:.2g}'
             for k, e in estimates.items()
             if e.std and abs(e.point) > 2 * e.std
         ]
         return (
-            f'coherent with {", ".join(effect.channels(evidence))}: '
+            f'coherent with {", ".join(fitted.channels(evidence))}: '
             f'{", ".join(parts) or "nothing significant"}'
         )
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
