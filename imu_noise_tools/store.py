@@ -372,11 +372,11 @@ def _misshapen(data, shape, where: str = '') -> str:
     return next((found for i, v, s in inside if (found := _misshapen(v, s, i))), '')
 
 
-def load(folder) -> Study:
+def load(folder, intervals: bool = True) -> Study:
     """
     Return the study of a folder, its models fitted again to the evidence.
 
-    The numbers are the same, and all that hangs on them.
+    The numbers are the same, and all that hangs on them; the values' intervals only if asked for.
 
     Raises
     ------
@@ -395,7 +395,7 @@ def load(folder) -> Study:
                 find_effect(data['domain'], e['effect'])({}, label)
                 for label, e in entry['effects'].items()
             )
-            states[target] = assess(problems[target], model)
+            states[target] = assess(problems[target], model, intervals)
         return Study(
             data['domain'],
             states,

@@ -109,7 +109,7 @@ def compare(args) -> int:
     from . import text
 
     common.load_own_effects(args)
-    study = store.load(args.dir)
+    study = store.load(args.dir, intervals=bool(args.dir2))
     if args.dir2:
         other = store.load(args.dir2)
         from ..tasks import loop
