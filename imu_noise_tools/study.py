@@ -436,8 +436,17 @@ def confirm(
     problem = state.problem
     model = unfitted(state.model).plus(type(finding.effect)())
     fall = fall_of(state.error, held_out(problem, model), [finding.effect])
+    rivals = [g for g in others if g.effect is not None and g.name != finding.name]
+    for g in rivals[:3]:
+        if fall > FALL:
+            break
+        # the nearer a model comes, the more sticks out what is missing as well: look again with it
+        beside = unfitted(state.model).plus(type(g.effect)())
+        more = beside.plus(type(finding.effect)())
+        fall = max(fall, fall_of(held_out(problem, beside), held_out(problem, more),
+                                 [finding.effect]))
     fails = finding.view in {f.name for f in failed}
-    return fall, not fails or fall <= FALL or heals(problem, model, finding, others)
+    return fall, not fails or fall <= FALL or heals(problem, model, finding, rivals)
 
 
 def heals(problem: Problem, model: Model, finding: Finding, others: Iterable[Finding]) -> bool:
@@ -447,7 +456,7 @@ def heals(problem: Problem, model: Model, finding: Finding, others: Iterable[Fin
     Several may be hidden at once, several of the same kind (lines) too.
 
     """
-    rest = [g.effect for g in others if g.effect is not None and g.name != finding.name]
+    rest = [g.effect for g in others]
     again = [finding.effect] * 2 if finding.effect.several else []
     singles = [*again[:1], *rest[:3]]
     for more in ([], *([e] for e in singles), [*again, *rest][:2]):

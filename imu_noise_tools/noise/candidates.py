@@ -55,7 +55,9 @@ def candidates(problem, fit: Fit) -> list[Finding]:
         if cls.explains and set(cls.explains) <= explained:
             continue
         finding = _one(evidence, fit, cls())
-        if finding is not None and np.isfinite(finding.gain):
+        if finding is None or not np.isfinite(finding.gain):
+            continue
+        if not views.hidden_by(fit, finding.view):  # nothing could confirm it
             found.append(finding)
     return sorted(found, key=lambda f: f.penalty - f.gain)
 
