@@ -162,9 +162,12 @@ def table_row(name, truth, some, other, limit) -> str:
     rest = [f'{100 * spread(m[name], truth):.3g}' if m[name] else '-' for m in other.values()]
     covers = share(e.ci95[0] <= truth <= e.ci95[1] for e in some if e.ci95)
     above = share(e.value is None and truth > e.upper95 for e in some)
+    # the bound is one of ln x: where the error is large it is this that it bounds
+    logs = [np.log(e.point / truth) for e in some if e.value is not None and e.point > 0]
+    ln = np.sqrt(np.mean(np.square(logs))) if len(null) < len(some) / 10 else np.nan
     return ' | '.join([f'| {name}', f'{truth:.3g}', f'{100 * limit:.3g}', f'{100 * rmse:.3g}',
-                       f'{rmse / limit:.2f}', covers, f'{100 * len(null) / len(some):.1f}', above,
-                       *rest]) + ' |'
+                       f'{rmse / limit:.2f}', f'{ln / limit:.2f}', covers,
+                       f'{100 * len(null) / len(some):.1f}', above, *rest]) + ' |'
 
 
 def value_of(estimate, unit, sensor) -> str:
@@ -200,9 +203,9 @@ def report_case(name, truth, records, n, dt, seed):
     limits = bound(truth, n, dt)
     found, other, views = run_case(truth, records, n, dt, seed)
     print(f'\n{name} ({time.process_time() - begin:.0f} CPU s)\n')
-    print('| | truth | bound | rmse | rmse/bound | ci95 covers | null | above upper95 '
+    print('| | truth | bound | rmse | rmse/bound | of ln x | ci95 covers | null | above upper95 '
           '| avar rmse | slopes rmse |')
-    print('|---|---|---|---|---|---|---|---|---|---|')
+    print('|---|---|---|---|---|---|---|---|---|---|---|')
     for k, value in truth.items():
         print(table_row(k, value, found[k], other, limits[k]))
     print('\nviews under the true model: mean excess in its std, scatter, share within 2 std')
