@@ -25,9 +25,8 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence, line_penalty
-from .fit import fit as fit_part, measure, MEASURED, with_units
+from .fit import fit as fit_part, measure, MEASURED, penalty, with_units
 from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
-from .null import DEFAULT, PENALTY
 from ..effect import Finding, Fit, Model, registry, unfitted
 
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
@@ -204,13 +203,3 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
     f0 = f[np.searchsorted(np.maximum.accumulate(gain), 0.1 * gain[-1])]
     f1 = f[min(np.searchsorted(np.maximum.accumulate(gain), 0.9 * gain[-1]), len(f) - 1)]
     return f'the spectrum asks for it between {f0:.3g} and {f1:.3g} Hz'
-
-
-def penalty(name: str) -> float:
-    """
-    Return the gain (nats) that chance reaches in one record of a thousand.
-
-    Nothing is hidden in these records.
-
-    """
-    return PENALTY.get(name, DEFAULT)

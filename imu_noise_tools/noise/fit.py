@@ -514,13 +514,23 @@ def _measured(evidence, model, mean):
     return model, estimates, flags
 
 
+def penalty(name: str) -> float:
+    """
+    Return the gain (nats) that chance reaches in one record of a thousand.
+
+    Nothing is hidden in these records.
+
+    """
+    return PENALTY.get(name, DEFAULT)
+
+
 def measure(evidence: Evidence, effect, claimed: set[int]):
     """Return (values, estimates, note) of an effect that is measured on the samples."""
     if isinstance(effect, Line):
         return _measure_line(evidence, effect, claimed)
     finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
     if finding is not None and not isinstance(effect, (Spectrum, Response)) \
-            and finding.gain < PENALTY.get(effect.name, DEFAULT):
+            and finding.gain < penalty(effect.name):
         finding = None  # chance finds as much where there is nothing
     if finding is None or finding.effect is None:
         values = {
