@@ -39,9 +39,10 @@ import calibration_sessions as sim                                      # noqa: 
 
 from imu_noise_tools import calibration as core                         # noqa: E402,I201
 from imu_noise_tools.calibration.problem import CalibrationProblem      # noqa: E402
+from imu_noise_tools.diagnosis import diagnose   # noqa: E402
 from imu_noise_tools.effect import find_effect                          # noqa: E402
+from imu_noise_tools.prediction import deviance, held_out, State   # noqa: E402
 from imu_noise_tools.record import ImuRecord                            # noqa: E402
-from imu_noise_tools.study import deviance, diagnose, held_out, State   # noqa: E402
 from imu_noise_tools.tasks import calibration as tasks                  # noqa: E402
 
 DEG = np.pi / 180

@@ -390,7 +390,8 @@ class View:
 
     ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where
     given, is the total -2 ln p of the data under the prediction, up to what the data alone decide:
-    it also rewards a sharper prediction.
+    it also rewards a sharper prediction. ``muted`` marks one that an effect of the model makes
+    fail by itself: it is heard only as a change between two such models.
 
     """
 
@@ -401,6 +402,7 @@ class View:
     std: float
     unit: str = ''
     log_score: float | None = None
+    muted: bool = False
 
     @property
     def deviance(self) -> float:
@@ -413,13 +415,15 @@ class Score:
     """
     How well a fit predicts data it has not seen.
 
-    The mean over the views of their excess, and its chance scatter.
+    The mean over the views of their excess, and its chance scatter; ``muted`` views have no part
+    in them.
 
     """
 
     excess: float
     std: float
     views: Mapping[str, View] = field(default_factory=dict)
+    muted: Mapping[str, View] = field(default_factory=dict)
 
     @property
     def within_chance(self) -> bool:
@@ -429,14 +433,17 @@ class Score:
     @classmethod
     def of(cls, views) -> Score:
         """Average views with equal weights."""
-        views = {v.name: v for v in views if np.isfinite(v.excess)}
+        said = [v for v in views if np.isfinite(v.excess)]
+        views = {v.name: v for v in said if not v.muted}
+        muted = {v.name: v for v in said if v.muted}
         if not views:
-            return cls(float('nan'), float('nan'), {})
+            return cls(float('nan'), float('nan'), {}, muted)
         k = len(views)
         return cls(
             float(sum(v.excess for v in views.values()) / k),
             float(np.sqrt(sum(v.std**2 for v in views.values())) / k),
             views,
+            muted,
         )
 
 

@@ -35,10 +35,11 @@ import numpy as np
 import yaml
 
 from . import units
+from .diagnosis import Diagnosis
 from .effect import Estimate, find_effect, Finding, Model
 from .errors import ImuNoiseError, InputError
 from .files import plain_yaml
-from .study import assess, Diagnosis, Step, Study
+from .study import assess, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes

@@ -17,7 +17,8 @@ Records with something hidden in them, made without a formula of the package.
 
 Base noise and effects are drawn in the time domain (recursions, rounding, dwell times, filters):
 a wrong spectrum or closed form in ``noise/`` cannot hide behind a simulation that shares it. One
-gyroscope axis holds the hidden effects; the others are plain.
+gyroscope axis holds the hidden effects; the others are plain but for held samples and the sensor's
+filter, which act on all axes alike.
 
 Strength is the largest ratio over tau <= T/10 of the effect's Allan deviation to the base model's;
 for what does not add, sqrt |variance with / variance without - 1|. ``nats`` is what a perfect
@@ -27,7 +28,7 @@ method, told the true model, would gain in log-likelihood over the base model fi
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.fft import dct
@@ -52,12 +53,18 @@ class Hidden:
     strength: float
     nats: float
     known: bool = True
+    beside: float = np.inf                  # nats, where there are others
 
     @property
     def clear(self) -> bool:
         """Whether a verdict on it counts among those of strength 1 and more."""
         enough = ENOUGH * (2 if self.name in IMITABLE else 1)
         return self.strength >= 1 and self.nats >= enough
+
+    @property
+    def clear_beside(self) -> bool:
+        """Whether it is clear beside the others too, which may drown or imitate it."""
+        return self.clear and self.beside >= ENOUGH * (2 if self.name in IMITABLE else 1)
 
 
 @dataclass(frozen=True)
@@ -222,12 +229,13 @@ def _binned(x):
     return first, count, np.add.reduceat(square, first) / count
 
 
-def nats_of(added, base, dt, deterministic=False) -> float:
+def nats_of(added, base, dt, deterministic=False, times=1.0) -> float:
     """
     Return the expected gain of knowing an added effect over the base model fitted again, nats.
 
     In the cosine domain: what is deterministic adds its square to the mean power, and a model that
-    knows it takes it out; what is random adds its (smoothed) power to the true density.
+    knows it takes it out; what is random adds its (smoothed) power to the true density. ``times``
+    is what else there is: the density without the effect over the base model's, in the bins.
     """
     first, count, extra = _binned(added)
     f = (2 * first + count - 1) / (4 * len(added) * dt)
@@ -235,13 +243,13 @@ def nats_of(added, base, dt, deterministic=False) -> float:
     if not deterministic:
         padded = np.pad(np.log(extra + 1e-12 * extra.max()), 3, mode='edge')
         extra = np.exp(np.convolve(padded, np.ones(7) / 7, mode='valid'))
-    v = base_density(base, f)
+    v = times * base_density(base, f)
     seen = v + extra
     told = np.sum(count * (np.log(v if deterministic else seen) + 1))
     start = np.log([base['N'], base['B'], base['K']])
 
     def misfit(x):
-        w = base_density(dict(zip('NBK', np.exp(x))), f)
+        w = times * base_density(dict(zip('NBK', np.exp(x))), f)
         return np.sum(count * (np.log(w) + seen / w))
 
     best = min(minimize(misfit, start + d, method='Nelder-Mead', options={'maxiter': 600}).fun
@@ -351,7 +359,7 @@ def _intermittent_line(s):
     return (at % 2) * np.sin(2 * np.pi * f * s.t + phase[at]), {'frequency': f}
 
 
-# --- effects that act on the samples: (samples, values, nats) ------------------------------------
+# --- effects that act on the samples: (act, values, nats), act making samples of samples ---------
 
 def _quantization(s, strength):
     """
@@ -360,30 +368,33 @@ def _quantization(s, strength):
     As ring lasers do, it is dithered by a step, so that errors are independent: Q^2 = step^2/6.
     """
     q = strength * s.base[s.target]['N'] * np.sqrt(s.dt / 3)
-    step = q * np.sqrt(6)
-    angle = np.cumsum(np.append(0.0, s.y * s.dt)) / step
-    read = step * np.round(angle + s.rng.uniform(-0.5, 0.5, s.n + 1))
-    after = np.diff(read) / s.dt
-    return after, {'Q': q}, nats_of(after - s.y, s.base[s.target], s.dt)
+    step, dither = q * np.sqrt(6), s.rng.uniform(-0.5, 0.5, s.n + 1)
+
+    def act(y):
+        angle = np.cumsum(np.append(0.0, y * s.dt)) / step
+        return np.diff(step * np.round(angle + dither)) / s.dt
+
+    return act, {'Q': q}, nats_of(act(s.y) - s.y, s.base[s.target], s.dt)
 
 
 def _rate_quantization(s, strength):
     """Rounded to steps of half to four standard deviations; each sample on the grid tells it."""
     sigma = s.base[s.target]['N'] / np.sqrt(s.dt)
     step = sigma * float(np.clip(np.sqrt(12) * strength, 0.5, 4.0))
-    return step * np.round((s.y + s.rng.uniform(-10, 10) * step) / step), {'step': step}, np.inf
+    offset = s.rng.uniform(-10, 10) * step
+    return lambda y: step * np.round((y + offset) / step), {'step': step}, np.inf
 
 
 def _duplicates(s, strength):
     """Held samples, at random or every second one; each tells it."""
     if s.rng.random() < 0.3:
-        return s.y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'regular': 1.0}, np.inf
+        return lambda y: y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'regular': 1.0}, np.inf
     # the level at low frequencies grows by (1 + p)/(1 - p)
     share = float(np.clip(strength ** 2 / (2 + strength ** 2), 0.01, 0.8))
     fresh = s.rng.random(s.n) >= share
     fresh[0] = True
-    held = s.y[np.maximum.accumulate(np.where(fresh, np.arange(s.n), 0))]
-    return held, {'fraction': share, 'regular': 0.0}, np.inf
+    at = np.maximum.accumulate(np.where(fresh, np.arange(s.n), 0))
+    return lambda y: y[at], {'fraction': share, 'regular': 0.0}, np.inf
 
 
 def _low_pass(s, strength):
@@ -391,7 +402,7 @@ def _low_pass(s, strength):
     form, keep, nyquist = int(s.rng.integers(0, 3)), 1 - min(strength, 0.95) ** 2, 0.5 / s.dt
     x, one = s.y - s.y[0], allan_variance(s.y, [1])[0]
 
-    def filtered(share):
+    def filtered(x, share):
         if form == 0:
             p = np.exp(-2 * np.pi * share * nyquist * s.dt)
             return lfilter([1 - p], [1, -p], x), {'cutoff': share * nyquist, 'form': 0.0}
@@ -401,20 +412,22 @@ def _low_pass(s, strength):
         return lfilter(np.ones(r) / r, [1.0], x), {'cutoff': 0.443 / (r * s.dt), 'form': 3.0}
 
     grid = np.geomspace(0.02, 0.98, 24)
-    off = [abs(np.log(allan_variance(filtered(g)[0], [1])[0] / one / keep)) for g in grid]
-    after, values = filtered(grid[int(np.argmin(off))])
+    off = [abs(np.log(allan_variance(filtered(x, g)[0], [1])[0] / one / keep)) for g in grid]
+    share = grid[int(np.argmin(off))]
+    after, values = filtered(x, share)
     _, count, power = _binned(after)
     ratio = power / _binned(x)[2]
     ratio = ratio / np.exp(np.average(np.log(ratio), weights=count))
-    return after + s.y[0], values, float(0.5 * np.sum(count * (ratio - np.log(ratio) - 1)))
+    nats = float(0.5 * np.sum(count * (ratio - np.log(ratio) - 1)))
+    return lambda y: filtered(y - y[0], share)[0] + y[0], values, nats
 
 
 def _louder(s, shape, strength):
-    """Return the axis with white noise of a variance that follows a shape, and its nats."""
+    """Return what adds white noise of a variance that follows a shape, and its nats."""
     factor = 1 + strength ** 2 / shape.mean() * shape
     extra = np.sqrt(factor - 1) * white(s.n, s.dt, s.base[s.target]['N'], s.rng)
     gain = 0.5 * s.n * (np.log(np.mean(factor)) - np.mean(np.log(factor)))
-    return s.y + extra, float(factor.max()), float(gain)
+    return lambda y: y + extra, float(factor.max()), float(gain)
 
 
 def _variance_change(s, strength):
@@ -430,15 +443,15 @@ def _variance_change(s, strength):
         values['period'] = s.span / s.rng.uniform(3, 20)
         values['time'] = values['period'] * s.rng.uniform(0.01, 1)
         shape = 0.5 + 0.5 * np.cos(2 * np.pi * (s.t - values['time']) / values['period'])
-    after, factor, gain = _louder(s, shape, strength)
-    return after, {'factor': factor, **values}, gain
+    act, factor, gain = _louder(s, shape, strength)
+    return act, {'factor': factor, **values}, gain
 
 
 def _random_modulation(s, strength):
     """The variance wanders without a shape: its logarithm is a slow Gauss-Markov process."""
     slow = decay(s.n, s.dt, 1.0, s.span / s.rng.uniform(15, 40), s.rng)
-    after, factor, gain = _louder(s, np.exp(1.2 * slow), strength)
-    return after, {'factor': factor}, gain
+    act, factor, gain = _louder(s, np.exp(1.2 * slow), strength)
+    return act, {'factor': factor}, gain
 
 
 @dataclass(frozen=True)
@@ -478,8 +491,10 @@ RECIPES: dict[str, Recipe] = {
 KNOWN = tuple(k for k, r in RECIPES.items() if r.known)
 UNKNOWN = tuple(k for k, r in RECIPES.items() if not r.known)
 # What the electronics do to the samples comes after what the sensor feels, in this order.
+# Linear, and the same for all axes of a device: a message that is sent again repeats them all.
+COMMON = ('low_pass', 'duplicates')
 LAST = {k: i for i, k in enumerate(
-    ('low_pass', 'duplicates', 'rate_quantization', 'quantization', 'spikes'), 1)}
+    ('low_pass', 'quantization', 'rate_quantization', 'duplicates', 'spikes'), 1)}
 
 
 def _spike_nats(added, base, dt) -> float:
@@ -491,19 +506,59 @@ def _spike_nats(added, base, dt) -> float:
     return float(max(np.sum(np.maximum(each - np.log(len(added) / len(size)), 0)), 0.0))
 
 
-def _hide(s: Scene, name: str, strength: float) -> Hidden:
+@dataclass(frozen=True)
+class Deed:
+    """What hiding an effect did: the unit samples it added, scaled, or none, and how it acts."""
+
+    name: str
+    added: np.ndarray | None
+    act: Callable
+
+    @property
+    def recipe(self) -> Recipe:
+        """How it was made."""
+        return RECIPES[self.name]
+
+
+def _hide(s: Scene, name: str, strength: float) -> tuple[Hidden, Deed]:
     """Put one effect into the target axis of a scene."""
     recipe, base, before = RECIPES[name], s.base[s.target], s.y
     if recipe.change:
-        s.axes[s.target], values, nats = recipe.change(s, strength)
-        return Hidden(name, values, changed_strength(before, s.y), nats, recipe.known)
+        act, values, nats = recipe.change(s, strength)
+        s.axes[s.target] = act(before)
+        size = changed_strength(before, s.y)
+        return Hidden(name, values, size, nats, recipe.known), Deed(name, None, act)
     unit, values = recipe.unit(s)
     scale = strength / added_strength(unit, base, s.dt)
-    s.axes[s.target] = before + scale * unit
+    added = scale * unit
+    s.axes[s.target] = before + added
     values = {k: v * scale if k in recipe.scaled else v for k, v in values.items()}
-    nats = _spike_nats(scale * unit, base, s.dt) if name == 'spikes' else \
-        nats_of(scale * unit, base, s.dt, recipe.deterministic)
-    return Hidden(name, values, strength, nats, recipe.known)
+    nats = _spike_nats(added, base, s.dt) if name == 'spikes' else \
+        nats_of(added, base, s.dt, recipe.deterministic)
+    return Hidden(name, values, strength, nats, recipe.known), \
+        Deed(name, added, lambda y: y + added)
+
+
+def nats_beside(i: int, deeds: list[Deed], plain: np.ndarray, base, dt) -> float:
+    """
+    Return what knowing deed i, which adds, is worth beside the others, all of which are known.
+
+    It reaches the record through what filters or holds samples after it, and stands against the
+    power of the others, less what of them is deterministic. The model without it may bend that
+    power as it may the base model's.
+    """
+    rest, added = plain, deeds[i].added
+    for k, deed in enumerate(deeds):
+        if k != i:
+            rest = rest if deed.recipe.deterministic else deed.act(rest)
+            if k > i and deed.name in COMMON:
+                added = deed.act(added)
+    first, count, power = _binned(rest)
+    f = (2 * first + count - 1) / (4 * len(rest) * dt)
+    padded = np.pad(np.log(2 * dt * power), 3, mode='edge')
+    against = np.exp(np.convolve(padded, np.ones(7) / 7, mode='valid'))
+    return nats_of(added, base, dt, deeds[i].recipe.deterministic,
+                   against / base_density(base, f))
 
 
 def draw(rng: np.random.Generator, effects=(), *, strength=(1.0, 10.0), hours=1.0, rate_hz=50.0,
@@ -536,12 +591,22 @@ def draw(rng: np.random.Generator, effects=(), *, strength=(1.0, 10.0), hours=1.
     if 'accel_z' in axes:
         axes['accel_z'] += 9.80665
     s = Scene(np.arange(n) * dt, dt, rng, base, axes, target)
-    hidden, bystanders = [], {}
+    hidden, deeds, bystanders, plain = [], [], {}, axes[target]
     for name in sorted(effects, key=lambda e: LAST.get(e, 0)):
         size = float(strength) if np.isscalar(strength) else s.log_uniform(*strength)
-        hidden.append(_hide(s, name, size))
+        done, deed = _hide(s, name, size)
+        hidden.append(done)
+        deeds.append(deed)
         if name == 'shared_noise':
             bystanders[GYRO[int(hidden[-1].values['source'])]] = name
+        if name in COMMON:
+            for a in set(names) - {target}:
+                axes[a] = deed.act(axes[a])
+                bystanders[a] = name
+    if len(deeds) > 1:
+        hidden = [replace(h, beside=nats_beside(i, deeds, plain, base[target], dt))
+                  if deeds[i].added is not None and h.name != 'spikes' else h
+                  for i, h in enumerate(hidden)]
     gyro, felt = (np.column_stack([s.axes[a] for a in some]) if some[0] in s.axes else None
                   for some in (GYRO, ACCEL))
     record = ImuRecord(gyro, felt, s.t, rate_hz, covariates=s.covariates)

@@ -25,8 +25,10 @@ import pytest
 from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.effects import Regressor, Scatter
 from imu_noise_tools.calibration.problem import arrays_of, problems
+from imu_noise_tools.diagnosis import diagnose
 from imu_noise_tools.effect import find_effect, registry
-from imu_noise_tools.study import diagnose, held_out, State, Study
+from imu_noise_tools.prediction import held_out, State
+from imu_noise_tools.study import Study
 
 DEG = np.pi / 180
 DEVICE = ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity')

@@ -166,7 +166,7 @@ def test_left_out_error_is_three_residuals():
 def test_left_out_closed_form_is_split_fit_score():
     """Leverage against fitting n times, for wls and norm, base model and with an effect."""
     from imu_noise_tools.effect import find_effect
-    from imu_noise_tools.study import deviance, held_out
+    from imu_noise_tools.prediction import deviance, held_out
     rng = np.random.default_rng(8)
     device = sim.Device.drawn(rng)
     for problem, close in ((core.CalibrationProblem(six(rng, device, times=2)), 5e-3),

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 import hidden
-from imu_noise_tools.study import FALL
+from imu_noise_tools.prediction import FALL
 from imu_noise_tools.tasks.noise import analyse_record
 
 AXIS = 'gyro_x'

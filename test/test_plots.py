@@ -29,6 +29,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import allan
+from imu_noise_tools.diagnosis import Diagnosis
 from imu_noise_tools.effect import Finding, Model, model_of, registry, Score
 from imu_noise_tools.errors import ImuNoiseError
 from imu_noise_tools.noise.evidence import gather
@@ -36,8 +37,9 @@ from imu_noise_tools.noise.kinds import Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.plots import curves, noise, panels, style
 from imu_noise_tools.plots.ladder import ladder, ladder_figure
+from imu_noise_tools.prediction import State
 from imu_noise_tools.record import ImuRecord
-from imu_noise_tools.study import assess, Diagnosis, State, Step, Study
+from imu_noise_tools.study import assess, Step, Study
 
 DT, N = 0.02, 60000
 KNOWN = registry('noise')

@@ -30,13 +30,15 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import report, store
+from imu_noise_tools.diagnosis import Diagnosis
 from imu_noise_tools.effect import Estimate, Finding, Fit, Model, model_of, registry, Score, View
 from imu_noise_tools.noise.evidence import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.prediction import State
 from imu_noise_tools.record import ImuRecord
 from imu_noise_tools.report import words
-from imu_noise_tools.study import Diagnosis, State, Step, Study
+from imu_noise_tools.study import Step, Study
 
 DT, N = 0.02, 30000
 KNOWN = registry('noise')

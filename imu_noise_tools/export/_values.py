@@ -28,7 +28,8 @@ import numpy as np
 from ..effect import find_effect, unfitted
 from ..errors import UsageError
 from ..noise.curve import model_curve
-from ..study import State, Study
+from ..prediction import State
+from ..study import Study
 
 PARAMETERS = {'N': 'white', 'K': 'random_walk', 'B': 'flicker'}
 RULES = ('worst', 'mean', 'each')

@@ -26,7 +26,7 @@ import numpy as np
 from . import views
 from .evidence import Evidence, line_penalty
 from .fit import fit as fit_part, measure, MEASURED, penalty, with_units
-from .kinds import Coupling, Defect, Line, Mean, NoiseEffect, Response, Spectrum
+from .kinds import Coupling, Line, Mean, NoiseEffect, Response, Spectrum
 from ..effect import Finding, Fit, Model, registry, unfitted
 
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
@@ -75,9 +75,13 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
+    gain = more.details['ml'] - fit.details['ml'] + bonus
+    if isinstance(effect, Coupling):
+        for r in fit.model.of(Response):
+            gain = gain / r.crowd()
     return Finding(
         effect.name,
-        float(more.details['ml'] - fit.details['ml'] + bonus),
+        float(gain),
         more.model[label],
         more.estimates[label],
         penalty(effect.name) + _unlikely(more),
@@ -146,7 +150,7 @@ def _harmonic(evidence, fit, frequency):
 
 
 def _measured(evidence, fit, effect):
-    finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
+    finding = evidence.measured(effect)
     if finding is None or finding.effect is None:
         return None
     finding = with_units(finding, evidence)

@@ -61,9 +61,7 @@ class Part:
     """
     The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
 
-    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it; ``low`` (k,)
-    are the first coefficients themselves, with their signs: what acts on the mean is solved for in
-    them.
+    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it.
 
     """
 
@@ -71,7 +69,6 @@ class Part:
     dt: float
     power: np.ndarray
     lines: np.ndarray
-    low: np.ndarray
 
     @property
     def bins(self) -> Bins:
@@ -91,7 +88,8 @@ class Common:
 
     ``slow_t`` (s,) are the times of blocks of ``slow_length`` samples, ``slow`` the block means
     (s,) of each axis and covariate by name. ``cross`` maps (name, name, part) to binned
-    cross-powers (b,), each pair once, names sorted.
+    cross-powers (b,), each pair once, names sorted. ``low`` maps (name, part) to the first
+    coefficients themselves (k,), with their signs: what acts on the mean is solved for in them.
 
     """
 
@@ -99,6 +97,7 @@ class Common:
     slow_t: np.ndarray
     slow: Mapping[str, np.ndarray]
     cross: Mapping[tuple[str, str, str], np.ndarray]
+    low: Mapping[tuple[str, str], np.ndarray]
 
     def pair(self, a: str, b: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of two channels; with itself, the power."""
@@ -136,6 +135,7 @@ class Evidence:
     envelope: np.ndarray
     curve: allan.AllanCurve
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def slow_t(self) -> np.ndarray:
@@ -201,6 +201,14 @@ class Evidence:
             if np.all(left < FAINT) and (looks == 1 or self._screens(model)):
                 return self.cells[-1]
         return self.cells[min(self._screens(model), looks - 1)]
+
+    def measured(self, effect):
+        """Return what a defect finds or a modulation measures here, worked out once."""
+        key = type(effect), tuple(sorted(effect.values.items()))
+        if key not in self._measured:
+            found = effect.find(self) if isinstance(effect, Defect) else effect.measure(self)
+            self._measured[key] = found
+        return self._measured[key]
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """
@@ -293,6 +301,7 @@ def gather(
         own[axis]['envelope'] = _envelope(y, dt)
         memory.rest()
     cross: dict[tuple[str, str, str], np.ndarray] = {}
+    low: dict[tuple[str, str], np.ndarray] = {}
     for name, begin, length in (('whole', 0, used), ('first', 0, half), ('second', half, half)):
         bins = bins_of(length, dt)
         coefficients, lines = {}, {}
@@ -320,8 +329,8 @@ def gather(
         binned = _cross_powers(coefficients, bins, memory)
         cross.update({(a, b, name): power for (a, b), power in binned.items()})
         for axis in axes:
-            low = np.array(coefficients[axis][1:LOW + 1])
-            own[axis][name] = Part(length, dt, binned[axis, axis], lines[axis], low)
+            own[axis][name] = Part(length, dt, binned[axis, axis], lines[axis])
+        low.update({(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()})
         memory.rest()
     step('halves and cross-spectra')
     slow_length = max(1, used // SLOW)
@@ -329,7 +338,7 @@ def gather(
     for name, values in {'t': t, **clean, **covariates}.items():
         slow[name] = _block_means(values[:used], slow_length)
         memory.rest()
-    common = Common(slow_length, slow.pop('t'), slow, cross)
+    common = Common(slow_length, slow.pop('t'), slow, cross, low)
     return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
 
 
@@ -708,13 +717,13 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
     """
     out: dict[str, np.ndarray] = {}
     for axis, e in evidence.items():
-        for f in fields(Evidence):
+        for f in (f for f in fields(Evidence) if f.init):
             value, key = getattr(e, f.name), f'{axis}/{f.name}'
             if isinstance(value, Part):
                 out.update(
                     {
                         f'{key}/{k}': np.asarray(getattr(value, k))
-                        for k in ('n', 'power', 'lines', 'low')
+                        for k in ('n', 'power', 'lines')
                     }
                 )
             elif isinstance(value, allan.AllanCurve):
@@ -734,7 +743,9 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
     common = next(iter(evidence.values())).common
     out['common/slow_length'], out['common/slow_t'] = np.asarray(common.slow_length), common.slow_t
     out.update({f'common/slow/{k}': v for k, v in common.slow.items()})
-    out.update({f'common/cross/{"/".join(k)}': v for k, v in common.cross.items()})
+    for name in ('cross', 'low'):
+        kept = getattr(common, name)
+        out.update({f'common/{name}/{"/".join(k)}': v for k, v in kept.items()})
     return out
 
 
@@ -749,7 +760,10 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
         int(flat['slow_length']),
         flat['slow_t'],
         _below(flat, 'slow'),
-        {tuple(k.split('/')): v for k, v in _below(flat, 'cross').items()},
+        *(
+            {tuple(k.split('/')): v for k, v in _below(flat, name).items()}
+            for name in ('cross', 'low')
+        ),
     )
     return {axis: _one_from_arrays(axis, flat, common) for axis, flat in tree.items()}
 
@@ -761,7 +775,7 @@ def _below(flat, prefix):
 def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
     parts = {
-        p: Part(int(flat[f'{p}/n']), dt, *(flat[f'{p}/{k}'] for k in ('power', 'lines', 'low')))
+        p: Part(int(flat[f'{p}/n']), dt, *(flat[f'{p}/{k}'] for k in ('power', 'lines')))
         for p in PARTS
     }
     curve = _below(flat, 'curve')

@@ -31,7 +31,8 @@ from scipy.fft import dct
 from scipy.optimize import nnls
 
 from .evidence import Evidence
-from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, Response, Spectrum
+from .kinds import Coupling, Defect, Inputs, Line, Mean, Modulation, psd_behind, Response
+from .kinds import Spectrum
 from .null import DEFAULT, PENALTY
 from .. import units
 from ..effect import Estimate, Finding, Fit, Model, Parameter
@@ -128,7 +129,8 @@ class Likelihood:
         for row in self.part.lines:  # a line took frequency, amplitude and phase with it
             top = int(np.argmax(row))
             self.weight[top] = max(self.weight[top] - 3, 0.0)
-        self._slow = None
+        self._slow: np.ndarray | None = None
+        self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
         if self.means:
             self._prepare_slow(mean)
@@ -146,36 +148,67 @@ class Likelihood:
         }[self.part_name]
         self.inputs = Inputs(e.slow_t[some], e.dt, {k: v[some] for k, v in e.slow_others.items()})
         count = len(self.inputs.t)
-        q = np.arange(1, min(count // 4, len(self.part.low)) + 1)
+        low = e.common.low[e.axis, self.part_name]
+        q = np.arange(1, min(count // 4, len(low)) + 1)
         n = self.part.n
         # the mean over a block passes a cosine with the gain of its Dirichlet kernel
         gain = np.sin(np.pi * q / (2 * count)) / ((n / count) * np.sin(np.pi * q / (2 * n)))
         self._to_full = np.sqrt(n / count) / gain
         self._count = len(q)
         self._inside = int(np.searchsorted(self.bins.last, len(q) + 1, side='right'))
-        self._slow = self.part.low[: len(q)]
-        self._before = 2 * self.dt * self._slow**2
+        self._slow = low[: len(q)]
         if mean:
             known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
-            after = 2 * self.dt * (self._slow - self._slow_transform(known)) ** 2
-            self.power = np.maximum(self._replaced(self.power, self.weight, after), 1e-300)
+            self._known = self._slow_transform(known)
+            self.power = self._less_known(self.power, self._slow)
 
     def _slow_transform(self, y):
         y = y - np.mean(y, axis=0)
         c = dct(y, type=2, norm='ortho', axis=0)[1:self._count + 1]
         return c * (self._to_full if c.ndim == 1 else self._to_full[:, None])
 
-    def _replaced(self, power, weight, after):
-        """Return the bins' power with the slow coefficients' share replaced."""
+    def _less_known(self, power, slow):
+        """Return the bins' power less the mean that is known, of slow coefficients (q,)."""
+        return np.maximum(self._replaced(power, self.weight, slow, slow - self._known), 1e-300)
+
+    def _replaced(self, power, weight, before, after):
+        """Return the bins' power with slow coefficients (q,) replaced by others."""
         i = self._inside
         if i == 0:
             return power
-        change = np.add.reduceat(
-            (after - self._before)[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1
-        )
+        change = 2 * self.dt * (after**2 - before**2)
+        change = np.add.reduceat(change[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
         out = power.copy()
         out[:i] += change / np.maximum(weight[:i], 1e-9)
         return out
+
+    def _decoupled(self, beta, channels):
+        """Return the power (b,) and the slow coefficients (q,) less what the couplings add."""
+        names, cross, own = channels
+        power = np.maximum(self.part.power, 1e-300)
+        power = power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta)
+        power = np.maximum(power, 1e-300)
+        slow = self._slow
+        if slow is not None:
+            low = self.evidence.common.low
+            slow = slow - beta @ [low[name, self.part_name][: len(slow)] for name in names]
+            if self._known is not None:
+                power = self._less_known(power, slow)
+        return power, slow
+
+    def _coupled(self, model, v):
+        """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
+        channels = self._channels(model)
+        _, cross, own = channels
+        covariance = np.linalg.pinv(np.tensordot(own, self.weight / v, axes=(2, 0)))
+        beta = covariance @ (cross @ (self.weight / v))
+        covariance = covariance * np.prod([r.crowd() for r in model.of(Response)] or [1.0])
+        return beta, covariance, *self._decoupled(beta, channels)
+
+    def slow_rest(self, model, v):
+        """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
+        named = [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
+        return self._coupled(model, v)[3] if named else self._slow
 
     def design(self, model) -> np.ndarray:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
@@ -192,22 +225,16 @@ class Likelihood:
 
     def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
         """Solve for all linear parameters given the model's spectrum v (b,)."""
-        power, weight, log_det = self.power, self.weight, 0.0
+        power, slow, weight, log_det = self.power, self._slow, self.weight, 0.0
         betas, covariances = [], []
         if self.couplings:
-            _, cross, own = self._channels(model)
-            gram = np.tensordot(own, weight / v, axes=(2, 0))
-            covariance = np.linalg.pinv(gram)
-            beta = covariance @ (cross @ (weight / v))
-            power = np.maximum(
-                power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta), 1e-300
-            )
+            beta, covariance, power, slow = self._coupled(model, v)
             betas.append(beta)
             covariances.append(covariance)
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             x = self.design(model)
             root = np.sqrt(2 * self.dt / self._fine(v))
-            xw, cw = x * root[:, None], self._slow * root
+            xw, cw = x * root[:, None], slow * root
             scale = np.sqrt(np.sum(xw**2, axis=0))
             scale[scale == 0] = 1.0
             u, s, vt = np.linalg.svd(xw / scale, full_matrices=False)
@@ -216,8 +243,7 @@ class Likelihood:
             beta = (vt.T @ ((u.T @ cw) / s)) / scale
             covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
             leverage = np.sum(u**2, axis=1)
-            after = 2 * self.dt * (self._slow - x @ beta) ** 2
-            total = self._replaced(power, weight, after) * weight
+            total = self._replaced(power, weight, slow, slow - x @ beta) * weight
             weight = weight.copy()
             i = self._inside
             if i:
@@ -244,16 +270,11 @@ class Likelihood:
         return np.exp(np.interp(np.log(k), np.log(centre), np.log(v)))
 
     def _channels(self, model):
-        """Return ([(channel, value)], cross (p, b), own (p, p, b)) of the couplings."""
+        """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
         pair, here = self.evidence.common.pair, self.part_name
-        pairs = [
-            (n, e.values.get(p.name))
-            for e in (model[c.label] for c in self.couplings)
-            for n, p in zip(e.channels(self.evidence), (p for p in e.parameters if p.linear))
-        ]
-        names = [n for n, _ in pairs]
+        names = [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
         return (
-            pairs,
+            names,
             np.array([pair(self.evidence.axis, n, here) for n in names]),
             np.array([[pair(a, b, here) for b in names] for a in names]),
         )
@@ -265,11 +286,9 @@ class Likelihood:
         The couplings have the values that the model gives them.
 
         """
-        pairs, cross, own = self._channels(model)
-        beta = np.array([v for _, v in pairs])
-        return np.maximum(
-            self.power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta), 1e-300
-        )
+        beta = [e[p.name] for e in (model[c.label] for c in self.couplings)
+                for p in e.parameters if p.linear]
+        return self._decoupled(np.array(beta), self._channels(model))[0]
 
     # --- the spectrum
     # -----------------------------------------------------------------------------------------
@@ -284,7 +303,7 @@ class Likelihood:
     def spectra(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return (v, {label: v of that effect}) in the bins."""
         responses = model.of(Response)
-        each = {e.label: self._spectrum(e, responses) for e in model.of(Spectrum)}
+        each = {e.label: self._spectrum(e, model) for e in model.of(Spectrum)}
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
@@ -296,17 +315,9 @@ class Likelihood:
             total = total + leaked(total, self.bins)
         return np.maximum(total, 1e-290), each
 
-    def _spectrum(self, effect, responses):
+    def _spectrum(self, effect, model):
         """Return what one effect puts into the bins, as expected behind the sensor's responses."""
-
-        def of_f(f):
-            s = effect.psd(f, self.dt)
-            if effect.filtered:
-                for r in responses:
-                    s = s * r.gain2(f, self.dt)
-            return s
-
-        return expected(of_f, self.bins)
+        return expected(lambda f: psd_behind(effect, model, f, self.dt), self.bins)
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
@@ -336,7 +347,7 @@ class Likelihood:
                     moved[j] += step
                     model = self.with_search(moved)
                     if isinstance(effect, Spectrum):
-                        sides.append(self._spectrum(model[slot.label], model.of(Response)))
+                        sides.append(self._spectrum(model[slot.label], model))
                     else:
                         sides.append(self.spectra(model)[0])
                 out[:, j] = (sides[0] - sides[1]) / (2 * h * v)
@@ -528,7 +539,7 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
     """Return (values, estimates, note) of an effect that is measured on the samples."""
     if isinstance(effect, Line):
         return _measure_line(evidence, effect, claimed)
-    finding = effect.find(evidence) if isinstance(effect, Defect) else effect.measure(evidence)
+    finding = evidence.measured(effect)
     if finding is not None and not isinstance(effect, (Spectrum, Response)) \
             and finding.gain < penalty(effect.name):
         finding = None  # chance finds as much where there is nothing
@@ -669,7 +680,7 @@ def _starts(likelihood: Likelihood, given: Model | None):
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
                 )
         if isinstance(e, Mean) and len(options) > 2:
-            options = _best_columns(likelihood, e, options)
+            options = _best_columns(likelihood, grid[0], e, options)
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
@@ -699,7 +710,7 @@ def _revived(likelihood, found, reddest, enough):
     return other if other[1] < found[1] - 1e-6 else found
 
 
-def _best_columns(likelihood, effect, options, keep=2):
+def _best_columns(likelihood, model, effect, options, keep=2):
     """
     Return the options whose columns explain most of the slow part.
 
@@ -707,7 +718,7 @@ def _best_columns(likelihood, effect, options, keep=2):
 
     """
     root = np.sqrt(2 * likelihood.dt / likelihood._fine(_smooth(likelihood.power)))
-    y = likelihood._slow * root
+    y = likelihood.slow_rest(model, _smooth(likelihood.power)) * root
     gains = []
     for o in options:
         rest = {p.name: o[p.name] for p in o.parameters if not p.linear}

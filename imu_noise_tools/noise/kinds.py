@@ -44,9 +44,9 @@ __all__ = [
     'Parameter',
     'Response',
     'Spectrum',
-    'additive_psd',
     'model_avar',
     'model_psd',
+    'psd_behind',
 ]
 
 
@@ -74,7 +74,9 @@ class NoiseEffect(Effect):
     #: values that leave a record as it is, where a zero amplitude does not
     neutral: ClassVar[Mapping[str, float]] = {}
     #: views that can say nothing while it is in the model
-    hides: ClassVar[tuple[str, ...]] = ()
+    hides: tuple[str, ...] = ()
+    #: views that fail by themselves while it is in the model: only their change says something
+    mutes: tuple[str, ...] = ()
     #: features of the samples that it accounts for: one effect in the model is enough for each
     explains: ClassVar[tuple[str, ...]] = ()
     #: whether a fit that leaves nothing of it is out of the ordinary
@@ -238,10 +240,21 @@ class Response(NoiseEffect):
     """Multiplies power: the sensor's own low-pass."""
 
     views: ClassVar[tuple[str, ...]] = ('frequency',)
+    #: whether it comes behind everything else, quantization too
+    last: ClassVar[bool] = False
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain at f (Hz)."""
         raise NotImplementedError
+
+    def crowd(self) -> float:
+        """
+        Return how many times more the sum of products of two axes scatters than for noise.
+
+        Axes that it acts on alike share more than their spectrum where it is no filter.
+
+        """
+        return 1.0
 
 
 class Modulation(NoiseEffect):
@@ -286,31 +299,18 @@ class Defect(NoiseEffect):
         return y
 
 
-def additive_psd(model: Model, f: np.ndarray, dt: float, filtered: bool) -> np.ndarray:
-    """
-    Return the sum of the PSDs on one side of the sensor's response.
-
-    They are the one-sided PSDs of the spectral effects.
-
-    """
-    total = np.zeros(np.shape(f))
-    for e in model.of(Spectrum):
-        if e.filtered == filtered:
-            total = total + e.psd(f, dt)
+def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
+    """Return the one-sided PSD of an effect behind the model's responses that act on it."""
+    total = effect.psd(f, dt)
+    for r in model.of(Response):
+        if effect.filtered or r.last:
+            total = total * r.gain2(f, dt)
     return total
 
 
 def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """
-    Return the one-sided PSD of the whole model.
-
-    (Sum of what is filtered) x responses + the rest.
-
-    """
-    gain = np.ones(np.shape(f))
-    for r in model.of(Response):
-        gain = gain * r.gain2(f, dt)
-    return additive_psd(model, f, dt, True) * gain + additive_psd(model, f, dt, False)
+    """Return the one-sided PSD of the whole model, each effect behind what acts on it."""
+    return sum((psd_behind(e, model, f, dt) for e in model.of(Spectrum)), np.zeros(np.shape(f)))
 
 
 def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:

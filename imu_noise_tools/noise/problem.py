@@ -60,6 +60,7 @@ class NoiseProblem:
         self.whole = whole or self
         self._fits: dict = {}
         self._points: dict = {}
+        self._candidates: dict = {}
 
     def split(self):
         """
@@ -149,7 +150,7 @@ class NoiseProblem:
         """
         Return one test a view, on the whole record.
 
-        What fails says that something is missing.
+        What fails says that something is missing; its gain is what there is to explain, nats.
 
         """
         e = self.evidence
@@ -162,12 +163,12 @@ class NoiseProblem:
             views.distribution(e, fit),
             views.coherence(e, fit),
         ):
-            if len(view.pull):
+            if len(view.pull) and not view.muted:
                 worst = int(np.argmax(np.abs(view.pull)))
                 out.append(
                     Finding(
                         view.name,
-                        0.0,
+                        0.5 * len(view.pull) * view.excess,
                         view=view.name,
                         p_value=views.p_value(view),
                         evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull '
@@ -180,7 +181,9 @@ class NoiseProblem:
         """Return what could be added, best gain first."""
         from .candidates import candidates
 
-        return candidates(self, fit)
+        if fit.model not in self._candidates:
+            self._candidates[fit.model] = candidates(self, fit)
+        return list(self._candidates[fit.model])
 
     def advice(self, verdict: str, ranked, failed) -> str:
         """Return which recording would decide, or where to look."""

@@ -33,7 +33,7 @@ from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
 from .fit import Likelihood
-from .kinds import Coupling, Defect, Inputs, Mean, model_psd, Modulation, Spectrum
+from .kinds import Coupling, Defect, Inputs, Mean, model_psd, Modulation, Response, Spectrum
 from ..effect import Fit, Model, View
 from ..spectrum import bins_of, expected
 
@@ -83,15 +83,20 @@ def _nothing(name, unit):
 
 def hidden_by(fit: Fit, view: str) -> bool:
     """Tell whether an effect that is there, and not in the model's name only, hides a view."""
-    for e in fit.model:
-        if view in e.hides:
-            there = any(e[p.name] > 0 for p in e.parameters if p.amplitude)
-            if there and not isinstance(e, Defect):     # fitted, and never quite zero
-                mine = fit.details.get('each', {}).get(e.label)
-                there = mine is None or np.max(mine / fit.details['v']) > 0.01
-            if there:
-                return True
-    return False
+    return any(view in e.hides and _there(fit, e) for e in fit.model)
+
+
+def muted_by(fit: Fit, view: str) -> bool:
+    """Tell whether an effect that is there mutes a view."""
+    return any(view in e.mutes and _there(fit, e) for e in fit.model)
+
+
+def _there(fit: Fit, effect) -> bool:
+    there = any(effect[p.name] > 0 for p in effect.parameters if p.amplitude)
+    if there and not isinstance(effect, Defect):  # fitted, and never quite zero
+        mine = fit.details.get('each', {}).get(effect.label)
+        there = mine is None or bool(np.max(mine / fit.details['v']) > 0.01)
+    return there
 
 
 def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
@@ -202,6 +207,22 @@ class BlockMeans:
     covariance: np.ndarray
 
 
+def slow_rest(evidence: Evidence, model: Model) -> np.ndarray:
+    """Return the slow means (s,) of the axis less what the model couples in and its lines."""
+    e = evidence
+    y, t = e.slow_y.astype(float), e.slow_t
+    for c in model.of(Coupling):
+        for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
+            y = y - c[p.name] * e.slow_others[channel]
+    for i in claimed_lines(e, model):
+        f, a, b, _ = e.line_table[i]
+        w = 2 * np.pi * f
+        half = 0.5 * w * e.dt
+        gain = np.sin(half * e.common.slow_length) / (e.common.slow_length * np.sin(half))
+        y = y - gain * (a * np.cos(w * t) + b * np.sin(w * t))
+    return y
+
+
 def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockMeans:
     """Return block means of the whole record and what the model says of them."""
     e = evidence
@@ -212,16 +233,7 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
     def mean(v):
         return v[:used].reshape(count, per, *v.shape[1:]).mean(axis=1)
 
-    y, t = e.slow_y.astype(float), e.slow_t
-    for c in fit.model.of(Coupling):
-        for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
-            y = y - c[p.name] * e.slow_others[channel]
-    for i in claimed_lines(e, fit.model):
-        f, a, b, _ = e.line_table[i]
-        w = 2 * np.pi * f
-        half = 0.5 * w * e.dt
-        gain = np.sin(half * e.common.slow_length) / (e.common.slow_length * np.sin(half))
-        y = y - gain * (a * np.cos(w * t) + b * np.sin(w * t))
+    y, t = slow_rest(e, fit.model), e.slow_t
     inputs = Inputs(t, e.dt, dict(e.slow_others))
     columns = [np.ones((len(y), 1))]
     for m in fit.model.of(Mean):
@@ -345,10 +357,11 @@ def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 
     """
     Return (t, x, w): power of groups of bands in time beside its mean (blocks, groups).
 
-    What the model's defects account for is taken off the samples; w is in degrees of freedom.
+    What the model's defects account for is taken off the samples, all of them where there is no
+    model; w is in degrees of freedom.
 
     """
-    p = evidence.block_power_of(model)
+    p = evidence.block_power[-1] if model is None else evidence.block_power_of(model)
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
     level = np.mean(p, axis=0)
@@ -400,11 +413,14 @@ def variance(evidence: Evidence, fit: Fit) -> View:
         return _nothing('variance', 's')
     t, x, w = power_in_time(evidence, fit.model)
     x = x / modulated(fit.model, t, x, w)
+    muted = muted_by(fit, 'variance')
+    if muted:  # it scatters otherwise than normal noise: as neighbours do
+        w = rough_degrees(x, w)
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
     excess, spread = gamma_excess(x, w)
     excess = excess + _HANN_SKEW / w
-    return _view(
+    view = _view(
         'variance',
         np.repeat(t, x.shape[1]),
         gamma_pull(x, w).ravel(),
@@ -412,6 +428,22 @@ def variance(evidence: Evidence, fit: Fit) -> View:
         spread.ravel() * (1 - 1 / blocks),
         's',
     )
+    return replace(view, muted=muted)
+
+
+def rough_degrees(x: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """
+    Return the degrees of freedom (groups,) of x (blocks, groups) by the scatter of neighbours.
+
+    At most w, those of normal noise; fewer where groups rise and fall together, too.
+
+    """
+    def seen(z):
+        rough = np.mean(np.diff(np.log(np.maximum(z, 1e-300)), axis=0) ** 2, axis=0)
+        return 4 / np.maximum(rough, 1e-12)
+
+    w = np.minimum(w, seen(x))
+    return w * min(1.0, seen(x @ w / w.sum()) / w.sum())
 
 
 def distribution(evidence: Evidence, fit: Fit) -> View:
@@ -430,9 +462,10 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     pull = (cells - share * total) / np.sqrt(share * total * (1 - share))
     # mean and spread were taken from the samples: three degrees of freedom are gone
     excess = pull**2 - (k - 3) / (k - 1)
-    return _view(
+    view = _view(
         'distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile'
     )
+    return replace(view, muted=muted_by(fit, 'distribution'))
 
 
 def normal_shares(evidence: Evidence, model: Model, k: int) -> np.ndarray:
@@ -455,11 +488,14 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
 
     """
     x, pulls, excess, spread = [], [], [], []
+    crowd = np.prod([e.crowd() for e in fit.model.of(Response)] or [1.0])
     for channel in evidence.channels:
         f, r, w = cross_correlation(evidence, channel, fit, part)
+        # what axes share beyond their spectrum is spread over all coefficients alike
+        more = 1 + (crowd - 1) * w / np.sum(w)
         x.append(f)
-        pulls.append(r * np.sqrt(w))
-        excess.append(w * r**2 - 1)
+        pulls.append(r * np.sqrt(w / more))
+        excess.append(w / more * r**2 - 1)
         spread.append(2 * (w - 1) / (w + 2))
     if not x:
         return _nothing('coherence', 'Hz')

@@ -29,7 +29,7 @@ from ..noise.fit import Likelihood
 from ..noise.kinds import Line, Mean
 from ..noise.problem import NoiseProblem
 from ..noise.views import gamma_pull
-from ..study import State
+from ..prediction import State
 
 # A run is marked where |pull| > 2 for three points or more, one of them > 3; or for one alone > 5.
 NOTABLE, STRIKING, ALONE = 2.0, 3.0, 5.0

@@ -21,8 +21,10 @@ from .ladder import ladder, ladder_figure
 from .panels import allan, distribution, in_time, psd, pulls, series, shade, suspected, TAU
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from .. import units
+from ..diagnosis import Diagnosis
 from ..noise import views
-from ..study import Diagnosis, State, Study
+from ..prediction import State
+from ..study import Study
 
 __all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure', 'pixels',
            'png', 'psd', 'pulls', 'series', 'series_figure', 'target_figure']

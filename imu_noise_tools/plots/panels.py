@@ -30,9 +30,10 @@ from .style import AXES, CHANCE, dress, EFFECTS, FAIL, FAINT, label_lines, log_s
 from .style import MEASURED, MODEL, readable, SMALL
 from .. import units
 from ..allan import interval
+from ..diagnosis import Diagnosis
 from ..noise import views
 from ..noise.kinds import Coupling, Inputs, Line, Mean
-from ..study import Diagnosis, State
+from ..prediction import State
 
 _SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
 _DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}

@@ -24,9 +24,10 @@ from . import words
 from .markup import badge, bullets, cell, escape, image, page, table
 from .pictures import pictures as drawn
 from ..allan import dominant_shape
+from ..diagnosis import Diagnosis
 from ..effect import View
 from ..noise.problem import NoiseProblem
-from ..study import Diagnosis, Study
+from ..study import Study
 
 _TITLES = {'noise': 'Noise of an IMU at rest', 'calibration': 'Calibration of an IMU',
            'filter': 'Innovations of a filter'}

@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 from . import words
-from ..study import State, Study
+from ..prediction import State
+from ..study import Study
 
 
 def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:

@@ -25,9 +25,11 @@ import shlex
 import numpy as np
 
 from .. import units
+from ..diagnosis import Diagnosis
 from ..effect import Effect, Estimate, Finding, Parameter, Score, View
+from ..prediction import State
 from ..record import sensor_of
-from ..study import Diagnosis, State, Study
+from ..study import Study
 
 DOUBT = 3.0          # standard deviations from which one view alone is said to fail
 STRIKING = 3.0       # standard errors from which one place is named

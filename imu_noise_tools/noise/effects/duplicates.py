@@ -16,11 +16,9 @@
 
 import numpy as np
 
-from ..grid import grid_step, robust_sigma
+from ..grid import repeats
 from ..kinds import Defect, Parameter, Response
 from ...effect import Estimate, Finding
-
-FAR = (101, 149, 211)  # samples: longer than any hold
 
 
 class Duplicates(Defect, Response):
@@ -49,7 +47,8 @@ class Duplicates(Defect, Response):
     )
     reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
     views = ('frequency', 'time', 'distribution', 'variance')
-    hides = ('distribution', 'variance')  # whitened, held samples are neither normal nor steady
+    mutes = ('distribution', 'variance')  # whitened, held samples are neither normal nor steady
+    last = True
     decide = 'read the sensor at its own rate'
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
@@ -72,23 +71,17 @@ class Duplicates(Defect, Response):
         Kept too is whether the runs have one length.
 
         """
-        same = np.diff(y) == 0
-        fraction = float(np.mean(same))
+        fraction, expected, held = repeats(y)
         out = {
             'fraction': np.array(fraction),
-            'expected': np.array(0.0),
+            'expected': np.array(expected),
             'regular': np.array(0.0),
+            'held': np.array(held),
             'n': np.array(len(y)),
         }
-        if fraction == 0:
+        if not held:
             return out
-        step, _ = grid_step(y)
-        sigma = robust_sigma(y) * (1 / np.sqrt(max(1 - fraction, 1e-3)))
-        # equal by rounding: density of the difference of two neighbours at zero times the step
-        near = min(1.0, step / (2 * np.sqrt(np.pi) * max(sigma, 1e-300))) if step > 0 else 0.0
-        # and what is equal far apart is not held (spikes hide a grid and widen the density)
-        far = [np.mean(y[k:] == y[:-k]) for k in FAR if k < len(y)]
-        out['expected'] = np.array(max([near, *far]))
+        same = np.diff(y) == 0
         edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
         runs = np.diff(edges)[1:-1]
         if len(runs) > 10:
@@ -101,11 +94,9 @@ class Duplicates(Defect, Response):
     def find(self, evidence):
         """Test for more equal neighbours than a Poisson count of the expected ones allows."""
         kept = evidence.kept(self.name)
-        if not kept or float(kept['fraction']) == 0:
+        if not kept or not kept['held']:
             return None
         n, seen, chance = int(kept['n']), float(kept['fraction']), float(kept['expected'])
-        if seen < 2 * chance + 10 / n or chance > 0.2:
-            return None
         share = (seen - chance) / (1 - chance)
         # likelihood ratio of the binomial count of equal neighbours
         q = min(max(chance, 0.5 / n), 0.999)
@@ -133,6 +124,19 @@ class Duplicates(Defect, Response):
             r = 1 / max(1 - p, 1e-6)
             return np.maximum((np.sin(r * w / 2) / (r * np.sin(w / 2))) ** 2, 1e-9)
         return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
+
+    def crowd(self):
+        """
+        Return the scatter of sums of products of two white axes held together, whitened.
+
+        A run of L samples holds one product with the weight 1 + p^2 + (L-1)(1-p)^2, L geometric,
+        and two of neighbouring runs with p; as many independent samples would have (1-p)(1+p)^2.
+
+        """
+        p = self['fraction']
+        if self['regular'] >= 0.5:
+            return 1 / max(1 - p, 1e-6)
+        return ((1 + p) ** 2 + p * (1 - p) ** 2 + 2 * p * p) / ((1 - p) * (1 + p) ** 2)
 
     def apply(self, x, inputs, rng):
         """Hold samples, at random or always the same number of times."""

@@ -40,7 +40,7 @@ class Quantization(Spectrum):
     )
     filtered = False
     explains = ('grid',)
-    hides = ('distribution', 'variance')  # samples on a coarse grid are not normal
+    mutes = ('distribution', 'variance')  # samples on a coarse grid are not normal
 
     @classmethod
     def statistics(cls, y, inputs):
@@ -49,13 +49,28 @@ class Quantization(Spectrum):
         return {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
 
     def bonus(self, evidence, fit):
-        """Count the grid too, where Q is what an angle read to that grid would have."""
+        """
+        Count the grid too, less what the spectrum loses by the Q that an angle read to it has.
+
+        Something else that is missing may draw Q away from that.
+
+        """
+        from ..fit import Likelihood
+
         kept = evidence.kept(self.name)
         step = float(kept.get('step', 0.0))
-        wanted = step * evidence.dt / np.sqrt(12)
-        if not 0.7 * wanted < self['Q'] < 2.0 * wanted:  # a dithered reading has sqrt(2) more
+        gain = grid_gain(evidence.n, step, float(kept['sigma'])) if step > 0 else 0.0
+        if not gain:
             return 0.0
-        return grid_gain(evidence.n, step, float(kept['sigma']))
+        wanted = step * evidence.dt / np.sqrt(12)
+        near = float(np.clip(self['Q'], 0.7 * wanted, 2.0 * wanted))  # a dithered one has sqrt(2)
+        if near == self['Q']:
+            return gain
+        moved = Likelihood(evidence, 'whole', fit.model.with_effect(self.with_values(Q=near)))
+        x0 = [s.to_search(moved.model[s.label][s.parameter.name]) for s in moved.slots]
+        free = np.array([s.label != self.label for s in moved.slots])
+        lost = fit.log_likelihood + moved.minimise(x0, free=free, enough=1e-3)[1]
+        return max(gain - lost, 0.0)
 
     def psd(self, f, dt):
         """2 Q^2 s^2/dt, s = 2 sin(pi f dt)."""

@@ -56,10 +56,12 @@ class RateQuantization(Spectrum, Defect):
     filtered = False
     views = ()
     explains = ('grid',)
-    hides = (
-        'distribution',
-        'variance',
-    )  # samples on a coarse grid are not normal, and their power moves with the mean
+    mutes = ('distribution', 'variance')  # samples on a coarse grid are not normal
+
+    @property
+    def hides(self):
+        """Where the noise does not span half a step, power moves with the mean."""
+        return () if self['white'] else ('variance',)
 
     @classmethod
     def statistics(cls, y, inputs):

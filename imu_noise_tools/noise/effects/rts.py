@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import expit
 
-from ..kinds import Parameter, Spectrum
+from ..kinds import Inputs, Mean, Modulation, Parameter, Response, Spectrum
 from ... import ar1
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
@@ -89,21 +89,36 @@ class Rts(Spectrum):
             self['tau'] * np.array([0.5, 0.7, 1.0, 1.4, 2.0]),
             noise * np.array([0.3, 0.5, 0.7, 0.85, 1.0]),
         ))).T
-        gaussian = _gauss_markov(z, *grid, width)
-        levels = max(_two_levels(z, *grid, width, share) for share in _SHARES)
+        t = evidence.slow_t[-1] - width * np.arange(z.size)[::-1].reshape(z.shape)
+        loud = np.prod([m.variance(t.ravel()) for m in fit.model.of(Modulation)]
+                       or [np.ones(z.size)], axis=0).reshape(z.shape)
+        loud = loud / np.mean(loud)
+        gaussian = _gauss_markov(z, loud, *grid, width)
+        levels = max(_two_levels(z, loud, *grid, width, share) for share in _SHARES)
         return float(levels - gaussian - np.log(len(_SHARES)))
 
     def _without_drift(self, evidence, fit):
         """
-        Return the block means less what the model holds for drift (Wiener's estimate of it).
+        Return the block means less all else that the model holds.
 
-        Neither chain knows of drift: it would break the two levels and not the other.
+        Of drift that is Wiener's estimate. Neither chain knows of drift: it would break the two
+        levels and not the other.
 
         """
-        c = dct(evidence.slow_y - np.mean(evidence.slow_y), type=2, norm='ortho')
+        from ..views import slow_rest
+
+        y = slow_rest(evidence, fit.model)
+        inputs = Inputs(evidence.slow_t, evidence.dt, dict(evidence.slow_others))
+        for m in fit.model.of(Mean):
+            y = y - m.mean(inputs)
+        c = dct(y - np.mean(y), type=2, norm='ortho')
         v, bins = fit.details['v'], evidence.whole.bins
-        rest = v - fit.details['each'][self.label]
-        drift = rest - np.min(rest[: bins.index(len(c) - 1) + 1])
+        slow = slice(bins.index(len(c) - 1) + 1)
+        gain = np.ones(len(v))
+        for r in fit.model.of(Response):
+            gain = gain * r.gain2(bins.f, evidence.dt)
+        drift = sum(s - gain * np.min((s / gain)[slow]) for label, s in fit.details['each'].items()
+                    if label != self.label)
         k = np.arange(1, len(c))
         centre = 0.5 * (bins.first + bins.last - 1)
         c[1:] *= 1 - np.clip(np.interp(k, centre, drift / v), 0, 1)
@@ -134,21 +149,27 @@ class Rts(Spectrum):
         return cls({'step': 2e-3, 'tau': 8.0})
 
 
-def _gauss_markov(z, step, tau, noise, width) -> float:
-    """Return the best ln p of z (rows, k) as an AR(1) in white noise, over sets of values (g,)."""
+def _gauss_markov(z, loud, step, tau, noise, width) -> float:
+    """
+    Return the best ln p of z (rows, k) as an AR(1) in white noise, over sets of values (g,).
+
+    The variance of the noise goes with ``loud`` (rows, k).
+
+    """
     keep, power = np.exp(-2 * width / tau), 0.25 * step**2
-    mean, spread = np.zeros((len(z), len(step))), power.copy()
+    mean, spread = np.zeros((len(z), len(step))), power[None, :] + np.zeros((len(z), 1))
     total = np.zeros(len(step))
-    for y in z.T:
-        v = spread + noise
+    for y, here in zip(z.T, loud.T):
+        white = here[:, None] * noise
+        v = spread + white
         rest = y[:, None] - mean
-        total -= 0.5 * np.sum(rest**2, axis=0) / v + 0.5 * len(z) * np.log(v)
+        total -= 0.5 * np.sum(rest**2 / v + np.log(v), axis=0)
         mean = keep * (mean + spread / v * rest)
-        spread = keep**2 * spread * noise / v + (1 - keep**2) * power
+        spread = keep**2 * spread * white / v + (1 - keep**2) * power
     return float(np.max(total))
 
 
-def _two_levels(z, step, tau, noise, width, share) -> float:
+def _two_levels(z, loud, step, tau, noise, width, share) -> float:
     """Return the same of z as a chain of two levels in white noise, ``share`` in the upper one."""
     # a chain of the same second moments: its levels lie apart by step, its mean is zero
     apart = 0.5 * step / np.sqrt(share * (1 - share))
@@ -156,15 +177,15 @@ def _two_levels(z, step, tau, noise, width, share) -> float:
     keep = np.exp(-2 * width / tau)
     upper = np.full((len(z), len(step)), share)
     total = np.zeros(len(step))
-    for y in z.T:
-        y = y[:, None]
+    for y, here in zip(z.T, loud.T):
+        y, white = y[:, None], here[:, None] * noise
         # ln of the odds that y came from the upper level
-        odds = (apart / noise) * (y - 0.5 * (up + down))
-        log_down = -0.5 * (y - down) ** 2 / noise
+        odds = (apart / white) * (y - 0.5 * (up + down))
+        log_down = -0.5 * (y - down) ** 2 / white
         peak = np.maximum(odds, 0.0)
         total += np.sum(
             log_down + peak + np.log(upper * np.exp(odds - peak)
                                      + (1 - upper) * np.exp(-peak)), axis=0)
-        here = expit(odds + np.log(upper) - np.log1p(-upper))
-        upper = np.clip(share + keep * (here - share), 1e-12, 1 - 1e-12)
-    return float(np.max(total - 0.5 * z.size * np.log(noise)))
+        at = expit(odds + np.log(upper) - np.log1p(-upper))
+        upper = np.clip(share + keep * (at - share), 1e-12, 1 - 1e-12)
+    return float(np.max(total - 0.5 * (z.size * np.log(noise) + np.sum(np.log(loud)))))

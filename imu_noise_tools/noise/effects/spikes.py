@@ -15,13 +15,17 @@
 """Spikes: isolated outliers."""
 
 import numpy as np
+from scipy.fft import irfft, rfft
 from scipy.special import log_ndtr, ndtri
 
+from ..grid import grid_step, middle_sigma, repeats
 from ..kinds import Defect, Parameter
 from ...effect import Estimate, Finding
 
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 PIECE = 1 << 15  # samples worked on at a time
+HALO = 1 << 11  # of them at either end, where lines leak
+PASSES = 4
 
 
 class Spikes(Defect):
@@ -50,18 +54,51 @@ class Spikes(Defect):
 
     @classmethod
     def statistics(cls, y, inputs):
-        """Keep index and size of each outlier, the noise around it, and the threshold."""
+        """
+        Keep size of each outlier, the noise around it, and which samples it fills.
+
+        What was held is looked at once, or every fresh sample would stand out of its repeats.
+
+        """
         n = len(y)
-        rest = _against_neighbours(y)
-        sigma = _robust(rest)
-        if not sigma > 0:
+        if n < 100:
             return {}
-        threshold = float(-ndtri(0.01 / n)) * sigma
-        index = np.flatnonzero(np.abs(rest) > threshold)
+        fresh = np.arange(n)
+        if repeats(y).held:
+            fresh = np.flatnonzero(np.concatenate([[True], y[1:] != y[:-1]]))
+        z = y if len(fresh) == n else y[fresh]
+        rest = _against_neighbours(z)
+        blocks, sigma = _local_sigma(rest)
+        # on a grid, what jumps by two steps is no outlier
+        sigma = np.maximum(sigma, 0.5 * grid_step(y)[0])
+        if not np.all(sigma > 0):
+            return {}
+        threshold = float(-ndtri(0.01 / n))
+
+        def beyond(at, size):
+            return at[np.abs(size) > threshold * np.interp(at, blocks, sigma)]
+
+        at = np.zeros(0, int)
+        for again in range(PASSES):  # a spike may stand in another's way
+            if again:
+                rest = _against_neighbours(z)
+            pieces = (np.arange(i, min(i + PIECE, len(z))) for i in range(0, len(z), PIECE))
+            new = np.concatenate([beyond(k, rest[k]) for k in pieces])
+            if not len(new):
+                break
+            z = z if again else z.copy()
+            z[new] -= rest[new]
+            at = np.union1d(at, new)
+        size = y[fresh[at]] - z[at]
+        some = np.isin(at, beyond(at, size))
+        at, size = at[some], size[some]
+        ends = np.append(fresh, n)
+        filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
         return {
-            'index': index,
-            'size': rest[index],
-            'sigma': np.array(sigma),
+            'index': np.concatenate([np.zeros(0, int), *filled]),
+            'excess': np.repeat(size, np.diff(ends)[at]),
+            'size': size,
+            'sigma': np.interp(at, blocks, sigma),
             'threshold': np.array(threshold),
             'n': np.array(n),
             'dt': np.array(inputs.dt),
@@ -69,16 +106,12 @@ class Spikes(Defect):
 
     @classmethod
     def screen(cls, y, kept, inputs):
-        """Put the mean of the nearest samples that are no spikes in place of each."""
-        index = kept['index']
+        """Put what its neighbours say in place of each spike."""
         found = _gain(kept)
         if found is None or found[0] < SURE:
             return y
-        good = np.ones(len(y), bool)
-        good[index] = False
         out = y.copy()
-        at = np.flatnonzero(good)
-        out[index] = np.interp(index, at, y[at])
+        out[kept['index']] -= kept['excess']
         return out
 
     def find(self, evidence):
@@ -93,11 +126,12 @@ class Spikes(Defect):
         if found is None:
             return None
         gain, spread, wide = found
-        size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])
+        size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
         k = len(size)
         # spikes too small to be told from noise are missing: scale by the share beyond the
         # threshold
-        seen = max(2 * float(np.exp(log_ndtr(-float(kept['threshold']) / wide))), 0.05)
+        beyond = np.exp(log_ndtr(-float(kept['threshold']) * sigma / wide))
+        seen = max(2 * float(np.mean(beyond)), 0.05)
         duration = n * float(kept['dt'])
         rate = k / duration / seen
         std = np.sqrt(k) / duration / seen
@@ -115,8 +149,8 @@ class Spikes(Defect):
                 ),
             },
             view='distribution',
-            evidence=f'{k} samples beyond {float(kept["threshold"]) / sigma:.1f} standard '
-            f'deviations, the largest {np.max(np.abs(size)) / sigma:.0f}',
+            evidence=f'{k} samples beyond {float(kept["threshold"]):.1f} standard '
+            f'deviations, the largest {np.max(np.abs(size) / sigma):.0f}',
         )
 
     def apply(self, x, inputs, rng):
@@ -132,17 +166,17 @@ class Spikes(Defect):
 
 def _gain(kept):
     """
-    Return (nats, standard deviation of the spikes, of spike and noise together).
+    Return (nats, standard deviation of the spikes, of spike and noise together at each).
 
     None where there are none, or too many.
 
     """
-    size, sigma, n = kept['size'], float(kept['sigma']), int(kept['n'])
+    size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
     k = len(size)
     if not 0 < k <= 0.05 * n:
         return None
-    spread = float(np.sqrt(max(np.mean(size**2) - sigma**2, sigma**2)))
-    wide = float(np.hypot(sigma, spread))
+    spread = float(np.sqrt(max(np.mean(size**2 - sigma**2), np.mean(sigma**2))))
+    wide = np.hypot(sigma, spread)
     gain = np.sum(
         0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)
     ) - k * (np.log(n / k) + 1)
@@ -150,19 +184,54 @@ def _gain(kept):
 
 
 def _against_neighbours(y):
-    """Return y less the median of its four neighbours, scaled to its own share of the variance."""
+    """Return y less its lines and the median of its four neighbours."""
     n = len(y)
     rest = np.zeros(n)
-    for i in range(2, n - 2, PIECE):
-        j = min(i + PIECE, n - 2)
-        a, b, c, d = (y[i + k:j + k] for k in (-2, -1, 1, 2))
+    for i in range(2, n - 2, PIECE - 2 * HALO):
+        first = max(0, min(i - HALO, n - PIECE))
+        z = y[first:first + PIECE]
+        z = z - _lines(z)
+        a, b, c, d = (z[k:len(z) - 4 + k] for k in (0, 1, 3, 4))
         low = np.maximum(np.minimum(a, b), np.minimum(c, d))
         high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-        rest[i:j] = y[i:j] - 0.5 * (low + high)
+        begin, end = max(i, first + 2), min(i + PIECE - 2 * HALO, n - 2)
+        found = z[2:-2] - 0.5 * (low + high)
+        rest[begin:end] = found[begin - first - 2:end - first - 2]
     return rest
 
 
-def _robust(x):
-    some = x[:: max(1, len(x) // 200_000)]
-    sigma = 1.4826 * float(np.median(np.abs(some - np.median(some))))
-    return sigma
+def _lines(z):
+    """
+    Return the narrow lines of a piece: vibration, beside which a spike would not stand out.
+
+    Power beyond forty medians is no noise, which reaches fifteen.
+
+    """
+    c = rfft(z - np.mean(z))
+    groups = len(c) // 128
+    if groups < 2:
+        return 0.0
+    power = np.abs(c) ** 2
+    level = np.median(power[:128 * groups].reshape(groups, 128), axis=1)
+    level = np.interp(np.arange(len(c)), 128 * np.arange(groups) + 63.5, level)
+    line = power > 40 * level
+    line[:128] = False  # what is slow its neighbours tell
+    if not np.any(line):
+        return 0.0
+    return irfft(np.where(line, c, 0), len(z))
+
+
+def _local_sigma(rest):
+    """
+    Return (middle of each block, standard deviation of the noise there).
+
+    Noise that changes in time must not look like spikes where it is loud.
+
+    """
+    count = int(np.clip(len(rest) // 1000, 1, 256))
+    edges = np.linspace(0, len(rest), count + 1).astype(int)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    some = [rest[i:j] for i, j in zip(edges, edges[1:])]
+    sigma = np.array([max(1.4826 * float(np.median(np.abs(x))), middle_sigma(x)) for x in some])
+    # a block in which nearly nothing happens says little of the noise in it
+    return middle, np.maximum(sigma, 0.1 * np.median(sigma))

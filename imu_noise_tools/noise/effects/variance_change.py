@@ -74,12 +74,11 @@ class VarianceChange(Modulation):
         It is found from the power in time; None where none does.
 
         """
-        from ..views import power_in_time
+        from ..views import power_in_time, rough_degrees
 
         t, x, w = power_in_time(evidence)
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
-        rough = np.mean(np.diff(np.log(np.maximum(x, 1e-300)), axis=0) ** 2, axis=0) / 2
-        w = np.minimum(w, 2 / np.maximum(rough, 1e-12))
+        w = rough_degrees(x, w)
         found = [self._refined(e, t, x, w, cost) for e, cost in self._shapes(t, x @ w / w.sum())]
         gain, effect, std = max(found, key=lambda z: z[0])
         if not gain > 0:
