@@ -25,8 +25,9 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence, line_penalty
-from .fit import fit as fit_part, measure, MEASURED, penalty, with_units
-from .kinds import Coupling, Line, Mean, NoiseEffect, Response, Spectrum
+from .fit import fit as fit_part
+from .kinds import Coupling, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
+from .measured import measure, penalty, with_units
 from ..effect import Finding, Fit, Model, registry, unfitted
 
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has

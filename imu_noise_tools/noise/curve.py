@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 
 from .evidence import Evidence
-from .fit import Likelihood
 from .kinds import Coupling, Defect, Inputs, Line, Mean, model_avar, Response, Spectrum
+from .likelihood import Likelihood
 from ..allan import overlapping_variance
 from ..effect import Effect, Model
 from ..spectrum import quadrature_avar

@@ -38,6 +38,7 @@ __all__ = [
     'Defect',
     'Inputs',
     'Line',
+    'MEASURED',
     'Mean',
     'Modulation',
     'NoiseEffect',
@@ -297,6 +298,10 @@ class Defect(NoiseEffect):
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
         """Return y without the defect, for the spectrum that the other effects are fitted to."""
         return y
+
+
+#: kinds whose values come from the samples, not from the spectral fit
+MEASURED = (Line, Defect, Modulation)
 
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:

@@ -32,8 +32,8 @@ import numpy as np
 from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
-from .fit import Likelihood
 from .kinds import Coupling, Defect, Inputs, Mean, model_psd, Modulation, Response, Spectrum
+from .likelihood import Likelihood
 from ..effect import Fit, Model, View
 from ..spectrum import bins_of, expected
 

@@ -25,8 +25,8 @@ from ..allan import AllanCurve, degrees_of_freedom
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effect_avar
 from ..noise.evidence import Evidence
-from ..noise.fit import Likelihood
 from ..noise.kinds import Line, Mean
+from ..noise.likelihood import Likelihood
 from ..noise.problem import NoiseProblem
 from ..noise.views import gamma_pull
 from ..prediction import State

@@ -55,7 +55,7 @@ class Quantization(Spectrum):
         Something else that is missing may draw Q away from that.
 
         """
-        from ..fit import Likelihood
+        from ..likelihood import Likelihood
 
         kept = evidence.kept(self.name)
         step = float(kept.get('step', 0.0))

@@ -1,0 +1,403 @@
+# Copyright 2026 imu_noise_tools maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The likelihood of a model in the cosine domain, and the way to its maximum.
+
+-ln L = 1/2 sum_b w_b (ln v_b + P_b/v_b), P_b the measured power of a bin, w_b its coefficients,
+v_b the model's. What acts on the mean is solved for by generalised least squares inside, with the
+restricted (REML) likelihood: each coefficient then counts by one less its leverage. Searched
+parameters move by Fisher scoring with Levenberg's damping.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import dct
+
+from .evidence import Evidence
+from .kinds import Coupling, Inputs, Mean, MEASURED, psd_behind, Response, Spectrum
+from ..effect import Fit, Model, Parameter
+from ..spectrum import Bins, expected, leaked
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A searched parameter: which effect, which parameter."""
+
+    label: str
+    parameter: Parameter
+    limits: tuple[float, float] | None = None
+
+    def to_search(self, value: float) -> float:
+        """Value -> search scale."""
+        return float(np.log(value)) if self.parameter.log else float(value)
+
+    def from_search(self, x: float) -> float:
+        """Search scale -> value."""
+        return float(np.exp(x)) if self.parameter.log else float(x)
+
+    @property
+    def bounds(self):
+        """On the search scale."""
+        low, high = self.limits or (self.parameter.lower, self.parameter.upper)
+        return self.to_search(max(low, self.parameter.lower)), self.to_search(
+            min(high, self.parameter.upper)
+        )
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Solved parameters: values (p,), their covariance (p, p), and what is left in the bins."""
+
+    beta: np.ndarray
+    covariance: np.ndarray
+    power: np.ndarray
+    weight: np.ndarray
+    log_det: float
+
+
+class Likelihood:
+    """
+    The likelihood of a model of one part of one axis, as a function of its searched parameters.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    part : str
+        ``whole``, ``first`` or ``second``.
+    model : Model
+        Measured effects must have their values already.
+    mean : Fit or None
+        For a half: the fit to the whole, whose mean is subtracted (a mean is not solved for again
+        in a half).
+
+    """
+
+    def __init__(self, evidence: Evidence, part: str, model: Model, mean: Fit | None = None):
+        self.evidence, self.part_name, self.part, self.model = (
+            evidence,
+            part,
+            evidence.part(part),
+            model,
+        )
+        self.bins: Bins = self.part.bins
+        self.dt = evidence.dt
+        self.means, self.couplings = model.of(Mean), model.of(Coupling)
+        self.slots = [
+            Slot(e.label, p, e.bounds(evidence).get(p.name))
+            for e in model.effects
+            if not isinstance(e, MEASURED)
+            for p in e.parameters
+            if not (p.linear or p.discrete) and not (mean and isinstance(e, Mean))
+        ]
+        self.linear_slots = [
+            Slot(e.label, p)
+            for e in (*self.couplings, *(() if mean else self.means))
+            for p in e.parameters
+            if p.linear
+        ]
+        self.power = np.maximum(self.part.power, 1e-300)
+        self.weight = self.bins.count.astype(float)
+        for row in self.part.lines:  # a line took frequency, amplitude and phase with it
+            top = int(np.argmax(row))
+            self.weight[top] = max(self.weight[top] - 3, 0.0)
+        self._slow: np.ndarray | None = None
+        self._known: np.ndarray | None = None
+        self._columns: dict[tuple, np.ndarray] = {}
+        if self.means:
+            self._prepare_slow(mean)
+
+    # --- the mean
+    # ---------------------------------------------------------------------------------------------
+
+    def _prepare_slow(self, mean):
+        e = self.evidence
+        total = len(e.slow_y)
+        some = {
+            'whole': slice(None),
+            'first': slice(0, total // 2),
+            'second': slice(total // 2, None),
+        }[self.part_name]
+        self.inputs = Inputs(e.slow_t[some], e.dt, {k: v[some] for k, v in e.slow_others.items()})
+        count = len(self.inputs.t)
+        low = e.common.low[e.axis, self.part_name]
+        q = np.arange(1, min(count // 4, len(low)) + 1)
+        n = self.part.n
+        # the mean over a block passes a cosine with the gain of its Dirichlet kernel
+        gain = np.sin(np.pi * q / (2 * count)) / ((n / count) * np.sin(np.pi * q / (2 * n)))
+        self._to_full = np.sqrt(n / count) / gain
+        self._count = len(q)
+        self._inside = int(np.searchsorted(self.bins.last, len(q) + 1, side='right'))
+        self._slow = low[: len(q)]
+        if mean:
+            known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
+            self._known = self._slow_transform(known)
+            self.power = self._less_known(self.power, self._slow)
+
+    def _slow_transform(self, y):
+        y = y - np.mean(y, axis=0)
+        c = dct(y, type=2, norm='ortho', axis=0)[1:self._count + 1]
+        return c * (self._to_full if c.ndim == 1 else self._to_full[:, None])
+
+    def _less_known(self, power, slow):
+        """Return the bins' power less the mean that is known, of slow coefficients (q,)."""
+        return np.maximum(self._replaced(power, self.weight, slow, slow - self._known), 1e-300)
+
+    def _replaced(self, power, weight, before, after):
+        """Return the bins' power with slow coefficients (q,) replaced by others."""
+        i = self._inside
+        if i == 0:
+            return power
+        change = 2 * self.dt * (after**2 - before**2)
+        change = np.add.reduceat(change[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
+        out = power.copy()
+        out[:i] += change / np.maximum(weight[:i], 1e-9)
+        return out
+
+    def _decoupled(self, beta, channels):
+        """Return the power (b,) and the slow coefficients (q,) less what the couplings add."""
+        names, cross, own = channels
+        power = np.maximum(self.part.power, 1e-300)
+        power = power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta)
+        power = np.maximum(power, 1e-300)
+        slow = self._slow
+        if slow is not None:
+            low = self.evidence.common.low
+            slow = slow - beta @ [low[name, self.part_name][: len(slow)] for name in names]
+            if self._known is not None:
+                power = self._less_known(power, slow)
+        return power, slow
+
+    def _coupled(self, model, v):
+        """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
+        channels = self._channels(model)
+        _, cross, own = channels
+        covariance = np.linalg.pinv(np.tensordot(own, self.weight / v, axes=(2, 0)))
+        beta = covariance @ (cross @ (self.weight / v))
+        covariance = covariance * np.prod([r.crowd() for r in model.of(Response)] or [1.0])
+        return beta, covariance, *self._decoupled(beta, channels)
+
+    def slow_rest(self, model, v):
+        """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
+        named = [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
+        return self._coupled(model, v)[3] if named else self._slow
+
+    def design(self, model) -> np.ndarray:
+        """Return the slow coefficients of all columns of the mean, (q, p)."""
+        columns = []
+        for e in (model[m.label] for m in self.means):
+            rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
+            key = (e.label, *rest.values())
+            if key not in self._columns:
+                if len(self._columns) > 8:
+                    self._columns.clear()
+                self._columns[key] = self._slow_transform(e.columns(self.inputs, **rest))
+            columns.append(self._columns[key])
+        return np.concatenate(columns, axis=1)
+
+    def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
+        """Solve for all linear parameters given the model's spectrum v (b,)."""
+        power, slow, weight, log_det = self.power, self._slow, self.weight, 0.0
+        betas, covariances = [], []
+        if self.couplings:
+            beta, covariance, power, slow = self._coupled(model, v)
+            betas.append(beta)
+            covariances.append(covariance)
+        if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
+            x = self.design(model)
+            root = np.sqrt(2 * self.dt / self._fine(v))
+            xw, cw = x * root[:, None], slow * root
+            scale = np.sqrt(np.sum(xw**2, axis=0))
+            scale[scale == 0] = 1.0
+            u, s, vt = np.linalg.svd(xw / scale, full_matrices=False)
+            keep = s > 1e-10 * s[0] if s[0] > 0 else np.zeros(len(s), bool)
+            u, s, vt = u[:, keep], s[keep], vt[keep]
+            beta = (vt.T @ ((u.T @ cw) / s)) / scale
+            covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
+            leverage = np.sum(u**2, axis=1)
+            total = self._replaced(power, weight, slow, slow - x @ beta) * weight
+            weight = weight.copy()
+            i = self._inside
+            if i:
+                weight[:i] -= np.add.reduceat(
+                    leverage[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1
+                )
+            weight = np.maximum(weight, 1e-9)
+            power = np.maximum(total, 1e-300) / weight
+            # scaled by the white level, so that it does not depend on units
+            log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
+            betas.append(beta)
+            covariances.append(covariance)
+        beta = np.concatenate(betas) if betas else np.zeros(0)
+        covariance = np.zeros((len(beta), len(beta)))
+        at = 0
+        for c in covariances:
+            covariance[at:at + len(c), at:at + len(c)] = c
+            at += len(c)
+        return Linear(beta, covariance, power, weight, log_det)
+
+    def _fine(self, v):
+        k = np.arange(1, self._count + 1)
+        centre = 0.5 * (self.bins.first + self.bins.last - 1)
+        return np.exp(np.interp(np.log(k), np.log(centre), np.log(v)))
+
+    def _channels(self, model):
+        """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
+        pair, here = self.evidence.common.pair, self.part_name
+        names = [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
+        return (
+            names,
+            np.array([pair(self.evidence.axis, n, here) for n in names]),
+            np.array([[pair(a, b, here) for b in names] for a in names]),
+        )
+
+    def without_couplings(self, model: Model) -> np.ndarray:
+        """
+        Return the power (b,) less what the model's couplings put there.
+
+        The couplings have the values that the model gives them.
+
+        """
+        beta = [e[p.name] for e in (model[c.label] for c in self.couplings)
+                for p in e.parameters if p.linear]
+        return self._decoupled(np.array(beta), self._channels(model))[0]
+
+    # --- the spectrum
+    # -----------------------------------------------------------------------------------------
+
+    def with_search(self, x: np.ndarray) -> Model:
+        """Return the model at a point of the search."""
+        values: dict[str, dict[str, float]] = {}
+        for slot, value in zip(self.slots, x):
+            values.setdefault(slot.label, {})[slot.parameter.name] = slot.from_search(value)
+        return self.model.with_values(values)
+
+    def spectra(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return (v, {label: v of that effect}) in the bins."""
+        responses = model.of(Response)
+        each = {e.label: self._spectrum(e, model) for e in model.of(Spectrum)}
+        if not each:
+            # a model of the mean alone: white noise of the measured level stands in
+            return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
+        total = sum(each.values())
+        if responses:
+            # rounding happens behind the filter: where that leaves nothing, the output's own step
+            # is what is measured
+            total = total + self.evidence.resolution**2 * self.dt / 6
+            total = total + leaked(total, self.bins)
+        return np.maximum(total, 1e-290), each
+
+    def _spectrum(self, effect, model):
+        """Return what one effect puts into the bins, as expected behind the sensor's responses."""
+        return expected(lambda f: psd_behind(effect, model, f, self.dt), self.bins)
+
+    def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
+        """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
+        model = self.with_search(x)
+        v, each = self.spectra(model)
+        linear = self.solve_linear(model, v)
+        nll = (
+            0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))
+            + 0.5 * linear.log_det
+        )
+        if penalty and reddest is not None:
+            nll -= penalty * x[reddest]
+        return nll, linear, v, each
+
+    def jacobian(self, x, v, each) -> np.ndarray:
+        """Return d ln v / d x, (b, p)."""
+        out = np.zeros((len(v), len(x)))
+        for j, slot in enumerate(self.slots):
+            effect = self.model[slot.label]
+            if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
+                out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
+            elif isinstance(effect, (Spectrum, Response)):
+                h = 1e-4
+                sides = []
+                for step in (h, -h):
+                    moved = x.copy()
+                    moved[j] += step
+                    model = self.with_search(moved)
+                    if isinstance(effect, Spectrum):
+                        sides.append(self._spectrum(model[slot.label], model))
+                    else:
+                        sides.append(self.spectra(model)[0])
+                out[:, j] = (sides[0] - sides[1]) / (2 * h * v)
+        return out
+
+    def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400, enough=1e-7):
+        """
+        Return (x, -ln L, information) from a start.
+
+        ``free`` (p,) bool says which parameters move; a step that gains less than ``enough`` nats
+        is the last.
+
+        """
+        x = np.array(x0, float)
+        p = len(x)
+        free = np.ones(p, bool) if free is None else free
+        lower, upper = (
+            (np.array([s.bounds[i] for s in self.slots]) for i in (0, 1)) if p else (x, x)
+        )
+        x = np.clip(x, lower, upper)
+        best, linear, v, each = self.value(x, penalty, reddest)
+        damping = 1e-3
+        for _ in range(steps):
+            gradient, information = self._derivatives(x, linear, v, each, penalty, reddest)
+            if not free.any():
+                break
+            g, f = gradient[free], information[np.ix_(free, free)]
+            scale = np.maximum(np.diag(f), 1e-9)
+            moved = False
+            while damping < 1e9:
+                step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
+                trial = x.copy()
+                trial[free] += np.clip(step, -2.0, 2.0)
+                trial = np.clip(trial, lower, upper)
+                result = self.value(trial, penalty, reddest)
+                if np.isfinite(result[0]) and result[0] <= best:
+                    gain = best - result[0]
+                    x, (best, linear, v, each) = trial, result
+                    damping = max(damping / 10, 1e-9)
+                    moved = True
+                    break
+                damping *= 10
+            if not moved or gain < enough:
+                break
+            damping = min(damping, 1.0)
+        return x, best, self._derivatives(x, linear, v, each, penalty, reddest)[1]
+
+    def _derivatives(self, x, linear, v, each, penalty, reddest):
+        jac = self.jacobian(x, v, each)
+        w = linear.weight
+        gradient = 0.5 * jac.T @ (w * (1 - linear.power / v))
+        information = 0.5 * (jac * w[:, None]).T @ jac
+        for j in self._mean_slots():
+            h = 1e-3
+            up, down = x.copy(), x.copy()
+            up[j] += h
+            down[j] -= h
+            a, b, c = (self.value(z)[0] for z in (down, x, up))
+            gradient[j] = (c - a) / (2 * h)
+            information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
+        if penalty and reddest is not None:
+            gradient[reddest] -= penalty
+        return gradient, information
+
+    def _mean_slots(self):
+        return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]

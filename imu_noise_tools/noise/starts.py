@@ -1,0 +1,178 @@
+# Copyright 2026 imu_noise_tools maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where a fit starts from: the shapes that effects propose, with amplitudes by least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from .kinds import Defect, Mean, MEASURED, Response, Spectrum
+from .likelihood import Likelihood
+from ..effect import Model
+from ..errors import FitError
+
+
+def starts(likelihood: Likelihood, given: Model | None):
+    """
+    Return search vectors: every combination of shapes the effects propose.
+
+    Amplitudes are set by non-negative least squares.
+
+    """
+    model = likelihood.model
+    grid = [model]
+    for e in model.effects:
+        if isinstance(e, MEASURED):
+            continue
+        shapes = [p.name for p in e.parameters if not p.amplitude and not p.linear]
+        known = given[e.label] if given is not None and e.label in given.labels else e
+        if shapes and all(s in known.values for s in shapes):
+            options = [e.with_values(**{s: known[s] for s in shapes})]
+        else:
+            options = e.starts(likelihood.evidence)
+            if not options:
+                raise FitError(
+                    f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
+                )
+        if isinstance(e, Mean) and len(options) > 2:
+            options = _best_columns(likelihood, grid[0], e, options)
+        grid = [g.with_effect(o) for g in grid for o in options]
+    out = []
+    for candidate in grid[:64]:
+        out += [
+            (candidate, _with_amplitudes(likelihood, candidate, share)) for share in (0.02, 0.3)
+        ]
+    return out
+
+
+def _best_columns(likelihood, model, effect, options, keep=2):
+    """
+    Return the options whose columns explain most of the slow part.
+
+    They are judged against the smoothed measured spectrum.
+
+    """
+    root = np.sqrt(2 * likelihood.dt / likelihood._fine(smooth(likelihood.power)))
+    y = likelihood.slow_rest(model, smooth(likelihood.power)) * root
+    gains = []
+    for o in options:
+        rest = {p.name: o[p.name] for p in o.parameters if not p.linear}
+        x = likelihood._slow_transform(o.columns(likelihood.inputs, **rest)) * root[:, None]
+        scale = np.sqrt(np.sum(x**2, axis=0))
+        q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
+        gains.append(float(np.sum((q.T @ y)[np.abs(np.diag(r)) > 1e-9] ** 2)))
+    return [options[i] for i in np.argsort(gains)[::-1][:keep]]
+
+
+def most_promising(plain, starts, mean, most):
+    """Return (likelihood, start) of the starts whose likelihood is best where they stand."""
+    found = []
+    for candidate, x0 in starts:
+        likelihood = (
+            plain
+            if candidate == plain.model
+            else Likelihood(plain.evidence, plain.part_name, candidate, mean)
+        )
+        found.append((likelihood.value(x0)[0], likelihood, x0))
+    found.sort(key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)
+    return [(likelihood, x0) for _, likelihood, x0 in found[:most]]
+
+
+def _with_amplitudes(likelihood, model, share):
+    """
+    Return the search vector with amplitudes from the measured power.
+
+    None below a share of where it matters most.
+
+    """
+    spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)]
+    for e in spectra:
+        amplitude = [p.name for p in e.parameters if p.amplitude]
+        rest = {
+            p.name: float(np.sqrt(p.lower * p.upper))
+            for p in e.parameters
+            if p.name not in e.values and p.name not in amplitude
+        }
+        model = model.with_effect(e.with_values(**rest, **{a: 1.0 for a in amplitude}))
+    for e in model.effects:
+        rest = {
+            p.name: (float(np.sqrt(p.lower * p.upper)) if p.log else 0.0)
+            for p in e.parameters
+            if p.name not in e.values
+        }
+        model = model.with_effect(model[e.label].with_values(**rest))
+    if spectra:
+        _, each = likelihood.spectra(model)
+        names = [e.label for e in spectra]
+        fixed = sum(
+            (v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power))
+        )
+        shape = np.array([each[k] for k in names]).T
+        power = likelihood.power
+        if likelihood.couplings:  # what another channel puts there is not the noise's
+            power = likelihood.solve_linear(model, smooth(power)).power
+        target = np.maximum(power - fixed, 0)
+        floor = np.maximum(smooth(power), 1e-300)
+        level = floor
+        # behind a filter only the band that passes says something of the amplitudes
+        gain = np.prod(
+            [r.gain2(likelihood.bins.f, likelihood.dt) for r in model.of(Response)]
+            or [np.ones(len(floor))],
+            axis=0,
+        )
+        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * gain.max())
+        for _ in range(3):
+            w = passes / level
+            scale = np.max(shape * w[:, None], axis=0)
+            a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
+            level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
+        least = share / np.max(shape / level[:, None], axis=0)
+        for name, value in zip(names, np.maximum(a2, least)):
+            e = model[name]
+            amplitude = next(p.name for p in e.parameters if p.amplitude)
+            model = model.with_effect(e.with_values(**{amplitude: float(np.sqrt(value))}))
+    return np.array(
+        [slot.to_search(model[slot.label][slot.parameter.name]) for slot in likelihood.slots]
+    )
+
+
+def smooth(power):
+    window = np.ones(9) / 9
+    return np.exp(np.convolve(np.pad(np.log(power), 4, mode='edge'), window, mode='valid'))
+
+
+def reddest(likelihood, x):
+    """
+    Return the slot of the amplitude whose spectrum rises most towards low frequencies.
+
+    None for a single spectrum.
+
+    """
+    spectra = [e for e in likelihood.model.of(Spectrum) if not isinstance(e, Defect)]
+    if len(spectra) < 2:
+        return None
+    f = likelihood.bins.f
+    pair = np.array([f[0], f[len(f) // 2]])
+    model = likelihood.with_search(x)
+    rise = {}
+    for e in spectra:
+        s = model[e.label].psd(pair, likelihood.dt)
+        rise[e.label] = np.log(s[0]) - np.log(s[1])
+    label = max(rise, key=rise.get)
+    for j, slot in enumerate(likelihood.slots):
+        if slot.label == label and slot.parameter.amplitude:
+            return j
+    return None

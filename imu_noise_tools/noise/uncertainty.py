@@ -1,0 +1,210 @@
+# Copyright 2026 imu_noise_tools maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Estimates of a fit: standard deviations, profile-likelihood intervals, upper limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .kinds import MEASURED
+from .. import units
+from ..effect import Estimate
+
+CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
+
+
+def with_linear(likelihood, model, linear):
+    for slot, value in zip(likelihood.linear_slots, linear.beta):
+        model = model.with_effect(
+            model[slot.label].with_values(**{slot.parameter.name: float(value)})
+        )
+    return model
+
+
+def chosen_estimates(likelihood):
+    """Return what was chosen among the proposed values."""
+    return {
+        e.label: {
+            p.name: Estimate(
+                e[p.name],
+                None,
+                None,
+                units.si(p.unit, likelihood.evidence.sensor),
+                point=e[p.name],
+                note='the best of the values tried',
+            )
+            for p in e.parameters
+            if p.discrete and p.name in e.values
+        }
+        for e in likelihood.model.effects
+        if not isinstance(e, MEASURED)
+    }
+
+
+def _covariance(information):
+    if not len(information):
+        return information
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
+    return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-10) / np.outer(
+        scale, scale
+    )
+
+
+def _linear_estimates(likelihood, linear):
+    out: dict[str, dict] = {}
+    for slot, value, variance in zip(
+        likelihood.linear_slots, linear.beta, np.diag(linear.covariance)
+    ):
+        std = float(np.sqrt(max(variance, 0)))
+        value = float(value)
+        lo, hi = value - 1.96 * std, value + 1.96 * std
+        unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
+        if slot.parameter.amplitude and lo <= 0 <= hi:
+            upper = abs(value) + 1.645 * std
+            e = Estimate(
+                None,
+                std,
+                (0.0, max(abs(lo), abs(hi))),
+                unit,
+                upper95=upper,
+                point=value,
+                note='not observable: the interval holds zero',
+            )
+        else:
+            e = Estimate(value, std, (lo, hi), unit, point=value)
+        out.setdefault(slot.label, {})[slot.parameter.name] = e
+    return out
+
+
+def plain_estimates(likelihood, x, information, linear):
+    """Return values with the standard deviations of the information, without intervals."""
+    out = _linear_estimates(likelihood, linear)
+    std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0)) if len(x) else []
+    for slot, at, s in zip(likelihood.slots, x, std):
+        value = slot.from_search(at)
+        s = float(s * value if slot.parameter.log else s)
+        out.setdefault(slot.label, {})[slot.parameter.name] = Estimate(
+            value,
+            s,
+            (value - 1.96 * s, value + 1.96 * s),
+            units.si(slot.parameter.unit, likelihood.evidence.sensor),
+            point=value,
+        )
+    return out
+
+
+def estimates(likelihood, x, information, linear, reddest):
+    """Return profile-likelihood intervals, upper limits and flags."""
+    out = _linear_estimates(likelihood, linear)
+    flags: list[str] = []
+    if not len(x):
+        return out, flags
+    std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0))
+    top, least, _ = likelihood.minimise(x)  # unpenalised
+    profile = _Profile(likelihood, top, least)
+    for j, slot in enumerate(likelihood.slots):
+        unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
+        value = slot.from_search(x[j])
+        wide = float(np.clip(std[j], 1e-6, 3.0))
+        spread = float(std[j] * value) if slot.parameter.log else float(std[j])
+        lower_bound, upper_bound = slot.bounds
+        lo = profile.crossing(j, -1, CHI2_95, wide)
+        if slot.parameter.amplitude and lo is None:
+            upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or upper_bound)
+            hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or upper_bound)
+            e = Estimate(
+                None,
+                spread,
+                (0.0, hi),
+                unit,
+                upper95=upper,
+                point=value,
+                note='not observable: the interval reaches zero',
+            )
+        else:
+            hi = profile.crossing(j, +1, CHI2_95, wide)
+            note = ''
+            if lo is None or hi is None:
+                note = 'one end of the interval is the bound of the search'
+                flags.append(f'{slot.label}.{slot.parameter.name}: {note}')
+            e = Estimate(
+                value,
+                spread,
+                (
+                    slot.from_search(lower_bound if lo is None else lo),
+                    slot.from_search(upper_bound if hi is None else hi),
+                ),
+                unit,
+                point=value,
+                note=note,
+            )
+        out.setdefault(slot.label, {})[slot.parameter.name] = e
+    return out, flags
+
+
+class _Profile:
+    """The profile likelihood of one parameter after another."""
+
+    def __init__(self, likelihood, top, least):
+        self.likelihood, self.top, self.least = likelihood, top, least
+
+    def deviance(self, j, at, warm):
+        """Return 2 (-ln L(at) - min) with all others free, and where they went."""
+        free = np.ones(len(self.top), bool)
+        free[j] = False
+        x = warm.copy()
+        x[j] = at
+        x, nll, _ = self.likelihood.minimise(x, free=free, steps=25)
+        return max(2 * (nll - self.least), 0.0), x
+
+    def crossing(self, j, sign, level, step):
+        """
+        Return where the deviance reaches a level on one side.
+
+        None where it never does (a limit).
+
+        """
+        lower, upper = self.likelihood.slots[j].bounds
+        # downwards on a logarithmic scale there is nothing more to come after a few powers of ten
+        reach = 14.0 if sign < 0 and self.likelihood.slots[j].parameter.log else np.inf
+        low, d_low, warm = self.top[j], 0.0, self.top
+        move = np.sqrt(level) * step
+        high = None
+        for _ in range(16):
+            at = float(np.clip(low + sign * move, lower, upper))
+            d, found = self.deviance(j, at, warm)
+            if d >= level:
+                high, d_high = at, d
+                break
+            if at in (lower, upper) or abs(at - self.top[j]) > reach:
+                return None
+            low, d_low, warm = at, d, found
+            move *= 2
+        if high is None:
+            return None
+        # The square root of the deviance is nearly a straight line; but where a step went far up a
+        # wall the secant creeps, so every second try halves.
+        for k in range(40):
+            a, b, c = np.sqrt(d_low), np.sqrt(d_high), np.sqrt(level)
+            share = 0.5 if k % 2 else np.clip((c - a) / max(b - a, 1e-12), 0.05, 0.95)
+            at = low + share * (high - low)
+            d, found = self.deviance(j, at, warm)
+            if abs(np.sqrt(d) - c) < 2e-3:
+                return at
+            if d >= level:
+                high, d_high = at, d
+            else:
+                low, d_low, warm = at, d, found
+        return 0.5 * (low + high)
