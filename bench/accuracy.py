@@ -37,7 +37,7 @@ sys.path[:0] = [str(TOP), str(TOP / 'test')]
 import hidden  # noqa: E402
 from imu_noise_tools import units  # noqa: E402
 from imu_noise_tools.effect import model_of  # noqa: E402
-from imu_noise_tools.noise.evidence import gather  # noqa: E402
+from imu_noise_tools.noise.gather import gather  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
 from imu_noise_tools.record import ImuRecord  # noqa: E402
 from imu_noise_tools.study import assess  # noqa: E402

@@ -39,7 +39,7 @@ sys.path[:0] = [str(TOP), str(TOP / 'test')]
 from hidden import draw  # noqa: E402
 from imu_noise_tools.effect import model_of  # noqa: E402
 from imu_noise_tools.noise.candidates import candidates  # noqa: E402
-from imu_noise_tools.noise.evidence import gather  # noqa: E402
+from imu_noise_tools.noise.gather import gather  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
 
 CELLS = ((1.0, 50.0), (0.5, 100.0), (2.0, 50.0), (6.0, 10.0), (0.1, 100.0))  # hours, Hz

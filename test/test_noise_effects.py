@@ -29,8 +29,8 @@ from imu_noise_tools.effect import find_effect, Model, registry
 from imu_noise_tools.errors import ImuNoiseError
 from imu_noise_tools.noise import (Coupling, Defect, Inputs, Line, Mean, Modulation,
                                    NoiseEffect, Response, Spectrum)
-from imu_noise_tools.noise.evidence import gather
 from imu_noise_tools.noise.fit import fit
+from imu_noise_tools.noise.gather import gather
 
 DT = 0.02
 VIEWS = {'frequency', 'time', 'variance', 'distribution', 'repeats', 'coherence'}

@@ -26,8 +26,8 @@ from scipy.stats import binom
 
 import hidden
 from imu_noise_tools.effect import Estimate, find_effect, Model, model_of
-from imu_noise_tools.noise.evidence import gather
 from imu_noise_tools.noise.fit import fit
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.record import ImuRecord
 

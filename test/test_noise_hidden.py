@@ -23,8 +23,8 @@ from scipy.fft import dct
 import hidden
 from imu_noise_tools import allan
 from imu_noise_tools.effect import Model, model_of, registry
-from imu_noise_tools.noise.evidence import gather
 from imu_noise_tools.noise.fit import fit
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.study import assess
 

@@ -32,7 +32,7 @@ from imu_noise_tools import allan
 from imu_noise_tools.diagnosis import Diagnosis
 from imu_noise_tools.effect import Finding, Model, model_of, registry, Score
 from imu_noise_tools.errors import ImuNoiseError
-from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.plots import curves, noise, panels, style

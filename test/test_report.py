@@ -32,7 +32,7 @@ import pytest
 from imu_noise_tools import report, store
 from imu_noise_tools.diagnosis import Diagnosis
 from imu_noise_tools.effect import Estimate, Finding, Fit, Model, model_of, registry, Score, View
-from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.prediction import State

@@ -29,7 +29,8 @@ import zstandard
 from imu_noise_tools.bag import open_record, Scratch, scratch, write_bag
 from imu_noise_tools.errors import InputError
 from imu_noise_tools.health import prepare
-from imu_noise_tools.noise.evidence import gather, to_arrays
+from imu_noise_tools.noise.evidence import to_arrays
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.record import ImuRecord, Memory
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,11 +45,11 @@ report.pictures = lambda study: {'allan': b''}
 report.html = lambda *_, **__: ''
 stop = sys.argv.pop(1)
 if stop:
-    from imu_noise_tools.noise import evidence
+    from imu_noise_tools.noise import gather
     def wait(*_):
         print('there', flush=True)
         time.sleep(600)
-    setattr(evidence, stop, wait)
+    setattr(gather, stop, wait)
 from imu_noise_tools.cli.main import main
 sys.exit(main(sys.argv[1:]))
 """

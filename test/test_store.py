@@ -30,8 +30,9 @@ import hidden
 from imu_noise_tools import effect, store
 from imu_noise_tools.effect import model_of
 from imu_noise_tools.errors import InputError
-from imu_noise_tools.noise.evidence import from_arrays, gather, to_arrays
+from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.fit import fit
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import arrays_of, NoiseProblem, problems
 from imu_noise_tools.record import ImuRecord
 from imu_noise_tools.study import Study

@@ -27,7 +27,7 @@ from imu_noise_tools import diagnosis, effect, prediction
 from imu_noise_tools.effect import Effect, Estimate, Finding, Fit, Model, model_of, Parameter
 from imu_noise_tools.effect import Score, View
 from imu_noise_tools.errors import FitError, UsageError
-from imu_noise_tools.noise.evidence import gather
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.record import ImuRecord
 from imu_noise_tools.study import Study

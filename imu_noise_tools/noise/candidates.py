@@ -24,8 +24,9 @@ from __future__ import annotations
 import numpy as np
 
 from . import views
-from .evidence import Evidence, line_penalty
+from .evidence import Evidence
 from .fit import fit as fit_part
+from .gather import line_penalty
 from .kinds import Coupling, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
 from .measured import measure, penalty, with_units
 from ..effect import Finding, Fit, Model, registry, unfitted

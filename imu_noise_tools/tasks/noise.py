@@ -28,7 +28,7 @@ from ..effect import model_of
 from ..errors import InputError, UsageError
 from ..health import prepare
 from ..noise.curve import model_curve
-from ..noise.evidence import gather
+from ..noise.gather import gather
 from ..noise.problem import METHODS, NoiseProblem
 from ..record import ImuRecord, Memory, sensor_of
 from ..study import Study

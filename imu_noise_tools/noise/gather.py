@@ -1,0 +1,524 @@
+# Copyright 2026 imu_noise_tools maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The one look at a record: from samples to :class:`~imu_noise_tools.noise.evidence.Evidence`.
+
+It is cut in the middle. Coherent lines are measured on the samples and taken out of the spectrum;
+what each of them adds is kept beside it. Arrays as long as the record are worked on a piece at a
+time and kept where a :class:`~imu_noise_tools.record.Memory` says.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations_with_replacement
+
+import numpy as np
+from scipy.fft import idct
+from scipy.special import ndtri
+
+from .evidence import Common, Evidence, Part
+from .grid import grid_step
+from .kinds import Defect, Inputs
+from .. import allan
+from ..effect import registry
+from ..record import ImuRecord, Memory
+from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients
+
+SLOW = 1 << 14  # block means kept (up to twice as many)
+LOW = 1024  # signed coefficients kept
+BLOCKS = 256  # blocks in time
+CURVED = 256  # coefficients whose level is read from a parabola
+BANDS = 20  # bands of the power in time
+CELLS = 64  # equiprobable cells of the distribution
+ENVELOPE = 1000  # columns of the picture of the time series
+MOST_LINES = 12
+PIECE = 1 << 15  # of an array as long as the record: what is worked on at a time
+
+
+def smooth_length(n: int) -> int:
+    """
+    Return the largest 2-3-5-7-smooth number up to n.
+
+    A prime length makes a transform many times slower.
+
+    """
+    while n > 1:
+        k = n
+        for p in (2, 3, 5, 7):
+            while k % p == 0:
+                k //= p
+        if k == 1:
+            break
+        n -= 1
+    return n
+
+
+def gather(
+    record: ImuRecord,
+    axes,
+    *,
+    deviation: str = 'oadev',
+    points: int = 100,
+    octaves: bool = False,
+    progress=None,
+    memory: Memory | None = None,
+) -> dict[str, Evidence]:
+    """
+    Return the evidence of each axis of a prepared (still, evenly sampled, finite) record.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        The prepared one.
+    axes : sequence of str
+        Names of the axes that are wanted.
+    deviation, points, octaves
+        Of the curve, see :func:`imu_noise_tools.allan.curve`.
+    progress : callable or None
+        Called with (share done, what) as the work goes on.
+    memory : Memory or None
+        Where arrays as long as the record are kept.
+
+    """
+    step = _Steps(progress, 4 * len(axes) + 2)
+    memory = memory or Memory()
+    dt, n = record.dt, record.n
+    half = n // 2 if n < 1 << 15 else smooth_length(n // 2)
+    used = 2 * half
+    covariates = _covariates(record, axes, memory)
+    t = memory.keep(np.arange(n) * dt)
+    inputs = Inputs(t, dt, covariates, {a: record.column(a) for a in record.axes})
+    own: dict[str, dict] = {a: {} for a in axes}
+    kept, raw, clean = {}, {}, {}
+    for axis in axes:
+        y = raw[axis] = np.ascontiguousarray(record.column(axis), float)
+        kept[axis] = {name: cls.statistics(y, inputs) for name, cls in registry('noise').items()}
+        kept[axis] = {k: v for k, v in kept[axis].items() if v}
+        without = _bridged(_screened(y, kept[axis], inputs), record)
+        clean[axis] = y if without is y else memory.keep(without)
+        memory.rest()
+        step(f'{axis}: samples')
+        own[axis]['curve'] = allan.curve(
+            y, dt, deviation=deviation, points=points, octaves=octaves
+        )
+        step(f'{axis}: Allan curve')
+        own[axis]['resolution'] = grid_step(y)[0]
+        own[axis].update(_power_of_looks(_looks(y, clean[axis], used), dt))
+        own[axis]['envelope'] = _envelope(y, dt)
+        memory.rest()
+    cross: dict[tuple[str, str, str], np.ndarray] = {}
+    low: dict[tuple[str, str], np.ndarray] = {}
+    for name, begin, length in (('whole', 0, used), ('first', 0, half), ('second', half, half)):
+        bins = bins_of(length, dt)
+        coefficients, lines = {}, {}
+        for axis in axes:
+            y = clean[axis][begin:begin + length]
+            c = cosine_transform(y)
+            if name == 'whole':
+                reference = reference_spectrum(c, dt)
+                looks = _looks(raw[axis], clean[axis], used)
+                own[axis]['cells'] = _cells(looks, own[axis]['resolution'], c, reference, dt)
+                step(f'{axis}: distribution')
+                own[axis]['line_table'] = _find_lines(c, reference, y, dt)
+                step(f'{axis}: spectrum')
+            lines[axis] = _take_lines_out(c, own[axis]['line_table'], begin, dt)
+            if name == 'whole':
+                if len(lines[axis]):  # what is left is normal only without them
+                    cells = _cells_without_lines(c, own[axis]['resolution'], reference, dt)
+                    own[axis]['cells'] = np.vstack([own[axis]['cells'], cells])
+                del reference
+            coefficients[axis] = memory.keep(c)
+            memory.rest()
+        for other, values in covariates.items():
+            coefficients[other] = memory.keep(cosine_transform(values[begin:begin + length]))
+            memory.rest()
+        binned = _cross_powers(coefficients, bins, memory)
+        cross.update({(a, b, name): power for (a, b), power in binned.items()})
+        for axis in axes:
+            own[axis][name] = Part(length, dt, binned[axis, axis], lines[axis])
+        low.update({(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()})
+        memory.rest()
+    step('halves and cross-spectra')
+    slow_length = max(1, used // SLOW)
+    slow = {}
+    for name, values in {'t': t, **clean, **covariates}.items():
+        slow[name] = _block_means(values[:used], slow_length)
+        memory.rest()
+    common = Common(slow_length, slow.pop('t'), slow, cross, low)
+    return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
+
+
+def _looks(y: np.ndarray, clean: np.ndarray, used: int) -> list[np.ndarray]:
+    """Return the samples as they are and, where they differ, without defects."""
+    return [y[:used]] if clean is y else [y[:used], clean[:used]]
+
+
+def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray]:
+    """
+    Return all that varies beside the axes that are asked for.
+
+    Other axes, covariates, the squared vibration.
+
+    """
+    out = {**{a: record.column(a) for a in record.axes if a not in axes}, **record.covariates}
+    out = {k: v for k, v in out.items() if np.all(np.isfinite(v)) and np.ptp(v) > 0}
+    if record.accel is not None:
+        total = memory.empty(record.n)
+        total[:] = 0.0
+        for x in record.accel.T:
+            total += (x - np.mean(x)) ** 2
+        out['accel_square'] = total
+    memory.rest()
+    return out
+
+
+def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins, memory: Memory):
+    """
+    Return the binned cross-power (b,) of each pair of channels and of each with itself.
+
+    Some bins at a time, so that what is read of each channel serves all of its pairs.
+
+    """
+    pairs = list(combinations_with_replacement(sorted(coefficients), 2))
+    out = {pair: np.empty(len(bins.first)) for pair in pairs}
+    piece = bins.first // PIECE
+    begins = np.flatnonzero(np.diff(piece, prepend=-1))
+    for i, j in zip(begins, np.append(begins[1:], len(piece))):
+        low, high = bins.first[i], bins.last[j - 1]
+        some = {k: c[low:high] for k, c in coefficients.items()}
+        for a, b in pairs:
+            out[a, b][i:j] = np.add.reduceat(some[a] * some[b], bins.first[i:j] - low)
+        memory.rest()
+    return {pair: 2 * bins.dt * total / bins.count for pair, total in out.items()}
+
+
+class _Steps:
+    """Turn counted steps into calls of a progress function."""
+
+    def __init__(self, progress, total):
+        self.progress, self.total, self.done = progress, total, 0
+
+    def __call__(self, what):
+        self.done += 1
+        if self.progress:
+            self.progress(min(1.0, self.done / self.total), what)
+
+
+def _screened(y, kept, inputs):
+    for name, cls in registry('noise').items():
+        if issubclass(cls, Defect) and name in kept:
+            y = cls.screen(y, kept[name], inputs)
+    return y
+
+
+def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
+    """Return y with straight lines through the stretches that are left out (knocks)."""
+    if not record.left_out:
+        return y
+    y = y.copy()
+    for begin, end, _ in record.left_out:
+        i, j = np.searchsorted(record.t, (begin, end))
+        before, after = y[max(0, i - 50):i], y[j:j + 50]
+        ends = [np.mean(x) if len(x) else np.mean(y) for x in (before, after)]
+        y[i:j] = np.linspace(*ends, j - i)
+    return y
+
+
+def _block_means(y, length):
+    count = len(y) // length
+    return np.asarray(y, float)[: count * length].reshape(count, length).mean(axis=1)
+
+
+def _reach(k, n: int):
+    """Return how many coefficients on either side of k its level is taken from."""
+    # a filter may end at Nyquist as steeply as drift begins at zero
+    return np.clip(0.2 * np.minimum(k, n - k), 12, max(12, n // 100)).astype(int)
+
+
+def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return a smooth one-sided PSD at every k >= 1 from running medians.
+
+    Lines and spikes in it do not show.
+
+    """
+    n = len(c)
+    centres = np.round(np.geomspace(1, n - 1, 400)).astype(int)
+    centres = np.unique(np.concatenate([centres, n - centres]))
+    values = np.empty(len(centres))
+    for i, (k, reach) in enumerate(zip(centres, _reach(centres, n))):
+        some = c[max(1, k - reach):k + reach + 1]
+        if len(some) > 2048:
+            some = some[:: len(some) // 2048 + 1]
+        values[i] = (
+            np.median(2 * dt * some * some) / 0.4549
+        )  # the median of chi-squared with one degree of freedom
+    at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
+    level = _smoothed_below(CURVED, c, dt, centres, level)
+    out = np.empty(n - 1)
+    for i in range(0, n - 1, PIECE):
+        k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
+        out[i:i + PIECE] = np.exp(np.interp(np.log(k), at, level))
+    return out
+
+
+def _smoothed_below(top: int, c, dt, centres, level):
+    """
+    Return ln of the levels, those of the first centres from parabolas over ln k.
+
+    A few dozen neighbours are too few for a median, and more of them too far apart on a red
+    spectrum; a parabola over k/4 ... 4 k follows it. Ordinates far off the median do not pull it.
+
+    """
+    n = len(c)
+    last = min(4 * top, n - 1)
+    if last < 32:
+        return level
+    k = np.log(np.arange(1, last + 1))
+    rough = np.interp(k, np.log(centres), level)
+    seen = np.log(np.maximum(2 * dt * c[1:last + 1] ** 2, 1e-300))
+    seen = rough + np.clip(seen - rough, -5, 2.5) + 1.1395  # its mean for one degree of freedom
+    out = level.copy()
+    for i in np.flatnonzero(centres <= top):
+        a, b = max(1, centres[i] // 4), min(last, max(4 * centres[i], 32))
+        x = k[a - 1:b] - k[centres[i] - 1]
+        columns = np.stack([np.ones(len(x)), x, x * x])
+        out[i] = np.linalg.solve(columns @ columns.T, columns @ seen[a - 1:b])[0]
+    return out
+
+
+def line_penalty(n: int) -> float:
+    """
+    Return the gain (nats) of a line that noise exceeds once in a thousand records.
+
+    exp(-g) for each of n/2 frequencies that are independent, times sqrt(pi g/3) for the search
+    between them (Rice 1954), g near 20.
+
+    """
+    return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3)))
+
+
+def _find_lines(c, reference, y, dt) -> np.ndarray:
+    """Return (l, 4): frequency, a, b, z of the coherent lines, strongest first."""
+    n = len(c)
+    if n < 200:
+        return np.zeros((0, 4))
+    ratio = c[1:] ** 2
+    ratio *= 2 * dt
+    ratio /= reference
+    window = np.convolve(ratio, np.ones(4), mode='same')
+    del ratio
+    # near both ends the level around a coefficient is known from a few dozen of them only
+    for i in range(0, n - 1, PIECE):
+        k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
+        window[i:i + PIECE] /= 1 + 25 / (2 * np.where(k <= CURVED, 1.5 * k, _reach(k, n)) + 1)
+    window[:16] = window[-16:] = 0
+    # four coefficients hold a line of any phase; the level is a little below that at which a line
+    # is believed
+    threshold = 2 * line_penalty(n) - 2
+    found: list[tuple[float, float, float, float]] = []
+    while len(found) < MOST_LINES:
+        k = int(np.argmax(window))
+        if window[k] < threshold:
+            break
+        frequency, a, b = _measure_line(y, (k + 1) / (2 * n * dt), dt)
+        found.append((frequency, a, b, float(np.sqrt(window[k]))))
+        reach = 8 + int(2 * np.sqrt(window[k]))  # the skirts of a strong line are not lines
+        window[max(0, k - reach):k + reach + 1] = 0
+    return np.array(found).reshape(-1, 4)
+
+
+def _measure_line(y, near, dt):
+    """
+    Return (frequency, a, b) of the line near a frequency.
+
+    Demodulate, then find the peak of the padded spectrum.
+
+    """
+    n = len(y)
+    blocks = 512
+    length = n // blocks
+    if length < 1:
+        blocks, length = n, 1
+    used = blocks * length
+    rows, mean = y[:used].reshape(blocks, length), np.mean(y)
+
+    def demodulated(f):
+        """Return the sums over blocks of the samples times exp(-2 pi i f t)."""
+        turn = 2 * np.pi * f * dt
+        wave = np.column_stack([g(turn * np.arange(length)) for g in (np.cos, np.sin)])
+        both = rows @ wave - mean * wave.sum(axis=0)
+        return (both[:, 0] - 1j * both[:, 1]) * np.exp(-1j * turn * length * np.arange(blocks))
+
+    sums = demodulated(near)
+    pad = 16 * blocks
+    spectrum = np.abs(np.fft.fft(sums, pad))
+    offsets = np.fft.fftfreq(pad, length * dt)
+    near_zero = np.abs(offsets) < 4 / (n * dt)
+    i = int(np.flatnonzero(near_zero)[np.argmax(spectrum[near_zero])])
+    p, q, r = spectrum[i - 1], spectrum[i], spectrum[(i + 1) % pad]
+    bend = p - 2 * q + r
+    shift = 0.5 * (p - r) / bend if bend != 0 else 0.0
+    frequency = near + offsets[i] + np.clip(shift, -1, 1) / (pad * length * dt)
+    z = 2 / used * np.sum(demodulated(frequency))
+    return float(frequency), float(z.real), float(-z.imag)
+
+
+def _take_lines_out(c, table, begin, dt):
+    """
+    Subtract the lines from the coefficients of a part that begins at a sample, in place.
+
+    Return what each added (l, b).
+
+    """
+    n = len(c)
+    bins = bins_of(n, dt)
+    out = np.zeros((len(table), len(bins.first)))
+    for i, (frequency, a, b, _) in enumerate(table):
+        angle = 2 * np.pi * frequency * dt * begin
+        a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
+        centre = int(2 * n * dt * frequency)
+        low, high = max(1, centre - (1 << 15)), min(n, centre + (1 << 15))
+        low, high = bins.first[bins.index(low)], bins.last[bins.index(high - 1)]
+        k = np.arange(low, high)
+        line = line_coefficients(frequency, a, b, k, n, dt)
+        added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
+        c[low:high] -= line
+        i0, i1 = bins.index(low), bins.index(high - 1) + 1
+        out[i, i0:i1] = np.add.reduceat(added, bins.first[i0:i1] - low) / bins.count[i0:i1]
+    return out
+
+
+def _power_of_looks(looks, dt):
+    """Return ``block_power`` and its axes of one or two versions of the samples."""
+    found = [_power_in_time(y, dt) for y in looks]
+    _, count, f = found[0]
+    return {'block_power': np.array([p for p, _, _ in found]), 'block_count': count, 'block_f': f}
+
+
+def _cells(looks, step, c, reference, dt) -> np.ndarray:
+    """
+    Return the cells of one or two versions of the samples.
+
+    ``c`` are the coefficients of the last of them, ``reference`` its smooth spectrum.
+
+    """
+    if not step > 0:
+        before = [cosine_transform(y) for y in looks[:-1]]
+        found = [_whitened(b, reference_spectrum(b, dt), dt) for b in before]
+        return np.array([*found, _whitened(c, reference, dt)])
+    dither = _dither(len(looks[0]), step)
+    found = []
+    for y in looks:
+        c = cosine_transform(y + dither)
+        found.append(_whitened(c, reference_spectrum(c, dt), dt))
+    return np.array(found)
+
+
+def _cells_without_lines(c, step, reference, dt) -> np.ndarray:
+    """Return the cells of the samples whose coefficients c the lines were taken out of."""
+    if step > 0:
+        c = c + cosine_transform(_dither(len(c), step))
+        reference = reference_spectrum(c, dt)
+    return _whitened(c, reference, dt)
+
+
+def _dither(n: int, step: float) -> np.ndarray:
+    """Return triangular noise of a step: a grid would show through the cells without it."""
+    return step * (np.random.default_rng(0).random((2, n)).sum(axis=0) - 1)
+
+
+def _whitened(c, reference, dt):
+    """
+    Return how many whitened samples fall into each equiprobable cell.
+
+    They are whitened by the smoothed measured spectrum.
+
+    """
+    white = np.empty_like(c)
+    white[0] = 0.0
+    np.divide(reference, 2 * dt, out=white[1:])
+    np.sqrt(white[1:], out=white[1:])
+    np.divide(c[1:], white[1:], out=white[1:])
+    y = idct(white, type=2, norm='ortho', overwrite_x=True)
+    y -= np.mean(y)
+    y /= np.std(y)
+    return _counted(y, ndtri(np.arange(1, CELLS) / CELLS))
+
+
+def _counted(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """
+    Return how many of y lie below the first edge, between each two, and from the last on.
+
+    A fine table tells the cell but for one edge within its step: many times faster than sorting.
+
+    """
+    fine = 1 << 12
+    low, scale = edges[0], (fine - 1) / (edges[-1] - edges[0])
+    first = np.searchsorted(edges, low + np.arange(-1, fine + 1) / scale)
+    first = np.maximum(first - 1, 0)        # rounding must not pass an edge by
+    after = np.append(edges, np.inf)
+    out = np.zeros(len(edges) + 1, np.int64)
+    for i in range(0, len(y), PIECE):
+        some = y[i:i + PIECE]
+        step = np.fmax(np.fmin((some - low) * scale + 1, fine + 1), 0)
+        cell = first[step.astype(np.intp)]
+        cell += some >= after[cell]
+        cell += some >= after[cell]
+        out += np.bincount(cell, minlength=len(out))
+    return out
+
+
+def _power_in_time(y, dt):
+    """
+    Return the Hann-windowed power (blocks, bands).
+
+    With it come the coefficients in each band, and the bands' centres, Hz.
+
+    """
+    n = len(y)
+    blocks = int(np.clip(n // 64, 4, BLOCKS))
+    length = n // blocks
+    # rows at a time, so that a long record needs no second copy of itself
+    window = np.hanning(length + 1)[:length]
+    edges = np.unique(np.round(np.geomspace(3, length // 2 + 1, BANDS + 1)).astype(int))
+    out = np.empty((blocks, len(edges) - 1))
+    rows = max(1, (1 << 18) // length)
+    for i in range(0, blocks, rows):
+        some = np.asarray(y[i * length:min(blocks, i + rows) * length], float).reshape(
+            -1, length
+        )
+        spectrum = (
+            np.abs(np.fft.rfft((some - some.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
+        )
+        out[i:i + len(some)] = np.add.reduceat(
+            spectrum[:, : edges[-1]], edges[:-1], axis=1
+        ) / np.diff(edges)
+    return (
+        2 * dt * out / np.sum(window**2),
+        np.diff(edges),
+        (edges[1:] + edges[:-1]) / (2 * length * dt),
+    )
+
+
+def _envelope(y, dt):
+    n = len(y)
+    length = max(1, n // ENVELOPE)
+    rows = np.asarray(y, float)[: n // length * length].reshape(-1, length)
+    return np.column_stack(
+        [(np.arange(len(rows)) + 0.5) * length * dt, rows.min(axis=1), rows.max(axis=1)]
+    )
