@@ -80,13 +80,19 @@ def test_what_nothing_explains_is_never_given_a_name():
         assert study.diagnosis[AXIS].failed and study.diagnosis[AXIS].advice
 
 
-def test_two_at_once_come_one_after_the_other():
-    for k, pair in enumerate((('sinusoid', 'gauss_markov'), ('low_pass', 'ramp'))):
-        _, study, said = first_verdict([34, k], pair)
-        assert said in pair
-        added = {s.added for s in study.complete([AXIS], most=4)}
-        assert added == set(pair), study.diagnosis[AXIS]
-        assert study.diagnosis[AXIS].verdict == 'complete'
+@pytest.mark.parametrize('pair', [
+    ('sinusoid', 'gauss_markov'), ('low_pass', 'ramp'),
+    ('gauss_markov', 'quantization'),       # alone, neither heals; rate_quantization would
+    ('duplicates', 'spikes'),               # one mutes the views that show the other
+    ('shared_noise', 'step'),               # the mean is solved for without what couples in
+    ('variance_change', 'spikes'), ('rate_quantization', 'spikes'),
+], ids='+'.join)
+def test_two_at_once_come_one_after_the_other(pair):
+    hidden_there, study, said = first_verdict([34, len(''.join(pair))], pair)
+    assert said in pair, study.diagnosis[AXIS]
+    added = {s.added for s in study.complete([AXIS], most=4)}
+    assert added == set(pair), (hidden_there, study.diagnosis[AXIS])
+    assert study.diagnosis[AXIS].verdict == 'complete'
 
 
 def test_adding_what_is_not_there_does_not_lower_the_error():

@@ -409,3 +409,48 @@ def test_fall_is_judged_in_the_views_of_the_effect():
     before, after = score(1.0, 2.0), score(0.5, 0.0)
     assert prediction.fall_of(before, after, [Timely()]) == pytest.approx(10)
     assert prediction.fall_of(before, after, [Constant()]) == pytest.approx(15)
+
+
+def test_pairs_lend_their_probability_to_both():
+    """Alone a is beaten by c; with b beside it is far ahead of what c has beside it."""
+    found = [Finding('a', 10.0), Finding('b', 1.0), Finding('c', 12.0)]
+    plain = {f.name: f.probability for f in diagnosis.with_probabilities(found)}
+    assert plain['c'] > 0.8 > 0.2 > plain['a']
+    beside = {'a': {'b': 30.0}, 'c': {'b': 5.0}}
+    ranked = diagnosis.with_probabilities(found, beside)
+    pairs = {f.name: f.probability for f in ranked}
+    assert pairs['a'] == pytest.approx(1, abs=1e-6) == pairs['b'] and pairs['c'] < 1e-6
+    assert [f.name for f in ranked] == ['a', 'b', 'c']
+    weight = np.exp([0, 10, 1, 12, 40, 17])                 # nothing, a, b, c, a + b, c + b
+    assert pairs['c'] == pytest.approx((weight[3] + weight[5]) / weight.sum())
+
+
+def test_a_muted_view_is_heard_only_as_a_change_where_it_is_named():
+    def score(d, muted):
+        return Score.of([View('frequency', np.zeros(10), np.zeros(10), 1.0, 0.1),
+                         View('shape', np.zeros(5), np.zeros(5), d, 0.1, muted=muted)])
+
+    class Shapely(Term):
+        views = ('shape',)
+
+    loud, quiet = score(40.0, True), score(10.0, True)
+    assert loud.excess == 1.0 and loud.std == 0.1 and list(loud.views) == ['frequency']
+    assert prediction.fall_of(loud, quiet, [Shapely()]) == pytest.approx(150)
+    assert prediction.fall_of(loud, quiet, [Constant()]) == 0
+    # what was heard before and is muted now counts with its excess, as a view that is not there
+    assert prediction.fall_of(score(40.0, False), loud, [Shapely()]) == pytest.approx(200)
+
+
+def test_what_stands_in_the_shadow_of_the_unknown_is_not_named():
+    """A slope heals the view that it is judged in; far more fails elsewhere, and stays so."""
+    s = parabola(bend=0.0)
+    problem = s.states['points'].problem
+    plain = type(problem).omnibus
+
+    def with_shadow(size):
+        problem.omnibus = lambda fit: [*plain(problem, fit),
+                                       Finding('elsewhere', size, view='elsewhere', p_value=0.0)]
+        return s.diagnose()['points']
+    gain = with_shadow(0.0).ranked[0].gain
+    assert with_shadow(0.5 * gain).verdict == 'missing'
+    assert with_shadow(2.0 * gain).verdict == 'unknown'

@@ -52,9 +52,9 @@ def grid_step(y, most: int = 4096) -> tuple[float, int]:
     """
     Return (step, levels): the spacing of the grid that y lies on, 0 where there is none.
 
-    A level is a value that comes more than once; one sample in twenty may be off (spikes are added
-    behind the rounding too). Levels that differ by less than a millionth of their spread are one
-    (float32 storage).
+    Where nearly all samples are on values that come five times and more, these are the levels, and
+    one sample in twenty may be off (spikes are added behind the rounding too). Levels that differ
+    by less than a millionth of their spread are one (float32 storage).
 
     """
     some = y[:200_000]
@@ -67,8 +67,9 @@ def grid_step(y, most: int = 4096) -> tuple[float, int]:
     levels, counts = levels[first], np.add.reduceat(counts, first)
     if len(levels) > len(some) // 4:
         return 0.0, len(levels)
-    if np.any(counts == 1) and np.sum(counts[counts > 1]) > 0.95 * len(some):
-        levels = levels[counts > 1]
+    often = counts >= 5
+    if np.sum(counts[often]) > 0.95 * len(some):
+        levels = levels[often]
     if not 2 <= len(levels) <= most:
         return 0.0, len(levels)
     gaps = np.diff(levels)
@@ -114,9 +115,10 @@ def repeats(y) -> Repeats:
     wide = 1.5 * step
     jumps = float(np.mean(np.abs(np.diff(y)) > wide))
     others = float(np.mean([np.mean(np.abs(y[k:] - y[:-k]) > wide) for k in lags]))
-    fresh, slack = (1 - seen) / (1 - far), 4 / np.sqrt(max(others * n, 1.0))
-    alike = abs(jumps / max(others, 1e-300) - fresh) < 0.03 + slack
-    return Repeats(seen, far, bool(fresh < 0.95 and others * n > 200 and alike))
+    fresh = (1 - seen) / (1 - far)
+    expected = others * fresh * n
+    alike = expected > 100 and abs(jumps * n - expected) < 0.1 * expected + 4 * expected**0.5
+    return Repeats(seen, far, bool(fresh < 0.95 and alike))
 
 
 def grid_gain(n: int, step: float, sigma: float) -> float:

@@ -16,6 +16,7 @@
 
 import numpy as np
 from scipy.fft import irfft, rfft
+from scipy.ndimage import maximum_filter1d
 from scipy.special import log_ndtr, ndtri
 
 from ..grid import grid_step, middle_sigma, repeats
@@ -25,7 +26,7 @@ from ...effect import Estimate, Finding
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
-PASSES = 4
+PASSES = 6
 
 
 class Spikes(Defect):
@@ -69,8 +70,8 @@ class Spikes(Defect):
         z = y if len(fresh) == n else y[fresh]
         rest = _against_neighbours(z)
         blocks, sigma = _local_sigma(rest)
-        # on a grid, what jumps by two steps is no outlier
-        sigma = np.maximum(sigma, 0.5 * grid_step(y)[0])
+        # on a coarse grid most neighbours are equal, and a jump by a step is no outlier
+        sigma = np.maximum(sigma, 0.4 * grid_step(y)[0])
         if not np.all(sigma > 0):
             return {}
         threshold = float(-ndtri(0.01 / n))
@@ -79,11 +80,14 @@ class Spikes(Defect):
             return at[np.abs(size) > threshold * np.interp(at, blocks, sigma)]
 
         at = np.zeros(0, int)
-        for again in range(PASSES):  # a spike may stand in another's way
+        for again in range(PASSES):
             if again:
                 rest = _against_neighbours(z)
             pieces = (np.arange(i, min(i + PIECE, len(z))) for i in range(0, len(z), PIECE))
             new = np.concatenate([beyond(k, rest[k]) for k in pieces])
+            # one at a time among neighbours, the largest first: it may be all that is there
+            around = np.clip(new[:, None] + np.arange(-2, 3), 0, len(z) - 1)
+            new = new[np.abs(rest[new]) >= np.max(np.abs(rest[around]), axis=1)]
             if not len(new):
                 break
             z = z if again else z.copy()
@@ -233,5 +237,6 @@ def _local_sigma(rest):
     middle = 0.5 * (edges[1:] + edges[:-1])
     some = [rest[i:j] for i, j in zip(edges, edges[1:])]
     sigma = np.array([max(1.4826 * float(np.median(np.abs(x))), middle_sigma(x)) for x in some])
+    sigma = maximum_filter1d(sigma, 3, mode='nearest')  # where it changes, the louder counts
     # a block in which nearly nothing happens says little of the noise in it
     return middle, np.maximum(sigma, 0.1 * np.median(sigma))

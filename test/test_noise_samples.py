@@ -1,0 +1,183 @@
+# Copyright 2026 imu_noise_tools maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is told from the samples: grids, held samples, spikes, each beside the others."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from imu_noise_tools.effect import find_effect
+from imu_noise_tools.noise.grid import grid_step, middle_sigma, repeats, robust_sigma
+from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
+
+SPIKES, DUPLICATES = (find_effect('noise', k) for k in ('spikes', 'duplicates'))
+N = 40_000
+
+
+def noise(seed, n=N):
+    """Return white noise of variance 1."""
+    return np.random.default_rng(seed).standard_normal(n)
+
+
+def with_spikes(y, seed, count=60, sigma=40.0):
+    """Return y with spikes, and where they are."""
+    rng = np.random.default_rng(seed)
+    at = np.sort(rng.choice(np.arange(10, len(y) - 10), count, replace=False))
+    out = y.copy()
+    out[at] += sigma * np.where(rng.random(count) < 0.5, -1, 1) * rng.uniform(0.5, 2, count)
+    return out, at
+
+
+def found(y):
+    """Return the samples that spikes fill, and y without them."""
+    inputs = Inputs(np.arange(len(y)) * 0.01, 0.01)
+    kept = SPIKES.statistics(y, inputs)
+    return kept.get('index', np.zeros(0, int)), SPIKES.screen(y, kept, inputs) if kept else y
+
+
+def held_at_random(y, share, seed=1):
+    """Return y with a share of its samples repeating the one before."""
+    fresh = np.random.default_rng(seed).random(len(y)) >= share
+    fresh[0] = True
+    return y[np.maximum.accumulate(np.where(fresh, np.arange(len(y)), 0))]
+
+
+# --- grids ---------------------------------------------------------------------------------------
+
+@given(st.floats(0.3, 4.0), st.floats(1e-6, 1e3), st.integers(0, 2**31))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_grid_is_found_whatever_its_size_and_with_spikes_off_it(step, unit, seed):
+    y = step * unit * np.round(noise(seed) / step + 0.3)
+    assert grid_step(y)[0] == pytest.approx(step * unit, rel=1e-6)
+    spiked, _ = with_spikes(y / unit, seed)
+    assert grid_step(spiked * unit)[0] == pytest.approx(step * unit, rel=1e-6)
+
+
+def test_noise_has_no_grid_nor_has_what_is_held_of_it():
+    assert grid_step(noise(0))[0] == 0.0
+    assert grid_step(held_at_random(noise(0), 0.8))[0] == 0.0
+
+
+def test_the_size_of_the_noise_is_that_without_outliers():
+    y, _ = with_spikes(noise(2), 3)
+    assert middle_sigma(noise(2)) == pytest.approx(1, abs=0.02)
+    assert robust_sigma(y) == pytest.approx(1, abs=0.02) and np.std(np.diff(y)) > 2
+
+
+# --- held samples --------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('share', [0.02, 0.3, 0.6, 0.8])
+@pytest.mark.parametrize('step', [0.0, 0.05, 1.0, 2.5])
+def test_held_samples_are_told_from_rounded_ones(share, step):
+    plain = noise(4)
+    plain = step * np.round(plain / step) if step else plain
+    assert not repeats(plain).held
+    if step >= 1 and share < 0.1:
+        return                                              # too few among so many by chance
+    seen = repeats(held_at_random(plain, share))
+    assert seen.held
+    assert (seen.seen - seen.chance) / (1 - seen.chance) == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize('slow', [0.5, 0.9, 0.99])
+def test_slow_noise_on_a_coarse_grid_is_not_held(slow):
+    from scipy.signal import lfilter
+
+    y = lfilter([np.sqrt(1 - slow**2)], [1, -slow], noise(5))
+    for step in (0.5, 1.0, 2.0):
+        assert not repeats(step * np.round(y / step)).held
+
+
+def test_what_is_held_alike_scatters_as_said():
+    """Sums of products of two whitened axes with one pattern of repeats, many times."""
+    p, rng = 0.7, np.random.default_rng(6)
+    total = []
+    for seed in range(400):
+        x, y = (held_at_random(noise_, p, seed) for noise_ in rng.standard_normal((2, 1000)))
+        u, v = (z[1:] - p * z[:-1] for z in (x, y))
+        total.append(np.sum(u * v) / (999 * (1 - p * p)))
+    crowd = DUPLICATES({'fraction': p, 'regular': 0.0}).crowd()
+    assert np.var(total) * 999 == pytest.approx(crowd, rel=0.25)
+    assert DUPLICATES({'fraction': 1e-6, 'regular': 0.0}).crowd() == pytest.approx(1, abs=1e-4)
+
+
+def test_what_comes_last_acts_on_quantization_too():
+    q = find_effect('noise', 'quantization').example()
+    held, low = DUPLICATES.example(), find_effect('noise', 'low_pass').example()
+    f = np.linspace(1, 49, 20)
+    assert isinstance(held, Response) and isinstance(q, Spectrum)
+    plain = model_psd(q + find_effect('noise', 'white')({'N': 1e-12}), f, 0.01)
+    assert model_psd(q + low, f, 0.01) == pytest.approx(q.psd(f, 0.01), rel=1e-12)
+    assert model_psd(q + held, f, 0.01) == pytest.approx(plain * held.gain2(f, 0.01), rel=1e-3)
+
+
+# --- spikes beside others ------------------------------------------------------------------------
+
+def louder(y):
+    """Return noise that is ten times louder in its second half."""
+    return y * np.where(np.arange(len(y)) < len(y) // 2, 1.0, 10.0)
+
+
+def on_a_line(y):
+    """Return noise on a strong vibration."""
+    return y + 8 * np.sin(2 * np.pi * 0.23 * np.arange(len(y)))
+
+
+BACKGROUNDS = {
+    'noise': lambda y: y,
+    'line': on_a_line,
+    'held': lambda y: held_at_random(y, 0.6),
+    'held twice': lambda y: y[np.arange(len(y)) // 2 * 2],
+    'coarse grid': lambda y: 3.0 * np.round(y / 3.0 + 0.2),
+    'fine grid': lambda y: 0.1 * np.round(y / 0.1),
+    'louder': louder,
+}
+
+
+@pytest.mark.parametrize('background', BACKGROUNDS)
+def test_no_spikes_where_there_are_none(background):
+    """Chance makes an outlier in a record of a hundred."""
+    counts = [len(found(BACKGROUNDS[background](noise([7, k])))[0]) for k in range(10)]
+    assert sum(counts) <= 3, counts
+
+
+@pytest.mark.parametrize('background', BACKGROUNDS)
+def test_spikes_are_found_and_taken_out(background):
+    y = BACKGROUNDS[background](noise(8))
+    spiked, at = with_spikes(y, 9, sigma=40 * (10 if background == 'louder' else 1))
+    index, clean = found(spiked)
+    assert np.mean(np.isin(at, index)) > 0.97 and np.mean(np.isin(index, at)) > 0.9
+    assert np.max(np.abs(clean[at] - y[at])) < 8 * np.std(y)
+    assert np.array_equal(np.delete(clean, index), np.delete(spiked, index))
+
+
+def test_a_spike_beside_a_spike():
+    """Two of four neighbours that are spikes must not hide one, nor make one."""
+    y = noise(10)
+    spiked = y.copy()
+    spiked[[1000, 1001, 2000, 2002, 3000, 3003]] += 50
+    index, clean = found(spiked)
+    assert list(index) == [1000, 1001, 2000, 2002, 3000, 3003]
+    assert np.max(np.abs(clean)) < 6
+
+
+def test_a_spike_that_was_held_is_taken_out_whole():
+    y = noise(11)
+    y[500] += 60
+    held = y[np.arange(len(y)) // 4 * 4]
+    index, clean = found(held)
+    assert list(index) == [500, 501, 502, 503] and np.max(np.abs(clean)) < 6
