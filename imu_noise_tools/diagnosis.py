@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .effect import Finding, Model, unfitted
+from .effect import Finding, Model, Score, unfitted
 from .errors import FitError
 from .prediction import FALL, fall_of, held_out, point_of, State
 
@@ -84,6 +84,8 @@ class _Search:
         self.findings = [f for f in findings if f.effect is not None]
         self.refuted: set[str] = set()
         self._beside: dict[str, list[Finding]] = {}
+        self._tested: dict[Model, list[Finding]] = {}
+        self._scored: dict[Model, Score | None] = {}
         self.ranked = with_probabilities(self.findings)
         able = self.able()
         if len(able) > 1:
@@ -109,9 +111,9 @@ class _Search:
         return self._beside[finding.name]
 
     def with_effects(self, *findings: Finding) -> Model:
-        """Return the model with candidates added, not fitted."""
+        """Return the model with candidates added, not fitted: one model for any order of them."""
         model = unfitted(self.state.model)
-        for f in findings:
+        for f in sorted(findings, key=lambda f: f.name):
             model = model.plus(type(f.effect)())
         return model
 
@@ -153,17 +155,14 @@ class _Search:
         The error is that on data not fitted.
 
         """
-        fall = fall_of(self.state.error, held_out(self.problem, self.with_effects(finding)),
-                       [finding.effect])
+        alone = self._error(finding)
+        fall = -np.inf if alone is None else fall_of(self.state.error, alone, [finding.effect])
         if fall <= FALL:
             # the nearer a model comes, the more sticks out what is missing as well: look with it
             for other in self._company(finding):
-                try:
-                    before, after = (held_out(self.problem, self.with_effects(*some))
-                                     for some in ([other], [other, finding]))
-                except FitError:
-                    continue
-                fall = max(fall, fall_of(before, after, [finding.effect]))
+                before, after = self._error(other), self._error(other, finding)
+                if before is not None and after is not None:
+                    fall = max(fall, fall_of(before, after, [finding.effect]))
                 if fall > FALL:
                     break
         fails = finding.view in {f.name for f in failed}
@@ -216,10 +215,23 @@ class _Search:
 
     def _tests(self, *findings: Finding) -> list[Finding]:
         """Return the tests of the model with these; none where the record cannot hold them."""
-        try:
-            return self.problem.omnibus(point_of(self.problem)(self.with_effects(*findings)))
-        except FitError:
-            return []
+        model = self.with_effects(*findings)
+        if model not in self._tested:
+            try:
+                self._tested[model] = self.problem.omnibus(point_of(self.problem)(model))
+            except FitError:
+                self._tested[model] = []
+        return self._tested[model]
+
+    def _error(self, *findings: Finding) -> Score | None:
+        """Return the error on data not fitted of the model with these, None where none is had."""
+        model = self.with_effects(*findings)
+        if model not in self._scored:
+            try:
+                self._scored[model] = held_out(self.problem, model)
+            except FitError:
+                self._scored[model] = None
+        return self._scored[model]
 
 
 def _no_advice(verdict, ranked, failed):

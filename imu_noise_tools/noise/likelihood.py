@@ -359,15 +359,17 @@ class Likelihood:
         damping = 1e-3
         for _ in range(steps):
             gradient, information = self._derivatives(x, linear, v, each, penalty, reddest)
-            if not free.any():
+            # what a bound stops does not move, or it would bend the way of the others
+            able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
+            if not able.any():
                 break
-            g, f = gradient[free], information[np.ix_(free, free)]
+            g, f = gradient[able], information[np.ix_(able, able)]
             scale = np.maximum(np.diag(f), 1e-9)
             moved = False
             while damping < 1e9:
                 step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
                 trial = x.copy()
-                trial[free] += np.clip(step, -2.0, 2.0)
+                trial[able] += np.clip(step, -2.0, 2.0)
                 trial = np.clip(trial, lower, upper)
                 result = self.value(trial, penalty, reddest)
                 if np.isfinite(result[0]) and result[0] <= best:
