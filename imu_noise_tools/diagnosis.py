@@ -36,6 +36,7 @@ VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 SURE = 0.9  # probability from which one effect is named
 OMNIBUS_LEVEL = 0.005  # family-wise, by Holm
 TRIED = 4  # candidates that are judged on data not fitted
+SHADOW = 10.0  # times as much that fails elsewhere makes a finding a side of something else
 
 
 @dataclass(frozen=True)
@@ -191,19 +192,20 @@ class _Search:
 
     def overshadowed(self, finding: Finding, failed: list[Finding]) -> bool:
         """
-        Tell whether more fails elsewhere than a finding explains, and nothing known explains that.
+        Tell whether far more fails elsewhere than a finding explains, and nothing explains that.
 
         What is unknown may well show in two views, and in one of them look like what is known.
 
         """
+        most = SHADOW * finding.gain
         elsewhere = [f for f in failed if f.view != finding.view]
-        if sum(f.gain for f in elsewhere) <= finding.gain:
+        if sum(f.gain for f in elsewhere) <= most:
             return False
         company = self._company(finding)
         for some in ([], *([f] for f in company), company):
             tests = self._tests(finding, *some)
             left = failures(tests) if tests else elsewhere
-            if sum(f.gain for f in left if f.view != finding.view) <= finding.gain:
+            if sum(f.gain for f in left if f.view != finding.view) <= most:
                 return False
         return True
 

@@ -452,5 +452,5 @@ def test_what_stands_in_the_shadow_of_the_unknown_is_not_named():
                                        Finding('elsewhere', size, view='elsewhere', p_value=0.0)]
         return s.diagnose()['points']
     gain = with_shadow(0.0).ranked[0].gain
-    assert with_shadow(0.5 * gain).verdict == 'missing'
-    assert with_shadow(2.0 * gain).verdict == 'unknown'
+    assert with_shadow(0.5 * diagnosis.SHADOW * gain).verdict == 'missing'
+    assert with_shadow(2.0 * diagnosis.SHADOW * gain).verdict == 'unknown'

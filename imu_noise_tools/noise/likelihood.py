@@ -158,6 +158,19 @@ class Likelihood:
         """Return the bins' power less the mean that is known, of slow coefficients (q,)."""
         return np.maximum(self._replaced(power, self.weight, slow, slow - self._known), 1e-300)
 
+    def cross_less_known(self, channel: str) -> np.ndarray:
+        """Return the cross-power (b,) with a channel less that of the mean that is known."""
+        cross = self.evidence.cross(channel, self.part_name)
+        if self._known is None or not self._inside:
+            return cross
+        i = self._inside
+        other = self.evidence.common.low[channel, self.part_name][: len(self._known)]
+        shared = 2 * self.dt * self._known * other
+        out = cross.copy()
+        out[:i] -= np.add.reduceat(shared[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1) \
+            / self.bins.count[:i]
+        return out
+
     def _replaced(self, power, weight, before, after):
         """Return the bins' power with slow coefficients (q,) replaced by others."""
         i = self._inside

@@ -29,7 +29,8 @@ def starts(likelihood: Likelihood, given: Model | None):
     """
     Return search vectors: every combination of shapes the effects propose.
 
-    Amplitudes are set by non-negative least squares.
+    Amplitudes are set by non-negative least squares; where a smaller model is given, once more
+    with the values of that: with an effect more no fit is worse.
 
     """
     model = likelihood.model
@@ -52,9 +53,21 @@ def starts(likelihood: Likelihood, given: Model | None):
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
-        out += [
-            (candidate, _with_amplitudes(likelihood, candidate, share)) for share in (0.02, 0.3)
-        ]
+        found = [_with_amplitudes(likelihood, candidate, share) for share in (0.02, 0.3)]
+        if given is not None:
+            found.append(_with_given(likelihood, given, found[0]))
+        out += [(candidate, x0) for x0 in found]
+    return out
+
+
+def _with_given(likelihood, given, x0):
+    """Return a search vector with the values of a smaller model in it."""
+    out = x0.copy()
+    for j, slot in enumerate(likelihood.slots):
+        if slot.label in given.labels and slot.parameter.name in given[slot.label].values:
+            value = given[slot.label][slot.parameter.name]
+            if value > 0 or not slot.parameter.log:
+                out[j] = slot.to_search(value)
     return out
 
 

@@ -521,6 +521,9 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: s
     other = np.maximum(evidence.common.pair(channel, channel, part), 1e-300)
     both = evidence.cross(channel, part)
     if fit is not None:
+        if fit.model.of(Mean):
+            known = Likelihood(evidence, part, fit.model, fit)
+            own, both = known.power, known.cross_less_known(channel)
         for e in fit.model.of(Coupling):
             for name, p in zip(e.channels(evidence), (p for p in e.parameters if p.linear)):
                 known = evidence.common.pair(name, channel, part)
