@@ -100,7 +100,14 @@ class _Search:
                 and (f.gain > f.penalty or (f.probability or 0) >= SURE)]
 
     def beside(self, finding: Finding) -> list[Finding]:
-        """Return what stands out once a candidate is in the model, best first."""
+        """
+        Return what stands out once a candidate is in the model, best first.
+
+        Nothing where the problem says that looking again costs more than it tells.
+
+        """
+        if not getattr(self.problem, 'looks_again', True):
+            return []
         if finding.name not in self._beside:
             try:
                 fit = point_of(self.problem)(self.with_effects(finding))

@@ -469,7 +469,14 @@ class Finding:
 
 
 class Problem(Protocol):
-    """All that the loop knows of a problem: one target of one domain."""
+    """
+    All that the loop knows of a problem: one target of one domain.
+
+    It may have more, which the loop uses where it is there: ``point`` (a fit without intervals),
+    ``held_out`` (the error in closed form), ``advice``, ``summary``, and ``looks_again`` (false
+    where candidates cost too much to be looked for once more beside each of them).
+
+    """
 
     domain: str
     target: str

@@ -57,6 +57,7 @@ class FilterProblem:
     """
 
     domain = DOMAIN
+    looks_again = False  # a recursion over all samples for each candidate, beside each candidate
 
     def __init__(
         self,
