@@ -415,8 +415,8 @@ class Score:
     """
     How well a fit predicts data it has not seen.
 
-    The mean over the views of their excess, and its chance scatter; ``muted`` views have no part
-    in them.
+    The mean over the views of their excess, and its chance scatter. ``muted`` views count as zero
+    in both: what mutes a view neither raises nor lowers the error by it.
 
     """
 
@@ -438,7 +438,7 @@ class Score:
         muted = {v.name: v for v in said if v.muted}
         if not views:
             return cls(float('nan'), float('nan'), {}, muted)
-        k = len(views)
+        k = len(views) + len(muted)
         return cls(
             float(sum(v.excess for v in views.values()) / k),
             float(np.sqrt(sum(v.std**2 for v in views.values())) / k),

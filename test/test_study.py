@@ -434,7 +434,8 @@ def test_a_muted_view_is_heard_only_as_a_change_where_it_is_named():
         views = ('shape',)
 
     loud, quiet = score(40.0, True), score(10.0, True)
-    assert loud.excess == 1.0 and loud.std == 0.1 and list(loud.views) == ['frequency']
+    assert loud.excess == 0.5 and loud.std == 0.05 and list(loud.views) == ['frequency']
+    assert loud.within_chance == score(40.0, True).within_chance is False
     assert prediction.fall_of(loud, quiet, [Shapely()]) == pytest.approx(150)
     assert prediction.fall_of(loud, quiet, [Constant()]) == 0
     # what was heard before and is muted now counts with its excess, as a view that is not there
