@@ -163,6 +163,7 @@ def _with_amplitudes(likelihood, model, share):
 
 
 def smooth(power):
+    """Return the power (b,) as the geometric mean over nine bins."""
     window = np.ones(9) / 9
     return np.exp(np.convolve(np.pad(np.log(power), 4, mode='edge'), window, mode='valid'))
 

@@ -26,6 +26,7 @@ CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
 
 
 def with_linear(likelihood, model, linear):
+    """Return the model with the solved parameters in it."""
     for slot, value in zip(likelihood.linear_slots, linear.beta):
         model = model.with_effect(
             model[slot.label].with_values(**{slot.parameter.name: float(value)})
