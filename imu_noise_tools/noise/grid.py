@@ -43,9 +43,10 @@ def robust_sigma(y) -> float:
     """
     d = np.diff(y)
     far = 6 * middle_sigma(d)
-    inside = np.abs(d) <= far
-    some = d[inside] if far > 0 and np.mean(inside) > 0.95 else d
-    return float(np.std(some)) / np.sqrt(2)
+    if 0 < far < max(np.max(d), -np.min(d)):
+        inside = np.abs(d) <= far
+        d = d[inside] if np.mean(inside) > 0.95 else d
+    return float(np.std(d)) / np.sqrt(2)
 
 
 def grid_step(y, most: int = 4096) -> tuple[float, int]:

@@ -235,7 +235,7 @@ def _local_sigma(rest):
     count = int(np.clip(len(rest) // 1000, 1, 256))
     edges = np.linspace(0, len(rest), count + 1).astype(int)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    some = [rest[i:j] for i, j in zip(edges, edges[1:])]
+    some = [rest[i:j:max(1, (j - i) // 2000)] for i, j in zip(edges, edges[1:])]
     sigma = np.array([max(1.4826 * float(np.median(np.abs(x))), middle_sigma(x)) for x in some])
     sigma = maximum_filter1d(sigma, 3, mode='nearest')  # where it changes, the louder counts
     # a block in which nearly nothing happens says little of the noise in it
