@@ -27,7 +27,7 @@ from . import views
 from .evidence import Evidence
 from .fit import fit as fit_part
 from .gather import line_penalty
-from .kinds import Coupling, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
+from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .measured import measure, penalty, with_units
 from ..effect import Finding, Fit, Model, registry, unfitted
 
@@ -79,8 +79,7 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
     gain = more.details['ml'] - fit.details['ml'] + bonus
     if isinstance(effect, Coupling):
-        for r in fit.model.of(Response):
-            gain = gain / r.crowd()
+        gain = gain / model_crowd(fit.model)
     return Finding(
         effect.name,
         float(gain),

@@ -46,6 +46,8 @@ __all__ = [
     'Response',
     'Spectrum',
     'model_avar',
+    'model_crowd',
+    'model_gain2',
     'model_psd',
     'psd_behind',
 ]
@@ -311,6 +313,22 @@ def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.n
         if effect.filtered or r.last:
             total = total * r.gain2(f, dt)
     return total
+
+
+def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
+    """Return the squared gain at f (Hz) of all the model's responses."""
+    out = np.ones(np.shape(f))
+    for r in model.of(Response):
+        out = out * r.gain2(f, dt)
+    return out
+
+
+def model_crowd(model: Model) -> float:
+    """Return how many times more sums of products of two axes scatter (:class:`Response`)."""
+    out = 1.0
+    for r in model.of(Response):
+        out *= r.crowd()
+    return out
 
 
 def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:

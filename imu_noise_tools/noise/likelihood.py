@@ -30,7 +30,7 @@ import numpy as np
 from scipy.fft import dct
 
 from .evidence import Evidence
-from .kinds import Coupling, Inputs, Mean, MEASURED, psd_behind, Response, Spectrum
+from .kinds import Coupling, Inputs, Mean, MEASURED, model_crowd, psd_behind, Response, Spectrum
 from ..effect import Fit, Model, Parameter
 from ..spectrum import Bins, expected, leaked
 
@@ -165,19 +165,21 @@ class Likelihood:
             return cross
         i = self._inside
         other = self.evidence.common.low[channel, self.part_name][: len(self._known)]
-        shared = 2 * self.dt * self._known * other
         out = cross.copy()
-        out[:i] -= np.add.reduceat(shared[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1) \
-            / self.bins.count[:i]
+        out[:i] -= self._summed(2 * self.dt * self._known * other) / self.bins.count[:i]
         return out
+
+    def _summed(self, slow):
+        """Return the sums of slow terms (q,) over the bins that they fill, of which there are."""
+        i = self._inside
+        return np.add.reduceat(slow[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
 
     def _replaced(self, power, weight, before, after):
         """Return the bins' power with slow coefficients (q,) replaced by others."""
         i = self._inside
         if i == 0:
             return power
-        change = 2 * self.dt * (after**2 - before**2)
-        change = np.add.reduceat(change[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
+        change = self._summed(2 * self.dt * (after**2 - before**2))
         out = power.copy()
         out[:i] += change / np.maximum(weight[:i], 1e-9)
         return out
@@ -202,13 +204,11 @@ class Likelihood:
         _, cross, own = channels
         covariance = np.linalg.pinv(np.tensordot(own, self.weight / v, axes=(2, 0)))
         beta = covariance @ (cross @ (self.weight / v))
-        covariance = covariance * np.prod([r.crowd() for r in model.of(Response)] or [1.0])
-        return beta, covariance, *self._decoupled(beta, channels)
+        return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
 
     def slow_rest(self, model, v):
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
-        named = [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
-        return self._coupled(model, v)[3] if named else self._slow
+        return self._coupled(model, v)[3] if self._coupled_names(model) else self._slow
 
     def design(self, model) -> np.ndarray:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
@@ -247,9 +247,7 @@ class Likelihood:
             weight = weight.copy()
             i = self._inside
             if i:
-                weight[:i] -= np.add.reduceat(
-                    leverage[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1
-                )
+                weight[:i] -= self._summed(leverage)
             weight = np.maximum(weight, 1e-9)
             power = np.maximum(total, 1e-300) / weight
             # scaled by the white level, so that it does not depend on units
@@ -269,10 +267,12 @@ class Likelihood:
         centre = 0.5 * (self.bins.first + self.bins.last - 1)
         return np.exp(np.interp(np.log(k), np.log(centre), np.log(v)))
 
+    def _coupled_names(self, model):
+        return [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
+
     def _channels(self, model):
         """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
-        pair, here = self.evidence.common.pair, self.part_name
-        names = [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
+        pair, here, names = self.evidence.common.pair, self.part_name, self._coupled_names(model)
         return (
             names,
             np.array([pair(self.evidence.axis, n, here) for n in names]),
@@ -302,13 +302,12 @@ class Likelihood:
 
     def spectra(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return (v, {label: v of that effect}) in the bins."""
-        responses = model.of(Response)
         each = {e.label: self._spectrum(e, model) for e in model.of(Spectrum)}
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
         total = sum(each.values())
-        if responses:
+        if model.of(Response):
             # rounding happens behind the filter: where that leaves nothing, the output's own step
             # is what is measured
             total = total + self.evidence.resolution**2 * self.dt / 6

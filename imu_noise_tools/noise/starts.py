@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from .kinds import Defect, Mean, MEASURED, Response, Spectrum
+from .kinds import Defect, Mean, MEASURED, model_gain2, Spectrum
 from .likelihood import Likelihood
 from ..effect import Model
 from ..errors import FitError
@@ -141,11 +141,7 @@ def _with_amplitudes(likelihood, model, share):
         floor = np.maximum(smooth(power), 1e-300)
         level = floor
         # behind a filter only the band that passes says something of the amplitudes
-        gain = np.prod(
-            [r.gain2(likelihood.bins.f, likelihood.dt) for r in model.of(Response)]
-            or [np.ones(len(floor))],
-            axis=0,
-        )
+        gain = model_gain2(model, likelihood.bins.f, likelihood.dt)
         passes = np.sqrt(likelihood.weight) * (gain > 0.2 * gain.max())
         for _ in range(3):
             w = passes / level

@@ -32,7 +32,7 @@ import numpy as np
 from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
-from .kinds import Coupling, Defect, Inputs, Mean, model_psd, Modulation, Response, Spectrum
+from .kinds import Coupling, Defect, Inputs, Mean, model_crowd, model_psd, Modulation, Spectrum
 from .likelihood import Likelihood
 from ..effect import Fit, Model, View
 from ..spectrum import bins_of, expected
@@ -488,7 +488,7 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
 
     """
     x, pulls, excess, spread = [], [], [], []
-    crowd = np.prod([e.crowd() for e in fit.model.of(Response)] or [1.0])
+    crowd = model_crowd(fit.model)
     for channel in evidence.channels:
         f, r, w = cross_correlation(evidence, channel, fit, part)
         # what axes share beyond their spectrum is spread over all coefficients alike

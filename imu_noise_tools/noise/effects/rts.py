@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import expit
 
-from ..kinds import Inputs, Mean, Modulation, Parameter, Response, Spectrum
+from ..kinds import Inputs, Mean, model_gain2, Modulation, Parameter, Spectrum
 from ... import ar1
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
@@ -114,9 +114,7 @@ class Rts(Spectrum):
         c = dct(y - np.mean(y), type=2, norm='ortho')
         v, bins = fit.details['v'], evidence.whole.bins
         slow = slice(bins.index(len(c) - 1) + 1)
-        gain = np.ones(len(v))
-        for r in fit.model.of(Response):
-            gain = gain * r.gain2(bins.f, evidence.dt)
+        gain = model_gain2(fit.model, bins.f, evidence.dt)
         drift = sum(s - gain * np.min((s / gain)[slow]) for label, s in fit.details['each'].items()
                     if label != self.label)
         k = np.arange(1, len(c))
