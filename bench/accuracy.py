@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 How good are the estimates: error over the Cramer-Rao bound, coverage of intervals and limits.
@@ -35,12 +24,13 @@ TOP = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TOP), str(TOP / 'test')]
 
 import hidden  # noqa: E402
-from imu_noise_tools import units  # noqa: E402
-from imu_noise_tools.effect import model_of  # noqa: E402
+
+from imu_noise_tools.core import units  # noqa: E402
+from imu_noise_tools.core.record import ImuRecord  # noqa: E402
+from imu_noise_tools.loop.effect import model_of  # noqa: E402
+from imu_noise_tools.loop.study import assess  # noqa: E402
 from imu_noise_tools.noise.gather import gather  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
-from imu_noise_tools.record import ImuRecord  # noqa: E402
-from imu_noise_tools.study import assess  # noqa: E402
 
 AXES = ('gyro_x', 'gyro_y', 'gyro_z')
 DEG = np.pi / 180

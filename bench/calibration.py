@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Figures of the calibration: coverage, bias by tilt, hidden effects, real records.
@@ -35,15 +24,15 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 
-import calibration_sessions as sim                                      # noqa: E402,I100,I201
+import calibration_sessions as sim  # noqa: E402,I100,I201
 
-from imu_noise_tools import calibration as core                         # noqa: E402,I201
-from imu_noise_tools.calibration.problem import CalibrationProblem      # noqa: E402
-from imu_noise_tools.diagnosis import diagnose   # noqa: E402
-from imu_noise_tools.effect import find_effect                          # noqa: E402
-from imu_noise_tools.prediction import deviance, held_out, State   # noqa: E402
-from imu_noise_tools.record import ImuRecord                            # noqa: E402
-from imu_noise_tools.tasks import calibration as tasks                  # noqa: E402
+from imu_noise_tools import calibration as core  # noqa: E402,I201
+from imu_noise_tools.calibration.problem import CalibrationProblem  # noqa: E402
+from imu_noise_tools.core.record import ImuRecord  # noqa: E402
+from imu_noise_tools.loop.diagnosis import diagnose  # noqa: E402
+from imu_noise_tools.loop.effect import find_effect  # noqa: E402
+from imu_noise_tools.loop.prediction import deviance, held_out, State  # noqa: E402
+from imu_noise_tools.tasks import calibration as tasks  # noqa: E402
 
 DEG = np.pi / 180
 DATA = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data')

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Measure the default filter in one fixed setting.
@@ -36,12 +25,12 @@ import numpy as np
 from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
-from imu_noise_tools.denoise import modes
-from imu_noise_tools.denoise.design import design
-from imu_noise_tools.denoise.evaluate import delay, rms
-from imu_noise_tools.denoise.modes import default_modes
-from imu_noise_tools.denoise.recorded import filter_record
-from imu_noise_tools.units import DEG
+from imu_noise_tools.core.units import DEG
+from imu_noise_tools.filter import modes
+from imu_noise_tools.filter.design import design
+from imu_noise_tools.filter.evaluate import delay, rms
+from imu_noise_tools.filter.modes import default_modes
+from imu_noise_tools.filter.recorded import filter_record
 
 ROOT = Path(__file__).resolve().parents[1]
 SIGMA, RATE = 0.6, 100.0
@@ -429,7 +418,7 @@ def _tuned(filtered, reference, rate, late):
 
 def speed():
     """Print CPU seconds for 2.16 million messages, three axes, and the time of a message live."""
-    from imu_noise_tools.denoise.engine import Engine
+    from imu_noise_tools.filter.engine import Engine
     n = 2_160_000
     t = np.arange(n) / 200.0
     z = SIGMA * DEG * np.random.default_rng(1).standard_normal((n, 3))

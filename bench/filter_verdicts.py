@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Hidden effects in the filter's model: how often the innovations name the right one.
@@ -33,10 +22,10 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import beta
 
-from imu_noise_tools.denoise.problem import FilterProblem, START
-from imu_noise_tools.effect import model_of
-from imu_noise_tools.study import Study
-from imu_noise_tools.units import DEG
+from imu_noise_tools.core.units import DEG
+from imu_noise_tools.filter.problem import FilterProblem, START
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.study import Study
 
 RATE, SECONDS = 100.0, 120.0
 R, Q, PHI = 0.36, 4e-4, 0.107                     # (deg/s)^2

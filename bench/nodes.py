@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The nodes, measured: latency of the filter at 1 kHz, memory of the analyser, playing, stops.
@@ -38,7 +27,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 
 from imu_noise_tools.bag.encode import imu_values, serialise  # noqa: E402
 from imu_noise_tools.bag.writing import write_bag  # noqa: E402
-from imu_noise_tools.record import ImuRecord  # noqa: E402
+from imu_noise_tools.core.record import ImuRecord  # noqa: E402
 from nodes_support import (  # noqa: E402
     DiagnosticArray, Float64MultiArray, Imu, NODES, rclpy, Ros, values, wait_for)
 

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Gains that candidates reach where nothing is hidden: writes imu_noise_tools/noise/null.py.
@@ -37,7 +26,7 @@ TOP = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TOP), str(TOP / 'test')]
 
 from hidden import draw  # noqa: E402
-from imu_noise_tools.effect import model_of  # noqa: E402
+from imu_noise_tools.loop.effect import model_of  # noqa: E402
 from imu_noise_tools.noise.candidates import candidates  # noqa: E402
 from imu_noise_tools.noise.gather import gather  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402

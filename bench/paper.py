@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Repeat the experiments of Qian, Xia, Que and Zhang (2010): Tables 1-6, Figures 1-5.
@@ -34,13 +23,13 @@ import numpy as np
 from scipy.signal import lfilter
 import yaml
 
-from imu_noise_tools.denoise import ar
-from imu_noise_tools.denoise.design import design
-from imu_noise_tools.denoise.problem import FilterProblem, START
-from imu_noise_tools.denoise.recorded import filter_record
-from imu_noise_tools.effect import model_of
-from imu_noise_tools.study import Study
-from imu_noise_tools.units import DEG
+from imu_noise_tools.core.units import DEG
+from imu_noise_tools.filter import ar
+from imu_noise_tools.filter.design import design
+from imu_noise_tools.filter.problem import FilterProblem, START
+from imu_noise_tools.filter.recorded import filter_record
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.study import Study
 
 HERE = Path(__file__).resolve().parents[1]
 SEED = ('constant_rate', 'ar_increment')
@@ -332,7 +321,7 @@ def trends(r: dict, paper: dict) -> list[tuple[bool, str, str]]:
 
 def figures(p: dict, r: dict, found: dict, folder: Path) -> list[Path]:
     """Draw Figures 1-5 and the cure; return the files."""
-    from imu_noise_tools.plots import denoise as plots
+    from imu_noise_tools.plots import filter as plots
     from imu_noise_tools.plots.style import new_figure, png
     paper, rest = p['paper'], r['rest']
     t = np.arange(len(rest)) / 100.0

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 How good is an IMU, and what is wrong with the model of it.
@@ -19,7 +8,7 @@ Said once, here, and repeated nowhere:
 
 Units
     SI everywhere inside: rad/s, m/s^2, s, Hz, degrees Celsius. Field units (deg/sqrt(h),
-    ug/sqrt(Hz) ...) appear only where people read, through :mod:`imu_noise_tools.units`.
+    ug/sqrt(Hz) ...) appear only where people read, through :mod:`imu_noise_tools.core.units`.
 Densities
     A noise density N is the square root of the *two-sided* power spectral density, which is what
     IEEE 952, Kalibr and the Allan deviation at 1 s mean. ``psd`` methods return *one-sided*

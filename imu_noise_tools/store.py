@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Studies to and from a directory, whole or not at all.
@@ -34,12 +23,12 @@ import zipfile
 import numpy as np
 import yaml
 
-from . import units
-from .diagnosis import Diagnosis
-from .effect import Estimate, find_effect, Finding, Model
-from .errors import ImuNoiseError, InputError
-from .files import plain_yaml
-from .study import assess, Step, Study
+from .core import units
+from .core.errors import ImuNoiseError, InputError
+from .core.files import plain_yaml
+from .loop.diagnosis import Diagnosis
+from .loop.effect import Estimate, find_effect, Finding, Model
+from .loop.study import assess, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
@@ -47,7 +36,7 @@ EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its 
 _PROBLEMS = {
     'noise': 'imu_noise_tools.noise.problem',
     'calibration': 'imu_noise_tools.calibration.problem',
-    'filter': 'imu_noise_tools.denoise.problem',
+    'filter': 'imu_noise_tools.filter.problem',
 }
 _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': _NUMBER, 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}

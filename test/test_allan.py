@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Allan deviations against brute force, published numbers and independent software."""
 
@@ -21,8 +10,8 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from imu_noise_tools import allan
-from imu_noise_tools.errors import InputError, UsageError
+from imu_noise_tools.core import allan
+from imu_noise_tools.core.errors import InputError, UsageError
 
 # The data of NIST Special Publication 1065, tables 29-31 (Riley 2008).
 NBS14 = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Reading and writing bags.
@@ -53,7 +42,7 @@ from imu_noise_tools.bag.encode import imu_values, serialise
 from imu_noise_tools.bag.mcap_writer import McapWriter
 from imu_noise_tools.bag.rosbag1_writer import Rosbag1Writer
 from imu_noise_tools.bag.sqlite_writer import SqliteWriter
-from imu_noise_tools.errors import InputError, UsageError
+from imu_noise_tools.core.errors import InputError, UsageError
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORE1 = get_typestore(Stores.ROS1_NOETIC)
@@ -387,7 +376,7 @@ def test_no_room(name, tmp_path):
             'sys.path.insert(0, "test")\n'
             'import bad_input\n'
             'from imu_noise_tools.bag import write_bag\n'
-            'from imu_noise_tools.errors import InputError\n'
+            'from imu_noise_tools.core.errors import InputError\n'
             'resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))\n'
             'try:\n    write_bag(sys.argv[1], bad_input.still(60))\n'
             'except InputError as error:\n    print(error)\n')

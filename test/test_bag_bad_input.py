@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Every bad input gets its error or its warning, in memory bounded by its own size."""
 
@@ -28,7 +17,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.bag import open_record, topics, write_bag
-from imu_noise_tools.errors import ImuNoiseError, InputError
+from imu_noise_tools.core.errors import ImuNoiseError, InputError
 from imu_noise_tools.health import examine, prepare
 
 
@@ -155,7 +144,7 @@ def test_memory_is_bounded(name, tmp_path):
     path = bad_input.make_one(name, tmp_path).path
     code = ('import sys, resource\n'
             'from imu_noise_tools.bag import open_record\n'
-            'from imu_noise_tools.errors import InputError\n'
+            'from imu_noise_tools.core.errors import InputError\n'
             'try:\n    open_record(sys.argv[1])\nexcept InputError:\n    pass\n')
 
     def limited():

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Every calibration effect against the sessions' own physics, and the loop that looks for it."""
 
@@ -25,10 +14,10 @@ import pytest
 from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.effects import Regressor, Scatter
 from imu_noise_tools.calibration.problem import arrays_of, problems
-from imu_noise_tools.diagnosis import diagnose
-from imu_noise_tools.effect import find_effect, registry
-from imu_noise_tools.prediction import held_out, State
-from imu_noise_tools.study import Study
+from imu_noise_tools.loop.diagnosis import diagnose
+from imu_noise_tools.loop.effect import find_effect, registry
+from imu_noise_tools.loop.prediction import held_out, State
+from imu_noise_tools.loop.study import Study
 
 DEG = np.pi / 180
 DEVICE = ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity')
@@ -290,11 +279,11 @@ def test_arrays_come_back():
 
 def test_an_effect_of_a_users_own(tmp_path):
     """Twelve lines in a file: a quintic term, found by its name."""
-    from imu_noise_tools import effect
+    from imu_noise_tools.loop import effect
     file = tmp_path / 'quintic.py'
     file.write_text("""
 from imu_noise_tools.calibration.effects import OWN, Regressor
-from imu_noise_tools.effect import Parameter
+from imu_noise_tools.loop.effect import Parameter
 
 class Quintic(Regressor):
     name = 'quintic'

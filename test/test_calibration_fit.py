@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Solutions, intervals and refusals, against sessions made without the package."""
 
@@ -23,7 +12,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import calibration as core
-from imu_noise_tools.errors import FitError, InputError, UsageError
+from imu_noise_tools.core.errors import FitError, InputError, UsageError
 
 DEG = np.pi / 180
 
@@ -165,8 +154,8 @@ def test_left_out_error_is_three_residuals():
 
 def test_left_out_closed_form_is_split_fit_score():
     """Leverage against fitting n times, for wls and norm, base model and with an effect."""
-    from imu_noise_tools.effect import find_effect
-    from imu_noise_tools.prediction import deviance, held_out
+    from imu_noise_tools.loop.effect import find_effect
+    from imu_noise_tools.loop.prediction import deviance, held_out
     rng = np.random.default_rng(8)
     device = sim.Device.drawn(rng)
     for problem, close in ((core.CalibrationProblem(six(rng, device, times=2)), 5e-3),
@@ -180,7 +169,7 @@ def test_left_out_closed_form_is_split_fit_score():
 
 def test_correction_is_the_inverse():
     """What the device does, the correction undoes, with effects that are not linear as well."""
-    from imu_noise_tools.effect import find_effect, Model
+    from imu_noise_tools.loop.effect import find_effect, Model
     rng = np.random.default_rng(9)
     device = sim.Device.drawn(rng, noise=0.0)
     device.quadratic, device.asymmetry = (2e-4, -1e-4, 0), (0, 0, 2e-3)

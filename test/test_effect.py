@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Effects and models, whatever the problem: names, labels, values, sums, and a user's own file."""
 
@@ -19,14 +8,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 import pickle
 
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from imu_noise_tools import effect
-from imu_noise_tools.effect import Effect, find_effect, Model, model_of, Parameter, registry
-from imu_noise_tools.effect import load_effects, Score, View
-from imu_noise_tools.errors import InputError, UsageError
+from imu_noise_tools.core.errors import InputError, UsageError
+from imu_noise_tools.loop import effect
+from imu_noise_tools.loop.effect import (
+    Effect,
+    find_effect,
+    load_effects,
+    Model,
+    model_of,
+    Parameter,
+    registry,
+    Score,
+    View,
+)
 
 DOMAIN = 'test_effect'
 
@@ -181,7 +180,7 @@ def test_capabilities():
 # --- a user's own file ---------------------------------------------------------------------------
 
 HUM = """
-from imu_noise_tools.effect import Effect, Parameter
+from imu_noise_tools.loop.effect import Effect, Parameter
 
 class Hum(Effect):
     domain, name = 'test_effect', 'hum'

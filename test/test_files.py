@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Output is there whole or not at all."""
 
@@ -26,9 +15,9 @@ import time
 
 import pytest
 
-from imu_noise_tools import files
-from imu_noise_tools.errors import InputError
-from imu_noise_tools.files import atomic_path, atomic_write, new_folder, replace_files
+from imu_noise_tools.core import files
+from imu_noise_tools.core.errors import InputError
+from imu_noise_tools.core.files import atomic_path, atomic_write, new_folder, replace_files
 
 
 def names(folder) -> list[str]:
@@ -186,7 +175,7 @@ def test_replace_files_finishes_when_interrupted(tmp_path, monkeypatch):
 def test_what_a_killed_process_left_goes(tmp_path):
     """After kill -9 the old file is whole, and the next writing removes what was left."""
     code = (
-        'import sys, time\nfrom imu_noise_tools.files import new_folder\n'
+        'import sys, time\nfrom imu_noise_tools.core.files import new_folder\n'
         'with new_folder(sys.argv[1], force=True) as folder:\n'
         '    (folder / "study.yaml").write_text("new")\n'
         '    print("ready", flush=True)\n    time.sleep(60)\n'

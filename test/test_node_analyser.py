@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Real bag_reader and analyser nodes in real processes."""
 
@@ -26,12 +15,21 @@ import pytest
 
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.bag.writing import write_bag
+from imu_noise_tools.core.record import AXES, ImuRecord
 from imu_noise_tools.noise.kinds import model_avar
-from imu_noise_tools.record import AXES, ImuRecord
 from imu_noise_tools.store import study_to_dict
 from imu_noise_tools.tasks.noise import analyse_record
-from nodes_support import (Clock, DiagnosticArray, Float64MultiArray, Image, Imu, messages,
-                           PATIENCE, values, wait_for)
+from nodes_support import (
+    Clock,
+    DiagnosticArray,
+    Float64MultiArray,
+    Image,
+    Imu,
+    messages,
+    PATIENCE,
+    values,
+    wait_for,
+)
 
 COUNT = 44930               # messages of mpu6050_static_449s
 SAME = 1e-9

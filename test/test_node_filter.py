@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The real filter node: every message comes back with less noise, otherwise as it was."""
 
@@ -23,7 +12,7 @@ import time
 import numpy as np
 import pytest
 
-from imu_noise_tools.denoise.engine import Engine
+from imu_noise_tools.filter.engine import Engine
 from nodes_support import DiagnosticArray, Imu, values, wait_for
 
 START = 1_700_000_000_000_000_000

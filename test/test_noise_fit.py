@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The fit: estimates, intervals and limits on records made without a formula of the package."""
 
@@ -18,18 +7,19 @@ from __future__ import annotations
 
 import functools
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.stats import binom
 
 import hidden
-from imu_noise_tools.effect import Estimate, find_effect, Model, model_of
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import Estimate, find_effect, Model, model_of
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
-from imu_noise_tools.record import ImuRecord
 
 BASE = ('white', 'flicker', 'random_walk')
 MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5 deg/h

@@ -1,27 +1,17 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What is told from the samples: grids, held samples, spikes, each beside the others."""
 
 from __future__ import annotations
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from imu_noise_tools.effect import find_effect
-from imu_noise_tools.noise.grid import grid_step, middle_sigma, repeats, robust_sigma
+from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
+from imu_noise_tools.loop.effect import find_effect
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 
 SPIKES, DUPLICATES = (find_effect('noise', k) for k in ('spikes', 'duplicates'))

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures show what they claim: numbers against oracles, artists against the numbers."""
 
@@ -28,18 +17,18 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from imu_noise_tools import allan
-from imu_noise_tools.diagnosis import Diagnosis
-from imu_noise_tools.effect import Finding, Model, model_of, registry, Score
-from imu_noise_tools.errors import ImuNoiseError
+from imu_noise_tools.core import allan
+from imu_noise_tools.core.errors import ImuNoiseError
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.diagnosis import Diagnosis
+from imu_noise_tools.loop.effect import Finding, Model, model_of, registry, Score
+from imu_noise_tools.loop.prediction import State
+from imu_noise_tools.loop.study import assess, Step, Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.plots import curves, noise, panels, style
 from imu_noise_tools.plots.ladder import ladder, ladder_figure
-from imu_noise_tools.prediction import State
-from imu_noise_tools.record import ImuRecord
-from imu_noise_tools.study import assess, Step, Study
 
 DT, N = 0.02, 60000
 KNOWN = registry('noise')

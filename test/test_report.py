@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A report says what the study says: every number, in words, and nothing that a file sneaks in."""
 
@@ -25,25 +14,35 @@ import re
 import subprocess
 import sys
 
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
 from imu_noise_tools import report, store
-from imu_noise_tools.diagnosis import Diagnosis
-from imu_noise_tools.effect import Estimate, Finding, Fit, Model, model_of, registry, Score, View
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.diagnosis import Diagnosis
+from imu_noise_tools.loop.effect import (
+    Estimate,
+    Finding,
+    Fit,
+    Model,
+    model_of,
+    registry,
+    Score,
+    View,
+)
+from imu_noise_tools.loop.prediction import State
+from imu_noise_tools.loop.study import Step, Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.prediction import State
-from imu_noise_tools.record import ImuRecord
 from imu_noise_tools.report import words
-from imu_noise_tools.study import Step, Study
 
 DT, N = 0.02, 30000
 KNOWN = registry('noise')
 PACKAGES = {'calibration': 'imu_noise_tools.calibration',
-            'filter': 'imu_noise_tools.denoise.problem'}
+            'filter': 'imu_noise_tools.filter.problem'}
 EVIL = '<script>alert("x")</script>&\x1b[31m'
 SOURCE = {'path': '/data/static.mcap', 'topic': '/imu/data_raw', 'samples': N, 'rate_hz': 50.0,
           'duration_s': N * DT, 'start': 1.7e9, 'frame_id': 'imu', 'covariates': ['temperature'],

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Long records on disk: the same numbers, and nothing left over however it ends."""
 
@@ -27,11 +16,11 @@ import pytest
 import zstandard
 
 from imu_noise_tools.bag import open_record, Scratch, scratch, write_bag
-from imu_noise_tools.errors import InputError
+from imu_noise_tools.core.errors import InputError
+from imu_noise_tools.core.record import ImuRecord, Memory
 from imu_noise_tools.health import prepare
 from imu_noise_tools.noise.evidence import to_arrays
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.record import ImuRecord, Memory
 
 ROOT = Path(__file__).resolve().parents[1]
 # The command, with every array on disk; the place to stop at is given by name.

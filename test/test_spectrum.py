@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The cosine spectrum against brute force: bins, finite records, lines, quadrature."""
 
@@ -22,7 +11,7 @@ import pytest
 from scipy.fft import dct
 from scipy.linalg import toeplitz
 
-from imu_noise_tools import ar1, spectrum
+from imu_noise_tools.core import gauss_markov, spectrum
 
 N, DT = 4096, 0.02
 
@@ -157,9 +146,10 @@ def test_white_noise_passes_unchanged():
 def test_gauss_markov_in_a_finite_record(ratio):
     """From Tc far longer than the record, where it is a random walk, to Tc of a few samples."""
     tc = N * DT / ratio
-    covariance = toeplitz(ar1.autocovariance(2.0, tc, np.arange(N) * DT))
+    covariance = toeplitz(gauss_markov.autocovariance(2.0, tc, np.arange(N) * DT))
     exact = _expected_power(covariance)
-    ours = spectrum.expected(lambda f: ar1.psd(f, 2.0, tc, DT), spectrum.bins_of(N, DT))[:40]
+    bins = spectrum.bins_of(N, DT)
+    ours = spectrum.expected(lambda f: gauss_markov.psd(f, 2.0, tc, DT), bins)[:40]
     np.testing.assert_allclose(ours, exact, rtol=0.012)
 
 
@@ -212,8 +202,10 @@ CASES = {
     'random walk': (random_walk, lambda m: m * DT / 3 * (1 + 1 / (2 * m ** 2))),
     'quantization': (lambda f: 2 / DT * (2 * np.sin(np.pi * f * DT)) ** 2,
                      lambda m: 3 / (m * DT) ** 2),
-    'AR(1), slow': (lambda f: ar1.psd(f, 1.0, 50.0, DT), lambda m: ar1.avar(m, 1.0, 50.0, DT)),
-    'AR(1), fast': (lambda f: ar1.psd(f, 1.0, 0.05, DT), lambda m: ar1.avar(m, 1.0, 0.05, DT)),
+    'AR(1), slow': (lambda f: gauss_markov.psd(f, 1.0, 50.0, DT),
+                    lambda m: gauss_markov.avar(m, 1.0, 50.0, DT)),
+    'AR(1), fast': (lambda f: gauss_markov.psd(f, 1.0, 0.05, DT),
+                    lambda m: gauss_markov.avar(m, 1.0, 0.05, DT)),
 }
 
 
@@ -244,8 +236,8 @@ def test_sampled_gauss_markov_against_its_covariance(tc):
     """Allan variance from the autocovariance of the samples, for every ratio of dt to tc."""
     m = 64
     a = np.concatenate([-np.ones(m), np.ones(m)]) / m
-    exact = 0.5 * a @ toeplitz(ar1.autocovariance(1.0, tc, np.arange(2 * m) * DT)) @ a
+    exact = 0.5 * a @ toeplitz(gauss_markov.autocovariance(1.0, tc, np.arange(2 * m) * DT)) @ a
     # for dt << tc the covariance itself cancels: compare with K^2 tau/3, K^2 = 2 sigma^2/tc
     if tc > 1e5:
         exact = 2 / tc * m * DT / 3 * (1 + 1 / (2 * m ** 2))
-    assert ar1.avar(np.array([m]), 1.0, tc, DT)[0] == pytest.approx(exact, rel=1e-4)
+    assert gauss_markov.avar(np.array([m]), 1.0, tc, DT)[0] == pytest.approx(exact, rel=1e-4)

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Studies on disk: what comes back is what was kept, and what is damaged or hostile is refused."""
 
@@ -21,21 +10,23 @@ import math
 import struct
 import zipfile
 
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 import yaml
 
 import hidden
-from imu_noise_tools import effect, store
-from imu_noise_tools.effect import model_of
-from imu_noise_tools.errors import InputError
+from imu_noise_tools import store
+from imu_noise_tools.core.errors import InputError
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop import effect
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import arrays_of, NoiseProblem, problems
-from imu_noise_tools.record import ImuRecord
-from imu_noise_tools.study import Study
 
 
 @pytest.fixture(scope='module')

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The loop: on noise with a known truth, on a user's own effect, and on a problem it never saw."""
 
@@ -23,14 +12,23 @@ import numpy as np
 import pytest
 
 import hidden
-from imu_noise_tools import diagnosis, effect, prediction
-from imu_noise_tools.effect import Effect, Estimate, Finding, Fit, Model, model_of, Parameter
-from imu_noise_tools.effect import Score, View
-from imu_noise_tools.errors import FitError, UsageError
+from imu_noise_tools.core.errors import FitError, UsageError
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop import diagnosis, effect, prediction
+from imu_noise_tools.loop.effect import (
+    Effect,
+    Estimate,
+    Finding,
+    Fit,
+    Model,
+    model_of,
+    Parameter,
+    Score,
+    View,
+)
+from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.record import ImuRecord
-from imu_noise_tools.study import Study
 
 # All three matter within three hours: flat from 10 s, rising from 40 s.
 SENSOR = {'N': 1e-4, 'B': 1e-4 / (0.664 * np.sqrt(10)), 'K': 1e-4 * np.sqrt(3 / 10 / 40)}

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """From a file to an ImuRecord."""
 
@@ -26,9 +15,9 @@ from .container import Progress
 from .source import Bag
 from .tables import read_table, table_kind
 from .topics import choose, list_topics, TopicInfo
-from ..errors import UsageError
-from ..record import ImuRecord, Memory, regular_rate
-from ..units import DEG, G0
+from ..core.errors import UsageError
+from ..core.record import ImuRecord, Memory, regular_rate
+from ..core.units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
 ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}

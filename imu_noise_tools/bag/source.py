@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Opening a bag: what kind of file is it, and how do its parts make one whole."""
 
@@ -37,8 +26,8 @@ from .container import (
     Progress,
     size_of,
 )
-from ..errors import InputError
-from ..files import plain_yaml, scratch_folder
+from ..core.errors import InputError
+from ..core.files import plain_yaml, scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
 # What is used of a metadata.yaml must be of these types, or it is as if it were not there.

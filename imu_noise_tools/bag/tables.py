@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Records in a ``.csv`` or an ``.npz``.
@@ -30,8 +19,8 @@ import numpy as np
 
 from .container import AT_LEAST, EXPANSION
 from .source import _refuse_what_cannot_be_read
-from ..errors import InputError
-from ..record import AXES, ImuRecord, regular_rate
+from ..core.errors import InputError
+from ..core.record import AXES, ImuRecord, regular_rate
 
 NPZ_ARRAYS = (
     'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Writing a record as a bag, whole or not at all.
@@ -37,9 +26,9 @@ from .encode import definition, imu_values, serialise
 from .mcap_writer import McapWriter
 from .rosbag1_writer import Rosbag1Writer
 from .sqlite_writer import SqliteWriter
-from ..errors import InputError, UsageError
-from ..files import atomic_path, new_folder
-from ..record import ImuRecord
+from ..core.errors import InputError, UsageError
+from ..core.files import atomic_path, new_folder
+from ..core.record import ImuRecord
 
 STORAGES = ('mcap', 'sqlite3', 'rosbag1')
 SUFFIX = {'.mcap': 'mcap', '.db3': 'sqlite3', '.bag': 'rosbag1', '.csv': 'csv', '.npz': 'npz'}

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """From raw samples to corrected ones: the inverse of a calibration, and its plain form."""
 
@@ -23,8 +12,8 @@ import numpy as np
 
 from .effects import BASE, Regressor
 from .poses import Poses
-from ..effect import find_effect, Model
-from ..errors import ImuNoiseError, InputError
+from ..core.errors import ImuNoiseError, InputError
+from ..loop.effect import find_effect, Model
 
 _TURNS = 8          # of the iteration; each gains the digits of the effects' size (1e-3 and less)
 

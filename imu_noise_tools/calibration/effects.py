@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Effects of a calibration: rows of the regressor I in O = G I, or scatter of the poses."""
 
@@ -21,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from .poses import Poses, unit
-from ..effect import Effect, Parameter
+from ..loop.effect import Effect, Parameter
 
 OWN = np.where(np.eye(3, dtype=bool), np.arange(3), -1)     # each output feels its own row alone
 _OTHERS = np.array([[-1, 0, 1], [2, -1, 3], [4, 5, -1]])

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """From a record to poses of the accelerometer: rests, which way is up, standard errors."""
 
@@ -21,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
-from ..errors import InputError
-from ..health.stillness import LEAST, still_stretches
-from ..record import ImuRecord
+from ..core.errors import InputError
+from ..core.record import ImuRecord
+from ..core.stillness import LEAST, still_stretches
 
 STILL_S = 2.0           # shortest rest that counts, s
 CONE_DEG = 20.0         # a pose within this of an axis is a face

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A person's session: samples come in, faces are captured when asked, what is left is said."""
 
@@ -28,9 +17,9 @@ from .positions import averaged, CONE_DEG, counted, pooled_errors, STILL_S, stil
 from .problem import CalibrationProblem
 from .solution import calibrate, Calibration
 from .turns import turns
-from ..errors import InputError, UsageError
-from ..record import ImuRecord
-from ..units import G0
+from ..core.errors import InputError, UsageError
+from ..core.record import ImuRecord
+from ..core.units import G0
 
 _KEEP_S = 120.0             # what is remembered of the stream
 _SEEN_S = 30.0              # longest rest that a capture averages

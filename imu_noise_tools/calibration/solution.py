@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A calibration: the solution with what speaks for and against it, or a refusal."""
 
@@ -28,8 +17,8 @@ from .linear import equations
 from .poses import nearest_face, Poses, unit
 from .positions import CONE_DEG, counted, faced, spread
 from .problem import CalibrationProblem
-from ..effect import Fit, Model
-from ..errors import FitError, InputError
+from ..core.errors import FitError, InputError
+from ..loop.effect import Fit, Model
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """From a record to poses of the gyroscope: turns of known rate or angle, and rests."""
 
@@ -21,9 +10,9 @@ import numpy as np
 from .gravity import EARTH_RATE
 from .poses import DIRECTIONS, joined, nearest_face, Poses
 from .positions import Rest, rests, standard_errors, temperatures
-from ..errors import InputError, UsageError
-from ..health.stillness import still_stretches
-from ..record import ImuRecord
+from ..core.errors import InputError, UsageError
+from ..core.record import ImuRecord
+from ..core.stillness import still_stretches
 
 REFERENCE = ('reference_x', 'reference_y', 'reference_z')      # columns of the true rate, rad/s
 _CONE_DEG = 20.0

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """``calibrate`` and ``apply``: from poses to a calibration, and a bag corrected by it."""
 
@@ -76,9 +65,9 @@ def register(commands) -> None:
 
 def calibrate(args) -> int:
     """Run ``calibrate``."""
-    from ..errors import UsageError
+    from ..core.errors import UsageError
     from ..tasks import calibration as tasks
-    from ..units import DEG
+    from ..core.units import DEG
     common.load_own_effects(args)
     if not 0.5 <= args.still <= 60:
         raise UsageError(f'--still {args.still:g} makes no sense', 'give 0.5 to 60 seconds')

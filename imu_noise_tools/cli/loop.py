@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """``compare diagnose add remove history effects export``: the loop over a study of any domain."""
 
@@ -188,7 +177,7 @@ def _print_steps(args, study, steps):
 
 def add(args) -> int:
     """Run ``add``."""
-    from ..effect import find_effect
+    from ..loop.effect import find_effect
     from .. import store
     from ..tasks import loop as tasks
 
@@ -234,13 +223,13 @@ def history(args) -> int:
 def effects(args) -> int:
     """Run ``effects``."""
     from . import text
-    from ..effect import registry
+    from ..loop.effect import registry
     import imu_noise_tools.calibration
-    import imu_noise_tools.denoise
+    import imu_noise_tools.filter
     import imu_noise_tools.noise  # noqa: F401
 
     common.load_own_effects(args)
-    from ..errors import UsageError
+    from ..core.errors import UsageError
 
     domains = ('noise', 'calibration', 'filter')
     if args.name:
@@ -280,8 +269,9 @@ def effects(args) -> int:
 
 def export(args) -> int:
     """Run ``export``."""
-    from .. import export as exports, files, store
-    from ..errors import InputError, UsageError
+    from .. import export as exports, store
+    from ..core import files
+    from ..core.errors import InputError, UsageError
 
     common.load_own_effects(args)
     if args.format not in exports.formats():

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 What every format asks of a noise study.
@@ -25,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..effect import find_effect, unfitted
-from ..errors import UsageError
+from ..core.errors import UsageError
+from ..loop.effect import find_effect, unfitted
+from ..loop.prediction import State
+from ..loop.study import Study
 from ..noise.curve import model_curve
-from ..prediction import State
-from ..study import Study
 
 PARAMETERS = {'N': 'white', 'K': 'random_walk', 'B': 'flicker'}
 RULES = ('worst', 'mean', 'each')

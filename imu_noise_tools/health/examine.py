@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The health of a record: what is recorded, what is wrong with it, and what to do about it."""
 
@@ -23,9 +12,9 @@ import numpy as np
 
 from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, losses, ordered
-from .stillness import finite_mean, still_stretches
 from .values import finite, is_constant, wrong_units
-from ..record import AXES, ImuRecord, Memory, regular_rate, sensor_of
+from ..core.record import AXES, ImuRecord, Memory, regular_rate, sensor_of
+from ..core.stillness import finite_mean, still_stretches
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0

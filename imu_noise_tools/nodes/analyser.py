@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The analyser node: gathers samples, live or from a bag, and runs the loop on their noise."""
 
@@ -30,10 +19,10 @@ from .run import run, threads_executor
 from .saving import Folder, npz
 from .topics import STEADY
 from .. import store
-from ..effect import load_effects, model_of
-from ..errors import InputError, UsageError
+from ..core.errors import InputError, UsageError
+from ..loop.effect import load_effects, model_of
+from ..loop.study import Study
 from ..noise.problem import METHODS
-from ..study import Study
 from ..tasks import noise as tasks
 
 _TICK = 0.25                # s

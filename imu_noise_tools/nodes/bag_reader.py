@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The bag_reader node: plays a recorded bag, message by message or block by block."""
 
@@ -34,7 +23,7 @@ from .params import Setting, Settings
 from .playback import about, pieces, Player
 from .run import run
 from .topics import complete, overridable, result, STEADY
-from ..errors import InputError
+from ..core.errors import InputError
 
 _UNDER_WAY = 16             # blocks not yet acknowledged: they are held in memory
 _TICK = 0.01                # s between two messages on /clock

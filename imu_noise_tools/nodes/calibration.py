@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The calibration node: captures poses when asked, solves them, and corrects the stream."""
 
@@ -33,9 +22,9 @@ from .run import run, threads_executor
 from .saving import free
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import STILL_S
-from ..study import Study
+from ..core.units import DEG, G0
+from ..loop.study import Study
 from ..tasks.calibration import as_dict, FILE, Session
-from ..units import DEG, G0
 
 
 class Calibration(Node):

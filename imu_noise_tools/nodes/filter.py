@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The filter node: one Imu message in, one with less noise out."""
 
@@ -32,11 +21,11 @@ from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
 from .topics import ImuInput, live, overridable, result, STEADY
-from ..denoise.design import AUTO, design
-from ..denoise.engine import Engine
-from ..denoise.evaluate import Innovations
-from ..study import Study
-from ..tasks.denoise import BIAS, CORRELATED, from_study
+from ..filter.design import AUTO, design
+from ..filter.engine import Engine
+from ..filter.evaluate import Innovations
+from ..loop.study import Study
+from ..tasks.filter import BIAS, CORRELATED, from_study
 
 _SHOWN = 4096           # latest innovations of which the figures are published
 _JUDGED = 16384         # latest samples that a diagnosis looks at

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """From a running filter to a study of its innovations, and from the study back to what runs."""
 
@@ -18,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..denoise.design import aligned, AUTO, Design
-from ..denoise.problem import problem_of, START
-from ..denoise.statespace import DOMAIN, Motion, OutputNoise
-from ..effect import Model, model_of
-from ..record import AXES
-from ..study import Study
+from ..core.record import AXES
+from ..filter.design import aligned, AUTO, Design
+from ..filter.problem import problem_of, START
+from ..filter.statespace import DOMAIN, Motion, OutputNoise
+from ..loop.effect import Model, model_of
+from ..loop.study import Study
 
 GYRO = AXES[:3]
 

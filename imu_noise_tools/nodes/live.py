@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A stream of samples in bounded memory: its last hours, and the Allan curve of all of it."""
 
@@ -22,9 +11,9 @@ import threading
 
 import numpy as np
 
-from ..allan import degrees_of_freedom, interval
-from ..errors import InputError
-from ..record import ImuRecord, regular_rate
+from ..core.allan import degrees_of_freedom, interval
+from ..core.errors import InputError
+from ..core.record import ImuRecord, regular_rate
 
 _PER_CLUSTER = 16           # a stride of m/16 loses under 1 % of the degrees of freedom
 _LONGEST = 1 << 27          # largest cluster, samples: a week and more at 200 Hz

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A bag as it is played: piece by piece, each as arrays and as messages, at a pace."""
 
@@ -30,7 +19,7 @@ from ..bag import iter_blocks, iter_raw
 from ..bag.source import Bag
 from ..bag.tables import read_table, table_kind
 from ..bag.topics import choose, list_topics
-from ..errors import ImuNoiseError
+from ..core.errors import ImuNoiseError
 
 _BLOCK = 4096               # samples, 229 kB
 _SETTLE = 2.0               # s that further listeners get once the first is there

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """One way to start, run and stop every node."""
 
@@ -24,12 +13,15 @@ import sys
 import threading
 
 import rclpy
-from rclpy.exceptions import (InvalidParameterTypeException, InvalidParameterValueException,
-                              ParameterException)
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterException,
+)
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from ..errors import ImuNoiseError
+from ..core.errors import ImuNoiseError
 
 _busy: list[object] = []
 
@@ -59,8 +51,8 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
     Parameters
     ----------
     make_node : callable
-        Returns the node. An :class:`~imu_noise_tools.errors.ImuNoiseError` ends it with status 1
-        and one line.
+        Returns the node. An :class:`~imu_noise_tools.core.errors.ImuNoiseError` ends it with
+        status 1 and one line.
     args : list of str or None
         ROS arguments, those of the process by default.
     make_executor : callable

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 What could be missing from a model.
@@ -29,7 +18,7 @@ from .fit import fit as fit_part
 from .gather import line_penalty
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .measured import measure, penalty, with_units
-from ..effect import Finding, Fit, Model, registry, unfitted
+from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 

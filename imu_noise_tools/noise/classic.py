@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The popular readings of an Allan curve: weighted least squares (``avar``) and slopes (``slopes``).
@@ -28,9 +17,9 @@ from scipy.optimize import minimize, nnls
 
 from .evidence import Evidence
 from .kinds import Line, Mean, Spectrum
-from .. import units
-from ..effect import Estimate, Fit
-from ..errors import UsageError
+from ..core import units
+from ..core.errors import UsageError
+from ..loop.effect import Estimate, Fit
 
 FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
 # name: parameter, slope, tau at which the line of that slope is read, and what the reading is

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What a fitted model adds up to in the Allan variance of its record, effect by effect."""
 
@@ -21,9 +10,9 @@ import numpy as np
 from .evidence import Evidence
 from .kinds import Coupling, Defect, Inputs, Line, Mean, model_avar, Response, Spectrum
 from .likelihood import Likelihood
-from ..allan import overlapping_variance
-from ..effect import Effect, Model
-from ..spectrum import quadrature_avar
+from ..core.allan import overlapping_variance
+from ..core.spectrum import quadrature_avar
+from ..loop.effect import Effect, Model
 
 
 def model_curve(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 What is kept of a record, from which every model is fitted, scored and diagnosed.
@@ -31,10 +20,10 @@ import numpy as np
 
 from . import effects as _effects  # noqa: F401  (registers them)
 from .kinds import Defect, Line
-from .. import allan
-from ..effect import Model
-from ..record import sensor_of
-from ..spectrum import Bins, bins_of
+from ..core import allan
+from ..core.record import sensor_of
+from ..core.spectrum import Bins, bins_of
+from ..loop.effect import Model
 
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')

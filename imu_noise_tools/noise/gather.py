@@ -1,23 +1,12 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The one look at a record: from samples to :class:`~imu_noise_tools.noise.evidence.Evidence`.
 
 It is cut in the middle. Coherent lines are measured on the samples and taken out of the spectrum;
 what each of them adds is kept beside it. Arrays as long as the record are worked on a piece at a
-time and kept where a :class:`~imu_noise_tools.record.Memory` says.
+time and kept where a :class:`~imu_noise_tools.core.record.Memory` says.
 
 """
 
@@ -31,12 +20,12 @@ from scipy.fft import idct
 from scipy.special import ndtri
 
 from .evidence import Common, Evidence, Part
-from .grid import grid_step
 from .kinds import Defect, Inputs
-from .. import allan
-from ..effect import registry
-from ..record import ImuRecord, Memory
-from ..spectrum import Bins, bins_of, cosine_transform, line_coefficients
+from ..core import allan
+from ..core.record import ImuRecord, Memory
+from ..core.spectrum import Bins, bins_of, cosine_transform, line_coefficients
+from ..core.statistics import grid_step
+from ..loop.effect import registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 1024  # signed coefficients kept
@@ -87,7 +76,7 @@ def gather(
     axes : sequence of str
         Names of the axes that are wanted.
     deviation, points, octaves
-        Of the curve, see :func:`imu_noise_tools.allan.curve`.
+        Of the curve, see :func:`imu_noise_tools.core.allan.curve`.
     progress : callable or None
         Called with (share done, what) as the work goes on.
     memory : Memory or None

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Kinds of noise effect: what each can do to one axis of a static record.
@@ -30,8 +19,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..effect import Effect, Fit, Model, Parameter
-from ..spectrum import quadrature_avar
+from ..core.spectrum import quadrature_avar
+from ..loop.effect import Effect, Fit, Model, Parameter
 
 __all__ = [
     'Coupling',
@@ -171,8 +160,9 @@ class Spectrum(NoiseEffect):
         It is exact in power, stationary but for the record's ends.
 
         """
-        from ..spectrum import bins_of, expected
         from scipy.fft import idct
+
+        from ..core.spectrum import bins_of, expected
 
         n, dt = len(x), inputs.dt
         k = np.arange(1, n)

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The likelihood of a model in the cosine domain, and the way to its maximum.
@@ -31,8 +20,8 @@ from scipy.fft import dct
 
 from .evidence import Evidence
 from .kinds import Coupling, Inputs, Mean, MEASURED, model_crowd, psd_behind, Response, Spectrum
-from ..effect import Fit, Model, Parameter
-from ..spectrum import Bins, expected, leaked
+from ..core.spectrum import Bins, expected, leaked
+from ..loop.effect import Fit, Model, Parameter
 
 
 @dataclass(frozen=True)

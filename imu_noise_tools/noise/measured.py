@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What is measured on the samples when the evidence is made: lines, defects, modulation."""
 
@@ -23,8 +12,8 @@ import numpy as np
 from .evidence import Evidence
 from .kinds import Line, MEASURED, Response, Spectrum
 from .null import DEFAULT, PENALTY
-from .. import units
-from ..effect import Estimate, Finding
+from ..core import units
+from ..loop.effect import Estimate, Finding
 
 
 def with_measured(evidence, model):

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 How precisely a record of some length and rate can show a model's parameters.
@@ -24,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from .kinds import model_psd, Spectrum
-from ..effect import Model
-from ..spectrum import bins_of, expected
+from ..core.spectrum import bins_of, expected
+from ..loop.effect import Model
 
 LONGEST = 1000 * 3600.0  # s; what takes longer than a thousand hours is not worth planning
 

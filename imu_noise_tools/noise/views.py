@@ -1,23 +1,12 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Ways to look at a record beside its model.
 
 Under a true model pulls are standard normal, and a deviance is zero.
 
-Each view returns a :class:`~imu_noise_tools.effect.View`. ``frequency`` needs a fit; ``time``
+Each view returns a :class:`~imu_noise_tools.loop.effect.View`. ``frequency`` needs a fit; ``time``
 predicts half of the block means from the other half; ``variance``, ``distribution``, ``repeats``
 and ``coherence`` compare the samples with what the model says of their stationarity, shape,
 repetition and independence.
@@ -34,8 +23,8 @@ from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 from .evidence import claimed_lines, Evidence
 from .kinds import Coupling, Defect, Inputs, Mean, model_crowd, model_psd, Modulation, Spectrum
 from .likelihood import Likelihood
-from ..effect import Fit, Model, View
-from ..spectrum import bins_of, expected
+from ..core.spectrum import bins_of, expected
+from ..loop.effect import Fit, Model, View
 
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view

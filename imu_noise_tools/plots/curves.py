@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What the pictures of noise show, as numbers: curves, pulls, runs of pulls, places to read at."""
 
@@ -21,7 +10,8 @@ from typing import cast
 
 import numpy as np
 
-from ..allan import AllanCurve, degrees_of_freedom
+from ..core.allan import AllanCurve, degrees_of_freedom
+from ..loop.prediction import State
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effect_avar
 from ..noise.evidence import Evidence
@@ -29,7 +19,6 @@ from ..noise.kinds import Line, Mean
 from ..noise.likelihood import Likelihood
 from ..noise.problem import NoiseProblem
 from ..noise.views import gamma_pull
-from ..prediction import State
 
 # A run is marked where |pull| > 2 for three points or more, one of them > 3; or for one alone > 5.
 NOTABLE, STRIKING, ALONE = 2.0, 3.0, 5.0

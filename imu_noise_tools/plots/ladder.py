@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The ladder: the error on data not fitted against the models tried, for any domain."""
 
@@ -21,7 +10,7 @@ from textwrap import fill
 import numpy as np
 
 from .style import dress, FAIL, FAINT, GOOD, MEASURED, new_figure, signed_log_scale, SMALL
-from ..study import Step, Study
+from ..loop.study import Step, Study
 
 
 def ladder(ax, study: Study, target: str):

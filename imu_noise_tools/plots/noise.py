@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Whole figures of a noise study: all curves, one target in full, the time series."""
 
@@ -20,11 +9,11 @@ from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
 from .panels import allan, distribution, in_time, psd, pulls, series, shade, suspected, TAU
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
-from .. import units
-from ..diagnosis import Diagnosis
+from ..core import units
+from ..loop.diagnosis import Diagnosis
+from ..loop.prediction import State
+from ..loop.study import Study
 from ..noise import views
-from ..prediction import State
-from ..study import Study
 
 __all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure', 'pixels',
            'png', 'psd', 'pulls', 'series', 'series_figure', 'target_figure']

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Pictures of one axis: Allan deviation, spectrum, pulls, course in time, distribution.
@@ -24,16 +13,37 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from .curves import Curves, curves, evidence_of, line_envelope, NOTABLE, observable
-from .curves import readings, runs, spectra
-from .style import AXES, CHANCE, dress, EFFECTS, FAIL, FAINT, label_lines, log_scale
-from .style import MEASURED, MODEL, readable, SMALL
-from .. import units
-from ..allan import interval
-from ..diagnosis import Diagnosis
+from .curves import (
+    Curves,
+    curves,
+    evidence_of,
+    line_envelope,
+    NOTABLE,
+    observable,
+    readings,
+    runs,
+    spectra,
+)
+from .style import (
+    AXES,
+    CHANCE,
+    dress,
+    EFFECTS,
+    FAIL,
+    FAINT,
+    label_lines,
+    log_scale,
+    MEASURED,
+    MODEL,
+    readable,
+    SMALL,
+)
+from ..core import units
+from ..core.allan import interval
+from ..loop.diagnosis import Diagnosis
+from ..loop.prediction import State
 from ..noise import views
 from ..noise.kinds import Coupling, Inputs, Line, Mean
-from ..prediction import State
 
 _SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
 _DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}

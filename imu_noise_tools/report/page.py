@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A study as one self-contained HTML page: no scripts, nothing loaded from elsewhere."""
 
@@ -23,11 +12,11 @@ from typing import cast
 from . import words
 from .markup import badge, bullets, cell, escape, image, page, table
 from .pictures import pictures as drawn
-from ..allan import dominant_shape
-from ..diagnosis import Diagnosis
-from ..effect import View
+from ..core.allan import dominant_shape
+from ..loop.diagnosis import Diagnosis
+from ..loop.effect import View
+from ..loop.study import Study
 from ..noise.problem import NoiseProblem
-from ..study import Study
 
 _TITLES = {'noise': 'Noise of an IMU at rest', 'calibration': 'Calibration of an IMU',
            'filter': 'Innovations of a filter'}

@@ -1,23 +1,12 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The pictures of a study's report, each as PNG bytes."""
 
 from __future__ import annotations
 
 from .words import failing
-from ..study import Study
+from ..loop.study import Study
 
 MOST_TARGETS = 2          # targets shown in full
 
@@ -40,8 +29,8 @@ def pictures(study: Study) -> dict[str, bytes]:
             figure = noise.target_figure(study.states[t], study.diagnosis.get(t), left_out)
             out[f'target {t}'] = style.png(figure)
     if study.domain == 'filter' and all(s.problem for s in study.states.values()):
-        from ..plots import denoise
-        out['innovations'] = style.png(denoise.study_figure(study))
+        from ..plots import filter
+        out['innovations'] = style.png(filter.study_figure(study))
     if any(s.added or s.removed for s in study.history):
         out['ladder'] = style.png(ladder.ladder_figure(study))
     return out

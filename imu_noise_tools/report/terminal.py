@@ -1,24 +1,13 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A study as text for a terminal: one block a target."""
 
 from __future__ import annotations
 
 from . import words
-from ..prediction import State
-from ..study import Study
+from ..loop.prediction import State
+from ..loop.study import Study
 
 
 def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:

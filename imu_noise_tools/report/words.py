@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What a study says, as short sentences and rows of strings; knows no terminal and no HTML."""
 
@@ -24,12 +13,12 @@ import shlex
 
 import numpy as np
 
-from .. import units
-from ..diagnosis import Diagnosis
-from ..effect import Effect, Estimate, Finding, Parameter, Score, View
-from ..prediction import State
-from ..record import sensor_of
-from ..study import Study
+from ..core import units
+from ..core.record import sensor_of
+from ..loop.diagnosis import Diagnosis
+from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
+from ..loop.prediction import State
+from ..loop.study import Study
 
 DOUBT = 3.0          # standard deviations from which one view alone is said to fail
 STRIKING = 3.0       # standard errors from which one place is named

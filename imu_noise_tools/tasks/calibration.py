@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Calibrate from bags, keep the result as a study, correct a bag, and a session for the node."""
 
@@ -22,11 +11,13 @@ from pathlib import Path
 import re
 
 from .noise import default_folder
-from .. import calibration as core, files, store
-from ..errors import InputError, UsageError
-from ..record import ImuRecord
-from ..study import Study
-from ..units import DEG
+from .. import calibration as core
+from .. import store
+from ..core import files
+from ..core.errors import InputError, UsageError
+from ..core.record import ImuRecord
+from ..core.units import DEG
+from ..loop.study import Study
 
 FILE = 'calibration.yaml'
 CALIBRATED = 'imu/data_calibrated'
@@ -186,7 +177,8 @@ def as_dict(study: Study) -> dict:
 def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
     """Return all files of a calibration study by name; ``folder`` is what the page names."""
     from .. import report
-    from ..plots import calibration as plots, style
+    from ..plots import calibration as plots
+    from ..plots import style
     picture = style.png(plots.calibration_figure(calibration_of(study)))
     return {**store.study_files(study), 'calibration.png': picture,
             'report.html': report.html(study, extra=[('Poses', picture)],

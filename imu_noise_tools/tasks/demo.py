@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The whole story on a simulated IMU.
@@ -34,8 +23,9 @@ from typing import Any
 
 from . import noise
 from .simulate import simulate
-from .. import files, store
-from ..errors import ImuNoiseError
+from .. import store
+from ..core import files
+from ..core.errors import ImuNoiseError
 
 GYRO = {'white': {'N': 8.7e-5}, 'flicker': {'B': 2.4e-5}, 'random_walk': {'K': 1.5e-6}}
 ACCEL = {'white': {'N': 1.0e-3}, 'flicker': {'B': 4.0e-4}, 'random_walk': {'K': 1.5e-5}}

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Analyse a record, and go on with a study on disk."""
 
@@ -23,15 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import export, files, store
-from ..effect import model_of
-from ..errors import InputError, UsageError
+from .. import export, store
+from ..core import files
+from ..core.errors import InputError, UsageError
+from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare
+from ..loop.effect import model_of
+from ..loop.study import Study
 from ..noise.curve import model_curve
 from ..noise.gather import gather
 from ..noise.problem import METHODS, NoiseProblem
-from ..record import ImuRecord, Memory, sensor_of
-from ..study import Study
 
 DEFAULT_EFFECTS = ('white', 'flicker', 'random_walk')
 Progress = Callable[[float | None, str], None]
@@ -63,7 +53,7 @@ def analyse_record(
     effects, method, bias_at
         The model and how it is fitted (:mod:`imu_noise_tools.noise.problem`).
     deviation, points, octaves
-        The curve (:func:`imu_noise_tools.allan.curve`).
+        The curve (:func:`imu_noise_tools.core.allan.curve`).
     keep_motion : bool
         Analyse everything, still or not.
     progress : callable or None

@@ -1,23 +1,12 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """First-order Gauss-Markov process: exponentially correlated noise."""
 
 import numpy as np
 
 from ..kinds import Parameter, Spectrum
-from ... import ar1
+from ...core import gauss_markov
 
 
 class GaussMarkov(Spectrum):
@@ -66,26 +55,26 @@ class GaussMarkov(Spectrum):
 
     def psd(self, f, dt):
         """Return the AR(1) spectrum."""
-        return ar1.psd(f, self['sigma'], self['tc'], dt)
+        return gauss_markov.psd(f, self['sigma'], self['tc'], dt)
 
     def avar(self, m, dt):
         """Return the closed form of the sampled process."""
-        return ar1.avar(m, self['sigma'], self['tc'], dt)
+        return gauss_markov.avar(m, self['sigma'], self['tc'], dt)
 
     def state_space(self, dt):
         """One decaying state."""
-        q = ar1.innovation_variance(self['sigma'], self['tc'], dt)
-        return np.array([[ar1.phi(dt, self['tc'])]]), np.array([[q]]), np.ones((1, 1))
+        q = gauss_markov.innovation_variance(self['sigma'], self['tc'], dt)
+        return np.array([[gauss_markov.phi(dt, self['tc'])]]), np.array([[q]]), np.ones((1, 1))
 
     def apply(self, x, inputs, rng):
         """Add the recursion, started stationary."""
         from scipy.signal import lfilter  # half a second to load
 
         w = rng.standard_normal(len(x)) * np.sqrt(
-            ar1.innovation_variance(self['sigma'], self['tc'], inputs.dt)
+            gauss_markov.innovation_variance(self['sigma'], self['tc'], inputs.dt)
         )
         w[0] = self['sigma'] * rng.standard_normal()
-        return x + lfilter([1.0], [1.0, -ar1.phi(inputs.dt, self['tc'])], w)
+        return x + lfilter([1.0], [1.0, -gauss_markov.phi(inputs.dt, self['tc'])], w)
 
     @classmethod
     def example(cls):

@@ -1,16 +1,5 @@
-# Copyright 2026 imu_noise_tools maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Random telegraph signal: popcorn noise."""
 
@@ -21,7 +10,7 @@ from scipy.fft import dct, idct
 from scipy.special import expit
 
 from ..kinds import Inputs, Mean, model_gain2, Modulation, Parameter, Spectrum
-from ... import ar1
+from ...core import gauss_markov
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
@@ -124,16 +113,17 @@ class Rts(Spectrum):
 
     def psd(self, f, dt):
         """Return the AR(1) spectrum."""
-        return ar1.psd(f, self['step'] / 2, self['tau'] / 2, dt)
+        return gauss_markov.psd(f, self['step'] / 2, self['tau'] / 2, dt)
 
     def avar(self, m, dt):
         """Return that of the Gauss-Markov process of the same spectrum."""
-        return ar1.avar(m, self['step'] / 2, self['tau'] / 2, dt)
+        return gauss_markov.avar(m, self['step'] / 2, self['tau'] / 2, dt)
 
     def state_space(self, dt):
         """One decaying state of the same spectrum."""
-        q = ar1.innovation_variance(self['step'] / 2, self['tau'] / 2, dt)
-        return np.array([[ar1.phi(dt, self['tau'] / 2)]]), np.array([[q]]), np.ones((1, 1))
+        q = gauss_markov.innovation_variance(self['step'] / 2, self['tau'] / 2, dt)
+        phi = gauss_markov.phi(dt, self['tau'] / 2)
+        return np.array([[phi]]), np.array([[q]]), np.ones((1, 1))
 
     def apply(self, x, inputs, rng):
         """Add two levels that switch with probability (1 - e^(-2 dt/tau))/2 a sample."""

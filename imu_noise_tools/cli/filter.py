@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""``filter``: a bag with less noise in its rates."""
+
+from __future__ import annotations
+
+from . import common
+
+
+def register(commands) -> None:
+    """Add the command."""
+    c = commands.add_parser(
+        'filter',
+        help='write a bag with filtered rates beside the original topics',
+        description=(
+            'Filter the angular rates of a bag: imu/data_filtered beside all that the bag holds,'
+            ' and a study of the innovations, which compare, diagnose, add and history take.'
+        ),
+        epilog=(
+            'When not to: an estimator that models the noise itself (a navigation filter,'
+            ' visual-inertial odometry) wants the raw rates, since the error of filtered ones is'
+            ' correlated in time; and no filter of a gyroscope alone takes away a constant bias.'
+        ),
+    )
+    c.add_argument('bag', metavar='BAG', help='what to filter')
+    c.add_argument(
+        '-o', '--output', metavar='BAG2', required=True, help='the bag to write, of the same kind'
+    )
+    c.add_argument('--model', metavar='DIR', help='a study: of noise (analyse), or of a filter')
+    c.add_argument(
+        '--motion',
+        type=common.names,
+        default=['auto'],
+        metavar='M,…',
+        help=(
+            'auto (default: a bank for any motion), or'
+            ' constant_rate,ar_increment,angular_acceleration,…'
+        ),
+    )
+    c.add_argument('--noise', type=common.names, default=['white'], metavar='N,…',
+                   help='white (default), gauss_markov, sinusoid, outliers, …')
+    c.add_argument(
+        '--alpha',
+        type=float,
+        default=1.0,
+        metavar='A',
+        help='fading memory, 0 < A <= 1 (default: 1, none)',
+    )
+    c.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='LABEL.PARAMETER=VALUE',
+        dest='values',
+        help='a value of an effect, in SI, e.g. white.R=1e-4',
+    )
+    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    c.add_argument(
+        '--rate-hz', type=float, metavar='R', help='nominal rate, in place of that of the stamps'
+    )
+    c.add_argument('--force', action='store_true', help='replace a bag and a study that are there')
+    common.output_options(c, 'the result')
+    c.set_defaults(func=filter_bag)
+
+
+def values_of(pairs) -> dict:
+    """
+    Return ``{label: {parameter: value}}`` of ``label.parameter=value``.
+
+    Raise UsageError for anything else.
+
+    """
+    from ..filter.statespace import DOMAIN
+    from ..filter import design  # noqa: F401  (its effects register)
+    from ..loop.effect import find_effect
+    from ..core.errors import UsageError
+    out: dict = {}
+    for text in pairs:
+        name, equals, value = text.partition('=')
+        label, dot, parameter = name.rpartition('.')
+        try:
+            number = float(value)
+        except ValueError:
+            number = float('nan')
+        if not (equals and dot and number == number):
+            raise UsageError(f'--set {text} is not understood', 'write e.g. --set white.R=1e-4')
+        find_effect(DOMAIN, label)({parameter: number})
+        out.setdefault(label, {})[parameter] = number
+    return out
+
+
+def filter_bag(args) -> int:
+    """Run ``filter``."""
+    from ..core.errors import UsageError
+    from ..tasks import filter as tasks
+    from ..core.units import DEG
+    common.load_own_effects(args)
+    if args.rate_hz is not None and not 0 < args.rate_hz < 1e6:
+        raise UsageError(f'--rate-hz {args.rate_hz:g} makes no sense', 'give a positive number')
+    with common.progress_line(args) as progress:
+        done = tasks.filter_bag(
+            args.bag,
+            args.output,
+            model=args.model,
+            motion=args.motion,
+            noise=args.noise,
+            alpha=args.alpha,
+            values=values_of(args.values) or None,
+            topic=args.topic,
+            rate_hz=args.rate_hz,
+            force=args.force,
+            progress=progress,
+        )
+    common.warn(done.notes)
+    data = done.as_dict()
+    if args.json:
+        common.print_json(data)
+        return 0
+    print(
+        f'{data["counts"]["samples"]} samples at {data["rate_hz"]:.4g} Hz, motion'
+        f' {", ".join(data["motion"])}, noise {", ".join(data["noise"])}'
+        + (f', alpha {args.alpha:g}' if args.alpha < 1 else '')
+    )
+    print(
+        '          noise of a sample, deg/s    innovations: mean square (1)   lag 1 (0)  '
+        ' kurtosis (0)'
+    )
+    for axis, f in data['axes'].items():
+        print(
+            f'  {axis}  {f["sigma_before"] / DEG:9.4f} -> {f["sigma_after"] / DEG:9.4f}'
+            f' {f["nis"]:25.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
+        )
+    print(
+        f'\nwritten: {data["bag"]} (topic {data["topic"]})'
+        + (
+            f' and {data["study"]}\nnext: imu_noise diagnose {data["study"]}'
+            if data['study']
+            else ''
+        )
+    )
+    return 0

@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The one root of all errors that are meant for a person: what is wrong, where, and what to do."""
+
+
+class ImuNoiseError(Exception):
+    """
+    Something is wrong that a person can mend.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong and where, in one line, without a full stop.
+    remedy : str
+        What to do about it, in one line.
+
+    """
+
+    def __init__(self, message, remedy=''):
+        super().__init__(message, remedy)
+        self.message = message
+        self.remedy = remedy
+
+    def __str__(self):
+        """Return both in one line."""
+        return f'{self.message}: {self.remedy}' if self.remedy else self.message
+
+
+class InputError(ImuNoiseError):
+    """The data cannot be used: no such file, no Imu topic, too short, moving (exit status 1)."""
+
+
+class UsageError(ImuNoiseError):
+    """The request makes no sense: an unknown effect, axis or format (exit status 2)."""
+
+
+class FitError(ImuNoiseError):
+    """A model could not be fitted to usable data (exit status 1)."""

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An IMU record as the core sees it: plain arrays in SI, with no trace of where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .errors import UsageError
+
+AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+SENSORS = ('gyro', 'accel')
+
+
+def sensor_of(axis: str) -> str:
+    """Return ``gyro`` or ``accel`` for an axis; raise UsageError for an unknown axis."""
+    if axis not in AXES:
+        raise UsageError(f'there is no axis {axis}', f'axes are {", ".join(AXES)}')
+    return axis.partition('_')[0]
+
+
+class Memory:
+    """
+    Where arrays as long as a record are kept: here in memory.
+
+    What reads, prepares and looks at records asks it for their place, so that a long record can be
+    kept elsewhere (:class:`imu_noise_tools.bag.Scratch`).
+
+    """
+
+    def empty(self, shape, dtype=float) -> np.ndarray:
+        """Return a new array."""
+        return np.empty(shape, dtype)
+
+    def keep(self, x: np.ndarray) -> np.ndarray:
+        """Return an array in its place; here it is there."""
+        return x
+
+    def columns(self, n: int) -> np.ndarray:
+        """Return a new array (n, 3) whose columns lie in one piece each."""
+        return self.empty((3, n)).T
+
+    def rest(self) -> None:
+        """Let go of what can be had again; called where a piece of work is done."""
+
+
+@dataclass(frozen=True)
+class ImuRecord:
+    """
+    One stretch of IMU data.
+
+    Parameters
+    ----------
+    gyro : ndarray (n, 3) or None
+        Angular rate, rad/s.
+    accel : ndarray (n, 3) or None
+        Specific force, m/s^2.
+    t : ndarray (n,)
+        Seconds since ``start``, from the header stamps, as recorded (not sorted, not resampled).
+    rate_hz : float
+        (n - 1) / span of the analysed stretch once prepared; the median rate before that.
+    start : float
+        Stamp of the first sample, s since the epoch; 0 where unknown.
+    covariates : mapping of str to ndarray (n,)
+        Temperature in degrees Celsius and the like, resampled to ``t``.
+    topic, frame_id, path : str
+        Where it came from, for people.
+    receive_t : ndarray (n,) or None
+        Receive (bag) times, s since ``start``: the cross-check of the clock.
+    labelled_rate_hz : float or None
+        Rate that the file itself states, if it does.
+    warnings : tuple of str
+        What is doubtful and what was done about it.
+    left_out : tuple of (float, float, str)
+        Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does
+        not use.
+    missing : int
+        How many of the samples are interpolated, because they were lost or not finite.
+    stuck : tuple of str
+        Axes that never change; they are not among ``axes``.
+
+    """
+
+    gyro: np.ndarray | None
+    accel: np.ndarray | None
+    t: np.ndarray
+    rate_hz: float
+    start: float = 0.0
+    covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
+    topic: str = ''
+    frame_id: str = ''
+    path: str = ''
+    receive_t: np.ndarray | None = None
+    labelled_rate_hz: float | None = None
+    warnings: tuple[str, ...] = ()
+    left_out: tuple[tuple[float, float, str], ...] = ()
+    missing: int = 0
+    stuck: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return len(self.t)
+
+    @property
+    def dt(self) -> float:
+        """Sample interval, s."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def duration_s(self) -> float:
+        """Span of the stamps, s."""
+        return float(self.t[-1] - self.t[0]) if self.n else 0.0
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that are there, without those that are stuck."""
+        return tuple(
+            a for a in AXES if getattr(self, sensor_of(a)) is not None and a not in self.stuck
+        )
+
+    @property
+    def data(self) -> list[np.ndarray]:
+        """Rates and accelerations, (n, 3) each, as far as they are there."""
+        return [x for x in (self.gyro, self.accel) if x is not None]
+
+    def column(self, axis: str) -> np.ndarray:
+        """Return one axis, (n,); raise UsageError where it is not there."""
+        data = getattr(self, sensor_of(axis))
+        if data is None:
+            raise UsageError(f'the record has no {axis}', f'it has {", ".join(self.axes)}')
+        return data[:, 'xyz'.index(axis[-1])]
+
+    def part(self, begin: int, end: int) -> ImuRecord:
+        """
+        Return samples begin to end (views, not copies).
+
+        ``t`` still counts from the same ``start``.
+
+        """
+        some = slice(begin, end)
+        return replace(
+            self, t=self.t[some],
+            gyro=None if self.gyro is None else self.gyro[some],
+            accel=None if self.accel is None else self.accel[some],
+            receive_t=None if self.receive_t is None else self.receive_t[some],
+            covariates={k: v[some] for k, v in self.covariates.items()})
+
+    def warned(self, *more: str) -> ImuRecord:
+        """Return the record with warnings added (each once)."""
+        return replace(self, warnings=tuple(dict.fromkeys((*self.warnings, *more))))
+
+
+def regular_rate(t: np.ndarray) -> float | None:
+    """
+    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change.
+
+    Return None where there is none.
+
+    The median step alone is wrong where stamps are coarse (3 and 4 ms for 285 Hz) or come in
+    bursts: the median is taken of steps over up to 100 samples, and refined by the mean of those
+    near it.
+
+    """
+    t = t[np.isfinite(t)]
+    m = min(100, (len(t) - 1) // 2)
+    if m < 1:
+        return None
+    step = (t[m:] - t[:-m]) / m
+    step = step[step > 0]
+    if not len(step):
+        return None
+    middle = np.median(step)
+    return float(1 / np.mean(step[np.abs(step / middle - 1) < 0.1]))

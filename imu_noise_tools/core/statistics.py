@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robust statistics of samples: the grid they stand on, the size of their fast noise."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+FAR = (101, 149, 211)  # samples: longer than any hold
+
+
+def middle_sigma(x) -> float:
+    """Return the standard deviation of a normal distribution with the middle nine tenths of x."""
+    some = np.abs(x[:: max(1, len(x) // 200_000)])
+    count = int(0.9 * len(some))
+    if not count:
+        return 0.0
+    middle = np.partition(some, count)[:count]
+    return float(np.sqrt(np.mean(middle**2) / 0.623))  # the variance between -1.645 and 1.645
+
+
+def robust_sigma(y) -> float:
+    """
+    Return the standard deviation of the fast part of y.
+
+    It is that of neighbouring differences, over sqrt(2), without up to a twentieth that stand far
+    out.
+
+    """
+    d = np.diff(y)
+    far = 6 * middle_sigma(d)
+    if 0 < far < max(np.max(d), -np.min(d)):
+        inside = np.abs(d) <= far
+        d = d[inside] if np.mean(inside) > 0.95 else d
+    return float(np.std(d)) / np.sqrt(2)
+
+
+def grid_step(y, most: int = 4096) -> tuple[float, int]:
+    """
+    Return (step, levels): the spacing of the grid that y lies on, 0 where there is none.
+
+    Where nearly all samples are on values that come five times and more, these are the levels, and
+    one sample in twenty may be off (spikes are added behind the rounding too). Levels that differ
+    by less than a millionth of their spread are one (float32 storage).
+
+    """
+    some = y[:200_000]
+    levels, counts = np.unique(some, return_counts=True)
+    spread = levels[-1] - levels[0] if len(levels) else 0.0
+    if not spread > 0:
+        return 0.0, len(levels)
+    apart = np.diff(levels) > 1e-6 * spread + 4e-7 * np.max(np.abs(levels))
+    first = np.flatnonzero(np.concatenate([[True], apart]))
+    levels, counts = levels[first], np.add.reduceat(counts, first)
+    if len(levels) > len(some) // 4:
+        return 0.0, len(levels)
+    often = counts >= 5
+    if np.sum(counts[often]) > 0.95 * len(some):
+        levels = levels[often]
+    if not 2 <= len(levels) <= most:
+        return 0.0, len(levels)
+    gaps = np.diff(levels)
+    step = float(np.min(gaps))
+    multiples = gaps / step
+    step = float(np.sum(gaps) / np.sum(np.round(multiples)))
+    on_grid = np.abs(gaps / step - np.round(gaps / step))
+    return (step, len(levels)) if np.max(on_grid) < 0.05 else (0.0, len(levels))
+
+
+class Repeats(NamedTuple):
+    """Shares of neighbours that are equal, and by chance would be; whether samples are held."""
+
+    seen: float
+    chance: float
+    held: bool
+
+
+def repeats(y) -> Repeats:
+    """
+    Tell whether more neighbours are equal than rounding makes equal by chance.
+
+    So many that are far apart are equal too, and these are not held (spikes hide a grid and widen
+    the density). Where chance makes many equal, slow noise makes more of neighbours; but then they
+    seldom jump by several steps, which held samples do as often as any that differ.
+
+    """
+    n = len(y)
+    seen = float(np.mean(y[1:] == y[:-1])) if n > 1 else 0.0
+    if seen == 0:
+        return Repeats(0.0, 0.0, False)
+    step, _ = grid_step(y)
+    sigma = robust_sigma(y) / np.sqrt(max(1 - seen, 1e-3))
+    # equal by rounding: density of the difference of two neighbours at zero times the step
+    near = min(1.0, step / (2 * np.sqrt(np.pi) * max(sigma, 1e-300))) if step > 0 else 0.0
+    lags = [k for k in FAR if k < n]
+    far = float(np.mean([np.mean(y[k:] == y[:-k]) for k in lags])) if lags else 0.0
+    if max(near, far) <= 0.2:
+        chance = max(near, far)
+        return Repeats(seen, chance, seen >= 2 * chance + 10 / n)
+    if not lags or far > 0.8:
+        return Repeats(seen, max(near, far), False)
+    wide = 1.5 * step
+    jumps = float(np.mean(np.abs(np.diff(y)) > wide))
+    others = float(np.mean([np.mean(np.abs(y[k:] - y[:-k]) > wide) for k in lags]))
+    fresh = (1 - seen) / (1 - far)
+    expected = others * fresh * n
+    alike = expected > 100 and abs(jumps * n - expected) < 0.1 * expected + 4 * expected**0.5
+    return Repeats(seen, far, bool(fresh < 0.95 and alike))
+
+
+def grid_gain(n: int, step: float, sigma: float) -> float:
+    """
+    Return what a grid says in nats: each sample on it is likelier than under a density.
+
+    By about half the squared ratio of step to noise a sample, and nothing where the step is below
+    half a standard deviation: finer grids are part of the white noise.
+
+    """
+    if not step >= 0.5 * sigma or not step > 0:
+        return 0.0
+    return 0.5 * n * min(1.0, (step / max(sigma, step / 12)) ** 2)

@@ -1,0 +1,205 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Which part of a record is at rest.
+
+What counts as motion is slow and large: below some 5 Hz, more than any sensor does at rest, and
+more than this sensor does where it is quietest. So a fan's vibration, a drift with temperature and
+a lone outlier are rest, and a turn, a tilt to another face, or handling are not.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .record import ImuRecord
+
+BOX_S = 0.07            # three running means of this length leave 1 % of a vibration above 20 Hz
+UNIT_S = 0.1            # smoothed values are taken this far apart
+VIEW = 10               # a view is this many of them
+# motion spreads a view by this many times what it is where the record is quietest
+TIMES_QUIET = 6.0
+# Spread of a view that is no motion whatever the sensor, and the most that is believed to be rest
+# (rad/s, m/s^2).
+LEAST = {'gyro': 0.0175, 'accel': 0.15}
+MOST = {'gyro': 0.01, 'accel': 0.1}
+TURNING = 0.035         # a steady rate that differs so much from the rest's is a turn, rad/s
+# a disturbance no longer than this, after which nothing has changed, is a knock
+KNOCK_S = 3.0
+SAME = {'gyro': 0.0087, 'accel': 0.15}
+
+
+def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, int]]:
+    """
+    Return the stretches at rest.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        As recorded; samples that are not finite are passed over.
+    seconds : float
+        The shortest stretch that counts.
+
+    Returns
+    -------
+    list of (int, int)
+        Sample ranges (begin, end) in order. A knock parts two of them.
+
+    """
+    ends = _at_gaps(record)
+    unit = max(1, round(UNIT_S * record.rate_hz))
+    moving = np.zeros(record.n // unit + 1, bool)
+    for sensor in ('gyro', 'accel'):
+        data = getattr(record, sensor)
+        if data is not None and record.n >= 2 * VIEW * unit:
+            moving |= _moving(data, unit, record.rate_hz, sensor)
+    found = []
+    for a, b in zip(ends[:-1].tolist(), ends[1:].tolist()):
+        first = a // unit
+        quiet = ~moving[first:(b - 1) // unit + 1]
+        edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
+        found += [
+            (max(a, (first + i) * unit), min(b, (first + j) * unit)) for i, j in edges.tolist()
+        ]
+    least = max(2, round(seconds * record.rate_hz))
+    return _not_turning(record, [(a, b) for a, b in found if b - a >= least])
+
+
+def without_knocks(
+    record: ImuRecord, stretches: list[tuple[int, int]]
+) -> list[list[tuple[int, int]]]:
+    """
+    Return the stretches in groups, between whose members there were only knocks.
+
+    A knock is short, and before and after it the means over ten seconds are the same.
+
+    """
+    groups: list[list[tuple[int, int]]] = []
+    for stretch in stretches:
+        last = groups[-1][-1] if groups else None
+        if (
+            last
+            and record.t[stretch[0]] - record.t[last[1] - 1] <= KNOCK_S
+            and _same(record, last, stretch)
+        ):
+            groups[-1].append(stretch)
+        else:
+            groups.append([stretch])
+    return groups
+
+
+def longest_rest(record: ImuRecord) -> list[tuple[int, int]]:
+    """
+    Return the longest group of stretches that are parted by knocks alone.
+
+    It is empty where nothing rests.
+
+    """
+    groups = without_knocks(record, still_stretches(record))
+    return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
+
+
+def quiet_level(spread: np.ndarray) -> np.ndarray:
+    """Return what views spread where the record is quietest, (axes,), from (views, axes)."""
+    # The 10th percentile of the spread of ten normal numbers is 0.72 of its median.
+    return np.percentile(spread, 10, axis=0) / 0.72
+
+
+def _smooth(x: np.ndarray, unit: int, rate: float) -> np.ndarray:
+    """
+    Return one axis without what is fast, a value for the middle of every unit.
+
+    Gaps are closed.
+
+    """
+    good = np.isfinite(x)
+    if not good.all():
+        x = (
+            np.interp(np.arange(len(x)), np.flatnonzero(good), x[good])
+            if good.any()
+            else np.zeros(len(x))
+        )
+    piece = max(1, round(0.01 * rate))
+    whole = len(x) // piece * piece
+    fine = x[0:whole:piece] - x[0]
+    for k in range(1, piece):       # many times faster than a mean along short rows
+        fine = fine + (x[k:whole:piece] - x[0])
+    box = np.ones(max(1, round(BOX_S * rate / piece)) | 1)
+    kernel = np.convolve(np.convolve(box, box), box) / (len(box) ** 3 * piece)
+    middle = np.minimum((np.arange(len(good) // unit) * unit + unit // 2) // piece, len(fine) - 1)
+    padded = np.pad(fine, len(kernel) // 2, mode='edge')
+    return np.lib.stride_tricks.sliding_window_view(padded, len(kernel))[middle] @ kernel
+
+
+def _moving(data: np.ndarray, unit: int, rate: float, sensor: str) -> np.ndarray:
+    """Tell of every unit (and of the short one at the end) whether a view that holds it moves."""
+    smooth = np.stack([_smooth(data[:, k], unit, rate) for k in range(3)], axis=1)
+    views = np.lib.stride_tricks.sliding_window_view(smooth, VIEW, axis=0)[::VIEW // 2]
+    ordered = np.partition(views, (1, VIEW - 2), axis=2)
+    # the largest and the smallest may be outliers
+    spread = ordered[:, :, VIEW - 2] - ordered[:, :, 1]
+    white = _white(data) / np.sqrt(max(1.0, 2 * BOX_S * rate))
+    quiet = np.minimum(quiet_level(spread), np.maximum(MOST[sensor], 4 * white))
+    moves = np.any(spread > np.maximum(TIMES_QUIET * quiet, LEAST[sensor]), axis=1)
+    out = np.zeros(len(data) // unit + 1, bool)
+    for k in np.flatnonzero(moves).tolist():
+        out[k * (VIEW // 2):k * (VIEW // 2) + VIEW] = True
+    out[-1] = out[-2]
+    return out
+
+
+def _white(data: np.ndarray) -> np.ndarray:
+    """
+    Return the scatter of the samples themselves, (3,), blind to whatever is smooth.
+
+    It is taken from second differences.
+
+    """
+    some = data[:200_000]
+    second = some[2:] - 2 * some[1:-1] + some[:-2]
+    second = second[np.isfinite(second).all(axis=1)]
+    if not len(second):
+        return np.zeros(3)
+    robust = 1.4826 * np.median(np.abs(second), axis=0)
+    return np.where(robust > 0, robust, second.std(axis=0)) / np.sqrt(6)
+
+
+def _at_gaps(record: ImuRecord) -> np.ndarray:
+    """Return where the record begins, ends, and is interrupted for more than a second."""
+    with np.errstate(invalid='ignore'):
+        breaks = np.flatnonzero(np.diff(record.t) > max(1.0, 10 * record.dt)) + 1
+    return np.r_[0, breaks, record.n]
+
+
+def finite_mean(data: np.ndarray) -> np.ndarray:
+    """Return the means of the finite values of every column, NaN where there are none."""
+    return np.array([x[good].mean() if (good := np.isfinite(x)).any() else np.nan for x in data.T])
+
+
+def _mean(record: ImuRecord, sensor: str, a: int, b: int) -> np.ndarray | None:
+    data = getattr(record, sensor)
+    means = None if data is None else finite_mean(data[a:b])
+    return means if means is not None and np.isfinite(means).all() else None
+
+
+def _not_turning(record: ImuRecord, stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Leave out stretches at a steady rate that is not that of the slowest one: a turntable."""
+    means = [_mean(record, 'gyro', a, b) for a, b in stretches]
+    known = [m for m in means if m is not None]
+    if record.gyro is None or not known:
+        return stretches
+    rest = min(known, key=np.linalg.norm)
+    most = max(TURNING, 10 * float(np.max(_white(record.gyro))) / np.sqrt(record.rate_hz))
+    return [s for s, m in zip(stretches, means) if m is None or np.linalg.norm(m - rest) <= most]
+
+
+def _same(record: ImuRecord, before: tuple[int, int], after: tuple[int, int]) -> bool:
+    ten = max(2, round(10 * record.rate_hz))
+    for sensor, most in SAME.items():
+        a = _mean(record, sensor, max(before[0], before[1] - ten), before[1])
+        b = _mean(record, sensor, after[0], min(after[1], after[0] + ten))
+        if a is not None and b is not None and np.max(np.abs(a - b)) > most:
+            return False
+    return True

@@ -1,0 +1,306 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Maximum likelihood: which values of a model's effects predict a series best."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize
+
+from .predict import by_bank, jumps, predict
+from .statespace import FilterEffect
+from ..core.units import si
+from ..loop.effect import Effect, Estimate, Model
+
+NULL = 1.92             # nats: an amplitude that loses less by going to zero is not observable
+ONE_SIDED = 1.353       # nats, for a one-sided 95 % limit
+
+
+class Likelihood:
+    """The log-likelihoods of models of one structure on one series z (n,) at dt (s)."""
+
+    def __init__(self, z: np.ndarray, dt: float, alpha: float):
+        self.z, self.dt, self.alpha = z, dt, alpha
+        self.samples, self.span = len(z), len(z) * dt
+
+    def __call__(self, models) -> np.ndarray:
+        """Return the log-likelihood of each."""
+        models = list(models)
+        if models and jumps(models[0]):
+            return by_bank(models, self.z, self.dt, self.alpha, scores=False)[0]
+        return np.array([predict(m, self.z, self.dt, self.alpha).log_likelihood for m in models])
+
+
+class Free:
+    """The free parameters of a model as a vector, in logarithms where they are searched for so."""
+
+    def __init__(self, model: Model, fixed):
+        self.model = model
+        self.parts = [
+            (e.label, p)
+            for e in model.of(FilterEffect)
+            if e.label not in fixed
+            for p in e.parameters
+            if p.name not in e.measured
+        ]
+
+    def vector(self) -> np.ndarray:
+        """Return the model's own values."""
+        return np.array([self._to(p, self.model[label][p.name]) for label, p in self.parts])
+
+    def scale(self, span: float) -> np.ndarray:
+        """
+        Return how far each parameter may move at first.
+
+        A frequency no further than its line is wide in ``span`` s.
+
+        """
+        return np.array(
+            [
+                (
+                    0.2 / (span * self.model[label]['frequency'])
+                    if p.name == 'frequency'
+                    else 0.5 if p.log else 0.1
+                )
+                for label, p in self.parts
+            ]
+        )
+
+    def at(self, x) -> Model:
+        """Return the model at x, held within bounds."""
+        model = self.model
+        for (label, p), v in zip(self.parts, x):
+            value = float(np.clip(np.exp(np.clip(v, -200, 200)) if p.log else v, p.lower, p.upper))
+            model = model.with_effect(model[label].with_values(**{p.name: value}))
+        return model
+
+    @staticmethod
+    def _to(p, value):
+        return np.log(max(value, 1e-300)) if p.log else value
+
+
+def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
+    """
+    Return the model with starting values.
+
+    Effect after effect, the best guess of each with the others held.
+
+    None where an effect does not apply to these data.
+
+    """
+    order = sorted(
+        model.of(FilterEffect),
+        key=lambda e: (
+            e.name in ('outliers', 'rate_step'),
+            e.label not in fixed,
+            e.name not in ('constant_rate', 'white'),
+            e.name != 'ar_increment',
+        ),
+    )
+    held: list[Effect] = []
+    for effect in order:
+        if effect.label in fixed:
+            held.append(type(effect)(dict(fixed[effect.label]), effect.label))
+        elif not effect.parameters:
+            held.append(effect)
+        else:
+            guesses = [
+                type(effect)(dict(g.values), effect.label) for g in type(effect).guesses(look)
+            ]
+            if not guesses:
+                return None
+            tried = [Model([*held, g]) for g in guesses]
+            able = _complete(tried[0])
+            best = int(np.argmax(evaluate(tried))) if able and len(guesses) > 1 else 0
+            held.append(guesses[best])
+    by_label = {e.label: e for e in held}
+    return Model(by_label[e.label] for e in model)
+
+
+def _complete(model: Model) -> bool:
+    """Tell whether a partial model can be evaluated: it has motion and white noise."""
+    return (
+        any(e.kind == 'motion' and e.name != 'rate_step' for e in model.of(FilterEffect))
+        and 'white' in model
+    )
+
+
+def maximise(model: Model, fixed, evaluate: Likelihood) -> tuple[Model, float]:
+    """Return the model at its largest likelihood, from its own values, and that log-likelihood."""
+    free = Free(model, fixed)
+    x = free.vector()
+    if not len(x):
+        return model, float(evaluate([model])[0])
+    if jumps(model):
+        x, best = _pattern(free, x, evaluate)
+        return free.at(x), best
+    simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
+    found = minimize(
+        lambda v: -_finite(evaluate([free.at(v)])[0]),
+        x,
+        method='Nelder-Mead',
+        options={'initial_simplex': simplex, 'xatol': 0.1, 'fatol': 0.01, 'maxfev': 80 * len(x)},
+    )
+    return free.at(found.x), -float(found.fun)
+
+
+def _finite(value):
+    return float(value) if np.isfinite(value) else -1e300
+
+
+def _pattern(free: Free, x, evaluate, rounds: int = 9):
+    """
+    Climb by trying every coordinate both ways and all their parabolas at once.
+
+    One pass of lanes a round.
+
+    """
+    step = 1.6 * free.scale(evaluate.span)
+    least = 0.1 * step
+    best = float(evaluate([free.at(x)])[0])
+    for _ in range(rounds):
+        k = len(x)
+        around = np.concatenate([x + np.diag(step), x - np.diag(step)])
+        value = evaluate([free.at(v) for v in around])
+        up, down = value[:k], value[k:]
+        bend = np.minimum(up + down - 2 * best, -1e-9)
+        move = np.clip(-0.5 * (up - down) / bend, -2.0, 2.0) * step
+        tried = np.concatenate([around, [x + move, x + 0.5 * move]])
+        value = np.concatenate([value, evaluate([free.at(v) for v in tried[-2:]])])
+        top = int(np.argmax(value))
+        gained = value[top] - best
+        if gained > 0:
+            x, best = tried[top], float(value[top])
+        step = np.where(gained > 1.0, step, 0.4 * step)
+        if gained < 0.05 and np.all(step < 1.3 * least):
+            break
+    return x, best
+
+
+def estimates(
+    model: Model, fixed, log_likelihood: float, evaluate: Likelihood, sensor: str = 'gyro'
+):
+    """
+    Return the estimate of each parameter, and flags.
+
+    Standard deviations from the curvature of the likelihood, intervals symmetric in its scale; an
+    amplitude that can be zero is None, with its upper limit. What was stated is marked as fixed.
+
+    """
+    free = Free(model, fixed)
+    out = {
+        e.label: {
+            p.name: Estimate(
+                e[p.name], None, None, si(p.unit, sensor), point=e[p.name], fixed=True
+            )
+            for p in e.parameters
+        }
+        for e in model
+        if e.label in fixed
+    }
+    x = free.vector()
+    flags = []
+    able = len(x) and np.isfinite(log_likelihood)
+    sd = (
+        np.sqrt(np.maximum(np.diag(_covariance(free, x, log_likelihood, evaluate)), 0))
+        if able
+        else np.full(len(x), np.inf)
+    )
+    for i, (label, p) in enumerate(free.parts):
+        value = model[label][p.name]
+        unit = si(p.unit, sensor)
+        low, high = value - 1.96 * sd[i], value + 1.96 * sd[i]
+        std = sd[i]
+        if p.log:
+            spread = min(float(sd[i]), 50.0)
+            low, high, std = (
+                value * np.exp(-1.96 * spread),
+                value * np.exp(1.96 * spread),
+                value * min(spread, 1e3),
+            )
+        entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
+        if p.amplitude and label != 'white' and _vanishes(free, x, i, log_likelihood, evaluate):
+            upper = _upper(free, x, i, log_likelihood, evaluate)
+            entry = Estimate(
+                None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
+            )
+            flags.append(f'{label}: {p.name} is not observable in this record')
+        elif value <= p.lower * 1.001 or value >= p.upper * 0.999:
+            flags.append(f'{label}: {p.name} is at the limit of its range')
+        out.setdefault(label, {})[p.name] = entry
+    for e in model.of(FilterEffect):
+        for p in e.parameters:
+            if e.label not in fixed and p.name in e.measured:
+                out.setdefault(e.label, {})[p.name], flag = _measured(
+                    model, e, p, log_likelihood, evaluate, sensor
+                )
+                flags += flag
+    return {e.label: {p.name: out[e.label][p.name] for p in e.parameters} for e in model}, tuple(
+        flags
+    )
+
+
+def _measured(model, effect, p, best, evaluate, sensor):
+    """
+    Return the estimate of an amplitude read from the samples.
+
+    Null where the likelihood does without the effect.
+
+    """
+    value, unit = effect[p.name], si(p.unit, sensor)
+    std = float(
+        np.sqrt(2 * model['white']['R'] / evaluate.samples)
+    )  # least squares of a line in white noise
+    without = float(evaluate([model.with_effect(effect.with_values(**{p.name: p.lower}))])[0])
+    if best - without < NULL:
+        upper = value + 1.645 * std
+        return Estimate(
+            None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
+        ), [f'{effect.label}: {p.name} is not observable in this record']
+    return Estimate(value, std, (value - 1.96 * std, value + 1.96 * std), unit, point=value), []
+
+
+def _covariance(free, x, best, evaluate):
+    """
+    Return the inverse of the likelihood's negative curvature by central differences.
+
+    Diagonal where it is flat.
+
+    """
+    k = len(x)
+    h = 0.3 * free.scale(evaluate.span)
+    eye = np.diag(h)
+    pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
+    points = [x + e for e in eye] + [x - e for e in eye] + [x + eye[i] + eye[j] for i, j in pairs]
+    value = np.maximum(evaluate([free.at(v) for v in points]), max(best, -1e300) - 1e6)
+    up, down, both = value[:k], value[k:2 * k], value[2 * k:]
+    curve = np.diag(np.maximum(-(up + down - 2 * best), 1e-6))
+    for (i, j), v in zip(pairs, both):
+        curve[i, j] = curve[j, i] = -(v - up[i] - up[j] + best)
+    covariance = np.linalg.pinv(curve / np.outer(h, h), hermitian=True)
+    if np.any(np.diag(covariance) <= 0):
+        covariance = np.diag(h ** 2 / np.diag(curve))
+    return covariance
+
+
+def _moved(x, i, by):
+    return np.concatenate([x[:i], [x[i] + by], x[i + 1:]])
+
+
+def _vanishes(free, x, i, best, evaluate) -> bool:
+    return best - float(evaluate([free.at(_moved(x, i, -14.0))])[0]) < NULL
+
+
+def _upper(free, x, i, best, evaluate) -> float:
+    """
+    Return the one-sided 95 % limit of a log parameter.
+
+    Where the likelihood has fallen by 1.35 nats, others held.
+
+    """
+    steps = np.arange(0.0, 14.0, 0.5)
+    fallen = best - evaluate([free.at(_moved(x, i, s)) for s in steps]) > ONE_SIDED
+    label, p = free.parts[i]
+    s = float(steps[int(np.argmax(fallen))]) if fallen.any() else 14.0
+    return float(free.at(_moved(x, i, s))[label][p.name])

@@ -1,0 +1,246 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+One linear model: the recursion (Joseph form), its steady state, and a recorded series through it.
+
+Fading memory (alpha < 1) weighs the past down: P^- = Phi P Phi^T/alpha + Q.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .statespace import StateSpace
+
+BLOCK = 64  # samples per matrix product: a triangle this large still costs less than a Python loop
+SETTLED = (
+    1e-10  # relative change of the covariance at which the recursion has become its steady state
+)
+LOG_2PI = float(np.log(2 * np.pi))
+
+
+def predict(space: StateSpace, x, p, alpha: float = 1.0):
+    """Return (x, P) one interval later; x (d,) or (d, axes)."""
+    return space.phi @ x, space.phi @ p @ space.phi.T / alpha + space.q
+
+
+def update(space: StateSpace, x, p, z):
+    """
+    Return (x, P, innovation, S) with the sample z weighed in; Joseph form.
+
+    P = (I - K H) P (I - K H)^T + K R K^T stays symmetric and positive whatever the gain's
+    rounding.
+
+    """
+    ph = p @ space.h
+    s = float(space.h @ ph) + space.r
+    gain = ph / s
+    innovation = z - space.h @ x
+    keep = np.eye(space.size) - np.outer(gain, space.h)
+    p = keep @ p @ keep.T + space.r * np.outer(gain, gain)
+    return (
+        x + (np.outer(gain, innovation) if np.ndim(x) > 1 else gain * innovation),
+        0.5 * (p + p.T),
+        innovation,
+        s,
+    )
+
+
+@dataclass(frozen=True)
+class Steady:
+    """
+    A filter in steady state.
+
+    Covariance predicted and after the update, gain (d,), variance of the innovations.
+
+    """
+
+    space: StateSpace
+    predicted: np.ndarray
+    gain: np.ndarray
+    s: float
+    after: np.ndarray
+    closed: np.ndarray           # (I - K H) Phi
+
+    @property
+    def variance(self) -> float:
+        """Variance of the rate."""
+        return float(self.space.rate @ self.after @ self.space.rate)
+
+
+def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray | None:
+    """
+    Return the predicted covariance P^- in steady state, or None where there is none.
+
+    Structure-preserving doubling (Chu, Fan, Lin, Wang 2004): step k gives the covariance after 2^k
+    samples.
+
+    """
+    a, g, p = phi.T / np.sqrt(alpha), np.outer(h, h) / r, np.array(q, float)
+    eye = np.eye(len(h))
+    scale = np.sqrt(r)
+    for _ in range(doublings):
+        w = eye + g @ p
+        try:
+            both = np.linalg.solve(w, np.concatenate([a, g], axis=1))
+        except np.linalg.LinAlgError:
+            return None
+        v, u = both[:, :len(h)], both[:, len(h):]
+        new = p + a.T @ p @ v
+        g = g + a @ u @ a.T
+        a = a @ v
+        change = np.max(np.abs(new - p))
+        p = 0.5 * (new + new.T)
+        g = 0.5 * (g + g.T)
+        if not np.isfinite(change):
+            return None
+        if change <= 1e-13 * max(np.max(np.abs(p)), 1e-30 * scale):
+            break
+    else:
+        return None
+    return p
+
+
+def steady_state(space: StateSpace, alpha: float = 1.0) -> Steady | None:
+    """
+    Return the steady state of a model, or None where it has none.
+
+    It has none where nothing drives one of its states: the gain never settles.
+
+    The gain is right where (I - K H) Phi/sqrt(alpha) is stable (Anderson, Moore 1979, ch. 4).
+
+    """
+    p = riccati(space.phi, space.q, space.h, space.r, alpha)
+    if p is None:
+        return None
+    ph = p @ space.h
+    s = float(space.h @ ph) + space.r
+    gain = ph / s
+    keep = np.eye(space.size) - np.outer(gain, space.h)
+    closed = keep @ space.phi
+    if np.max(np.abs(np.linalg.eigvals(closed))) >= np.sqrt(alpha) * (1 - 1e-7):
+        return None
+    after = keep @ p @ keep.T + space.r * np.outer(gain, gain)
+    return Steady(space, p, gain, s, after, closed)
+
+
+def _powers(a: np.ndarray, b: int) -> np.ndarray:
+    """Return a^0 ... a^b, (b + 1, d, d), by doubling."""
+    out, last = np.eye(len(a))[None], a
+    while len(out) <= b:
+        out = np.concatenate([out, out @ last])
+        last = last @ last
+    return out[:b + 1]
+
+
+def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
+    """
+    Filter z (n,) or (n, axes) from the state x (d,) or (d, axes) at constant gain.
+
+    Return (rate, innovations, x at the end). In steady state the filter is an IIR filter; it is
+    run by blocks of matrix products, which stay exact for poles crowded at 1, where polynomial
+    coefficients (lfilter) lose digits.
+
+    """
+    flat = z.ndim == 1
+    z, x = (z[:, None], np.reshape(x, (-1, 1))) if flat else (z, x)
+    n, axes = z.shape
+    space, a, k, b = steady.space, steady.closed, steady.gain, min(BLOCK, len(z)) or 1
+    powers = _powers(a, b)
+    rate_of = (
+        space.rate @ powers[1:]
+    )  # (b, d): rate after j samples, from the state before the block
+    seen = space.h @ space.phi
+    nu_of = -(seen @ powers[:-1])
+    response = space.rate @ powers[:-1] @ k                   # after a unit sample, by lag
+    nu_response = np.concatenate([[1.0], nu_of[:b - 1] @ k])
+    lag = np.subtract.outer(np.arange(b), np.arange(b))
+    lower = lag >= 0
+    t_rate, t_nu = (np.where(lower, v[np.maximum(lag, 0)], 0.0) for v in (response, nu_response))
+    drive = (powers[b - 1::-1] @ k).T  # (d, b): the block's samples to the state at its end
+    full = n // b
+    # one row a block and axis, so that each step is one large matrix product
+    zb = z[:full * b].reshape(full, b, axes).transpose(0, 2, 1).reshape(full * axes, b)
+    pushed = (zb @ drive.T).reshape(full, axes, -1).transpose(0, 2, 1)
+    states = np.empty((full + 1, space.size, axes))
+    states[0] = x
+    last = powers[b]
+    for i in range(full):
+        states[i + 1] = last @ states[i] + pushed[i]
+    before = states[:-1].transpose(0, 2, 1).reshape(full * axes, -1)
+    rate, nu = np.empty_like(z), np.empty_like(z)
+    for out, of_state, of_samples in ((rate, rate_of, t_rate), (nu, nu_of, t_nu)):
+        found = before @ of_state.T + zb @ of_samples.T
+        out[:full * b] = found.reshape(full, axes, b).transpose(0, 2, 1).reshape(-1, axes)
+    x = states[full]
+    for j in range(full * b, n):
+        nu[j] = z[j] - space.h @ space.phi @ x
+        x = a @ x + np.outer(k, z[j])
+        rate[j] = space.rate @ x
+    return (rate[:, 0], nu[:, 0], x[:, 0]) if flat else (rate, nu, x)
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    A filtered stretch, (n,) each.
+
+    Rate, its variance, innovations and theirs; (x, P) is the state at its end.
+
+    """
+
+    rate: np.ndarray
+    variance: np.ndarray
+    innovations: np.ndarray
+    s: np.ndarray
+    x: np.ndarray
+    p: np.ndarray
+
+
+def resume(
+    space: StateSpace, z: np.ndarray, x, p, alpha: float = 1.0, steady: Steady | None = None
+) -> Run:
+    """
+    Filter evenly spaced z (n,) from the prediction (x, P) of its first sample.
+
+    Recursion, then steady state.
+
+    """
+    n = len(z)
+    out = np.empty((4, n))
+    for k in range(n):
+        if k:
+            before = x
+            x, p = predict(space, x, p, alpha)
+            if steady and np.max(np.abs(p - steady.predicted)) <= SETTLED * np.max(
+                np.abs(steady.predicted)
+            ):
+                rate, nu, x = run_steady(steady, z[k:], before)
+                out[:, k:] = rate, np.full(n - k, steady.variance), nu, np.full(n - k, steady.s)
+                p = steady.after
+                break
+        x, p, nu, s = update(space, x, p, z[k])
+        out[:, k] = space.rate @ x, space.rate @ p @ space.rate, nu, s
+    rate, variance, innovations, s = out
+    return Run(rate, variance, innovations, s, x, p)
+
+
+def run(space: StateSpace, z: np.ndarray, alpha: float = 1.0, steady: Steady | None = None) -> Run:
+    """Filter evenly spaced z (n,), nothing known before; see :func:`resume`."""
+    return resume(space, np.asarray(z, float), np.zeros(space.size), space.p0, alpha,
+                  steady or steady_state(space, alpha))
+
+
+def log_likelihood(innovations: np.ndarray, s) -> float:
+    """
+    Return the log-likelihood of innovations (n,) with variances s.
+
+    The prediction-error decomposition.
+
+    """
+    s = np.broadcast_to(s, np.shape(innovations))
+    return float(-0.5 * np.sum(LOG_2PI + np.log(s) + innovations ** 2 / s))

@@ -1,0 +1,313 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+What can drive a rate.
+
+Each a small class, in the units of the rate (``{rate}``) and its derivative (``{slope}``).
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .statespace import Block, Motion, nothing
+from ..core import gauss_markov
+from ..core.units import DEG
+from ..loop.effect import Parameter
+
+DIFFUSE = (
+    3000 * DEG
+) ** 2  # no gyroscope turns faster: the variance of a rate nothing is known of
+
+
+def _integrator(phi, q, p0=0.0) -> Block:
+    """Return a block whose first state is the rate; p0 is the variance of the second."""
+    d = len(phi)
+    start = np.zeros((d, d))
+    start[0, 0] = DIFFUSE
+    if d > 1:
+        start[1, 1] = p0
+    return Block(
+        np.asarray(phi, float), np.asarray(q, float), np.eye(d)[0], start, integrates=True
+    )
+
+
+def oscillator(amplitude: float, frequency: float, tc: float, dt: float) -> Block:
+    """
+    Return a random-phase oscillation: a rotation by 2 pi f dt that forgets its phase within tc.
+
+    Stationary variance amplitude^2/2 in each of its two states (a Gauss-Markov pair turned by the
+    carrier).
+
+    """
+    keep, angle = gauss_markov.phi(dt, tc), 2 * np.pi * frequency * dt
+    c, s = keep * np.cos(angle), keep * np.sin(angle)
+    variance = 0.5 * amplitude ** 2
+    return Block(np.array([[c, s], [-s, c]]), -np.expm1(-2 * dt / tc) * variance * np.eye(2),
+                 np.array([1.0, 0.0]), variance * np.eye(2))
+
+
+class ConstantRate(Motion):
+    """The rate does not change."""
+
+    name = 'constant_rate'
+    symbol = 'x'
+    title = 'constant rate'
+    equation = 'x_k = x_{k-1}'
+    signature = 'innovations of one sign whenever the rate changes'
+    hint = 'right at rest and on a rate table; in motion something must drive the rate'
+    reference = 'Qian, Xia, Que, Zhang 2010'
+
+    def block(self, dt):
+        """Return the integrator alone."""
+        return _integrator([[1.0]], [[0.0]])
+
+
+class ArIncrement(Motion):
+    """
+    The increments of the rate, message by message, are a first-order autoregression.
+
+    The paper's augmentation.
+
+    """
+
+    name = 'ar_increment'
+    symbol = 'w'
+    title = 'autoregressive increments of the rate'
+    equation = 'x_k = x_{k-1} + w_{k-1}, w_k = phi w_{k-1} + xi_k'
+    signature = 'innovations that follow the rotation, more so the larger it is'
+    hint = 'q is a choice, not a measurement: a record at rest does not hold it'
+    reference = 'Qian, Xia, Que, Zhang 2010'
+    parameters = (
+        Parameter(
+            'phi', '1', -0.99, 0.99, log=False, title='correlation of neighbouring increments'
+        ),
+        Parameter(
+            'q',
+            '{rate}^2',
+            1e-16,
+            1.0,
+            amplitude=True,
+            title='variance of the innovation, each step',
+        ),
+    )
+
+    @classmethod
+    def example(cls):
+        """Return the paper's: phi = 0.107, q = 4e-4 (deg/s)^2."""
+        return cls({'phi': 0.107, 'q': 4e-4 * DEG ** 2})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return bandwidths from a thousandth to a tenth of the rate."""
+        return [cls({'phi': 0.1, 'q': f * look.r}) for f in (1e-6, 1e-4, 1e-2, 1.0)]
+
+    def block(self, dt):
+        """Return one step, whatever dt: the paper counts in messages."""
+        phi, q = self['phi'], self['q']
+        return _integrator([[1, 1], [0, phi]], [[0, 0], [0, q]], q / (1 - phi ** 2))
+
+
+class AngularAcceleration(Motion):
+    """The angular acceleration wanders: the rate is the integral of a random walk."""
+
+    name = 'angular_acceleration'
+    symbol = 'a'
+    title = 'angular acceleration'
+    equation = "x' = a, a' = white of density q"
+    signature = 'innovations of one sign for as long as the rotation speeds up or slows down'
+    hint = 'the filter lags behind every change of rate; turning by hand, rocking, vehicles'
+    reference = 'Bar-Shalom, Li, Kirubarajan 2001, 6.2.2'
+    heals = 'autocorrelation'
+    parameters = (
+        Parameter('q', '{slope}^2/s', 1e-12, 1e6, amplitude=True, title='density of its changes'),
+    )
+
+    @classmethod
+    def example(cls):
+        """Return motion by hand: 100 (deg/s^2)^2/s."""
+        return cls({'q': 100 * DEG ** 2})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return bandwidths (q/(R dt))^(1/4)/2 pi from a hundredth to a fifth of the rate."""
+        return [cls({'q': x ** 4 * look.r / look.dt ** 3}) for x in np.geomspace(0.003, 1.0, 8)]
+
+    def block(self, dt):
+        """Return the doubly integrated white noise."""
+        q = self['q'] * np.array([[dt ** 3 / 3, dt ** 2 / 2], [dt ** 2 / 2, dt]])
+        return _integrator([[1, dt], [0, 1]], q, (100 * DEG) ** 2)
+
+
+class Jerk(Motion):
+    """The angular jerk wanders: one integral more than angular_acceleration."""
+
+    name = 'jerk'
+    symbol = 'j'
+    title = 'angular jerk'
+    equation = "x'' = j, j' = white of density q"
+    signature = 'innovations that keep their sign while the angular acceleration changes'
+    hint = 'smooth and strong motion, well above the noise'
+    reference = 'Mehrotra, Mahapatra 1997'
+    after = 'angular_acceleration'
+    heals = 'autocorrelation'
+    parameters = (
+        Parameter(
+            'q', '{slope}^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'
+        ),
+    )
+
+    @classmethod
+    def example(cls):
+        """Return motion by hand: 1e4 (deg/s^3)^2/s."""
+        return cls({'q': 1e4 * DEG ** 2})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return bandwidths (q/(R dt))^(1/6)/2 pi from a hundredth to a fifth of the rate."""
+        return [cls({'q': x ** 6 * look.r / look.dt ** 5}) for x in np.geomspace(0.01, 1.0, 7)]
+
+    def block(self, dt):
+        """Return the triply integrated white noise."""
+        power = np.array(
+            [
+                [dt**5 / 20, dt**4 / 8, dt**3 / 6],
+                [dt**4 / 8, dt**3 / 3, dt**2 / 2],
+                [dt**3 / 6, dt**2 / 2, dt],
+            ]
+        )
+        block = _integrator(
+            [[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]], self['q'] * power, (100 * DEG) ** 2
+        )
+        block.p0[2, 2] = (1000 * DEG) ** 2
+        return block
+
+
+class Singer(Motion):
+    """A manoeuvre: angular acceleration that lasts about tc (Gauss-Markov)."""
+
+    name = 'singer'
+    symbol = 'a'
+    title = 'manoeuvre (Gauss-Markov acceleration)'
+    equation = "x' = a, a Gauss-Markov (sigma, tc)"
+    signature = 'bursts of innovations of one sign, each about tc long'
+    hint = 'turns that begin and end'
+    reference = 'Singer 1970; Bar-Shalom, Li, Kirubarajan 2001, 8.2.3'
+    heals = 'autocorrelation'
+    parameters = (
+        Parameter('sigma', '{slope}', 1e-6, 1e3, amplitude=True, title='standard deviation of it'),
+        Parameter('tc', 's', 0.02, 100.0, title='how long it lasts'),
+    )
+
+    @classmethod
+    def example(cls):
+        """Return turns by hand: 50 deg/s^2 for half a second."""
+        return cls({'sigma': 50 * DEG, 'tc': 0.5})
+
+    @classmethod
+    def guesses(cls, look):
+        """
+        Return manoeuvres of a few samples to many seconds.
+
+        Of a fraction of the noise to far above it.
+
+        """
+        sizes = np.sqrt(look.r) * np.array([0.3, 3.0, 30.0])
+        return [
+            cls({'sigma': a / tc, 'tc': tc})
+            for tc in (0.05, 0.3, 2.0, 10.0)
+            for a in sizes
+            if tc > 2 * look.dt
+        ]
+
+    def block(self, dt):
+        """Return the sampled form; its series where dt << tc and the closed one cancels."""
+        sigma2, tc = self['sigma'] ** 2, self['tc']
+        x = dt / tc
+        e, one_less = np.exp(-x), -np.expm1(-x)
+        q11 = -sigma2 * np.expm1(-2 * x)
+        q01 = sigma2 * tc * one_less ** 2
+        q00 = sigma2 * tc**2 * (2 * x**3 / 3 - x**4 / 2 if x < 1e-3 else 2 * x - 3 + 4 * e - e * e)
+        return _integrator([[1, tc * one_less], [0, e]], [[q00, q01], [q01, q11]], sigma2)
+
+
+class Harmonic(Motion):
+    """Sway: an oscillation of the rate itself, slow enough to be motion."""
+
+    name = 'harmonic'
+    symbol = 's'
+    title = 'sway'
+    equation = 'x = A cos(2 pi f t + phase)'
+    signature = 'innovations oscillate at one slow frequency'
+    hint = (
+        'ships, cranes, a pendulum, a rocking table; above 3 Hz an oscillation is taken for'
+        ' vibration (sinusoid)'
+    )
+    reference = 'Harvey 1989, 2.3.3'
+    heals = 'autocorrelation'
+    parameters = (Parameter('amplitude', '{rate}', 1e-6, 1e2, amplitude=True, title='amplitude'),
+                  Parameter('frequency', 'Hz', 0.02, 3.0, title='frequency'),
+                  Parameter('tc', 's', 1.0, 1e6, title='how long it keeps its phase'))
+    several = True
+    measured = ('amplitude',)
+
+    @classmethod
+    def example(cls):
+        """Return the paper's rocking by 50 deg at 10 s."""
+        return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1, 'tc': 1e4})
+
+    @classmethod
+    def guesses(cls, look):
+        """Return the strongest slow lines of the series."""
+        slow = [(f, a) for f, a in look.lines if 0.02 <= f <= 3.0][:2]
+        return [
+            cls({'amplitude': a, 'frequency': f, 'tc': tc})
+            for f, a in slow
+            for tc in (10.0, 1e3, 1e5)
+        ]
+
+    def block(self, dt):
+        """Return an oscillator beside the rate."""
+        return oscillator(self['amplitude'], self['frequency'], self['tc'], dt)
+
+
+class RateStep(Motion):
+    """Now and then the rate jumps; between jumps the other motions hold."""
+
+    name = 'rate_step'
+    symbol = 'u'
+    title = 'steps of the rate'
+    equation = 'x_k = x_{k-1} + u_k, u_k normal (size) with probability rate dt, else 0'
+    signature = 'a train of innovations of one sign after each jump, dying out'
+    hint = 'a rate table or a stepper motor; a shock that moved the bias'
+    reference = 'Willsky, Jones 1976'
+    heals = 'kurtosis'
+    parameters = (Parameter('size', '{rate}', 1e-6, 1e2, amplitude=True, title='rms of a step'),
+                  Parameter('rate', 'Hz', 1e-4, 10.0, title='steps in a second'))
+
+    @classmethod
+    def example(cls):
+        """Return a step of 30 deg/s every ten seconds."""
+        return cls({'size': 30 * DEG, 'rate': 0.1})
+
+    @classmethod
+    def guesses(cls, look):
+        """
+        Return steps of two to two hundred times the noise.
+
+        From twice in a minute to twice a second.
+
+        """
+        if not look.tails:
+            return []
+        return [
+            cls({'size': k * np.sqrt(look.r), 'rate': rate})
+            for k in (2, 6, 20, 60, 200)
+            for rate in (0.03, 0.2, 2.0)
+        ]
+
+    def block(self, dt):
+        """Return what a bank of two makes of it: with and without a jump in this interval."""
+        return nothing(step=(min(0.5, self['rate'] * dt), self['size'] ** 2))

@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A model's one-step predictions of one series: log-likelihood and scores.
+
+Many sets of values at once where it must be.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from . import kalman
+from .imm import Bank, Coefficients, log_density
+from .modes import modes_of
+from .statespace import state_space
+from ..loop.effect import Model
+
+CHUNK, WARM = 128, 512  # samples: of a chunk run beside others, and of what it is warmed up on
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """
+    Log-likelihood of the samples after the first ``settle``, and the scores of those.
+
+    (n - settle,).
+
+    """
+
+    log_likelihood: float
+    u: np.ndarray
+
+
+def settle_of(n: int) -> int:
+    """Return how many samples at the start are left out while a filter settles."""
+    return min(512, n // 8)
+
+
+def jumps(model: Model) -> bool:
+    """Tell whether a model has no steady state, because of outliers or steps."""
+    return 'outliers' in model or 'rate_step' in model
+
+
+def oscillates(model: Model) -> bool:
+    """Tell whether an effect of the model has a phase."""
+    return any(p.name == 'frequency' for e in model for p in e.parameters)
+
+
+def _from_best_start(steady, z, x):
+    """
+    Return innovations (n,) from the initial state that makes them least: they are linear in it.
+
+    A narrow line's phase is learnt more slowly than any settling time; one least-squares problem
+    finds it at once.
+
+    """
+    d = len(x)
+    columns = np.zeros((len(z), d + 1))
+    columns[:, 0] = z
+    starts = np.concatenate([x[:, None], np.eye(d)], axis=1)
+    _, nu, _ = kalman.run_steady(steady, columns, starts)
+    return nu[:, 0] - nu[:, 1:] @ np.linalg.lstsq(nu[:, 1:], nu[:, 0], rcond=None)[0]
+
+
+def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Prediction:
+    """Return the prediction of z (n,) by one model; likelihood 0 where it cannot be."""
+    if jumps(model):
+        log_l, u = by_bank([model], z, dt, alpha)
+        return Prediction(float(log_l[0]), u[0])
+    settle = settle_of(len(z))
+    space = state_space(model, dt)
+    steady = kalman.steady_state(space, alpha)
+    start = float(np.mean(z[:32]))
+    if steady is None:
+        # a rate that nothing drives: over n samples it is one that wanders by less than can be
+        # seen
+        at = int(np.argmax(space.rate != 0))
+        q = space.q.copy()
+        q[at, at] += 4 * space.r / len(z) ** 2
+        steady = kalman.steady_state(replace(space, q=q), alpha)
+        start = float(np.mean(z))
+    if steady is None:
+        return Prediction(-np.inf, np.full(len(z) - settle, np.nan))
+    x = np.zeros(space.size)
+    x[int(np.argmax(space.rate != 0))] = start
+    nu = (
+        _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
+    )
+    nu = nu[settle:]
+    return Prediction(kalman.log_likelihood(nu, steady.s), nu / np.sqrt(steady.s))
+
+
+def by_bank(
+    models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, scores: bool = True
+):
+    """
+    Return log-likelihoods (k,) and scores (k, n - settle) of k models of one structure.
+
+    By the recursion of the bank.
+
+    Chunks of the series run side by side, each warmed up on the samples before it.
+
+    """
+    n, k, settle = len(z), len(models), settle_of(len(z))
+    first = np.arange(0, n, CHUNK)
+    begin = np.maximum(first - WARM, 0)
+    each = [modes_of([m], dt) for m in models]
+    table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
+    bank = Bank(table, k * len(first))
+    e = table.at(0).tiled(len(first))
+    prior = np.tile(np.array([m.prior for m in each]).T, (1, len(first)))
+    e = replace(e, prior=prior)
+    bank.mu[:] = prior
+    log_l, u = np.zeros(k), np.empty((k, n))
+    for step in range(int(np.max(np.minimum(first + CHUNK, n) - begin))):
+        at = begin + step
+        live = (at >= first) & (at < np.minimum(first + CHUNK, n))
+        samples = np.repeat(z[np.minimum(at, n - 1)], k)
+        nu, s, density = (
+            bank.step(samples, e if step else None) if step else _first(bank, samples, e)
+        )
+        if not live.any():
+            continue
+        counted = live & (at >= settle)
+        log_l += log_density(density).reshape(-1, k)[counted].sum(0)
+        if scores:
+            u[:, at[live]] = bank.transform(nu, s, e).reshape(-1, k)[live].T
+    return np.where(np.isfinite(log_l), log_l, -np.inf), u[:, settle:]
+
+
+def _first(bank, samples, e):
+    bank.prior = bank.mu
+    return bank.update(samples, e)

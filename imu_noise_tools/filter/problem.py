@@ -1,0 +1,323 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One axis of a filter as a problem of the loop: how it is cut, fitted, scored and tested."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from .design import quiet_variance
+from .evaluate import omnibus, score_of
+from .fitting import estimates, Likelihood, maximise, start
+from .predict import predict, Prediction
+from .statespace import DOMAIN, FilterEffect, Look
+from ..core.errors import InputError
+from ..core.spectrum import cosine_transform
+from ..loop.effect import Finding, Fit, Model, registry, Score
+
+LONGEST = 16384         # samples of each half that are looked at
+START = ('constant_rate', 'ar_increment', 'white')
+NEVER = (
+    'constant_rate',
+    'white',
+    'random_walk',
+)  # not candidates: without parameters, always there, not told apart
+MENDED = 0.5  # share of the lost information that may be left by an effect that explains the rest
+SEARCH = {
+    'harmonic': 2.0,
+    'sinusoid': 2.0,
+    'outliers': 4.0,
+    'rate_step': 4.0,
+}  # nats: places where it was looked for
+
+
+class FilterProblem:
+    """
+    One axis: a series z (n,), evenly spaced by dt (s).
+
+    ``stated`` holds the values of effects (by label) that are given rather than fitted: the model
+    whose innovations are judged. The first half is fitted, the second scored.
+
+    """
+
+    domain = DOMAIN
+    looks_again = False  # a recursion over all samples for each candidate, beside each candidate
+
+    def __init__(
+        self,
+        z: np.ndarray,
+        dt: float,
+        target: str = 'gyro_x',
+        stated: Mapping | None = None,
+        alpha: float = 1.0,
+        whole: FilterProblem | None = None,
+    ):
+        self.z, self.dt, self.target, self.alpha = (
+            np.asarray(z, float),
+            float(dt),
+            target,
+            float(alpha),
+        )
+        self.stated = {k: dict(v) for k, v in (stated or {}).items()}
+        self.whole = whole
+        self._fits: dict[Model, Fit] = {}
+        self._seen: dict[Model, Prediction] = {}
+        if len(self.z) < 400 and whole is None:
+            raise InputError(
+                f'{len(self.z)} samples are too few to judge a filter', 'give at least 400'
+            )
+        if np.ptp(self.z) == 0 and whole is None:
+            raise InputError(f'{target} is constant', 'leave it out')
+
+    def split(self):
+        """Return (first half, second half): what is fitted and what is scored."""
+        half = len(self.z) // 2
+        parts = [FilterProblem(z, self.dt, self.target, self.stated, self.alpha, self)
+                 for z in (self.z[:half], self.z[half:])]
+        return [(parts[0], parts[1])]
+
+    def fit(self, model: Model) -> Fit:
+        """Fit what is not stated; a half starts from the values of the whole."""
+        if model not in self._fits:
+            self._fits[model] = self._fit(model)
+        return self._fits[model]
+
+    def _fit(self, model):
+        evaluate = Likelihood(self.z, self.dt, self.alpha)
+        if self.whole is not None:
+            begin = self.whole.fit(model).model
+        else:
+            begin = start(model, self.stated, self.look(), evaluate)
+        if begin is None:
+            return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
+        best, log_l = maximise(begin, self.stated, evaluate)
+        if self.whole is None:
+            best = self._with_amplitudes(best)
+            log_l = float(evaluate([best])[0])
+        found, flags = (
+            estimates(best, self.stated, log_l, evaluate) if self.whole is None else ({}, ())
+        )
+        return Fit(best, found, log_l, flags)
+
+    def _with_amplitudes(self, model: Model) -> Model:
+        """
+        Return the model with the amplitude of each fitted line read at its frequency.
+
+        How fast it changes is kept.
+
+        """
+        for e in model.of(FilterEffect):
+            if e.label not in self.stated and 'amplitude' in e.measured:
+                t = np.arange(len(self.z)) * self.dt
+                read = (
+                    2
+                    * abs(np.exp(-2j * np.pi * e['frequency'] * t) @ (self.z - np.mean(self.z)))
+                    / len(t)
+                )
+                tc = next(p for p in e.parameters if p.name == 'tc')
+                longer = float(np.clip(e['tc'] * (read / e['amplitude']) ** 2, tc.lower, tc.upper))
+                model = model.with_effect(e.with_values(amplitude=read, tc=longer))
+        return model
+
+    def prediction(self, model: Model) -> Prediction:
+        """Return log-likelihood and scores of a model with values."""
+        if model not in self._seen:
+            self._seen[model] = predict(model, self.z, self.dt, self.alpha)
+        return self._seen[model]
+
+    def score(self, fit: Fit) -> Score:
+        """Score a fit made on other data."""
+        return score_of(self.prediction(fit.model).u, self.dt)
+
+    def omnibus(self, fit: Fit) -> list[Finding]:
+        """Return the tests of the innovations."""
+        return omnibus(self.prediction(fit.model).u, self.dt)
+
+    def candidates(self, fit: Fit) -> list[Finding]:
+        """
+        Return what could be added.
+
+        Gain of log-likelihood refitted, penalty by BIC and by where it was looked for.
+
+        """
+        out = []
+        n = len(self.z)
+        known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
+        for name, effect in known.items():
+            if (
+                name in NEVER
+                or not effect.parameters
+                or (name in fit.model and not effect.several)
+            ):
+                continue
+            if name == 'noise_level' and 'white' not in self.stated:
+                continue
+            if effect.after and effect.after not in fit.model:
+                continue
+            bare = Model(type(e)({}, e.label) for e in fit.model)
+            after = self.fit(bare.plus(effect()))
+            gain = after.log_likelihood - fit.log_likelihood
+            if not np.isfinite(gain):
+                continue
+            new = next(e for e in after.model if e.label not in fit.model)
+            penalty = 0.5 * len(effect.parameters) * np.log(n) + SEARCH.get(name, 0.0) + 2.0
+            heals = effect.heals
+            if gain > penalty and self._lost(after) < MENDED * self._lost(fit):
+                heals = ''  # most is explained: what is left is another effect's
+            out.append(
+                Finding(
+                    name,
+                    float(gain),
+                    new,
+                    after.estimates.get(new.label, {}),
+                    float(penalty),
+                    heals,
+                    f'{effect.signature} (log-likelihood {gain:+.1f}, chance {penalty:.1f})',
+                )
+            )
+        return sorted(out, key=lambda f: f.penalty - f.gain)
+
+    def _lost(self, fit: Fit) -> float:
+        """Return the deviance from what a true model would score."""
+        return sum(
+            v.excess * len(v.pull)
+            for v in score_of(self.prediction(fit.model).u, self.dt).views.values()
+        )
+
+    def summary(self, fit: Fit) -> dict[str, float]:
+        """Return the nats lost per sample on the second half by the fit of the first."""
+        first, second = self.split()[0]
+        bare = Model(type(e)({}, e.label) for e in fit.model)
+        u = second.prediction(first.fit(bare).model).u
+        score = score_of(u, self.dt)
+        total = sum(v.excess * len(v.pull) for v in score.views.values())
+        return {'nats_per_sample': float(total / (2 * len(u))), 'nis': float(np.mean(u * u))}
+
+    def advice(self, verdict: str, ranked, failed) -> str:
+        """Say what to do next."""
+        if verdict == 'missing':
+            return f'add {ranked[0].name}: {registry(DOMAIN)[ranked[0].name].hint}'
+        if verdict == 'complete':
+            return 'innovations are white and of the right size: nothing is missing'
+        if verdict == 'unknown':
+            return 'something fails that no known effect explains: ' + '; '.join(
+                f.evidence for f in failed[:2]
+            )
+        names = ' or '.join(f.name for f in ranked[:2])
+        return (
+            f'{names}: record longer, at rest and in the motion in question apart from each other'
+        )
+
+    def look(self) -> Look:
+        """Return a first look at the series, for starting values."""
+        r = float(quiet_variance(self.z[:, None])[0])
+        rough = self.z - np.mean(self.z)
+        white = np.diff(self.z, 3) / np.sqrt(20 * r)
+        tails = bool(np.max(np.abs(white)) > np.sqrt(2 * np.log(len(white))) + 1.5)
+        return Look(self.z, white, self.dt, r, _lines(rough, self.dt), tails)
+
+
+def _lines(z: np.ndarray, dt: float, most: int = 3) -> np.ndarray:
+    """
+    Return (frequency, amplitude) of the strongest slow lines.
+
+    Then of the fast ones that stand out most.
+
+    """
+    n = len(z)
+    c2 = cosine_transform(z) ** 2
+    f = np.arange(n) / (2 * n * dt)
+    size = 65
+    padded = np.pad(c2, size // 2, mode='reflect')
+    local = np.median(np.lib.stride_tricks.sliding_window_view(padded, size)[::8], axis=1)
+    rank = c2 / np.maximum(np.interp(np.arange(n), np.arange(len(local)) * 8, local), 1e-300)
+    out = []
+    for what, band in ((c2, (f >= 0.02) & (f < 3.0)), (rank, f >= 3.0)):
+        some = np.flatnonzero(band)
+        for _ in range(most):
+            if len(some):
+                at = some[int(np.argmax(what[some]))]
+                out.append(_line_near(z, f[at], dt))
+                some = some[np.abs(some - at) > 3]
+    return np.array(out).reshape(-1, 2)
+
+
+def _line_near(z, f, dt):
+    """Return frequency and amplitude of the sinusoid near f (Hz) that fits z best."""
+    n = len(z)
+    t = np.arange(n) * dt
+
+    def wave(x):
+        return np.exp(-2j * np.pi * x * t) @ z
+
+    width = 1 / (n * dt)
+    grid = np.clip(f + width * np.linspace(-0.75, 0.75, 7), 0.25 * width, None)
+    near = grid[int(np.argmax([abs(wave(x)) for x in grid]))]
+    found = minimize_scalar(
+        lambda x: -abs(wave(x)),
+        bounds=(max(near - width / 4, 0.2 * width), near + width / 4),
+        method='bounded',
+        options={'maxiter': 12},
+    )
+    return float(found.x), 2 * abs(wave(found.x)) / n
+
+
+def problem_of(
+    t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: float = 1.0
+) -> FilterProblem:
+    """
+    Return the problem of one axis of a record.
+
+    Its longest stretch without a gap, at most the first 2 x 16384 samples.
+
+    """
+    good = np.isfinite(z) & np.isfinite(t)
+    t, z = np.asarray(t, float)[good], np.asarray(z, float)[good]
+    dt = np.diff(t)
+    usual = float(np.median(dt[dt > 0])) if np.any(dt > 0) else 0.0
+    if not usual:
+        raise InputError(
+            'the stamps never advance', 'state the rate and give stamps, or use the receive times'
+        )
+    cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt > 1.9 * usual)) + 1, [len(t)]])
+    longest = int(np.argmax(np.diff(cut)))
+    z = z[cut[longest]:cut[longest + 1]]
+    if len(z) > 2 * LONGEST:
+        z = z[:2 * LONGEST]
+    return FilterProblem(z, usual, target, stated, alpha)
+
+
+def problems(arrays) -> dict[str, FilterProblem]:
+    """Return the problem of each axis from the arrays of evidence.npz."""
+    out = {}
+    for target in [str(a) for a in arrays['targets']]:
+        stated: dict = {}
+        for key, value in zip(arrays[f'{target}.stated_names'], arrays[f'{target}.stated_values']):
+            label, _, name = str(key).rpartition(':')
+            entry = stated.setdefault(label, {})
+            if name:
+                entry[name] = float(value)
+        dt, alpha = arrays[f'{target}.settings']
+        out[target] = FilterProblem(arrays[f'{target}.z'], dt, target, stated, alpha)
+    return out
+
+
+def arrays_of(found: Mapping[str, FilterProblem]) -> dict[str, np.ndarray]:
+    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    out = {'targets': np.array(list(found))}
+    for target, p in found.items():
+        pairs = [
+            (f'{label}:{k}', v)
+            for label, values in p.stated.items()
+            for k, v in (values or {'': 0.0}).items()
+        ]
+        out[f'{target}.z'] = p.z
+        out[f'{target}.settings'] = np.array([p.dt, p.alpha])
+        out[f'{target}.stated_names'] = np.array([k for k, _ in pairs], dtype=str)
+        out[f'{target}.stated_values'] = np.array([v for _, v in pairs], dtype=float)
+    return out

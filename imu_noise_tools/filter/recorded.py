@@ -1,0 +1,203 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A record through the filter, as fast as arrays go: rules and numbers are those of the engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import kalman
+from .design import Design, quiet_variance
+from .imm import Bank, Coefficients
+from .stamps import Clock, DUPLICATE, RESTART, usual_rate
+from .statespace import state_space
+from ..core.errors import InputError
+
+WARM_UP = 60.0         # s that a chunk starts ahead, for the bank to forget how it was started
+LANES = 200            # chunks at once: more would spend their time on warming up, fewer on Python
+IRREGULAR = (
+    0.002  # share of odd intervals above which the steady state is left for the bank's recursion
+)
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """
+    A filtered record; arrays (n, axes) unless said otherwise.
+
+    ``rate`` and its ``variance``; ``score`` the normalised innovations (standard normal if the
+    model is right);
+    ``used`` (n,) False where a sample was refused (not finite) and rate is NaN; ``counts`` of what
+    was met.
+
+    """
+
+    rate: np.ndarray
+    variance: np.ndarray
+    score: np.ndarray
+    used: np.ndarray
+    design: Design
+    clock: Clock
+    counts: dict = field(default_factory=dict)
+
+
+def filter_record(
+    t: np.ndarray, z: np.ndarray, design: Design, rate_hz: float | None = None, progress=None
+) -> Filtered:
+    """
+    Filter samples z (n, axes) at stamps t (s) in the order in which they came.
+
+    Parameters
+    ----------
+    t : ndarray (n,)
+        Stamps, s.
+    z : ndarray (n, axes)
+        Rates, rad/s.
+    design : Design
+        What to filter with.
+    rate_hz : float or None
+        Nominal rate; by default one over the median interval.
+    progress : callable or None
+        Called with the share done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        Fewer than ten finite samples, or stamps that never advance.
+
+    """
+    t, z = np.asarray(t, float), np.asarray(z, float)
+    finite = np.isfinite(z).all(axis=1) & np.isfinite(t)
+    if finite.sum() < 10:
+        raise InputError(
+            f'{int(finite.sum())} finite samples are too few to filter', 'give a longer recording'
+        )
+    kept_t, kept = t[finite], z[finite]
+    rate_hz = rate_hz or usual_rate(kept_t)
+    if not rate_hz:
+        raise InputError(
+            'the stamps never advance', 'state the rate and give stamps, or use the receive times'
+        )
+    clock = Clock.of(rate_hz)
+    if design.unknown_r:
+        design = design.with_r(quiet_variance(kept))
+    keys = np.concatenate([[RESTART], clock.keys(np.diff(kept_t))])
+    twice = np.concatenate(
+        [[False], (keys[1:] == DUPLICATE) & (kept[1:] == kept[:-1]).all(axis=1)]
+    )
+    counts = {
+        'samples': len(t),
+        'refused': int((~finite).sum()),
+        'duplicates': int((keys == DUPLICATE).sum()),
+        'restarts': int((keys == RESTART).sum()) - 1,
+    }
+    work, todo = kept[~twice], keys[~twice]
+    odd = np.count_nonzero((todo != 0) & (todo != RESTART))
+    starts = np.count_nonzero(todo == RESTART)
+    straight = design.linear and odd <= IRREGULAR * len(todo) and starts <= 1 + 1e-4 * len(todo)
+    steady = (
+        [
+            kalman.steady_state(state_space(m, clock.interval), design.alpha)
+            for m in design.models()
+        ]
+        if straight
+        else [None]
+    )
+    if all(steady):
+        parts = _by_steady_state(work, todo, design, clock, steady)
+    else:
+        parts = _by_chunks(work, todo, design, clock, progress)
+    back = np.cumsum(~twice) - 1  # a copy of a message gets its original's answer
+    out = []
+    for part in parts:
+        whole = np.full(z.shape, np.nan)
+        whole[finite] = part[back]
+        out.append(whole)
+    rate, variance, score = out
+    return Filtered(rate, variance, score, finite, design, clock, counts)
+
+
+def _by_steady_state(z, keys, design, clock, steady):
+    """Filter by recursion until it settles, then at constant gain, up to the next odd interval."""
+    rate, variance, score = np.empty_like(z), np.empty_like(z), np.empty_like(z)
+    for axis, (model, end) in enumerate(zip(design.models(), steady)):
+        spaces = {
+            k: state_space(model, clock.span(k)) for k in np.unique(keys[keys != RESTART]).tolist()
+        }
+        spaces.setdefault(0, state_space(model, clock.interval))
+        x = p = None
+        for begin, stop in _stretches(keys):
+            first = spaces[0 if keys[begin] == RESTART else int(keys[begin])]
+            series = z[begin:stop, axis]
+            if keys[begin] == RESTART:
+                x, p = np.zeros(first.size), first.p0
+            else:
+                x, p = kalman.predict(
+                    first, x, p, design.alpha if keys[begin] != DUPLICATE else 1.0
+                )
+            got = kalman.resume(spaces[0], series, x, p, design.alpha, end)
+            rate[begin:stop, axis], variance[begin:stop, axis] = got.rate, got.variance
+            score[begin:stop, axis] = got.innovations / np.sqrt(got.s)
+            x, p = got.x, got.p
+    return rate, variance, score
+
+
+def _stretches(keys):
+    """Return (begin, stop) of stretches whose intervals after the first are all nominal."""
+    begin = np.flatnonzero(keys != 0)
+    return list(zip(begin.tolist(), [*begin[1:].tolist(), len(keys)]))
+
+
+def _by_chunks(z, keys, design, clock, progress):
+    """Filter chunks side by side, each warmed up on what comes before it."""
+    n, axes = z.shape
+    warm = int(round(WARM_UP / clock.interval))
+    size = max(-(-n // LANES), 4 * warm if n > 8 * warm else n)
+    chunks = -(-n // size)
+    first = np.arange(chunks) * size
+    begin = np.maximum(first - warm, 0)
+    kinds, which = np.unique(np.where(keys == RESTART, 0, keys), return_inverse=True)
+    table = Coefficients([design.modes(clock.span(int(k))) for k in kinds], design.alpha)
+    usual = int(np.searchsorted(kinds, 0)) if 0 in kinds else 0
+    bank = Bank(table, chunks * axes)
+    common = [table.at(i).tiled(chunks) for i in range(len(kinds))]
+    restart = keys == RESTART
+    any_restart = restart.any()
+    rate, variance, score = np.empty_like(z), np.empty_like(z), np.empty_like(z)
+    steps = int(np.max(np.minimum(first + size, n) - begin))
+    regular = np.all(which == usual)
+    for k in range(steps):
+        at = np.minimum(begin + k, n - 1)
+        if regular:
+            e = common[usual]
+        else:
+            now = which[at]
+            e = common[now[0]] if np.all(now == now[0]) else table.at(now)
+        if k == 0:
+            bank.restart(slice(None))
+            bank.prior = bank.mu
+        else:
+            bank.mix(e)
+            bank.predict(e)
+            if any_restart and restart[at].any():
+                bank.restart(np.repeat(restart[at], axes))
+            bank.prior = bank.mu
+        samples = z[at].ravel()
+        nu, s, _ = bank.update(samples, e)
+        x, var = bank.rate()
+        valid = (begin + k >= first) & (begin + k < np.minimum(first + size, n))
+        if valid.all():
+            into, lanes = at, slice(None)
+        else:
+            into, lanes = at[valid], np.repeat(valid, axes)
+            if not len(into):
+                continue
+        rate[into] = x[lanes].reshape(-1, axes)
+        variance[into] = var[lanes].reshape(-1, axes)
+        score[into] = bank.score(nu, s, e)[lanes].reshape(-1, axes)
+        if progress and k % 1000 == 0:
+            progress(k / steps)
+    return rate, variance, score

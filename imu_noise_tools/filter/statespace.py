@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Blocks of a linear state space that add.
+
+x_k = Phi x_{k-1} + w_k, z_k = H x_k + v_k, cov w = Q, var v = R.
+
+Blocks stand side by side on the diagonal. The one exception: motions that *integrate* (their first
+state is the rate, driven by the rest) share that first state. Side by side, each would bring an
+integrator of its own; of parallel integrators only the sum can be seen, and the filter's
+covariance would grow without end in what cannot.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..core.errors import UsageError
+from ..loop.effect import Effect, Model
+
+DOMAIN = 'filter'
+
+
+@dataclass(frozen=True)
+class Block:
+    """
+    One effect's part of a state space.
+
+    ``phi`` and ``q`` (d, d), ``h`` (d,), ``p0`` (d, d) the covariance it starts with.
+
+    ``r`` is variance added to the measurement, ``r_factor`` multiplies what all blocks add.
+    ``integrates``: the first state is the rate itself, to be shared. ``outliers`` is (fraction,
+    variance factor), ``step`` (probability, variance) of a jump of the rate within one interval.
+
+    """
+
+    phi: np.ndarray
+    q: np.ndarray
+    h: np.ndarray
+    p0: np.ndarray
+    r: float = 0.0
+    r_factor: float = 1.0
+    integrates: bool = False
+    outliers: tuple[float, float] | None = None
+    step: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """
+    The sum of blocks over one interval dt.
+
+    ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion;
+    ``r`` the variance of the white part; ``outliers`` and ``step`` as in :class:`Block`.
+
+    """
+
+    phi: np.ndarray
+    q: np.ndarray
+    h: np.ndarray
+    rate: np.ndarray
+    r: float
+    p0: np.ndarray
+    dt: float
+    outliers: tuple[float, float] | None = None
+    step: tuple[float, float] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.h)
+
+
+@dataclass(frozen=True)
+class Look:
+    """
+    What a first look at a series shows, for starting values.
+
+    ``z`` (n,) at ``dt`` s, ``u`` its scores so far.
+
+    ``r`` is the variance of its white noise, ``lines`` (k, 2) frequency and amplitude of what
+    stands out of the spectrum, the strongest first; ``tails`` tells whether single scores are far
+    larger than chance.
+
+    """
+
+    z: np.ndarray
+    u: np.ndarray
+    dt: float
+    r: float
+    lines: np.ndarray
+    tails: bool
+
+
+class FilterEffect(Effect):
+    """An effect of the filter's domain: it supplies one block."""
+
+    domain: ClassVar[str] = DOMAIN
+    kind: ClassVar[str] = ''               # motion drives the rate, noise adds to the output
+    heals: ClassVar[str] = ''  # the test of evaluate.omnibus that it must mend to be believed
+    measured: ClassVar[
+        tuple[str, ...]
+    ] = ()  # parameters read from the samples, not from the likelihood
+    after: ClassVar[str] = ''  # it is a candidate only where this is in the model already
+    views: ClassVar[tuple[str, ...]] = ()  # an effect of the filter is judged by all views
+
+    @classmethod
+    def guesses(cls, look: Look) -> list[Effect]:
+        """
+        Return where a fit may start, by default the typical effect.
+
+        None: the effect does not apply to these data.
+
+        """
+        return [cls.example()]
+
+    def block(self, dt: float) -> Block:
+        """Return (Phi, Q, H, R) over one interval dt, s."""
+        raise NotImplementedError
+
+
+class Motion(FilterEffect):
+    """What drives the rate."""
+
+    kind: ClassVar[str] = 'motion'
+
+
+class OutputNoise(FilterEffect):
+    """What adds to the output and is to be taken away."""
+
+    kind: ClassVar[str] = 'noise'
+
+
+def nothing(**parts) -> Block:
+    """Return a block without states: only R, outliers or a step."""
+    empty = np.zeros((0, 0))
+    return Block(empty, empty, np.zeros(0), empty, **parts)
+
+
+def state_space(model: Model, dt: float) -> StateSpace:
+    """
+    Add the blocks of a model over one interval dt (s).
+
+    Raises
+    ------
+    UsageError
+        No motion in the model, no white noise, or a value missing.
+
+    """
+    blocks = []
+    for e in model.of(FilterEffect):
+        if not e.fitted:
+            raise UsageError(f'{e.label} has no values', 'fit it, or give them')
+        blocks.append((e, e.block(dt)))
+    motions = [b for e, b in blocks if e.kind == 'motion']
+    sharing = [b for b in motions if b.integrates]
+    own = [b for b in motions if not b.integrates]
+    noises = [b for e, b in blocks if e.kind == 'noise']
+    if not motions:
+        raise UsageError('the model has no motion', 'add constant_rate or another motion')
+    r = sum(b.r for b in noises) * float(np.prod([b.r_factor for b in noises]))
+    if not r > 0:
+        raise UsageError(
+            'the model has no white noise', 'add white: without it every sample is exact'
+        )
+    parts = ([_share(sharing)] if sharing else []) + own
+    if not any(b.h.size for b in parts):
+        raise UsageError(
+            'no motion of the model has a state', 'add constant_rate or another motion'
+        )
+    everything = parts + noises
+    rate = np.concatenate([*(b.h for b in parts), *(0 * b.h for b in noises)])
+    return StateSpace(
+        _diagonal([b.phi for b in everything]),
+        _diagonal([b.q for b in everything]),
+        np.concatenate([b.h for b in everything]),
+        rate,
+        r,
+        _diagonal([b.p0 for b in everything]),
+        dt,
+        next((b.outliers for _, b in blocks if b.outliers), None),
+        next((b.step for _, b in blocks if b.step), None),
+    )
+
+
+def _share(blocks: list[Block]) -> Block:
+    """
+    Return the blocks with their integrators, states 0, made one.
+
+    Rows, columns and covariances add.
+
+    """
+    d = 1 + sum(len(b.h) - 1 for b in blocks)
+    phi, q, p0 = np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, d))
+    at = 1
+    for b in blocks:
+        mine = np.array([0, *range(at, at + len(b.h) - 1)])
+        q[np.ix_(mine, mine)] += b.q
+        p0[np.ix_(mine, mine)] += b.p0
+        phi[np.ix_(mine, mine)] += b.phi
+        at += len(b.h) - 1
+    phi[0, 0] = 1.0
+    p0[0, 0] = max(b.p0[0, 0] for b in blocks)
+    return Block(phi, q, np.eye(d)[0], p0, integrates=True)
+
+
+def _diagonal(parts: list[np.ndarray]) -> np.ndarray:
+    d = sum(len(p) for p in parts)
+    out = np.zeros((d, d))
+    at = 0
+    for p in parts:
+        out[at:at + len(p), at:at + len(p)] = p
+        at += len(p)
+    return out

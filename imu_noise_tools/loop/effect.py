@@ -1,0 +1,486 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Effects, models and what a fit says: knows no problem, no file and no plot.
+
+A model is a sum of named effects: ``White() + Flicker() + RandomWalk()``. An effect belongs to one
+domain (``noise``, ``calibration`` or ``filter``), registers itself when its class is made, and
+nothing else names it. What an effect *does* is said by the kind it derives from, in the package of
+its domain.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+import importlib.util
+from pathlib import Path
+import re
+from types import MappingProxyType
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from ..core.errors import InputError, UsageError
+
+_REGISTRY: dict[str, dict[str, type[Effect]]] = {}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """
+    One parameter of an effect.
+
+    Parameters
+    ----------
+    name : str
+        As it is written in study.yaml, e.g. ``N``.
+    unit : str
+        SI unit with the placeholders of :func:`imu_noise_tools.core.units.si`, e.g.
+        ``{rate}/sqrt(Hz)``.
+    lower, upper : float
+        Bounds within which it is searched for.
+    log : bool
+        Whether it is searched for on a logarithmic scale (all that cannot change sign).
+    amplitude : bool
+        Whether the effect vanishes as it goes to zero: only such a parameter can be null.
+    linear : bool
+        Whether it multiplies a column of a regressor: then it is solved for, not searched for.
+    discrete : bool
+        Whether only the values that ``starts`` proposes are tried.
+    title : str
+        What it is, in a few words.
+
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    log: bool = True
+    amplitude: bool = False
+    linear: bool = False
+    discrete: bool = False
+    title: str = ''
+
+
+@dataclass(frozen=True)
+class Effect:
+    """
+    One named physical effect; empty ``values`` mean: to be fitted.
+
+    A subclass states the class variables below. Naming it (a non-empty ``name``) registers it.
+
+    """
+
+    domain: ClassVar[str] = ''
+    name: ClassVar[str] = ''
+    symbol: ClassVar[str] = ''
+    title: ClassVar[str] = ''
+    equation: ClassVar[str] = ''
+    signature: ClassVar[str] = ''
+    hint: ClassVar[str] = ''
+    reference: ClassVar[str] = ''
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    several: ClassVar[bool] = False  # may a model hold more than one of it?
+    views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    label: str = ''
+
+    def __init_subclass__(cls, **kwargs):
+        """Register the class under its domain and name."""
+        super().__init_subclass__(**kwargs)
+        if '__slots__' in cls.__dict__:
+            raise TypeError(
+                f'{cls.__name__}: slots build a class twice, so it would register twice'
+            )
+        if cls.__dict__.get('name'):
+            known = _REGISTRY.setdefault(cls.domain, {})
+            other = known.get(cls.name)
+            if other and (other.__module__, other.__qualname__) != (
+                cls.__module__,
+                cls.__qualname__,
+            ):
+                raise UsageError(
+                    f'two effects are named {cls.name} ({other.__module__} and {cls.__module__})',
+                    'give the new one another name',
+                )
+            known[cls.name] = cls
+
+    def __post_init__(self):
+        """Check the names of the values and freeze them."""
+        names = [p.name for p in self.parameters]
+        unknown = sorted(set(self.values) - set(names))
+        if unknown:
+            raise UsageError(
+                f'{self.name} has no parameter {", ".join(unknown)}',
+                f'its parameters are {", ".join(names) or "none"}',
+            )
+        object.__setattr__(
+            self, 'values', MappingProxyType({k: float(v) for k, v in self.values.items()})
+        )
+        object.__setattr__(self, 'label', self.label or self.name)
+
+    def __reduce__(self):
+        """Pickle by values (a mapping proxy cannot be pickled)."""
+        return type(self), (dict(self.values), self.label)
+
+    def __hash__(self):
+        """Hash by label and values."""
+        return hash((self.name, self.label, tuple(sorted(self.values.items()))))
+
+    def __getitem__(self, name: str) -> float:
+        """Return one value."""
+        return self.values[name]
+
+    def __add__(self, other: Effect | Model) -> Model:
+        """Return the sum as a model."""
+        return Model((self,)) + other
+
+    @property
+    def fitted(self) -> bool:
+        """Whether every parameter has a value."""
+        return all(p.name in self.values for p in self.parameters)
+
+    def with_values(self, **values: float) -> Effect:
+        """Return a copy with these values in place of, or beside, the old ones."""
+        return type(self)({**self.values, **values}, self.label)
+
+    @classmethod
+    def example(cls) -> Effect:
+        """Return one with typical values (a MEMS gyroscope): for tests, pictures and help."""
+        return cls(
+            {
+                p.name: float(np.sqrt(p.lower * p.upper)) if p.log else 0.5 * (p.lower + p.upper)
+                for p in cls.parameters
+            }
+        )
+
+
+class Model:
+    """A sum of effects with labels that are unique: ``sinusoid``, ``sinusoid.2``."""
+
+    def __init__(self, effects=()):
+        found: list[Effect] = []
+        for e in effects:
+            found.append(self._labelled(e, found))
+        self.effects = tuple(found)
+
+    @staticmethod
+    def _labelled(effect: Effect, others: list[Effect]) -> Effect:
+        taken = {o.label for o in others}
+        if effect.label not in taken:
+            return effect
+        if not effect.several:
+            raise UsageError(
+                f'the model already has {effect.label}', 'an effect of this kind is there once'
+            )
+        k = 2
+        while f'{effect.name}.{k}' in taken:
+            k += 1
+        return replace(effect, label=f'{effect.name}.{k}')
+
+    def __add__(self, other: Effect | Model) -> Model:
+        """Return the model with an effect, or all of another model's, added."""
+        more = other.effects if isinstance(other, Model) else (other,)
+        return Model(self.effects + tuple(more))
+
+    __radd__ = __add__
+    plus = __add__
+
+    def minus(self, label: str) -> Model:
+        """Return the model without one effect; raise UsageError where there is none."""
+        if label not in self.labels:
+            raise UsageError(
+                f'the model has no {label}', f'it has {", ".join(self.labels) or "nothing"}'
+            )
+        return Model(e for e in self.effects if e.label != label)
+
+    def with_effect(self, effect: Effect) -> Model:
+        """Return the model with the effect of the same label replaced."""
+        return (
+            self.with_values({effect.label: effect.values})
+            if type(self[effect.label]) is type(effect)
+            else Model(effect if e.label == effect.label else e for e in self.effects)
+        )
+
+    def with_values(self, values: Mapping[str, Mapping[str, float]]) -> Model:
+        """
+        Return the model with values in place of or beside those it has.
+
+        They are given by label and parameter.
+
+        """
+        out = Model()
+        out.effects = tuple(
+            e.with_values(**values[e.label]) if e.label in values else e for e in self.effects
+        )
+        return out
+
+    def __iter__(self) -> Iterator[Effect]:
+        """Iterate over the effects."""
+        return iter(self.effects)
+
+    def __len__(self):
+        """Return how many effects there are."""
+        return len(self.effects)
+
+    def __eq__(self, other):
+        """Compare effects and values."""
+        return isinstance(other, Model) and self.effects == other.effects
+
+    def __hash__(self):
+        """Hash by the effects."""
+        return hash(self.effects)
+
+    def __getitem__(self, label: str) -> Effect:
+        """Return the effect of a label."""
+        for e in self.effects:
+            if e.label == label:
+                return e
+        raise KeyError(label)
+
+    def __contains__(self, label: str):
+        """Tell whether an effect of this label is in it."""
+        return label in self.labels
+
+    @property
+    def labels(self) -> list[str]:
+        """Labels in order."""
+        return [e.label for e in self.effects]
+
+    def of(self, kind: type) -> list:
+        """Return the effects that have a capability."""
+        return [e for e in self.effects if isinstance(e, kind)]
+
+    def __repr__(self):
+        """Read like the physics."""
+        return ' + '.join(self.labels) or '(nothing)'
+
+
+def unfitted(model: Model) -> Model:
+    """Return the model without values, labels kept."""
+    return Model(type(e)({}, e.label) for e in model)
+
+
+def registry(domain: str) -> Mapping[str, type[Effect]]:
+    """Return the effects of a domain by name, in the order in which they registered."""
+    return MappingProxyType(_REGISTRY.get(domain, {}))
+
+
+def find_effect(domain: str, name: str) -> type[Effect]:
+    """
+    Return an effect's class by its name (or a label such as ``sinusoid.2``).
+
+    Raise UsageError for an unknown one.
+
+    """
+    known = registry(domain)
+    plain = re.sub(r'\.\d+$', '', name)
+    if plain not in known:
+        raise UsageError(
+            f'there is no {domain} effect named {name}', f'known are {", ".join(known)}'
+        )
+    return known[plain]
+
+
+def model_of(domain: str, names) -> Model:
+    """
+    Return the model, not yet fitted, of these names.
+
+    Raise UsageError for an unknown or repeated one.
+
+    """
+    return Model(find_effect(domain, n)() for n in names)
+
+
+def load_effects(path) -> list[str]:
+    """
+    Run a user's Python file, so that the effects in it register; return their names.
+
+    Raises
+    ------
+    InputError
+        The file is not there, fails, or defines no effect.
+
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(
+            f'{path}: no such file', '--effects-from takes a Python file that defines effects'
+        )
+    before = {(d, n) for d, known in _REGISTRY.items() for n in known}
+    spec = importlib.util.spec_from_file_location(f'imu_noise_user_{path.stem}', path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except UsageError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise InputError(f'{path}: {type(error).__name__}: {error}', 'mend the file') from error
+    new = [n for d, known in _REGISTRY.items() for n in known if (d, n) not in before]
+    again = [
+        n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
+    ]
+    if not (new or again):
+        raise InputError(
+            f'{path}: defines no effect', 'derive a class from an effect kind and give it a name'
+        )
+    return new or again
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    One fitted number and its uncertainty.
+
+    ``value`` is None where the interval of an amplitude reaches zero; ``point`` still holds the
+    most likely number, which the model is drawn with. ``fixed`` marks what came from the samples
+    rather than from the fit.
+
+    """
+
+    value: float | None
+    std: float | None
+    ci95: tuple[float, float] | None
+    unit: str = ''
+    upper95: float | None = None
+    note: str = ''
+    point: float | None = None
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    What fitting a model gave: the model with its values, an estimate of each, and what went wrong.
+
+    ``flags`` are sentences for people: a bound hit, a start that did not move, an effect not
+    observable. ``details`` belongs to the domain (a covariance matrix, residuals).
+
+    """
+
+    model: Model
+    estimates: Mapping[str, Mapping[str, Estimate]]
+    log_likelihood: float
+    flags: tuple[str, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class View:
+    """
+    One way to look at the data.
+
+    Pulls (standard normal under a true model) at x, and their excess deviance per bin.
+
+    ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where
+    given, is the total -2 ln p of the data under the prediction, up to what the data alone decide:
+    it also rewards a sharper prediction. ``muted`` marks one that an effect of the model makes
+    fail by itself: it is heard only as a change between two such models.
+
+    """
+
+    name: str
+    x: np.ndarray
+    pull: np.ndarray
+    excess: float
+    std: float
+    unit: str = ''
+    log_score: float | None = None
+    muted: bool = False
+
+    @property
+    def deviance(self) -> float:
+        """Total over the bins, for the comparison of two models on the same data."""
+        return self.excess * len(self.pull) if self.log_score is None else self.log_score
+
+
+@dataclass(frozen=True)
+class Score:
+    """
+    How well a fit predicts data it has not seen.
+
+    The mean over the views of their excess, and its chance scatter. ``muted`` views count as zero
+    in both: what mutes a view neither raises nor lowers the error by it.
+
+    """
+
+    excess: float
+    std: float
+    views: Mapping[str, View] = field(default_factory=dict)
+    muted: Mapping[str, View] = field(default_factory=dict)
+
+    @property
+    def within_chance(self) -> bool:
+        """Whether a true model could score as much."""
+        return self.excess <= 2 * self.std
+
+    @classmethod
+    def of(cls, views) -> Score:
+        """Average views with equal weights."""
+        said = [v for v in views if np.isfinite(v.excess)]
+        views = {v.name: v for v in said if not v.muted}
+        muted = {v.name: v for v in said if v.muted}
+        if not views:
+            return cls(float('nan'), float('nan'), {}, muted)
+        k = len(views) + len(muted)
+        return cls(
+            float(sum(v.excess for v in views.values()) / k),
+            float(np.sqrt(sum(v.std**2 for v in views.values())) / k),
+            views,
+            muted,
+        )
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    One candidate of a diagnosis, or one test that failed (then ``effect`` is None).
+
+    ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
+    give.
+
+    """
+
+    name: str
+    gain: float
+    effect: Effect | None = None
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    penalty: float = 0.0
+    view: str = ''
+    evidence: str = ''
+    probability: float | None = None
+    p_value: float | None = None
+
+
+class Problem(Protocol):
+    """
+    All that the loop knows of a problem: one target of one domain.
+
+    It may have more, which the loop uses where it is there: ``point`` (a fit without intervals),
+    ``held_out`` (the error in closed form), ``advice``, ``summary``, and ``looks_again`` (false
+    where candidates cost too much to be looked for once more beside each of them).
+
+    """
+
+    domain: str
+    target: str
+
+    def split(self) -> list[tuple[Problem, Problem]]:
+        """Return pairs (to fit, to score) that share no data."""
+
+    def fit(self, model: Model) -> Fit:
+        """Fit a model."""
+
+    def score(self, fit: Fit) -> Score:
+        """Score a fit made elsewhere on this data."""
+
+    def omnibus(self, fit: Fit) -> list[Finding]:
+        """Return tests that fail when anything at all is missing, each with its p-value."""
+
+    def candidates(self, fit: Fit) -> list[Finding]:
+        """Return what could be added to the model, best gain first."""

@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The loop, for any problem: compare, diagnose, add, remove, and the history of what was tried.
+
+Knows only the :class:`~imu_noise_tools.loop.effect.Problem` protocol: nothing of noise,
+calibration or filters, no files.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from .diagnosis import diagnose, Diagnosis
+from .effect import find_effect, Model, Problem, Score, unfitted
+from .prediction import fall_in_words, fall_of, held_out, point_of, State
+from ..core.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung of the ladder: what was fitted and how well it predicts data it has not seen."""
+
+    target: str
+    effects: tuple[str, ...]
+    held_out: float
+    held_out_std: float
+    added: str | None = None
+    removed: str | None = None
+    fall: float | None = None  # deviance gained on data not fitted
+    verdict: str = ''
+
+
+def assess(problem: Problem, model: Model, intervals: bool = True) -> State:
+    """
+    Fit a model to a target and score it on data not fitted.
+
+    Without the intervals of the values, which the error does not need, it takes half the time.
+
+    """
+    fit = (problem.fit if intervals else point_of(problem))(unfitted(model))
+    summary: dict[str, float] = getattr(problem, 'summary', lambda _: {})(fit)
+    return State(problem, fit, held_out(problem, unfitted(model)), summary)
+
+
+class Study:
+    """
+    A model of each target, what was tried, and what is missing.
+
+    Parameters
+    ----------
+    domain : str
+        ``noise``, ``calibration`` or ``filter``.
+    states : mapping of str to State
+    source : mapping
+        Where the data came from, for people.
+    history, diagnosis
+        What went before.
+
+    """
+
+    def __init__(
+        self,
+        domain: str,
+        states: Mapping[str, State],
+        source: Mapping | None = None,
+        history: Iterable[Step] = (),
+        diagnosis: Mapping[str, Diagnosis] | None = None,
+    ):
+        self.domain = domain
+        self.states = dict(states)
+        self.source = dict(source or {})
+        self.history = list(history)
+        self.diagnosis = dict(diagnosis or {})
+
+    @classmethod
+    def begin(
+        cls, problems: Mapping[str, Problem], model: Model, source=None, progress=None
+    ) -> Study:
+        """Fit the same model to every target."""
+        study = cls(next(iter(problems.values())).domain, {}, source)
+        for i, (target, problem) in enumerate(problems.items()):
+            study.states[target] = assess(problem, model)
+            study.history.append(study._step(target))
+            if progress:
+                progress((i + 1) / len(problems), f'{target}: fit')
+        return study
+
+    @property
+    def targets(self) -> list[str]:
+        """Names of the targets."""
+        return list(self.states)
+
+    def chosen(self, targets: Iterable[str] | None) -> list[str]:
+        """Return the targets that are named, all for None; raise UsageError for an unknown one."""
+        if targets is None:
+            return self.targets
+        for t in targets:
+            if t not in self.states:
+                raise UsageError(f'the study has no {t}', f'it has {", ".join(self.states)}')
+        return list(targets)
+
+    def _step(self, target, added=None, removed=None, before: State | None = None) -> Step:
+        state = self.states[target]
+        fall, verdict = None, 'start'
+        if before is not None:
+            changed = [
+                e
+                for e in (*before.model, *state.model)
+                if not (e.label in before.model and e.label in state.model)
+            ]
+            fall = fall_of(before.error, state.error, changed)
+            verdict = fall_in_words(before.error, state.error, fall)
+        return Step(
+            target,
+            tuple(state.model.labels),
+            state.error.excess,
+            state.error.std,
+            added,
+            removed,
+            fall,
+            verdict,
+        )
+
+    def compare(self, targets=None) -> dict[str, Score]:
+        """Return, for each target, the error on data not fitted, view by view."""
+        return {t: self.states[t].error for t in self.chosen(targets)}
+
+    def diagnose(self, targets=None, progress=None) -> dict[str, Diagnosis]:
+        """Find out what is missing from each target's model."""
+        names = self.chosen(targets)
+        for i, t in enumerate(names):
+            self.diagnosis[t] = diagnose(self.states[t])
+            if progress:
+                progress((i + 1) / len(names), f'{t}: {self.diagnosis[t].verdict}')
+        return {t: self.diagnosis[t] for t in names}
+
+    def add(self, effects: Iterable[str] | None = None, targets=None) -> list[Step]:
+        """
+        Put effects into the model of the targets.
+
+        Without names, the best of the diagnosis for each target it names.
+
+        Returns the rungs added to the ladder (none where nothing is missing).
+
+        """
+        plan = {}
+        if effects:
+            for name in effects:
+                find_effect(self.domain, name)
+            for t in self.chosen(targets):
+                plan[t] = list(effects)
+        else:
+            for t in self.chosen(targets):
+                if t not in self.diagnosis:
+                    self.diagnose([t])
+                if self.diagnosis[t].verdict == 'missing':
+                    plan[t] = [self.diagnosis[t].ranked[0].name]
+        steps = []
+        for t, names in plan.items():
+            before = self.states[t]
+            model = before.model
+            for name in names:
+                model = model.plus(find_effect(self.domain, name)())
+            self.states[t] = assess(before.problem, model)
+            steps.append(self._step(t, added='+'.join(names), before=before))
+        self.history += steps
+        self._forget(plan)
+        return steps
+
+    def remove(self, label: str, targets=None) -> list[Step]:
+        """
+        Take an effect out of the model of each target that has it.
+
+        Raise UsageError where none has it.
+
+        """
+        names = [t for t in self.chosen(targets) if label in self.states[t].model]
+        if not names:
+            some = sorted({x for t in self.chosen(targets) for x in self.states[t].model.labels})
+            raise UsageError(f'no target has {label} in its model', f'there is {", ".join(some)}')
+        steps = []
+        for t in names:
+            before = self.states[t]
+            self.states[t] = assess(before.problem, before.model.minus(label))
+            steps.append(self._step(t, removed=label, before=before))
+        self.history += steps
+        self._forget(names)
+        return steps
+
+    def undo(self, targets=None) -> list[Step]:
+        """Take out what each target's last rung put in; an empty list where nothing was added."""
+        steps = []
+        for t in self.chosen(targets):
+            base = next(s for s in self.history if s.target == t)
+            extra = [x for x in self.states[t].model.labels if x not in base.effects]
+            if extra:
+                steps += self.remove(extra[-1], [t])
+        return steps
+
+    def complete(self, targets=None, most: int = 8, progress=None) -> list[Step]:
+        """Diagnose and add until nothing more is found in any target; return all rungs."""
+        steps = []
+        for t in self.chosen(targets):
+            for _ in range(most):
+                self.diagnose([t])
+                if progress:
+                    progress(None, f'{t}: {self.diagnosis[t].verdict}')
+                if self.diagnosis[t].verdict != 'missing':
+                    break
+                steps += self.add(None, [t])
+            self.diagnose([t])
+        return steps
+
+    def _forget(self, targets):
+        for t in targets:
+            self.diagnosis.pop(t, None)
