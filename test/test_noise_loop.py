@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import hidden
-from imu_noise_tools.loop.prediction import FALL
+from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.tasks.noise import analyse_record
 
 AXIS = 'gyro_x'

@@ -23,6 +23,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from . import verdict
 from ..core.errors import InputError, UsageError
 
 _REGISTRY: dict[str, dict[str, type[Effect]]] = {}
@@ -416,8 +417,13 @@ class Score:
 
     @property
     def within_chance(self) -> bool:
-        """Whether a true model could score as much."""
-        return self.excess <= 2 * self.std
+        """Whether a true model could score as much, in all and in each view."""
+        return verdict.within_chance(self.excess, self.std) and not self.failing
+
+    @property
+    def failing(self) -> list[str]:
+        """Names of the views that fail by themselves, the surest first."""
+        return verdict.views_failing({k: (v.excess, v.std) for k, v in self.views.items()})
 
     @classmethod
     def of(cls, views) -> Score:
@@ -442,7 +448,9 @@ class Finding:
     One candidate of a diagnosis, or one test that failed (then ``effect`` is None).
 
     ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
-    give.
+    give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
+    against it, empty where nothing does. ``shapes`` counts the parameters that were searched for
+    besides the amplitude and that the penalty does not price.
 
     """
 
@@ -455,6 +463,9 @@ class Finding:
     evidence: str = ''
     probability: float | None = None
     p_value: float | None = None
+    explains: float | None = None
+    against: str = ''
+    shapes: int = 0
 
 
 class Problem(Protocol):

@@ -15,10 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from . import verdict
 from .effect import Fit, Model, Problem, Score, View
-
-# deviance (three nats) by which an error on data not fitted must fall to be more than chance
-FALL = 6.0
 
 
 @dataclass(frozen=True)
@@ -107,10 +105,4 @@ def fall_of(before: Score, after: Score, effects) -> float:
 
 def fall_in_words(before: Score, after: Score, fall: float) -> str:
     """Say whether an error on data not fitted has fallen."""
-    if not np.isfinite(fall):
-        return 'not to be compared'
-    if fall > FALL:
-        return 'falls to chance' if after.within_chance else 'falls'
-    if fall < -FALL and not after.within_chance:
-        return 'rises'
-    return 'does not fall'
+    return verdict.change(before.excess, after.excess, fall, after.within_chance)

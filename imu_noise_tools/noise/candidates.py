@@ -44,7 +44,7 @@ def candidates(problem, fit: Fit) -> list[Finding]:
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
-        finding = _one(evidence, fit, cls())
+        finding = _one(problem, fit, cls())
         if finding is None or not np.isfinite(finding.gain):
             continue
         if not views.hidden_by(fit, finding.view):  # nothing could confirm it
@@ -52,7 +52,8 @@ def candidates(problem, fit: Fit) -> list[Finding]:
     return sorted(found, key=lambda f: f.penalty - f.gain)
 
 
-def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
+def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
+    evidence: Evidence = problem.evidence
     if isinstance(effect, Line):
         return _line(evidence, fit, effect)
     if isinstance(effect, MEASURED):
@@ -60,6 +61,7 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if not effect.starts(evidence):
         return None
     more = _refitted(evidence, fit, effect)
+    problem.begin_from(more.model)
     label = more.model.labels[-1]
     bonus = more.model[label].bonus(evidence, more)
     where = _where(evidence, fit, more, effect)
@@ -77,7 +79,24 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
         penalty(effect.name) + _unlikely(more),
         _view_of(effect),
         where,
+        against=_at_bound(evidence, more.model[label]),
+        shapes=sum(not p.amplitude for p in effect.parameters),
     )
+
+
+def _at_bound(evidence: Evidence, effect) -> str:
+    """Say that a shape lies at its bound: that is no estimate, another effect is meant."""
+    narrower = effect.bounds(evidence)
+    for p in effect.parameters:
+        if p.amplitude or p.linear or p.discrete:
+            continue
+        low, high = narrower.get(p.name, (p.lower, p.upper))
+        low, high = max(low, p.lower), min(high, p.upper)
+        slack = 0.01 * (np.log(high / low) if p.log else high - low)
+        at = [np.log(effect[p.name] / x) if p.log else effect[p.name] - x for x in (low, high)]
+        if min(abs(x) for x in at) < slack:
+            return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
+    return ''
 
 
 def _unlikely(fit: Fit) -> float:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import classic, views
+from . import classic, flexible, views
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
@@ -17,6 +17,7 @@ from .kinds import Spectrum
 from .plan import duration_for, in_words
 from ..core.errors import UsageError
 from ..loop.effect import Finding, Fit, Model, Score, unfitted
+from ..loop.verdict import PULL
 
 METHODS = ('likelihood', 'avar', 'slopes')
 
@@ -50,6 +51,7 @@ class NoiseProblem:
         self._fits: dict = {}
         self._points: dict = {}
         self._candidates: dict = {}
+        self._begun: dict[tuple[str, ...], Model] = {}
 
     def split(self):
         """
@@ -72,6 +74,10 @@ class NoiseProblem:
             self._fits[model] = replace(found, estimates=self._planned(found))
         return self._fits[model]
 
+    def begin_from(self, model: Model) -> None:
+        """Keep a model with values, from which a later fit of the same effects begins."""
+        self._begun[tuple(model.labels)] = model
+
     def point(self, model: Model) -> Fit:
         """Fit a model without the intervals of its values, which cost most of the time."""
         if self.part in ('odd', 'even'):
@@ -81,7 +87,8 @@ class NoiseProblem:
         if model not in self._points:
             if self.part == 'whole':
                 self._points[model] = self._by_method(
-                    fit_part(self.evidence, model, intervals=False, cautious=True)
+                    fit_part(self.evidence, model, intervals=False, cautious=True,
+                             start=self._begun.get(tuple(model.labels)))
                 )
             else:
                 whole = self.whole.point(model)
@@ -143,7 +150,7 @@ class NoiseProblem:
 
         """
         e = self.evidence
-        out = []
+        out = [flexible.smooth_misfit(e, fit)]
         for view in (
             views.frequency(e, 'whole', fit, fitted_here=True),
             views.time(e, fit),
@@ -174,21 +181,44 @@ class NoiseProblem:
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
 
+    def shape(self, fit: Fit, label: str, claim: float) -> str:
+        """Say that a flexible form does better than an effect of the model, which gains claim."""
+        without = self.point(unfitted(fit.model.minus(label)))
+        return flexible.shape(self.evidence, fit, without, label, claim)
+
+    def materiality(self, fit: Fit) -> tuple[float, float]:
+        """
+        Return what a model leaves: the share of power, and the largest ratio of deviations.
+
+        The share is of the power that stands beyond three standard deviations from the model; the
+        ratio is that of measured to model Allan deviation (or its inverse) over tau <= T/10, from
+        the nearer end of the measured deviation's 95 % interval.
+
+        """
+        view = views.frequency(self.evidence, 'whole', fit, fitted_here=True)
+        v, part = fit.details['v'], self.evidence.whole
+        power = part.power + views.unclaimed(self.evidence, 'whole', fit.model)
+        width = part.bins.count.astype(float)
+        off = np.abs(power - v) * (np.abs(view.pull) > PULL)
+        share = float(np.sum(width * off) / np.sum(width * np.maximum(power, v)))
+        c = self.evidence.curve
+        some = c.tau <= c.n * c.dt / 10
+        if not some.any() or c.deviation not in ('oadev', 'adev'):
+            return share, 1.0
+        model = np.sqrt(model_curve(self.evidence, fit.model, c.m[some]))
+        apart = np.maximum(model / c.hi[some], c.lo[some] / model)
+        return share, float(max(np.max(apart), 1.0))
+
     def advice(self, verdict: str, ranked, failed) -> str:
         """Return which recording would decide, or where to look."""
         if verdict == 'undecidable':
-            able = [f for f in ranked if f.gain > f.penalty][:3] or list(ranked[:1])
+            able = [f for f in ranked if f.gain > f.penalty and f.effect][:3] or list(ranked[:1])
             said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able)
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
             where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
-            near = next((f for f in ranked if f.gain > f.penalty), None)
-            nearest = (
-                f' Nearest comes {near.name} ({near.evidence}), but data it was not fitted to do '
-                'not confirm it, or it leaves what fails.'
-                if near
-                else ''
-            )
+            near = next((f for f in ranked if f.gain > f.penalty and f.against), None)
+            nearest = f' Nearest comes {near.name}, but {near.against}.' if near else ''
             return (
                 f'No known effect explains it ({where}).{nearest} Look at what was going on '
                 'then, or at that frequency.'

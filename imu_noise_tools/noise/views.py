@@ -18,13 +18,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
+from scipy.special import digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
 from .kinds import Coupling, Defect, Inputs, Mean, model_crowd, model_psd, Modulation, Spectrum
 from .likelihood import Likelihood
 from ..core.spectrum import bins_of, expected
 from ..loop.effect import Fit, Model, View
+from ..loop.verdict import tail
 
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
@@ -545,12 +546,7 @@ def p_value(view: View) -> float:
     By a scaled chi-squared of the same mean and scatter.
 
     """
-    if not np.isfinite(view.excess) or not view.std > 0:
-        return 1.0
-    count = len(view.pull)
-    # mean 1, scatter std: chi^2_k/k has variance 2/k
-    k = 2 / view.std**2
-    return float(chdtrc(k, max(k * (1 + view.excess), 0.0))) if count else 1.0
+    return tail(view.excess, view.std) if len(view.pull) else 1.0
 
 
 def lines_left(evidence: Evidence, model: Model) -> list[int]:
