@@ -255,7 +255,7 @@ def _sinusoid(s):
 
 
 def _harmonics(s):
-    """A machine of steady speed: two to six of its orders, of half a turn where it is an engine."""
+    """Two to six orders of a machine of steady speed."""
     f0 = s.log_uniform(20 / s.span, 0.08 / s.dt)
     orders = s.rng.choice(np.arange(2, 7), s.rng.integers(1, 6), replace=False)
     out, values = np.zeros(s.n), {'frequency': f0}

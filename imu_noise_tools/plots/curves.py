@@ -79,6 +79,8 @@ def line_envelope(effect: Line, m: np.ndarray, dt: float) -> np.ndarray:
     lines the strongest gives the period.
 
     """
+    if not effect.lines():
+        return np.zeros(len(m))
     half = 0.5 / (max(effect.lines(), key=lambda line: line[1])[0] * dt)
     crest = effect.avar(np.array([half]), dt) * (half / m) ** 2
     return np.where(m < half, effect.avar(m, dt), crest)
