@@ -197,8 +197,9 @@ def _model(axis, entries):
     for e in model:
         for p in e.parameters:
             if p.name not in e.values:
-                if p.discrete or p.linear:
-                    model = model.with_values({e.label: {p.name: 0.0}})
+                if p.discrete or p.linear or p.name in e.neutral:
+                    value = e.neutral.get(p.name, 0.0)
+                    model = model.with_values({e.label: {p.name: value}})
                     continue
                 raise InputError(
                     f'targets.{axis}.{e.label}: {p.name} is missing',
