@@ -30,7 +30,6 @@ VIEWS = {
     'variance': ('loudness over time', 'the noise is louder at some times than at others'),
     'distribution': ('distribution of the samples',
                      'the samples do not spread as Gaussian noise does'),
-    'repeats': ('repeated samples', 'neighbours are equal more often than noise makes them'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
     'poses': ('poses left out', 'poses are not where the other poses put them'),
 }

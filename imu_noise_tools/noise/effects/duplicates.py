@@ -93,7 +93,6 @@ class Duplicates(Defect, Response):
                 'fraction': Estimate(share, std, (max(share - 1.96 * std, 0), share + 1.96 * std)),
                 'pattern': Estimate(effect['pattern'], None, None),
             },
-            view='repeats',
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '
             'would be by rounding',
         )
