@@ -8,6 +8,8 @@ from __future__ import annotations
 import textwrap
 
 from ..core import units
+from ..loop.verdict import side
+from ..report import words
 
 WIDTH = 100
 
@@ -20,13 +22,11 @@ def table(rows, head) -> str:
     return '\n'.join([lines[0], '  '.join('-' * w for w in width), *lines[1:]])
 
 
-def against_chance(excess: float, std: float) -> str:
-    """Return an error beside what chance allows: ``0.31 = 5.2 x chance``, ``within chance``."""
+def against_chance(excess: float, std: float, where: str) -> str:
+    """Return an error beside what chance allows, and on which side of that it is."""
     if not std > 0:
         return 'not to be had'
-    if excess <= 2 * std:
-        return f'{excess:.3f}, within chance (2 std = {2 * std:.3f})'
-    return f'{excess:.3f}, {excess / std:.0f} std beyond a true model'
+    return f'{excess:.3f}, {where} (a true model: 0 +- {std:.3f})'
 
 
 def compare(study, verbose=False) -> str:
@@ -35,18 +35,19 @@ def compare(study, verbose=False) -> str:
     for target, score in study.compare().items():
         state = study.states[target]
         out.append(f'{target}: {state.model!r}')
-        out.append(f'  error on data not fitted: {against_chance(score.excess, score.std)}')
+        said = against_chance(score.excess, score.std, score.side)
+        out.append(f'  error on data not fitted: {said}')
         if 'misfit_percent' in state.summary:
             out.append(
                 '  Allan deviation of the model is off by {misfit_percent:.1f} % rms '
                 '(a true model: {misfit_expected:.1f} %)'.format(**state.summary)
             )
         for view in score.views.values():
-            bad = view.excess > 2 * view.std
+            bad = view.name in score.failing
             if bad or verbose:
                 out.append(
                     f'  {"FAILS in" if bad else "holds in"} {view.name}: '
-                    f'{against_chance(view.excess, view.std)}'
+                    f'{against_chance(view.excess, view.std, side(not bad, bad))}'
                 )
             if bad:
                 out.append(f'    {where(view)}')
@@ -76,55 +77,33 @@ def where(view) -> str:
 
 
 def diagnosis(study, folder, verbose=False) -> str:
-    """Return the verdict on each target, with evidence and advice."""
+    """Return the verdict on each target: what is found, what remains, evidence and advice."""
     out = []
     for target, d in study.diagnosis.items():
         model = study.states[target].model
-        if d.verdict == 'complete':
-            out.append(f'{target}: complete. {model!r} says all that this record shows')
-        elif d.verdict == 'missing':
-            best = d.ranked[0]
-            out.append(
-                f'{target}: {best.name} is missing (probability {best.probability:.2f}). '
-                f'{best.evidence}'
-            )
-            sensor = target.partition('_')[0]
-            for p in best.effect.parameters:
-                e = best.estimates.get(p.name)
-                if e is not None and e.value is not None:
-                    text = (
-                        units.shown(e.value, p.unit, sensor)
-                        if sensor in ('gyro', 'accel')
-                        else f'{e.value:.4g} {e.unit}'
-                    )
-                    out.append(f'    {p.name} = {text}')
-            out += textwrap.wrap(
-                best.effect.hint, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
-            )
-        elif d.verdict == 'unknown':
-            failed = ', '.join(f'{f.name} ({f.evidence})' for f in d.failed)
-            out.append(
-                f'{target}: something is missing that no known effect explains. It shows in '
-                f'{failed}'
-            )
-        else:
-            able = [f for f in d.ranked if f.gain > f.penalty] or list(d.ranked[:2])
-            out.append(
-                f'{target}: undecidable from this record: {", ".join(f.name for f in able)}'
-            )
-        hint = d.ranked[0].effect.hint if d.verdict == 'missing' else ''
+        out.append(f'{target}: {model!r} says all that this record shows'
+                   if d.verdict == 'complete' else f'{target}: {words.diagnosis_in_words(d)}')
+        for f in d.found:
+            out += _wrapped(words.finding_in_words(f, target))
+        if d.remaining is not None:
+            out += _wrapped(words.remaining_in_words(d))
+        hint = d.found[0].effect.hint if d.found else ''
+        out += _wrapped(hint)
         if d.advice and hint not in d.advice:
-            out += textwrap.wrap(
-                d.advice, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
-            )
+            out += _wrapped(d.advice)
         if verbose:
             out += [
                 f'    {f.name:20s} gain {f.gain:8.1f} nats, chance up to {f.penalty:.1f}'
+                + (f': {f.against}' if f.against else '')
                 for f in d.ranked
             ]
-    if any(d.verdict == 'missing' for d in study.diagnosis.values()):
+    if any(d.found for d in study.diagnosis.values()):
         out.append(f'next: imu_noise add {folder}')
     return '\n'.join(out)
+
+
+def _wrapped(said: str) -> list[str]:
+    return textwrap.wrap(said, WIDTH - 4, initial_indent='    ', subsequent_indent='    ')
 
 
 def history(rows) -> str:
@@ -179,12 +158,15 @@ def steps(study, done) -> str:
             for label, found in state.fit.estimates.items():
                 if label.partition('.')[0] in s.added.split('+'):
                     for k, e in found.items():
-                        out.append(f'    {label}.{k} = {estimate(e)}')
+                        parameter = state.model[label].parameter(k)
+                        out.append(f'    {label}.{k} = {estimate(e, parameter)}')
     return '\n'.join(out)
 
 
-def estimate(e) -> str:
-    """Return one estimate with its interval."""
+def estimate(e, parameter) -> str:
+    """Return one estimate with its interval; a choice by its name."""
+    if parameter.choices and e.value is not None:
+        return parameter.written(e.value)
     if e.value is None:
         return (
             f'not observable, below {e.upper95:.3g} {e.unit} (95 %)'
@@ -196,7 +178,9 @@ def estimate(e) -> str:
 
 
 def unit_of(parameter) -> str:
-    """Return a parameter's unit for gyroscope and accelerometer."""
+    """Return a parameter's unit for gyroscope and accelerometer; of a choice, its names."""
+    if parameter.choices:
+        return ' | '.join(parameter.choices)
     gyro, accel = units.si(parameter.unit, 'gyro'), units.si(parameter.unit, 'accel')
     return gyro if gyro == accel else f'{gyro} | {accel}'
 
@@ -204,7 +188,9 @@ def unit_of(parameter) -> str:
 def effects_table(classes) -> str:
     """Return what is known, a line each."""
     rows = [
-        (c.domain, c.name, ', '.join(f'{p.name} [{unit_of(p)}]' for p in c.parameters), c.title)
+        (c.domain, c.name, ', '.join(
+            p.name if p.choices else f'{p.name} [{unit_of(p)}]' for p in c.parameters
+        ), c.title)
         for c in classes
     ]
     return table(rows, ('problem', 'effect', 'parameters', 'what it is'))

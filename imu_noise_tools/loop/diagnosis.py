@@ -22,7 +22,7 @@ import numpy as np
 
 from . import verdict as rules
 from .effect import Finding, Fit, Model, Score, unfitted
-from .prediction import fall_of, held_out, point_of, State
+from .prediction import fall_of, State
 from ..core.errors import FitError
 
 CHAINS = 3  # chains that are followed, rivals' included
@@ -99,7 +99,7 @@ def diagnose(state: State) -> Diagnosis:
     search = _Search(state)
     chain = search.settled()
     found = [f for f in chain if not f.against]
-    failed = failures(search.tests(state.model))
+    failed = failures(search.tests(state.model)) or beyond_chance(state.error)
     # what was confirmed but shares its probability is in the model when the rest is judged
     left = search.remaining(search.model_of(chain))
     rivals = [f for f in chain if f.against]
@@ -107,8 +107,8 @@ def diagnose(state: State) -> Diagnosis:
         rivals = [f for f in search.refuted.values() if f.against.startswith(_DOUBT)]
     said = rules.word(len(found), len(rivals), len(failed) + (left is not None))
     ranked = search.ranking(chain)
-    advice = getattr(state.problem, 'advice', _no_advice)(
-        said, ranked, list(left.failed if left and not found else failed))
+    telling = left.failed if left and not found else failed
+    advice = state.problem.advice(said, ranked, list(telling))
     enough = True if left is None else None
     if left is not None and left.largest_ratio is not None:
         enough = rules.sufficient(left.largest_ratio)
@@ -146,8 +146,8 @@ class _Search:
         key = frozenset(model.labels)
         if key not in self._places:
             try:
-                here = self.state.fit if model == self.base else point_of(self.problem)(model)
-                looks = model == self.base or getattr(self.problem, 'looks_again', True)
+                here = self.state.fit if model == self.base else self.problem.point(model)
+                looks = model == self.base or self.problem.looks_again
                 found = self.problem.candidates(here) if looks else []
                 self._places[key] = _Place(model, here, tuple(
                     sorted((f for f in found if f.effect is not None), key=lambda f: -surplus(f))))
@@ -161,7 +161,7 @@ class _Search:
         key = frozenset(model.labels)
         if key not in self._tested:
             try:
-                here = self.state.fit if model == self.base else point_of(self.problem)(model)
+                here = self.state.fit if model == self.base else self.problem.point(model)
                 self._tested[key] = self.problem.omnibus(here)
             except FitError:
                 self._tested[key] = []
@@ -173,7 +173,7 @@ class _Search:
         if key not in self._scored:
             try:
                 self._scored[key] = (self.state.error if model == self.base
-                                     else held_out(self.problem, model))
+                                     else self.problem.held_out(model))
             except FitError:
                 self._scored[key] = None
         return self._scored[key]
@@ -312,8 +312,7 @@ class _Search:
 
     def _shaped(self, model: Model, name: str, finding: Finding) -> str:
         """Say that a flexible form does better in a member's place."""
-        shape = getattr(self.problem, 'shape', None)
-        return shape(point_of(self.problem)(model), name, finding.gain) if shape else ''
+        return self.problem.shape(self.problem.point(model), name, finding.gain)
 
     def _shadowed(self, model: Model, finding: Finding) -> str:
         """Say that far more fails elsewhere than a finding explains, and nothing explains that."""
@@ -359,19 +358,18 @@ class _Search:
             if name not in k:
                 for x in k:
                     others[x] = others.get(x, 0.0) + v
-        rivals = sorted((x for x, v in others.items() if v > 0.02 * total), key=lambda x: -others[x])
+        rivals = [x for x in sorted(others, key=lambda x: -others[x]) if others[x] > 0.02 * total]
         return with_it / total, rivals[:3]
 
     def remaining(self, model: Model) -> Remaining | None:
         """Return what fails with a model; None where nothing does."""
         failed = failures(self.tests(model))
+        error = None if failed else self.error(model)
+        failed = failed or (beyond_chance(error) if error is not None else [])
         if not failed:
             return None
         place = self.place(model)
-        share = ratio = None
-        weigh = getattr(self.problem, 'materiality', None)
-        if place is not None and weigh is not None:
-            share, ratio = weigh(place.fit)
+        share, ratio = (None, None) if place is None else self.problem.materiality(place.fit)
         near = [*self.refuted.values(), *(place.candidates if place else ())]
         near = [f for f in near if f.gain > f.penalty]
         nearest = max(near, key=surplus, default=None)
@@ -416,12 +414,15 @@ def surplus(finding: Finding) -> float:
     return finding.gain - finding.penalty - rules.PRICE * finding.shapes
 
 
+def beyond_chance(error: Score) -> list[Finding]:
+    """Return what of an error on data not fitted chance does not explain, as tests that fail."""
+    return [Finding(k, 0.5 * max(v.excess, 0.0) * len(v.pull), view=k,
+                    p_value=rules.tail(v.excess, v.std), evidence='on data not fitted')
+            for k, v in ((k, error.views[k]) for k in error.failing)]
+
+
 def failures(findings: Iterable[Finding], level: float = rules.LEVEL) -> list[Finding]:
     """Return the tests that fail at a family-wise level (Holm 1979)."""
     tests = list(findings)
     values = [1.0 if f.p_value is None else f.p_value for f in tests]
     return [tests[i] for i in rules.failing(values, level)]
-
-
-def _no_advice(verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
-    return ''

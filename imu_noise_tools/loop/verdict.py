@@ -84,6 +84,11 @@ def within_chance(excess: float, std: float) -> bool:
     return bool(excess <= CHANCE * std)
 
 
+def side(within: bool, fails: bool) -> str:
+    """Say on which side of chance an error is: one true model in forty is at its edge."""
+    return 'beyond chance' if fails else 'within chance' if within else 'at the edge of chance'
+
+
 def change(before: float, after: float, fall: float, chance: bool) -> str:
     """
     Say what an error on data not fitted did.

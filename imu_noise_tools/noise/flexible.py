@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc
 
+from . import views
 from .evidence import Evidence
 from .kinds import Mean, Modulation, Response, Spectrum
 from .likelihood import Likelihood
-from . import views
 from ..loop.effect import Finding, Fit
 from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE
 

@@ -14,7 +14,6 @@ from .markup import badge, bullets, cell, escape, image, page, table
 from .pictures import pictures as drawn
 from ..core.allan import dominant_shape
 from ..loop.diagnosis import Diagnosis
-from ..loop.effect import View
 from ..loop.study import Study
 from ..noise.problem import NoiseProblem
 
@@ -131,7 +130,7 @@ def _fails(study: Study, shown) -> str:
         return ''
     out = ['<h2>Where the model fails</h2>',
            table(('', *(words.title_of(n) for n in names)),
-                 ((_bold(t), *(_excess(s.error.views.get(n)) for n in names))
+                 ((_bold(t), *(_excess(s.error, n) for n in names))
                   for t, s in study.states.items())),
            '<p class="small faint">Each number is what the model loses, per bin, against a true '
            'model on data it was not fitted to; in parentheses what chance makes of it (one '
@@ -147,10 +146,11 @@ def _fails(study: Study, shown) -> str:
     return '\n'.join(out)
 
 
-def _excess(view: View | None) -> str:
+def _excess(error, name: str) -> str:
+    view = error.views.get(name)
     if view is None:
         return ''
-    colour = 'bad' if words.beyond(view) else 'doubt' if words.beyond(view, 2) else 'good'
+    colour = 'bad' if name in error.failing else 'good'
     return f'{badge(f"{view.excess:.2g}", colour)} {badge(f"({view.std:.2g})", "faint")}'
 
 
@@ -168,9 +168,12 @@ def _diagnosis(target: str, d: Diagnosis) -> str:
             ('candidate', 'probability', 'gain, nats', 'by chance', 'it would be', 'evidence'),
             ((_bold(f.name), '' if f.probability is None else f'{f.probability:.2g}',
               f'{f.gain:.1f}', f'{f.penalty:.1f}', escape(words.parameters_of(f, target)),
-              escape(f.evidence)) for f in d.ranked)))
+              escape(f'{f.evidence}; against it: {f.against}' if f.against else f.evidence))
+             for f in d.ranked)))
     out.append(bullets(f'{escape(words.title_of(f.name))} fails its test (p = {f.p_value:.1g}): '
                        f'{escape(f.evidence)}' for f in d.failed))
+    if d.remaining is not None:
+        out.append(f'<p>{escape(words.remaining_in_words(d))}</p>')
     best = d.ranked[0].effect if d.ranked and d.verdict in ('missing', 'undecidable') else None
     if best is not None:
         out.append(f'<p>{_bold(best.name)}, {escape(best.title)}. Signature: '

@@ -65,10 +65,14 @@ def _diagnosis(d, target, verbose):
     if d is None:
         return []
     lines = [f'  diagnosis: {words.diagnosis_in_words(d)}']
-    shown = d.ranked if verbose else d.ranked[:1] if d.verdict == 'missing' else ()
+    shown = d.ranked if verbose else d.found
     for f in shown:
         said = '; '.join(s for s in (words.parameters_of(f, target), f.evidence) if s)
         lines.append(f'    {f.name}: {said}' if said else f'    {f.name}')
+        if f.against:
+            lines.append(f'      against it: {f.against}')
+    if d.remaining is not None:
+        lines.append(f'    {words.remaining_in_words(d)}')
     return lines + ([f'    advice: {d.advice}'] if d.advice else [])
 
 
