@@ -106,6 +106,8 @@ def change(before: float, after: float, fall: float, chance: bool) -> str:
     if not np.isfinite(fall):
         return 'not to be compared'
     if after > before:
+        if chance and fall > FALL:
+            return 'within chance, predicts better'
         return 'rises' if abs(fall) > FALL and not chance else 'does not fall'
     if fall > FALL:
         return 'falls to chance' if chance else 'falls'

@@ -58,7 +58,8 @@ def suspected(diagnosis: Diagnosis | None) -> str:
     if diagnosis.found:
         return diagnosis.found[0].name
     if diagnosis.verdict == 'undecidable':
-        rivals = [f.name for f in diagnosis.ranked if f.gain > f.penalty and f.probability][:2]
+        able = [f for f in diagnosis.ranked if f.gain > f.penalty and f.probability != 0]
+        rivals = [f.name for f in able[:2]]
         return ' or '.join(rivals) + '?' if rivals else ''
     return 'something unknown'
 

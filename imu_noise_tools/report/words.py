@@ -185,7 +185,7 @@ def diagnosis_in_words(d: Diagnosis) -> str:
         names = ', then '.join(dict.fromkeys(f.name for f in d.found))
         p = d.found[0].probability
         return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}')
-    rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty and f.probability)
+    rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty and f.probability != 0)
     if d.verdict == 'undecidable' and rivals:
         return f'undecidable: {rivals}'
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
