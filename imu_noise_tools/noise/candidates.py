@@ -80,7 +80,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         _view_of(effect),
         where,
         against=_at_bound(evidence, more.model[label]),
-        shapes=sum(not p.amplitude for p in effect.parameters),
+        shapes=sum(not (p.amplitude or p.discrete) for p in effect.parameters),
     )
 
 
