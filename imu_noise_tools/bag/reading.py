@@ -16,7 +16,7 @@ from .source import Bag
 from .tables import read_table, table_kind
 from .topics import choose, list_topics, TopicInfo
 from ..core.errors import UsageError
-from ..core.record import ImuRecord, Memory, regular_rate
+from ..core.record import ImuRecord, Memory
 from ..core.units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}

@@ -19,8 +19,9 @@ import numpy as np
 
 from .container import AT_LEAST, EXPANSION
 from .source import _refuse_what_cannot_be_read
+from ..core.clock import regular_rate
 from ..core.errors import InputError
-from ..core.record import AXES, ImuRecord, regular_rate
+from ..core.record import AXES, ImuRecord
 
 NPZ_ARRAYS = (
     'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'

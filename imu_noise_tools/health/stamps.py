@@ -13,6 +13,7 @@ import numpy as np
 from ..core.record import ImuRecord, Memory, regular_rate
 
 NEAR = 8                # samples on each side of a late stamp that tell a loss from a delay
+SWAPPED_S = 2.0         # messages overtake each other by no more, s
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,11 @@ def examine_stamps(record: ImuRecord) -> Stamps:
     backward = int(np.sum(step < 0))
     swapped = False
     if backward:
-        after = np.diff(np.sort(t))
-        swapped = bool(np.sum(after < 0.25 * np.median(after)) <= np.sum(step == 0))
+        order = np.argsort(t, kind='stable')
+        after = np.diff(t[order])
+        moved = np.max(np.abs(order - np.arange(len(t))))
+        close = np.sum(after < 0.25 * np.median(after)) > np.sum(step == 0)
+        swapped = bool(moved * np.median(after) < SWAPPED_S and not close)
     return Stamps(record.n - len(t), repeated, len(same) - repeated, backward, swapped)
 
 
