@@ -109,7 +109,7 @@ def stalled(t, rng, count, low, high, parse=2e-4):
 
 
 def px4(n, rate_tick=4.0e-3, every=34, more=8.0e-4):
-    """Return times of a scheduler that runs every 4 ms and slips against the sensor's interrupt."""
+    """Return times of a scheduler run every 4 ms that slips against the sensor's interrupt."""
     return np.cumsum(np.where(np.arange(n) % every == every - 1, rate_tick + more, rate_tick))
 
 
@@ -229,7 +229,6 @@ def overflow(d):
     return read_by_loop(in_order(out), 20e-3, d.rng, spread=0.05, parse=5e-5)
 
 
-NONE = {}
 PATTERNS = {
     # name: (what makes the sensor, what is lost, what makes the stamps)
     'hardware stamps': ({}, None, even),

@@ -35,6 +35,15 @@ LEVELS = 512            # of which the rate is fitted
 LONG_GAP_S = 1.0        # a gap of so long (and of ten samples) is a pause of the stream
 
 
+PATTERNS = {
+    'computed': 'calculated from a rate, not measured',
+    'even': 'even',
+    'jitter': 'put on late, by a varying delay',
+    'coarse': 'counted in ticks',
+    'bursts': 'put on when a buffer was read, in bursts',
+}
+
+
 @dataclass(frozen=True)
 class SampleClock:
     """
@@ -76,12 +85,35 @@ class SampleClock:
         """Number of samples lost."""
         return int(np.sum(self.lost))
 
+    def pauses(self) -> np.ndarray:
+        """Return the index of the last sample before each long interruption of the stream."""
+        least = max(LONG_GAP_S, 10 / self.rate_hz)
+        lost = self.gaps[self.lost / self.rate_hz > least]
+        return np.unique(np.r_[lost, self.steps[self.steps[:, 1] > least, 0]]).astype(np.int64)
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return sentences on stamps that had to be evened out."""
+        said = []
+        if self.resolvable > 1:
+            said.append(
+                f'the stamps ({PATTERNS[self.pattern]}) scatter by {1e3 * self.jitter_s:.3g} ms: '
+                f'the samples are taken as even at {self.rate_hz:.6g} Hz; fewer than '
+                f'{self.resolvable} lost in a row would not show'
+            )
+        if len(self.steps):
+            most = float(self.steps[np.argmax(np.abs(self.steps[:, 1])), 1])
+            said.append(
+                f'the stamps step {len(self.steps)} time(s) against the samples, by up to '
+                f'{most:.3g} s: their clock was set; the samples go on evenly'
+            )
+        return tuple(said)
+
     def place(self, n: int) -> np.ndarray:
         """Return the place of each of n samples on the even clock, (n,) int."""
-        out = np.arange(n)
-        for gap, lost in zip(self.gaps.tolist(), self.lost.tolist()):
-            out[gap + 1:] += lost
-        return out
+        out = np.ones(n, np.int64)
+        out[:1] = 0
+        np.add.at(out, self.gaps + 1, self.lost)
+        return np.cumsum(out, out=out)
 
 
 def median_rate(t: np.ndarray) -> float | None:
@@ -132,8 +164,8 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
         return None
     period, interval = 1 / rate, np.diff(t)
     tick = _tick(interval, period)
-    clock = _Lag(t, period).followed(tick)
-    if clock.scale > 1 or abs(clock.period / period - 1) > 1e-4:
+    clock = _Lag(t, _near(interval, period)).followed(tick)
+    if clock.scale > 1 or len(clock.gaps):
         # once more with the better period: a wrong one tilts what is compared across a step
         clock = _Lag(t, clock.period).followed(tick)
     jitter = clock.jitter()
@@ -141,6 +173,14 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
         1 / clock.period, clock.gaps, clock.lost, clock.steps, clock.resolvable, jitter, tick,
         _pattern(interval, clock.period, jitter, tick),
     )
+
+
+def _near(interval: np.ndarray, period: float) -> float:
+    """Return the mean of the intervals near a period, if most are: losses do not count in it."""
+    off = interval - period
+    usual = off[np.abs(off) < STEP * period]
+    change = float(np.mean(usual)) if len(usual) > 0.5 * len(off) else 0.0
+    return period + change if abs(change) < 0.15 * period else period
 
 
 def _pattern(interval: np.ndarray, period: float, jitter: float, tick: float) -> str:
@@ -185,11 +225,7 @@ class _Lag:
     def followed(self, tick: float) -> _Lag:
         """Find the steps and fit the period."""
         interval = np.diff(self.t)
-        off = interval - self.period
-        usual = off[np.abs(off) < STEP * self.period]
-        change = float(np.mean(usual)) if len(usual) > 0.5 * len(off) else self.period
-        if _scatter(off - change) < GOOD * self.period and abs(change) < 0.1 * self.period:
-            self.period += change
+        if _scatter(interval - self.period) < GOOD * self.period:
             self._by_sample(interval)
         else:
             self._by_level()
@@ -254,7 +290,9 @@ class _Lag:
             for low in (False, True):
                 change = np.diff(rows.min(axis=1) if low else np.median(rows, axis=1))
                 most = DRIFT * scale * self.period
-                change -= np.clip(median_filter(change, 31, mode='nearest'), -most, most)
+                # what a clock cannot do is a step or a delay, and must not look like drift
+                drift = np.where(np.abs(change) < 4 * most, change, 0.0)
+                change -= np.clip(median_filter(drift, 31, mode='nearest'), -most, most)
                 noise = _scatter(change)
                 if noise < best[0]:
                     best = noise, np.append(0.0, np.cumsum(change))
@@ -321,11 +359,13 @@ class _Lag:
 
     def _residual(self, period: float) -> np.ndarray:
         """Return the stamps less the clock, with losses and set clocks allowed for, s."""
-        out = self.t - period * np.arange(self.n)
-        for k, count in zip(self.gaps.tolist(), self.lost.tolist()):
-            out[k + 1:] -= count * period
-        for k, step in self.steps.tolist():
-            out[int(k) + 1:] -= step
+        out = np.arange(self.n) * -period
+        out += self.t
+        if len(self.gaps) or len(self.steps):
+            shift = np.zeros(self.n)
+            np.add.at(shift, self.gaps + 1, self.lost * period)
+            np.add.at(shift, self.steps[:, 0].astype(np.int64) + 1, self.steps[:, 1])
+            out -= np.cumsum(shift, out=shift)
         return out
 
     def _fitted(self) -> float:

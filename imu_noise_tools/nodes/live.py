@@ -12,6 +12,7 @@ import threading
 import numpy as np
 
 from ..core.allan import degrees_of_freedom, interval
+from ..core.clock import regular_rate
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 
