@@ -13,7 +13,6 @@ Nothing in a study names code to run: YAML is loaded safely, arrays without pick
 from __future__ import annotations
 
 from collections.abc import Mapping
-import importlib
 import io
 import math
 from pathlib import Path
@@ -27,17 +26,12 @@ from .core import units
 from .core.errors import ImuNoiseError, InputError
 from .core.files import plain_yaml
 from .loop.diagnosis import Diagnosis
+from .loop.domains import DOMAINS, package
 from .loop.effect import Estimate, find_effect, Finding, Model
 from .loop.study import assess, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
-# Where the problems of a domain are made from the arrays of evidence.npz, and back.
-_PROBLEMS = {
-    'noise': 'imu_noise_tools.noise.problem',
-    'calibration': 'imu_noise_tools.calibration.problem',
-    'filter': 'imu_noise_tools.filter.problem',
-}
 _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': _NUMBER, 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
 _SHAPE = {
@@ -302,10 +296,10 @@ def _diagnosis_of(domain, d) -> Diagnosis:
 
 def study_files(study: Study) -> dict[str, bytes | str]:
     """Return study.yaml and evidence.npz as {name: content}."""
-    module = importlib.import_module(_PROBLEMS[study.domain])
+    face = package(study.domain)
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, **module.arrays_of({t: s.problem for t, s in study.states.items()})
+        buffer, **face.arrays_of({t: s.problem for t, s in study.states.items()})
     )
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
@@ -322,7 +316,7 @@ def read(folder) -> dict:
     if (
         not isinstance(data, dict)
         or data.get('format') != FORMAT
-        or str(data.get('domain')) not in _PROBLEMS
+        or str(data.get('domain')) not in DOMAINS
     ):
         raise InputError(
             f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force'
@@ -378,7 +372,7 @@ def load(folder, intervals: bool = True) -> Study:
     data = read(folder)
     arrays = load_arrays(Path(folder) / 'evidence.npz')
     try:
-        problems = importlib.import_module(_PROBLEMS[data['domain']]).problems(arrays)
+        problems = package(data['domain']).problems(arrays)
         states = {}
         for target, entry in data['targets'].items():
             model = Model(

@@ -19,10 +19,11 @@ import importlib.util
 from pathlib import Path
 import re
 from types import MappingProxyType
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
+from .domains import DOMAINS, package
 from ..core.errors import InputError, UsageError
 
 _REGISTRY: dict[str, dict[str, type[Effect]]] = {}
@@ -267,7 +268,14 @@ def unfitted(model: Model) -> Model:
 
 
 def registry(domain: str) -> Mapping[str, type[Effect]]:
-    """Return the effects of a domain by name, in the order in which they registered."""
+    """
+    Return the effects of a domain by name, in the order in which they registered.
+
+    The domain's package is loaded on first use, so its own effects are always among them.
+
+    """
+    if domain in DOMAINS:
+        package(domain)
     return MappingProxyType(_REGISTRY.get(domain, {}))
 
 
@@ -312,7 +320,8 @@ def load_effects(path) -> list[str]:
         raise InputError(
             f'{path}: no such file', '--effects-from takes a Python file that defines effects'
         )
-    before = {(d, n) for d, known in _REGISTRY.items() for n in known}
+    for domain in DOMAINS:  # so that a name that is taken is seen
+        package(domain)
     spec = importlib.util.spec_from_file_location(f'imu_noise_user_{path.stem}', path)
     module = importlib.util.module_from_spec(spec)
     try:
@@ -321,15 +330,14 @@ def load_effects(path) -> list[str]:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f'{path}: {type(error).__name__}: {error}', 'mend the file') from error
-    new = [n for d, known in _REGISTRY.items() for n in known if (d, n) not in before]
-    again = [
+    found = [
         n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
     ]
-    if not (new or again):
+    if not found:
         raise InputError(
             f'{path}: defines no effect', 'derive a class from an effect kind and give it a name'
         )
-    return new or again
+    return found
 
 
 @dataclass(frozen=True)
@@ -458,32 +466,3 @@ class Finding:
     evidence: str = ''
     probability: float | None = None
     p_value: float | None = None
-
-
-class Problem(Protocol):
-    """
-    All that the loop knows of a problem: one target of one domain.
-
-    It may have more, which the loop uses where it is there: ``point`` (a fit without intervals),
-    ``held_out`` (the error in closed form), ``advice``, ``summary``, and ``looks_again`` (false
-    where candidates cost too much to be looked for once more beside each of them).
-
-    """
-
-    domain: str
-    target: str
-
-    def split(self) -> list[tuple[Problem, Problem]]:
-        """Return pairs (to fit, to score) that share no data."""
-
-    def fit(self, model: Model) -> Fit:
-        """Fit a model."""
-
-    def score(self, fit: Fit) -> Score:
-        """Score a fit made elsewhere on this data."""
-
-    def omnibus(self, fit: Fit) -> list[Finding]:
-        """Return tests that fail when anything at all is missing, each with its p-value."""
-
-    def candidates(self, fit: Fit) -> list[Finding]:
-        """Return what could be added to the model, best gain first."""

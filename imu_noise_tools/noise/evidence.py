@@ -18,7 +18,6 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from . import effects as _effects  # noqa: F401  (registers them)
 from .kinds import Defect, Line
 from ..core import allan
 from ..core.record import sensor_of

@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from scipy.fft import idct
 
-from ..core.spectrum import quadrature_avar
+from ..core.spectrum import bins_of, expected, quadrature_avar
 from ..loop.effect import Effect, Fit, Model, Parameter
 
 __all__ = [
@@ -160,10 +161,6 @@ class Spectrum(NoiseEffect):
         It is exact in power, stationary but for the record's ends.
 
         """
-        from scipy.fft import idct
-
-        from ..core.spectrum import bins_of, expected
-
         n, dt = len(x), inputs.dt
         k = np.arange(1, n)
         s = self.psd(k / (2 * n * dt), dt)
