@@ -95,7 +95,8 @@ def _unlikely(fit: Fit) -> float:
 
 def _refitted(evidence, fit, effect):
     model = Model((*unfitted(fit.model), effect))
-    return fit_part(evidence, model, intervals=False, start=fit.model)
+    return fit_part(
+        evidence, model, intervals=False, start=fit.model, hint=fit.details.hint)
 
 
 def _line(evidence, fit, effect):

@@ -60,7 +60,7 @@ class Explained:
     Parameters
     ----------
     f : ndarray (b,)
-        Centres of the bins that it was chosen on, Hz.
+        Centres of the bins that it was chosen on, Hz; empty where every bin counts.
     weight : ndarray (b,)
         What a bin counts, 0 ... 1: 0 is set aside, less than 1 agrees only nearly.
     order : int
@@ -82,6 +82,8 @@ class Explained:
 
     def on(self, bins: Bins) -> np.ndarray:
         """Return the weights (b,) on the bins of another part of the same record."""
+        if not len(self.f):
+            return np.ones(len(bins.f))
         if len(bins.f) == len(self.f) and np.array_equal(bins.f, self.f):
             return self.weight
         middle = np.sqrt(self.f[1:] * self.f[:-1])

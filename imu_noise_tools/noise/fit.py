@@ -62,9 +62,10 @@ class Details:
     explained: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     set_aside: tuple[SetAside, ...] = ()
 
-    def __getitem__(self, name: str):
-        """Return a field by its name."""
-        return getattr(self, name)
+    @property
+    def hint(self) -> Explained:
+        """What a similar model's fit may rest on, to begin with."""
+        return self.basis or Explained(np.ones(0), np.ones(len(self.v)))
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,7 @@ def fit(
     cautious: bool | None = None,
     start: Model | None = None,
     basis: Explained | None = None,
+    hint: Explained | None = None,
     robust: bool = True,
 ) -> Fit:
     """
@@ -146,6 +148,9 @@ def fit(
         A model whose values to start from first (the fit of a smaller model, say).
     basis : Explained or None
         What the fit rests on; None: chosen, or that of ``mean``.
+    hint : Explained or None
+        What the fit of a similar model rests on: bands are then chosen from there and from the
+        plain fit only, which takes a fraction of the time.
     robust : bool
         Whether to choose what the fit rests on; else it rests on every bin.
 
@@ -169,7 +174,7 @@ def fit(
             'remove an effect, or look at the data',
         )
     if robust and basis is None and mean is None:
-        found = _resting_on_what_it_explains(search, found)
+        found = _resting_on_what_it_explains(search, found, hint)
     return _fit_of(found, measured, flags, intervals)
 
 
@@ -239,7 +244,7 @@ def _in_words(aside) -> list[str]:
     ]
 
 
-def _resting_on_what_it_explains(search: _Search, plain: _Found) -> _Found:
+def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained | None) -> _Found:
     """
     Return the fit made again on the bands that a fit explains; the same where none disagrees.
 
@@ -247,31 +252,37 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found) -> _Found:
     with all; of where that ends, what explains most bands holds.
 
     """
-    likelihood, thorough, search = plain.likelihood, search, replace(search, cautious=False)
-    bands = Bands.on(likelihood.bins)
+    thorough, search = search, replace(search, cautious=False)
+    bands = Bands.on(plain.likelihood.bins)
     now = _judged(bands, plain)
     if now.kept.all() and not _lacks(plain):
         return plain
-    f = likelihood.bins.f
     best: tuple[_Found, float] | None = None
-    span = np.log(f / f[0]) / np.log(f[-1] / f[0])
-    for share in _SPANS:
-        begin = (span <= share).astype(float)
-        if share == 1:
-            begin = begin * (np.abs(gamma_pull(*_ratio(plain))) < FAR)
-        ended = _settled(search, bands, plain, begin, 0)
+    for begin, order in _beginnings(plain, now, hint):
+        ended = _settled(search, bands, plain, begin, order)
         if ended is not None and (best is None or ended[1] > best[1] + 1e-6):
             best = ended
     if best is None:
         return plain
     kept = best[0].likelihood.explained.weight
-    upward = np.where(np.arange(len(f)) > np.flatnonzero(kept)[-1], 1.0, kept)
-    for order in range(1, _ORDERS + 1):
+    upward = np.where(np.arange(len(kept)) > np.flatnonzero(kept)[-1], 1.0, kept)
+    for order in range(1, _ORDERS + 1) if hint is None else ():
         for begin in (kept, upward):
             ended = _settled(search, bands, best[0], begin, order)
             if ended is not None and ended[1] > best[1] + 1e-6:
                 best = ended
     return thorough.from_point(best[0].likelihood, best[0].x)
+
+
+def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
+    """Return (weight (b,), order of the open response) of which bands to begin with."""
+    if hint is not None:
+        return [(now.weight, 0), (hint.weight, hint.order)]
+    f = plain.likelihood.bins.f
+    span = np.log(f / f[0]) / np.log(f[-1] / f[0])
+    near = np.abs(gamma_pull(*_ratio(plain))) < FAR
+    return [(np.where(span <= share, 1.0, 0.0) * (near if share == 1 else 1), 0)
+            for share in _SPANS]
 
 
 def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
