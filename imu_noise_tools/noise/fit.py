@@ -62,6 +62,10 @@ class Details:
     explained: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     set_aside: tuple[SetAside, ...] = ()
 
+    def __getitem__(self, name: str):
+        """Return a field by its name."""
+        return getattr(self, name)
+
     @property
     def hint(self) -> Explained:
         """What a similar model's fit may rest on, to begin with."""
