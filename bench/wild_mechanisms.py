@@ -1,43 +1,48 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 """
-Imperfect IMU records made from the physics, to judge the loop with: it shares no code with the package.
+Imperfect IMU records made from the physics, to judge the loop with.
 
-A record is *planned* (a sensor grade, a rate, a duration, hidden effects with their parameters) from
-one seed and then *realised* (noise drawn).  ``second`` realises the same plan once more with new noise.
-All effects are mechanisms in the time domain: traps that relax, telegraphs with exponential dwells,
-resonators driven by noise, filters run over samples, counts that are rounded.  Paths which belong to
-the plan (temperature, knocks, steps, stretches of a motor, a chaotic sway) stay the same in ``second``.
+It shares no code with the package.  A record is *planned* (a sensor grade, a rate, a duration, hidden effects with their parameters)
+from one seed and then *realised* (noise drawn).  ``second`` realises the same plan once more with
+new noise. All effects are mechanisms in the time domain: traps that relax, telegraphs with
+exponential dwells, resonators driven by noise, filters run over samples, counts that are rounded.
+Paths which belong to the plan (temperature, knocks, steps, stretches of a motor, a chaotic sway)
+stay the same in ``second``.
 
-The truth of a record says for each hidden effect its name in the library (``outside: ...`` where there
-is none), form, parameters, axes, the names that are accepted, and for each axis
+The truth of a record says for each hidden effect its name in the library (``outside: ...`` where
+there is none), form, parameters, axes, the names that are accepted, and for each axis
 
 * ``strength``: the largest ratio of Allan deviations effect/base over tau <= T/10, or
   ``|var_with/var_base - 1|**0.5`` for an effect that does not add (DESIGN, section 7);
-* ``clear``: the expected log-likelihood gain, in nats, of a perfect method told the true model over the
-  base model (white, flicker, random walk) refitted, all *other* hidden effects taken as known:
+* ``clear``: the expected log-likelihood gain, in nats, of a perfect method told the true model
+  over the base model (white, flicker, random walk) refitted, all *other* hidden effects taken as
+  known:
 
-  - spectra (narrowband, gauss_markov, low_pass, angle quantization, flicker or random walk missing,
-    power laws ...): sum over the n - 1 ordinates of the cosine transform, f = k/(2T), of
-    1/2 (E/S_fit - 1 - ln(S_true/S_fit)) with E = S_true and S_fit the base refitted by minimising it;
-    for noise gated on and off S_true is its mean spectrum, so that the number is a lower bound;
-  - means (lines, steps, ramps, temperature, knocks, chirps ...): the same sum with S_true the noise
-    alone and E = S_true + M_k^2, M_k the transform of the mean: half the generalised least squares
-    chi-square (kept as ``chi2_half``), less what the refitted base swallows;
-  - shared_noise and accel_coupling: the same with E the whole spectrum of the axis and S_true what is
-    left of it when the other axes (or the accelerometer, with its own noise) are known;
+  - spectra (narrowband, gauss_markov, low_pass, angle quantization, flicker or random walk
+    missing, power laws ...): sum over the n - 1 ordinates of the cosine transform, f = k/(2T), of
+    1/2 (E/S_fit - 1 - ln(S_true/S_fit)) with E = S_true and S_fit the base refitted by minimising
+    it; for noise gated on and off S_true is its mean spectrum, so that the number is a lower
+    bound;
+  - means (lines, steps, ramps, temperature, knocks, chirps ...): the same sum with S_true the
+    noise alone and E = S_true + M_k^2, M_k the transform of the mean: half the generalised least
+    squares chi-square (kept as ``chi2_half``), less what the refitted base swallows;
+  - shared_noise and accel_coupling: the same with E the whole spectrum of the axis and S_true
+    what is left of it when the other axes (or the accelerometer, with its own noise) are known;
   - variance in time: 1/2 sum ln(mean v / v_i), v_i the innovation variance;
-  - rts: the larger of its spectrum's gain and that of its path (as a mean), less
-    1 + ln(dwell / time resolution) nats for each switch that has to be found;
-  - spikes: n times the Kullback-Leibler distance of the true amplitude distribution of the whitened
-    samples from the Gaussian of the same variance (bursts are counted as if isolated: a lower bound);
-  - duplicates: n times the binary distance between the share of equal neighbours and that which the
-    resolution makes by chance;
+  - rts: the larger of its spectrum's gain and that of its path (as a mean), less 1 + ln(dwell /
+    time resolution) nats for each switch that has to be found;
+  - spikes: n times the Kullback-Leibler distance of the true amplitude distribution of the
+    whitened samples from the Gaussian of the same variance (bursts are counted as if isolated: a
+    lower bound);
+  - duplicates: n times the binary distance between the share of equal neighbours and that which
+    the resolution makes by chance;
   - rate_quantization: n ln(step / (sigma/50)): the lattice against an output fine enough.
 
-``bar`` is what ``clear`` has to reach for the verdict to be asked: 36 nats where flicker or random_walk
-can imitate the effect, else 18.  For what lies outside, ``distinct`` is the distance in nats to the nearest
-of a few simple library forms (ramp, transient, step, slow sine; Gauss-Markov, angle quantization).
+``bar`` is what ``clear`` has to reach for the verdict to be asked: 36 nats where flicker or
+random_walk can imitate the effect, else 18.  For what lies outside, ``distinct`` is the distance
+in nats to the nearest of a few simple library forms (ramp, transient, step, slow sine;
+Gauss-Markov, angle quantization).
 
 ``python3 bench/wild_mechanisms.py`` checks the generator against closed forms (about a minute).
 """
@@ -55,7 +60,8 @@ UG = 1e-6 * GRAVITY
 AXES = ('gyro_x', 'gyro_y', 'gyro_z')
 BASE = ('white', 'flicker', 'random_walk')
 
-# Gyro N in deg/s/sqrt(Hz), gyro B in deg/h, gyro bias in deg/s; accelerometer N in ug/sqrt(Hz), B in ug.
+# Gyro N in deg/s/sqrt(Hz), gyro B in deg/h, gyro bias in deg/s; accelerometer N in ug/sqrt(Hz), B
+# in ug.
 GRADES = {
     'consumer': ((4e-3, 2e-2), (4., 25.), 1.0, (100., 400.), (20., 100.)),
     'industrial': ((1.5e-3, 6e-3), (1.5, 8.), 0.2, (30., 120.), (8., 40.)),
@@ -63,17 +69,20 @@ GRADES = {
     'fibre': ((2e-5, 3e-4), (0.01, 0.2), 4e-3, (3., 20.), (1., 8.)),
     'laser': ((8e-6, 4e-5), (0.002, 0.02), 4e-3, (2., 10.), (0.5, 3.)),
 }
-IMITABLE = {'ramp', 'transient', 'temperature', 'slow_periodic', 'gauss_markov', 'rts', 'step', 'flicker',
+IMITABLE = {'ramp', 'transient', 'temperature', 'slow_periodic', 'gauss_markov', 'rts', 'step',
+            'flicker',
             'random_walk'}
 # At most one effect of each of these families is hidden in one record.
 FAMILIES = ({'low_pass'}, {'duplicates', 'rate_quantization', 'quantization'},
-            {'gauss_markov', 'rts', 'flicker', 'random_walk'}, {'ramp', 'transient', 'slow_periodic'},
+            {'gauss_markov', 'rts', 'flicker', 'random_walk'},
+            {'ramp', 'transient', 'slow_periodic'},
             {'shared_noise', 'accel_coupling'}, {'spikes', 'shock'})
 
 
 def _rng(*key):
     """Return a generator for a key of numbers and words."""
-    return np.random.default_rng([zlib.crc32(k.encode()) if isinstance(k, str) else int(k) for k in key])
+    return np.random.default_rng([zlib.crc32(k.encode()) if isinstance(k, str) else int(k)
+                                  for k in key])
 
 
 def _between(rng, low, high):
@@ -86,8 +95,9 @@ class Hidden:
     """
     One hidden mechanism: how it enters, its unit spectrum or mean, and what may be called right.
 
-    ``how`` is mean, noise, filter, level, shared, coupled, base (a part of the base not fitted), spikes,
-    angle, lattice or hold.  Effects that add enter axis i as ``size * gains[i]`` times the unit one.
+    ``how`` is mean, noise, filter, level, shared, coupled, base (a part of the base not fitted),
+    spikes, angle, lattice or hold.  Effects that add enter axis i as ``size * gains[i]`` times the
+    unit one.
     """
 
     name: str
@@ -157,7 +167,8 @@ class Bed:
         for out, (white, flick) in ((self.base, (n0, b0)), (self.accel_base, (a0, c0))):
             for _ in range(3):
                 b = flick * _between(rng, .8, 1.25)
-                knee = _between(rng, 300, 20000)       # where the random walk passes the flicker floor
+                # Where the random walk passes the flicker floor.
+                knee = _between(rng, 300, 20000)
                 out.append([white * _between(rng, .85, 1.18), b,
                             np.sqrt(3 / knee * 2 * np.log(2) / np.pi) * b])
         self.fit = [0, 1, 2]
@@ -183,10 +194,11 @@ class Bed:
         return np.add.reduceat(x, self.edges) / self.counts
 
     def allan_base(self, axis):
-        """Return the base Allan variance at ``steps`` (the sampled forms; flicker's for large m)."""
+        """Return the base Allan variance at ``steps`` (sampled; flicker's for large m)."""
         n, b, k = self.base[axis]
         tau = self.steps * self.dt
-        return n ** 2 / tau + 2 * np.log(2) / np.pi * b ** 2 + k ** 2 * tau / 3 * (1 + .5 / self.steps ** 2)
+        walk = k ** 2 * tau / 3 * (1 + .5 / self.steps ** 2)
+        return n ** 2 / tau + 2 * np.log(2) / np.pi * b ** 2 + walk
 
     def allan_of_psd(self, psd):
         """Return the Allan variance of block means that a two-sided spectrum makes."""
@@ -223,13 +235,14 @@ def flicker(rng, n, fs, b, traps=False):
         for rate in rates:
             phi = np.exp(-rate / fs)
             e = rng.standard_normal(n)
-            x += signal.lfilter([np.sqrt(1 - phi * phi)], [1, -phi], e, zi=[phi * rng.standard_normal()])[0]
+            x += signal.lfilter([np.sqrt(1 - phi * phi)], [1, -phi], e,
+                                zi=[phi * rng.standard_normal()])[0]
         return x * b * np.sqrt(.75 / np.pi)
     return _shaped(rng, n, lambda w: b * np.sqrt(1 / (2 * np.sin(w / 2))))
 
 
 def _shaped(rng, n, gain):
-    """Draw noise of the amplitude gain(w) (w in rad/sample, unit: a white sample) as a cut from 4n."""
+    """Draw noise of the amplitude gain(w), w in rad/sample, as a cut from 4n samples."""
     m = fft.next_fast_len(4 * n, real=True)
     spectrum = fft.rfft(rng.standard_normal(m))
     spectrum[0] = 0
@@ -291,7 +304,7 @@ def telegraph(rng, time, dwell_high, dwell_low):
 # ---------------------------------------------------------------- how clear an effect is
 
 def refit(bed, wanted, fixed, columns):
-    """Return the nonnegative squares of N, B, K that minimise sum(E/S + ln S)/2; all binned inputs."""
+    """Return the squares of N, B, K >= 0 that minimise sum(E/S + ln S)/2; inputs are binned."""
     columns = np.asarray(columns)
     scale = np.array([np.quantile(wanted / c, .3) for c in columns])
     scaled = columns * scale[:, None]
@@ -310,8 +323,10 @@ def refit(bed, wanted, fixed, columns):
             # Multiplicative steps never raise the cost, whatever the start; then the quick search.
             e = np.exp(u0)
             s = fixed + e @ scaled
-            u0 += .5 * np.log((scaled @ (bed.counts * wanted / s ** 2)) / (scaled @ (bed.counts / s)))
-        got = optimize.minimize(cost, u0, jac=True, method='L-BFGS-B', bounds=[(-30, 15)] * len(u0),
+            u0 += .5 * np.log((scaled @ (bed.counts * wanted / s ** 2))
+                              / (scaled @ (bed.counts / s)))
+        got = optimize.minimize(cost, u0, jac=True, method='L-BFGS-B',
+                                bounds=[(-30, 15)] * len(u0),
                                 options={'maxiter': 300, 'ftol': 1e-13, 'gtol': 1e-9})
         if best is None or got.fun < best.fun:
             best = got
@@ -322,8 +337,8 @@ def gain_nats(bed, wanted, true, fixed, response, fit, coarse=False, more=()):
     """
     Return the expected gain of the true model over the base refitted.
 
-    ``wanted`` is the expected power of each ordinate, ``true`` the spectrum the true model gives the
-    noise, ``fixed`` what else is known to add, ``response`` the known filter in front of the base.
+    ``wanted`` is the expected power of each ordinate, ``true`` the spectrum the true model gives
+    the noise, ``fixed`` what else is known to add, ``response`` the known filter after the base.
     """
     columns = [bed.columns[i] * response for i in fit] + list(more)
     small = np.array([bed.binned(c) for c in columns])
@@ -355,7 +370,8 @@ def rival_gaps(bed, mean, noise):
 
     out = {'ramp': left(t[None])}
     out['transient'] = min(left(np.exp(-t / c)[None]) for c in np.geomspace(.01, 3, 24))
-    out['slow_periodic'] = min(left(np.array([np.sin(2 * np.pi * t / p), np.cos(2 * np.pi * t / p)]))
+    out['slow_periodic'] = min(left(np.array([np.sin(2 * np.pi * t / p),
+                                              np.cos(2 * np.pi * t / p)]))
                                for p in np.geomspace(.1, 2, 60))
     out['step'] = min(left((t > c).astype(float)[None]) for c in np.linspace(.02, .98, 97))
     return out
@@ -367,7 +383,8 @@ def _spread(rng, chance=.4):
     """Return gains of the three axes: x alone, or all of them, unlike."""
     if rng.random() > chance:
         return np.array([1.0, 0.0, 0.0])
-    return np.array([1.0, *(rng.choice([-1, 1], 2) * np.exp(rng.uniform(np.log(.3), np.log(2), 2)))])
+    return np.array([1.0,
+                     *(rng.choice([-1, 1], 2) * np.exp(rng.uniform(np.log(.3), np.log(2), 2)))])
 
 
 def _form(rng, form, forms):
@@ -376,31 +393,35 @@ def _form(rng, form, forms):
 
 
 def make_sinusoid(rng, bed, form=None, low=20.0):
-    """A steady line: supply hum, a coil, a crystal's beat."""
+    """Make a steady line: supply hum, a coil, a crystal's beat."""
     f0, phase = _between(rng, low / bed.span, .48 * bed.fs), rng.uniform(0, 2 * np.pi)
-    hidden = Hidden('sinusoid', 'steady', 'mean', {'frequency': f0, 'phase': phase}, gains=_spread(rng, .3),
+    hidden = Hidden('sinusoid', 'steady', 'mean', {'frequency': f0, 'phase': phase},
+                    gains=_spread(rng, .3),
                     mean=np.cos(2 * np.pi * f0 * bed.time + phase))
     if hidden.gains[1]:
-        # One source seen on several axes is a shared disturbance as well as a line: both words are true.
+        # One source seen on several axes is a shared disturbance as well as a line: both words are
+        # true.
         hidden.accept.add('shared_noise')
     return hidden
 
 
 def make_slow_periodic(rng, bed, form=None):
-    """Air conditioning: a mean of half a cycle to eight cycles, sine or skewed."""
+    """Make air conditioning: a mean of half a cycle to eight cycles, sine or skewed."""
     form = _form(rng, form, ['sine', 'skewed'])
     period, phase = _between(rng, bed.span / 8, 2 * bed.span), rng.uniform(0, 2 * np.pi)
     angle = 2 * np.pi * bed.time / period + phase
-    hidden = Hidden('slow_periodic', form, 'mean', {'period': period, 'phase': phase}, gains=_spread(rng),
+    hidden = Hidden('slow_periodic', form, 'mean', {'period': period, 'phase': phase},
+                    gains=_spread(rng),
                     mean=np.cos(angle + (.5 * np.sin(angle) if form == 'skewed' else 0)),
                     rivals=('ramp', 'transient'))
     if form == 'sine':
-        hidden.accept.add('sinusoid')      # the same equation; only the count of cycles divides the names
+        # The same equation; only the count of cycles divides the names.
+        hidden.accept.add('sinusoid')
     return hidden
 
 
 def make_harmonics(rng, bed, form=None):
-    """An engine or fan: some of the orders 1 to 8 of one speed, at times folded about Nyquist."""
+    """Make an engine or fan: some of the orders 1 to 8 of one speed, at times folded about Nyquist."""
     form = _form(rng, form, ['engine', 'engine', 'aliased'])
     top = .12 if form == 'engine' else .4
     f0 = rng.uniform(.3, 1) * min(top * bed.fs, 90.0)
@@ -427,22 +448,23 @@ def _stretches(rng, bed, count):
     """Return an on/off gate of a machine that runs now and then, on for a fifth to four fifths."""
     while True:
         marks = np.sort(rng.uniform(0, bed.span, 2 * count))
-        if np.diff(marks).min() > bed.span / (12 * count) and .2 < np.diff(marks)[::2].sum() / bed.span < .8:
+        duty = np.diff(marks)[::2].sum() / bed.span
+        if np.diff(marks).min() > bed.span / (12 * count) and .2 < duty < .8:
             return (np.searchsorted(marks, bed.time) % 2).astype(float), marks
 
 
 def make_narrowband(rng, bed, form=None):
-    """A resonance excited by noise or a motor whose speed wanders, steady or on and off."""
-    form = _form(rng, form, ['resonance', 'resonance', 'resonance on_off', 'motor', 'motor on_off'])
+    """Make a resonance excited by noise or a motor whose speed wanders, steady or on and off."""
+    form = _form(rng, form,
+                 ['resonance', 'resonance', 'resonance on_off', 'motor', 'motor on_off'])
     params, gate = {}, None
     if 'on_off' in form:
         gate, marks = _stretches(rng, bed, int(rng.integers(1, 5)))
         params['marks'] = marks.tolist()
     duty = 1.0 if gate is None else gate.mean()
     if form.startswith('resonance'):
-        q = _between(rng, 5, 3000)
-        f0 = _between(rng, max(.01 * bed.fs, 10 * q / bed.span, .2), .45 * bed.fs)
-        q = min(q, f0 * bed.span / 5)
+        q = _between(rng, 5, min(3000, .06 * bed.n))
+        f0 = _between(rng, max(.01 * bed.fs, 2.5 * q / bed.span, .2), .45 * bed.fs)
         res = Resonator(f0, q, bed.fs, rng.random() < .5)
         params.update(frequency=f0, q=q, width=f0 / q, velocity=res.velocity)
         psd = res.psd(bed.f) * duty
@@ -466,9 +488,11 @@ def make_narrowband(rng, bed, form=None):
             x = np.sqrt(2) * np.cos(2 * np.pi * np.cumsum(f0 + sd * speed) / bed.fs
                                     + rng.uniform(0, 2 * np.pi))
             return x if gate is None else x * gate
-    hidden = Hidden('narrowband', form, 'noise', params, psd=psd, draw=draw, gains=_spread(rng, .2))
+    hidden = Hidden('narrowband', form, 'noise', params, psd=psd, draw=draw,
+                    gains=_spread(rng, .2))
     if gate is not None:
-        # A line that is on and off is narrowband and is a change of variance in time: both are true.
+        # A line that is on and off is narrowband and is a change of variance in time: both are
+        # true.
         hidden.accept.add('variance_change')
     elif 'q' in params and params['width'] * bed.span < 3:
         hidden.accept.add('sinusoid')      # narrower than the record resolves
@@ -476,7 +500,7 @@ def make_narrowband(rng, bed, form=None):
 
 
 def make_low_pass(rng, bed, form=None):
-    """The bandwidth of the sensor, of five kinds."""
+    """Make the bandwidth of the sensor, of five kinds."""
     form = _form(rng, form, ['first', 'second', 'average', 'folded', 'notch'])
     z = np.exp(-2j * np.pi * bed.f / bed.fs)
     extra, params = {}, {}
@@ -512,11 +536,12 @@ def make_low_pass(rng, bed, form=None):
     extra['response'] = h2
     # The electronics behind the filter hiss a little: no null of a spectrum is empty.
     params['pedestal'] = extra['pedestal'] = _between(rng, .02, .12)
-    return Hidden('low_pass', form, 'filter', {'cutoff': fc, **params}, extra=extra, gains=_spread(rng, 1))
+    return Hidden('low_pass', form, 'filter', {'cutoff': fc, **params}, extra=extra,
+                  gains=_spread(rng, 1))
 
 
 def make_spikes(rng, bed, form=None):
-    """Outliers: alone, in bursts, or as Student's t tails of the noise itself."""
+    """Make outliers: alone, in bursts, or as Student's t tails of the noise itself."""
     form = _form(rng, form, ['isolated', 'bursts', 'student'])
     if form == 'student':
         params = {'nu': float(rng.uniform(3, 8))}
@@ -529,7 +554,7 @@ def make_spikes(rng, bed, form=None):
 
 
 def make_shock(rng, bed, form=None):
-    """A few knocks, each ringing down, seen by all axes and the accelerometer."""
+    """Make a few knocks, each ringing down, seen by all axes and the accelerometer."""
     count = int(rng.integers(1, 7))
     times = np.sort(rng.uniform(.02, .98, count)) * bed.span
     decay = max(_between(rng, .03, .6), 4 * bed.dt)
@@ -538,13 +563,15 @@ def make_shock(rng, bed, form=None):
     for at in times:
         i = int(at * bed.fs)
         t = np.arange(min(bed.n - i, int(12 * decay * bed.fs))) * bed.dt
-        mean[i:i + len(t)] += _between(rng, .5, 2) * np.exp(-t / decay) * np.cos(2 * np.pi * ring * t)
+        size = _between(rng, .5, 2)
+        mean[i:i + len(t)] += size * np.exp(-t / decay) * np.cos(2 * np.pi * ring * t)
     return Hidden('shock', 'one' if count == 1 else 'several', 'mean',
-                  {'times': times.tolist(), 'decay': decay, 'ring': ring}, mean=mean, gains=_spread(rng, 1))
+                  {'times': times.tolist(), 'decay': decay, 'ring': ring}, mean=mean,
+                  gains=_spread(rng, 1))
 
 
 def make_step(rng, bed, form=None):
-    """A bias that jumps: once, several times up and down, or there and back."""
+    """Make a bias that jumps: once, several times up and down, or there and back."""
     form = _form(rng, form, ['one', 'several', 'pulse'])
     count = {'one': 1, 'several': int(rng.integers(3, 5)), 'pulse': 2}[form]
     while True:
@@ -555,12 +582,13 @@ def make_step(rng, bed, form=None):
     if form == 'pulse':
         sizes = np.array([1.0, -1.0])
     mean = np.concatenate([[0], np.cumsum(sizes)])[np.searchsorted(times, bed.time)]
-    return Hidden('step', form, 'mean', {'times': times.tolist(), 'sizes': sizes.tolist()}, mean=mean,
+    return Hidden('step', form, 'mean', {'times': times.tolist(), 'sizes': sizes.tolist()},
+                  mean=mean,
                   gains=_spread(rng))
 
 
 def make_variance_change(rng, bed, form=None):
-    """White noise whose level steps, drifts, beats, or is higher while something runs."""
+    """Make white noise whose level steps, drifts, beats, or is higher while something runs."""
     form = _form(rng, form, ['step', 'drift', 'periodic', 'on_off'])
     factor = 1 + _between(rng, .03, 1.5)
     u = bed.time / bed.span
@@ -585,7 +613,7 @@ def make_variance_change(rng, bed, form=None):
 
 
 def temperature_course(rng, bed):
-    """Return coarse times and the sensor's temperature: weather, warm-up, and a heater with hysteresis."""
+    """Return coarse times and a temperature: weather, warm-up, a heater with hysteresis."""
     m = 4000
     t = np.linspace(-.3, 1, m) * bed.span
     step = t[1] - t[0]
@@ -620,7 +648,7 @@ def thermometer(rng, bed, t, course, swing):
 
 
 def make_temperature(rng, bed, form=None):
-    """A bias that follows the temperature: straight, curved, or late."""
+    """Make a bias that follows the temperature: straight, curved, or late."""
     form = _form(rng, form, ['linear', 'quadratic', 'cubic', 'lagged'])
     t, course = temperature_course(rng, bed)
     swing = _between(rng, 1, 20)
@@ -635,37 +663,39 @@ def make_temperature(rng, bed, form=None):
         mean = mean + rng.choice([-1, 1]) * rng.uniform(.6, 2) * mean ** 2
     elif form == 'cubic':
         v = 2 * mean - 1
-        mean = rng.uniform(-1, 1) * v + rng.uniform(-1, 1) * v ** 2 + rng.choice([-1, 1]) * 1.5 * v ** 3
+        first, second_, sign = rng.uniform(-1, 1), rng.uniform(-1, 1), rng.choice([-1, 1])
+        mean = first * v + second_ * v ** 2 + sign * 1.5 * v ** 3
     return Hidden('temperature', form, 'mean', params, mean=mean, gains=_spread(rng, 1),
                   extra={'temperature': thermometer(rng, bed, t, course, swing)})
 
 
 def make_ramp(rng, bed, form=None):
-    """A bias that grows with time."""
+    """Make a bias that grows with time."""
     return Hidden('ramp', 'linear', 'mean', {}, mean=bed.time / bed.span, gains=_spread(rng, .7))
 
 
 def make_transient(rng, bed, form=None):
-    """A warm-up that relaxes exponentially."""
+    """Make a warm-up that relaxes exponentially."""
     tc = bed.span * _between(rng, .03, .5)
     return Hidden('transient', 'exponential', 'mean', {'tc': tc}, mean=np.exp(-bed.time / tc),
                   gains=_spread(rng, .7), rivals=('ramp',))
 
 
 def make_gauss_markov(rng, bed, form=None):
-    """A first-order relaxation driven by noise."""
+    """Make a first-order relaxation driven by noise."""
     tc = _between(rng, 4 * bed.dt, bed.span / 10)
     phi = np.exp(-bed.dt / tc)
 
     def draw(rng, n):
         e = rng.standard_normal(n) * np.sqrt(1 - phi * phi)
         return signal.lfilter([1], [1, -phi], e, zi=[phi * rng.standard_normal()])[0]
-    return Hidden('gauss_markov', 'first order', 'noise', {'tc': tc}, psd=relaxation_psd(bed.f, bed.fs, tc),
+    return Hidden('gauss_markov', 'first order', 'noise', {'tc': tc},
+                  psd=relaxation_psd(bed.f, bed.fs, tc),
                   draw=draw, gains=_spread(rng))
 
 
 def make_rts(rng, bed, form=None):
-    """Popcorn noise: one trap, two levels, exponential dwells."""
+    """Make popcorn noise: one trap, two levels, exponential dwells."""
     form = _form(rng, form, ['symmetric', 'asymmetric'])
     dwell = _between(rng, 4 * bed.dt, bed.span / 10)
     ratio = 1.0 if form == 'symmetric' else _between(rng, 1.5, 5)
@@ -675,13 +705,14 @@ def make_rts(rng, bed, form=None):
 
     def draw(rng, n):
         return telegraph(rng, bed.time, high, low) - share
-    return Hidden('rts', form, 'noise', {'dwell_high': high, 'dwell_low': low, 'tc': tc}, draw=draw,
+    return Hidden('rts', form, 'noise', {'dwell_high': high, 'dwell_low': low, 'tc': tc},
+                  draw=draw,
                   psd=share * (1 - share) * relaxation_psd(bed.f, bed.fs, tc), gains=_spread(rng),
                   extra={'cycle': high + low})
 
 
 def make_flicker(rng, bed, form=None):
-    """Flicker that is there while the base model has none."""
+    """Make flicker that is there while the base model has none."""
     floor = _between(rng, 20 * bed.dt, bed.span / 40)      # tau where it passes the white noise
     for axis in range(3):
         bed.base[axis][1] = bed.base[axis][0] / np.sqrt(floor * 2 * np.log(2) / np.pi)
@@ -691,7 +722,7 @@ def make_flicker(rng, bed, form=None):
 
 
 def make_random_walk(rng, bed, form=None):
-    """Random walk that is there while the base model has none."""
+    """Make random walk that is there while the base model has none."""
     knee = _between(rng, 100 * bed.dt, bed.span / 8)
     for axis in range(3):
         bed.base[axis][2] = bed.base[axis][0] * np.sqrt(3) / knee
@@ -702,10 +733,10 @@ def make_random_walk(rng, bed, form=None):
 
 def make_quantization(rng, bed, form=None):
     """
-    An angle that is rounded and differenced, with rounding errors as large as the noise allows.
+    Make an angle that is rounded and differenced, with rounding errors as large as the noise allows.
 
-    'counts' gives out the whole counts of a pulse output; 'stripped' adds the differenced rounding error
-    to a finely resolved rate, as where a dither is taken out again.
+    'counts' gives out the whole counts of a pulse output; 'stripped' adds the differenced rounding
+    error to a finely resolved rate, as where a dither is taken out again.
     """
     ratio = _between(rng, .1, 200)                          # (count^2 fs)/N^2
     form = _form(rng, form, ['counts', 'stripped'])
@@ -715,20 +746,23 @@ def make_quantization(rng, bed, form=None):
     hidden = Hidden('quantization', form, 'angle', {'Q': count / np.sqrt(12), 'count': count},
                     gains=np.ones(3),
                     psd=(4 * count ** 2 / 12 * bed.fs) * np.sin(np.pi * bed.f * bed.dt) ** 2)
-    if form == 'counts' and count * bed.fs > .5 * np.sqrt(bed.sigma() ** 2 + (count * bed.fs) ** 2 / 6):
-        hidden.accept.add('rate_quantization')  # whole counts are a coarse output as well: both are true
+    sigma_out = np.sqrt(bed.sigma() ** 2 + (count * bed.fs) ** 2 / 6)
+    if form == 'counts' and count * bed.fs > .5 * sigma_out:
+        # Whole counts are a coarse output as well: both are true.
+        hidden.accept.add('rate_quantization')
     return hidden
 
 
 def make_rate_quantization(rng, bed, form=None):
-    """An output resolution of the size of the noise."""
+    """Make an output resolution of the size of the noise."""
     ratio = _between(rng, .6, 3)
-    return Hidden('rate_quantization', 'coarse', 'lattice', {'step': ratio * bed.sigma(), 'ratio': ratio},
+    return Hidden('rate_quantization', 'coarse', 'lattice',
+                  {'step': ratio * bed.sigma(), 'ratio': ratio},
                   gains=np.ones(3))
 
 
 def make_duplicates(rng, bed, form=None):
-    """Held samples: now and then, in runs of a dropped link, or a slower sensor read too often."""
+    """Make held samples: now and then, in runs of a dropped link, or a slower sensor read too often."""
     form = _form(rng, form, ['random', 'runs', 'slower'])
     params = {'random': lambda: {'share': _between(rng, .005, .4)},
               'runs': lambda: {'share': _between(rng, .005, .2), 'run': int(rng.integers(3, 12))},
@@ -737,7 +771,7 @@ def make_duplicates(rng, bed, form=None):
 
 
 def make_shared_noise(rng, bed, form=None):
-    """One source that enters several axes, with a gain and a phase for each."""
+    """Make one source that enters several axes, with a gain and a phase for each."""
     form = _form(rng, form, ['white', 'relaxing', 'resonance'])
     params: Dict[str, Any] = {}
     if form == 'white':
@@ -766,7 +800,7 @@ def make_shared_noise(rng, bed, form=None):
 
 
 def make_accel_coupling(rng, bed, form=None):
-    """A gyroscope that feels acceleration: a swaying building or a vibrating mount."""
+    """Make a gyroscope that feels acceleration: a swaying building or a vibrating mount."""
     form = _form(rng, form, ['sway', 'vibration'])
     if form == 'sway':
         f0, q = _between(rng, max(.1, 30 / bed.span), 1.2), _between(rng, 3, 15)
@@ -778,7 +812,8 @@ def make_accel_coupling(rng, bed, form=None):
     sizes = rms * np.exp(rng.uniform(np.log(.4), 0, 3))
     matrix = rng.normal(0, 1, (3, 3)) / rms
     motion = np.array([s * s * r.psd(bed.f) for s, r in zip(sizes, swings)])
-    return Hidden('accel_coupling', form, 'coupled', {'frequency': f0, 'q': q, 'rms': rms}, gains=np.ones(3),
+    return Hidden('accel_coupling', form, 'coupled', {'frequency': f0, 'q': q, 'rms': rms},
+                  gains=np.ones(3),
                   psd=(matrix[0] ** 2) @ motion,
                   extra={'swings': swings, 'sizes': sizes, 'matrix': matrix, 'motion': motion})
 
@@ -822,7 +857,8 @@ def out_cube(rng, bed):
 def out_matern(rng, bed):
     """Make a noise with a knee steeper or softer than a relaxation's."""
     fc, power = _between(rng, 20 / bed.span, .1 * bed.fs), float(rng.choice([.6, 2.0, 3.0]))
-    return _coloured(rng, bed, 'matern', lambda f: (1 + (f / fc) ** 2) ** -power, {'fc': fc, 'power': power})
+    return _coloured(rng, bed, 'matern', lambda f: (1 + (f / fc) ** 2) ** -power,
+                     {'fc': fc, 'power': power})
 
 
 def out_blue(rng, bed):
@@ -840,14 +876,16 @@ def out_humps(rng, bed):
     def psd(f):
         return sum(h * np.exp(-.5 * (np.log(f / c) / w) ** 2)
                    for c, w, h in zip(centres, widths, heights)) + 1e-9
-    return _coloured(rng, bed, 'humps', psd, {'centres': centres.tolist(), 'widths': widths.tolist()})
+    return _coloured(rng, bed, 'humps', psd,
+                     {'centres': centres.tolist(), 'widths': widths.tolist()})
 
 
 def out_plateau(rng, bed):
     """Make a band of noise with steep edges."""
     low = _between(rng, .01, .15) * bed.fs
     high = min(low * rng.uniform(2, 5), .45 * bed.fs)
-    return _coloured(rng, bed, 'plateau', lambda f: 1 / (1 + (low / f) ** 12 + (f / high) ** 12) + 1e-9,
+    return _coloured(rng, bed, 'plateau',
+                     lambda f: 1 / (1 + (low / f) ** 12 + (f / high) ** 12) + 1e-9,
                      {'low': low, 'high': high})
 
 
@@ -855,14 +893,16 @@ def out_parabola(rng, bed):
     """Make a mean that bends there and back, or flattens at both ends."""
     u = 2 * bed.time / bed.span - 1 + rng.uniform(-.3, .3)
     power = int(rng.integers(2, 5))
-    return _outside('parabola', 'mean', rng, {'power': power}, mean=np.abs(u) ** power * np.sign(u) ** power,
+    return _outside('parabola', 'mean', rng, {'power': power},
+                    mean=np.abs(u) ** power * np.sign(u) ** power,
                     kin={'transient'})
 
 
 def out_creep(rng, bed):
     """Make a settling with the logarithm of time."""
     t0 = bed.span * _between(rng, 3e-4, 3e-3)
-    return _outside('creep', 'mean', rng, {'t0': t0}, mean=-np.log1p(bed.time / t0), kin={'transient'})
+    return _outside('creep', 'mean', rng, {'t0': t0}, mean=-np.log1p(bed.time / t0),
+                    kin={'transient'})
 
 
 def out_lorenz(rng, bed):
@@ -871,7 +911,8 @@ def out_lorenz(rng, bed):
     p = rng.normal(0, 5, 3) + [0, 0, 25]
 
     def speed(p):
-        return np.array([10 * (p[1] - p[0]), p[0] * (28 - p[2]) - p[1], p[0] * p[1] - 8 / 3 * p[2]])
+        return np.array([10 * (p[1] - p[0]), p[0] * (28 - p[2]) - p[1],
+                         p[0] * p[1] - 8 / 3 * p[2]])
     path = np.empty(count)
     for i in range(-300, count):
         k1 = speed(p)
@@ -907,7 +948,8 @@ def out_variance_telegraph(rng, bed):
     dwell = bed.span * _between(rng, .01, .06)
     both = telegraph(rng, bed.time, dwell, 2 * dwell) + telegraph(rng, bed.time, dwell / 3, dwell)
     return _level(rng, bed, 'variance telegraph',
-                  np.exp(rng.uniform(.15, .6) * both + rng.choice([-1, 1]) * .5 * bed.time / bed.span))
+                  np.exp(rng.uniform(.15, .6) * both + rng.choice([-1, 1]) * .5 * bed.time
+                         / bed.span))
 
 
 def out_multiplicative(rng, bed):
@@ -924,7 +966,8 @@ def out_skirts(rng, bed):
 
     def h2(f):
         u = np.log(np.maximum(f, 1e-9) / f0) / width
-        return 1 - depth * np.exp(-u ** 2) + .5 * depth * (np.exp(-(u - 2) ** 2) + np.exp(-(u + 2) ** 2))
+        return 1 - depth * np.exp(-u ** 2) + .5 * depth * (np.exp(-(u - 2) ** 2)
+                                                           + np.exp(-(u + 2) ** 2))
     return _outside('skirts', 'filter', rng, {'frequency': f0, 'depth': depth},
                     extra={'response': h2(bed.f), 'h2': h2}, kin={'low_pass'})
 
@@ -945,7 +988,7 @@ OUTSIDE = {name[4:]: make for name, make in list(globals().items()) if name.star
 # ---------------------------------------------------------------- planning
 
 class Plan:
-    """What a record will be: the bed, the hidden effects at their sizes, and the truth about them."""
+    """What a record will be: the bed, the hidden effects at their sizes, and the truth."""
 
     def __init__(self, seed, kind, names, rng, bed, target=None):
         self.seed, self.kind, self.bed = int(seed), kind, bed
@@ -1005,18 +1048,20 @@ class Plan:
                 return gain_nats(bed, wanted, wanted, zero, one, bed.fit, True)
             true = wanted
             if hidden.how in ('shared', 'coupled'):
-                true = self._conditional(hidden, 0, np.exp(2 * u), wanted, [bed.spectrum(i) for i in range(3)])
+                true = self._conditional(hidden, 0, np.exp(2 * u), wanted,
+                                         [bed.spectrum(i) for i in range(3)])
             return gain_nats(bed, wanted, true, zero, one, bed.fit)
         start = .5 * np.log(np.median(base) / power[1:].max())
         low, high = start - 9, start + 9
         for _ in range(15):
             middle = (low + high) / 2
             low, high = (middle, high) if nats(middle) < target else (low, middle)
-        # What a refitted random walk swallows has no size that gains so much: thirty times is enough.
+        # What a refitted random walk swallows has no size that gains so much: thirty times is
+        # enough.
         hidden.size = float(min(np.exp((low + high) / 2), (100 if hidden.outside else 30) / unit))
 
     def _conditional(self, h, axis, size2, whole, others):
-        """Return the spectrum left of an axis once the other axes, or the accelerometer, are known."""
+        """Return what is left of a spectrum once the other axes or the accelerometer are known."""
         bed = self.bed
         if h.how == 'shared':
             known = 1 / np.maximum(h.psd, 1e-300)
@@ -1091,12 +1136,14 @@ class Plan:
                     half = float(.5 * np.sum((power / whole)[1:]))
                     strength = np.sqrt(np.max(bed.allan_of_mean(mean) / bed.allan_base(axis)))
                     if h.outside and h.form in ('chirp', 'fm line'):
-                        out['gaps'][axis] = self._spectral_gaps(whole + power, whole, fixed, response)
+                        out['gaps'][axis] = self._spectral_gaps(whole + power, whole, fixed,
+                                                                response)
                     elif h.rivals or h.outside:
                         out['gaps'][axis] = rival_gaps(bed, mean, whole)
                 elif h.how in ('noise', 'angle', 'base', 'shared', 'coupled'):
                     if h.how == 'base':
-                        own = np.square(bed.base[axis][h.extra['part']]) * bed.columns[h.extra['part']]
+                        part = h.extra['part']
+                        own = np.square(bed.base[axis][part]) * bed.columns[part]
                         other = bed.allan_base(axis) - bed.allan_of_psd(own)
                     else:
                         own, other = self._added(h, axis), bed.allan_base(axis)
@@ -1104,20 +1151,23 @@ class Plan:
                     if h.how in ('shared', 'coupled'):
                         true = self._conditional(h, axis, h.size ** 2, whole, pure)
                     clear = gain_nats(bed, whole, true, fixed, response, bed.fit)
-                    strength = np.sqrt(np.max(bed.allan_of_psd(own) / np.maximum(other, 1e-3 * bed.allan_base(
-                        axis))))
+                    other = np.maximum(other, 1e-3 * bed.allan_base(axis))
+                    strength = np.sqrt(np.max(bed.allan_of_psd(own) / other))
                     if h.name == 'rts':
                         clear, out['path'] = self._rts(h, axis, clear, whole, own, fixed, response)
                     if h.outside:
                         out['gaps'][axis] = self._spectral_gaps(whole, whole, fixed, response)
                 elif h.how == 'filter':
                     clear = gain_nats(bed, whole, whole, fixed, others_response, bed.fit)
-                    strength = np.sqrt(np.max(np.abs(bed.allan_of_psd(shaped) / bed.allan_of_psd(pure[axis])
-                                                     - 1)))
+                    ratio = bed.allan_of_psd(shaped) / bed.allan_of_psd(pure[axis])
+                    strength = np.sqrt(np.max(np.abs(ratio - 1)))
                     if h.outside:
-                        out['gaps'][axis] = self._spectral_gaps(whole, whole, fixed, others_response)
+                        out['gaps'][axis] = self._spectral_gaps(whole, whole, fixed,
+                                                                others_response)
                 elif h.how == 'level':
-                    share = min(1.0, pure[axis].min() * bed.fs / innovation) if response is one else 1.0
+                    share = 1.0
+                    if response is one:
+                        share = min(1.0, pure[axis].min() * bed.fs / innovation)
                     v = share * h.level ** 2 / np.mean(h.level ** 2) + 1 - share
                     clear = float(-.5 * np.sum(np.log(v)))
                     strength = np.sqrt(np.max(np.abs(v - 1)))
@@ -1130,7 +1180,7 @@ class Plan:
         return self._summary(found)
 
     def _rts(self, h, axis, spectral, whole, own, fixed, response):
-        """Return the gain of a telegraph, by its spectrum or by its path, and how far apart they are."""
+        """Return the gain of a telegraph by spectrum or path, and the lead of the path."""
         bed = self.bed
         noise = whole - own
         path = gain_nats(bed, whole, noise, fixed, response, bed.fit)
@@ -1141,7 +1191,7 @@ class Plan:
         return max(spectral, path), float(path - spectral)
 
     def _spectral_gaps(self, wanted, true, fixed, response):
-        """Return the distance from a Gauss-Markov process or angle quantization beside the base."""
+        """Return the distance to a Gauss-Markov process or angle quantization beside the base."""
         bed = self.bed
         forms = {'gauss_markov': [relaxation_psd(bed.f, bed.fs, tc)
                                   for tc in np.geomspace(2 * bed.dt, bed.span / 4, 14)],
@@ -1165,21 +1215,23 @@ class Plan:
             else:
                 share, (low, high) = h.params['share'], h.params['sigmas']
                 sizes = np.linspace(low, high, 400)
-                tail = (special.ndtr(np.abs(z) - low) - special.ndtr(np.abs(z) - high)) / (2 * (high - low))
+                tail = special.ndtr(np.abs(z) - low) - special.ndtr(np.abs(z) - high)
+                tail = tail / (2 * (high - low))
                 p = (1 - share) * normal + share * tail
                 size = share * np.mean(sizes ** 2)
                 var = 1 + size
             flat = np.exp(-z * z / (2 * var)) / np.sqrt(2 * np.pi * var)
             ok = (p > 1e-280) & (flat > 1e-280)
-            return bed.n * step * np.sum((p * np.log(np.where(ok, p, 1) / np.where(ok, flat, 1)))[ok]), \
-                np.sqrt(size)
+            distance = np.sum((p * np.log(np.where(ok, p, 1) / np.where(ok, flat, 1)))[ok]) * step
+            return bed.n * distance, np.sqrt(size)
         if h.how == 'lattice':
             ratio = h.params['step'] / quick
             return bed.n * np.log(max(1.0, 50 * ratio)), ratio / np.sqrt(12)
         share = h.params.get('share', 1 - h.params.get('ratio', 1))
         chance = max(1e-9, self.lsb[axis] / (quick * 2 * np.sqrt(np.pi)))
         share = share + (1 - share) * chance
-        distance = share * np.log(share / chance) + (1 - share) * np.log((1 - share) / (1 - chance))
+        distance = share * np.log(share / chance)
+        distance += (1 - share) * np.log((1 - share) / (1 - chance))
         return bed.n * distance, np.sqrt(share)
 
     def _summary(self, found):
@@ -1188,20 +1240,23 @@ class Plan:
         for h, out in zip(self.hidden, found):
             accept = {h.name} | h.accept
             if h.name == 'rts' and out.get('path', 0) < 5:
-                accept.add('gauss_markov')  # dwells too short for two levels to be seen: the same spectrum
+                # Dwells too short for two levels to be seen: the same spectrum.
+                accept.add('gauss_markov')
             if h.name == 'harmonics' and out['clear']:
                 # With one order only above the noise there is nothing to tell it from a line.
                 amps = np.sort(h.params['amplitudes'])[::-1] ** 2
                 if next(iter(out['clear'].values())) * amps[1] / amps.sum() < 18:
                     accept.add('sinusoid')
             for name in h.rivals:
-                # A simpler mean that does as well to within four nats: no record can tell them apart.
+                # A simpler mean that does as well to within four nats: no record can tell them
+                # apart.
                 if out['gaps'].get(0, {}).get(name, 99) < 4:
                     accept.add(name)
             one = {'name': h.name, 'form': h.form, 'params': {**h.params, 'size': float(h.size)},
                    'axes': sorted(out['clear']), 'gains': np.asarray(h.gains, float).tolist(),
                    'accept': sorted(accept), 'kin': sorted(h.kin), 'outside': h.outside,
-                   'clear': out['clear'], 'strength': out['strength'], 'chi2_half': out['chi2_half'],
+                   'clear': out['clear'], 'strength': out['strength'],
+                   'chi2_half': out['chi2_half'],
                    'bar': 36 if h.name in IMITABLE else 18}
             if h.outside and out['gaps']:
                 one['distinct'] = float(min(out['gaps'].get(0, {'-': 0.}).values()))
@@ -1210,10 +1265,11 @@ class Plan:
         for i, axis in enumerate(AXES):
             n, b, k = self._base_of(i)
             lattice = any(h.how == 'lattice' for h in self.hidden)
-            base[axis] = {'N': float(np.sqrt(n * n + (0 if lattice else self.lsb[i] ** 2 / 12 * bed.dt))),
-                          'B': float(b), 'K': float(k)}
-        return {'seed': self.seed, 'kind': self.kind, 'grade': bed.grade, 'rate_hz': bed.fs, 'samples': bed.n,
-                'duration_s': bed.span, 'fit': [BASE[i] for i in bed.fit], 'base': base, 'hidden': hidden,
+            rounding = 0 if lattice else self.lsb[i] ** 2 / 12 * bed.dt
+            base[axis] = {'N': float(np.sqrt(n * n + rounding)), 'B': float(b), 'K': float(k)}
+        return {'seed': self.seed, 'kind': self.kind, 'grade': bed.grade, 'rate_hz': bed.fs,
+                'samples': bed.n, 'duration_s': bed.span, 'fit': [BASE[i] for i in bed.fit],
+                'base': base, 'hidden': hidden,
                 'names': [h['name'] for h in hidden], 'lsb': [float(x) for x in self.lsb],
                 'traps': self.traps}
 
@@ -1233,7 +1289,7 @@ def _filtered(x, h):
 
 
 def _white(plan, axis, rng, n0):
-    """Draw the white noise of an axis, with tails, a changing level or an inner average if so planned."""
+    """Draw the white noise of an axis, with tails or an inner average if so planned."""
     bed = plan.bed
     sigma = n0 * np.sqrt(bed.fs)
     for h in plan.hidden:
@@ -1254,7 +1310,8 @@ def _hold(h, rng, n):
     """Return for each sample which one is given out."""
     index = np.arange(n)
     if h.form == 'slower':
-        return np.floor(np.floor(index * h.params['ratio'] + 1e-9) / h.params['ratio'] + 1e-9).astype(int)
+        ratio = h.params['ratio']
+        return np.floor(np.floor(index * ratio + 1e-9) / ratio + 1e-9).astype(int)
     run = h.params.get('run', 1)
     start = rng.random(n) < h.params['share'] / run
     held = np.convolve(start, np.ones(run), 'full')[:n] > 0
@@ -1274,8 +1331,8 @@ def realise(plan, turn=0):
             s = h.draw(rng, n)
             streams[number] = (s, np.imag(signal.hilbert(s)))
         elif h.how == 'coupled':
-            streams[number] = np.array([a * r.draw(rng, n) for a, r in zip(h.extra['sizes'],
-                                                                          h.extra['swings'])])
+            swings = zip(h.extra['sizes'], h.extra['swings'])
+            streams[number] = np.array([a * r.draw(rng, n) for a, r in swings])
         elif h.how == 'hold':
             streams[number] = _hold(h, rng, n)
         if 'h2' in h.extra:
@@ -1284,7 +1341,8 @@ def realise(plan, turn=0):
         n0, b, k = bed.base[axis]
         rng = _rng(seed, turn, 'gyro', axis)
         white = _white(plan, axis, rng, n0)
-        slow = flicker(rng, n, fs, b, plan.traps) + np.cumsum(rng.standard_normal(n)) * k / np.sqrt(fs)
+        slow = flicker(rng, n, fs, b, plan.traps)
+        slow += np.cumsum(rng.standard_normal(n)) * k / np.sqrt(fs)
         for h in plan.hidden:
             if h.how == 'level' and h.gains[axis]:
                 white = white * h.level
@@ -1316,17 +1374,20 @@ def realise(plan, turn=0):
                 hit = np.convolve(start, np.ones(burst), 'full')[:n] > 0
                 count = int(hit.sum())
                 x = x.copy()
-                x[hit] += n0 * np.sqrt(fs) * own.choice([-1, 1], count) * own.uniform(low, high, count)
+                sizes = own.choice([-1, 1], count) * own.uniform(low, high, count)
+                x[hit] += n0 * np.sqrt(fs) * sizes
         x = x + plan.bias[axis]
         for number, h in enumerate(plan.hidden):
             if h.how != 'angle':
                 continue
             count = h.params['count']
             if h.form == 'counts':
-                angle = np.concatenate([[0], np.cumsum(x / fs)]) + count * _rng(seed, turn, 'dial').random()
+                dial = _rng(seed, turn, 'dial').random()
+                angle = np.concatenate([[0], np.cumsum(x / fs)]) + count * dial
                 x = np.diff(np.round(angle / count)) * (count * fs)
             else:
-                x = x + np.diff(_rng(seed, turn, 'dial', axis).uniform(-.5, .5, n + 1)) * count * fs
+                error = _rng(seed, turn, 'dial', axis).uniform(-.5, .5, n + 1)
+                x = x + np.diff(error) * count * fs
         counts = any(h.how == 'angle' and h.form == 'counts' for h in plan.hidden)
         if plan.lsb[axis] and not counts:
             x = np.round(x / plan.lsb[axis]) * plan.lsb[axis]
@@ -1348,12 +1409,13 @@ def _accel(plan, turn, streams):
     bed = plan.bed
     n, fs = bed.n, bed.fs
     accel = np.empty((n, 3))
-    gravity = GRAVITY * np.array([plan.tilt[0], plan.tilt[1], np.sqrt(1 - np.sum(plan.tilt ** 2))])
+    gravity = GRAVITY * np.array([*plan.tilt, np.sqrt(1 - np.sum(plan.tilt ** 2))])
     for axis in range(3):
         white, b, k = bed.accel_base[axis]
         rng = _rng(plan.seed, turn, 'accel', axis)
         x = white * np.sqrt(fs) * rng.standard_normal(n) + flicker(rng, n, fs, b)
-        x += np.cumsum(rng.standard_normal(n)) * k / np.sqrt(fs) + gravity[axis] + plan.accel_bias[axis]
+        x += np.cumsum(rng.standard_normal(n)) * k / np.sqrt(fs)
+        x += gravity[axis] + plan.accel_bias[axis]
         ratio = white / bed.base[0][0]
         for number, h in enumerate(plan.hidden):
             weight = _rng(plan.seed, 'accel weight', number, axis).uniform(.3, 1.5)
@@ -1380,7 +1442,7 @@ def record(seed, effects=None, kind=None, grade=None, rate_hz=None, duration_s=N
     seed : int
         One seed gives one record.
     effects : list of str, optional
-        Names, each maybe with a form: ``['low_pass/folded', 'outside/chirp']``.  None hides nothing.
+        Names, each maybe with a form: ``['low_pass/folded', 'outside/chirp']``.
     kind : str, optional
         A word that goes into the seeding and the truth.
     grade, rate_hz, duration_s : optional
@@ -1416,7 +1478,7 @@ def one(seed):
 
 
 def _several(seed, count, kind):
-    """Return a record with several effects of different families, each clear if that can be had."""
+    """Return a record with several effects of different families, all clear if it can be had."""
     best = None
     for attempt in range(6):
         rng = _rng(seed, kind, attempt)
@@ -1427,7 +1489,8 @@ def _several(seed, count, kind):
             if name not in names and not taken:
                 names.append(name)
         bed = Bed(rng)
-        plan = Plan(seed, kind, names, rng, bed, None if rng.random() < .3 else _between(rng, 60, 3000))
+        plan = Plan(seed, kind, names, rng, bed,
+                    None if rng.random() < .3 else _between(rng, 60, 3000))
         worst = min(h['clear'].get('gyro_x', 0) / h['bar'] for h in plan.truth['hidden'])
         if best is None or worst > best[0]:
             best = (worst, plan)
@@ -1457,7 +1520,8 @@ def outside(seed):
     for size in (1, 4, 16, 64):
         rng = _rng(seed, 'outside', name)
         bed = Bed(rng)
-        plan = Plan(seed, 'outside', [name], rng, bed, size * _between(_rng(seed, 'gross'), 300, 3000))
+        plan = Plan(seed, 'outside', [name], rng, bed,
+                    size * _between(_rng(seed, 'gross'), 300, 3000))
         if plan.truth['hidden'][0].get('distinct', 99) > 60:
             break
     return realise(plan)
@@ -1501,7 +1565,8 @@ def _check_spectra():
              'shared_noise': ('white', 'relaxing', 'resonance'), 'random_walk': ('',),
              'accel_coupling': ('sway', 'vibration'), 'variance_change': ('drift',),
              'outside': ('power_law', 'cube', 'matern', 'blue', 'humps', 'plateau', 'skirts')}
-    for name in ['sinusoid', 'temperature'] + [f'{a}/{b}'.rstrip('/') for a in forms for b in forms[a]]:
+    names = [f'{a}/{b}'.rstrip('/') for a in forms for b in forms[a]]
+    for name in ['sinusoid', 'temperature', *names]:
         rec = record(5, [name], 'check', 'industrial', 100.0, 300.0)
         plan, power, gains = rec.plan, 0, []
         bed, h = plan.bed, plan.hidden[0]
@@ -1513,7 +1578,8 @@ def _check_spectra():
             x = realise(plan, turn).gyro[:, 0]
             own = fft.dct(x - mean, norm='ortho') ** 2 * bed.dt
             full = fft.dct(x, norm='ortho') ** 2 * bed.dt
-            theta = refit(bed, bed.binned(full), bed.binned(bed.f * 0), [bed.binned(c) for c in columns])
+            theta = refit(bed, bed.binned(full), bed.binned(bed.f * 0),
+                          [bed.binned(c) for c in columns])
             s = (theta @ columns)[1:]
             gains.append(.5 * np.sum(full[1:] / s + np.log(s) - own[1:] / whole[1:]
                                      - np.log(whole[1:])))
