@@ -3,12 +3,12 @@
 """
 Imperfect IMU records made from the physics, to judge the loop with.
 
-It shares no code with the package.  A record is *planned* (a sensor grade, a rate, a duration, hidden effects with their parameters)
-from one seed and then *realised* (noise drawn).  ``second`` realises the same plan once more with
-new noise. All effects are mechanisms in the time domain: traps that relax, telegraphs with
-exponential dwells, resonators driven by noise, filters run over samples, counts that are rounded.
-Paths which belong to the plan (temperature, knocks, steps, stretches of a motor, a chaotic sway)
-stay the same in ``second``.
+It shares no code with the package.  A record is *planned* (a sensor grade, a rate, a duration,
+hidden effects with their parameters) from one seed and then *realised* (noise drawn).  ``second``
+realises the same plan once more with new noise. All effects are mechanisms in the time domain:
+traps that relax, telegraphs with exponential dwells, resonators driven by noise, filters run over
+samples, counts that are rounded. Paths which belong to the plan (temperature, knocks, steps,
+stretches of a motor, a chaotic sway) stay the same in ``second``.
 
 The truth of a record says for each hidden effect its name in the library (``outside: ...`` where
 there is none), form, parameters, axes, the names that are accepted, and for each axis
@@ -421,7 +421,7 @@ def make_slow_periodic(rng, bed, form=None):
 
 
 def make_harmonics(rng, bed, form=None):
-    """Make an engine or fan: some of the orders 1 to 8 of one speed, at times folded about Nyquist."""
+    """Make an engine or fan: orders 1 to 8 of one speed, at times folded about Nyquist."""
     form = _form(rng, form, ['engine', 'engine', 'aliased'])
     top = .12 if form == 'engine' else .4
     f0 = rng.uniform(.3, 1) * min(top * bed.fs, 90.0)
@@ -733,7 +733,7 @@ def make_random_walk(rng, bed, form=None):
 
 def make_quantization(rng, bed, form=None):
     """
-    Make an angle that is rounded and differenced, with rounding errors as large as the noise allows.
+    Make an angle that is rounded and differenced.
 
     'counts' gives out the whole counts of a pulse output; 'stripped' adds the differenced rounding
     error to a finely resolved rate, as where a dither is taken out again.
@@ -762,7 +762,7 @@ def make_rate_quantization(rng, bed, form=None):
 
 
 def make_duplicates(rng, bed, form=None):
-    """Make held samples: now and then, in runs of a dropped link, or a slower sensor read too often."""
+    """Make held samples: now and then, in runs, or a slower sensor read too often."""
     form = _form(rng, form, ['random', 'runs', 'slower'])
     params = {'random': lambda: {'share': _between(rng, .005, .4)},
               'runs': lambda: {'share': _between(rng, .005, .2), 'run': int(rng.integers(3, 12))},
