@@ -221,7 +221,7 @@ def test_page_escapes_all_that_comes_from_files(study):
                   | {'warnings': [EVIL], 'left_out': [[1.0, 2.0, EVIL]]},
                   [Step('gyro_x', (EVIL,), 1.0, 0.1, EVIL, verdict=EVIL)],
                   {'gyro_x': Diagnosis('missing', (finding,), (failed,), EVIL)})
-    source = report.html(study, {'ladder': b'png'}, folder=EVIL)
+    source = report.html(study, {f'target {EVIL}': b'png'}, folder=EVIL)
     page = Page(source)
     assert 'script' not in page.tags
     assert source.count('alert') > 12 and '<script' not in source
