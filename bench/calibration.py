@@ -31,7 +31,7 @@ from imu_noise_tools.calibration.problem import CalibrationProblem  # noqa: E402
 from imu_noise_tools.core.record import ImuRecord  # noqa: E402
 from imu_noise_tools.loop.diagnosis import diagnose  # noqa: E402
 from imu_noise_tools.loop.effect import find_effect  # noqa: E402
-from imu_noise_tools.loop.prediction import deviance, held_out, State  # noqa: E402
+from imu_noise_tools.loop.prediction import deviance, State  # noqa: E402
 from imu_noise_tools.tasks import calibration as tasks  # noqa: E402
 
 DEG = np.pi / 180
@@ -114,7 +114,7 @@ def fitted(problem, *more):
 def verdict(problem):
     """Return the generic loop's diagnosis of the base model."""
     model = core.base_model()
-    return diagnose(State(problem, problem.fit(model), held_out(problem, model)))
+    return diagnose(State(problem, problem.fit(model), problem.held_out(model)))
 
 
 def inside(fit, device):
@@ -198,7 +198,7 @@ def outcome(found, name):
 def falls(problem, name, others):
     """Return whether the left-out error falls with it, most with it, and again with another."""
     def error(*more):
-        return deviance(problem.held_out(fitted(problem, *more)))
+        return deviance(problem.held_out(fitted(problem, *more).model))
 
     base, with_it = error(), error(name)
     one_wrong = min(error(x) for x in others)

@@ -185,7 +185,7 @@ def _model(axis, entries):
     try:
         bias = float(entries.pop('bias', 0.0))
         model = Model(
-            find_effect('noise', label)({k: float(v) for k, v in (values or {}).items()}, label)
+            find_effect('noise', label)(values or {}, label)
             for label, values in entries.items()
         )
     except UsageError as error:
@@ -197,8 +197,9 @@ def _model(axis, entries):
     for e in model:
         for p in e.parameters:
             if p.name not in e.values:
-                if p.discrete or p.linear:
-                    model = model.with_values({e.label: {p.name: 0.0}})
+                if p.discrete or p.linear or p.name in e.neutral:
+                    value = e.neutral.get(p.name, 0.0)
+                    model = model.with_values({e.label: {p.name: value}})
                     continue
                 raise InputError(
                     f'targets.{axis}.{e.label}: {p.name} is missing',

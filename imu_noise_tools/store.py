@@ -13,7 +13,6 @@ Nothing in a study names code to run: YAML is loaded safely, arrays without pick
 from __future__ import annotations
 
 from collections.abc import Mapping
-import importlib
 import io
 import math
 from pathlib import Path
@@ -27,19 +26,14 @@ from .core import units
 from .core.errors import ImuNoiseError, InputError
 from .core.files import plain_yaml
 from .loop.diagnosis import Diagnosis
-from .loop.effect import Estimate, find_effect, Finding, Model
+from .loop.domains import DOMAINS, package
+from .loop.effect import Estimate, find_effect, Finding, Model, Parameter
 from .loop.study import assess, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
-# Where the problems of a domain are made from the arrays of evidence.npz, and back.
-_PROBLEMS = {
-    'noise': 'imu_noise_tools.noise.problem',
-    'calibration': 'imu_noise_tools.calibration.problem',
-    'filter': 'imu_noise_tools.filter.problem',
-}
 _NUMBER = (int, float, type(None))
-_ESTIMATE = {'value': _NUMBER, 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
+_ESTIMATE = {'value': (*_NUMBER, str), 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
 _SHAPE = {
     'source!': {
         **dict.fromkeys(('rate_hz', 'duration_s', 'samples', 'start'), _NUMBER),
@@ -161,7 +155,7 @@ def target_to_dict(study: Study, target: str) -> dict:
         e.label: {
             'effect': e.name,
             **{
-                k: estimate_to_dict(v, _template(study.domain, e.name, k), sensor)
+                k: estimate_to_dict(v, e.parameter(k), sensor)
                 for k, v in state.fit.estimates.get(e.label, {}).items()
             },
         }
@@ -180,15 +174,10 @@ def target_to_dict(study: Study, target: str) -> dict:
     return out
 
 
-def _template(domain, effect, parameter):
-    for p in find_effect(domain, effect).parameters:
-        if p.name == parameter:
-            return p.unit
-    return ''
-
-
-def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
-    """Return one estimate as plain data."""
+def estimate_to_dict(e: Estimate, parameter: Parameter, sensor: str = '') -> dict:
+    """Return one estimate as plain data; of a choice that is its name."""
+    if parameter.choices:
+        return {'value': None if e.value is None else parameter.written(e.value)}
     out: dict[str, Any] = {
         'value': e.value,
         'std': e.std,
@@ -201,11 +190,11 @@ def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
         out['point'] = e.point
     if e.note:
         out['note'] = e.note
-    if template and sensor in ('gyro', 'accel'):
+    if sensor in ('gyro', 'accel'):
         out['shown'] = (
-            units.shown(e.value, template, sensor)
+            units.shown(e.value, parameter.unit, sensor)
             if e.value is not None or e.upper95 is None
-            else f'below {units.shown(e.upper95, template, sensor)}'
+            else f'below {units.shown(e.upper95, parameter.unit, sensor)}'
         )
     return out
 
@@ -235,7 +224,7 @@ def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
                     'penalty': f.penalty,
                     'probability': f.probability,
                     'parameters': {
-                        k: estimate_to_dict(v, _template(domain, f.name, k), sensor)
+                        k: estimate_to_dict(v, f.effect.parameter(k), sensor)
                         for k, v in f.estimates.items()
                     },
                     'evidence': f.evidence,
@@ -264,7 +253,10 @@ def _step_of(d) -> Step:
 
 
 def _diagnosis_of(domain, d) -> Diagnosis:
-    def estimate(e):
+    def estimate(parameter, e):
+        if parameter.choices:
+            number = parameter.number(e['value'])
+            return Estimate(number, None, None, point=number)
         return Estimate(
             e.get('value'),
             e.get('std'),
@@ -277,10 +269,9 @@ def _diagnosis_of(domain, d) -> Diagnosis:
 
     ranked = []
     for f in d.get('ranked', ()):
-        found = {k: estimate(v) for k, v in f.get('parameters', {}).items()}
-        effect = find_effect(domain, f['effect'])(
-            {k: v.point for k, v in found.items() if v.point is not None}
-        )
+        known = find_effect(domain, f['effect'])
+        found = {k: estimate(known.parameter(k), v) for k, v in f.get('parameters', {}).items()}
+        effect = known({k: v.point for k, v in found.items() if v.point is not None})
         ranked.append(
             Finding(
                 f['effect'],
@@ -302,10 +293,10 @@ def _diagnosis_of(domain, d) -> Diagnosis:
 
 def study_files(study: Study) -> dict[str, bytes | str]:
     """Return study.yaml and evidence.npz as {name: content}."""
-    module = importlib.import_module(_PROBLEMS[study.domain])
+    face = package(study.domain)
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, **module.arrays_of({t: s.problem for t, s in study.states.items()})
+        buffer, **face.arrays_of({t: s.problem for t, s in study.states.items()})
     )
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
@@ -322,7 +313,7 @@ def read(folder) -> dict:
     if (
         not isinstance(data, dict)
         or data.get('format') != FORMAT
-        or str(data.get('domain')) not in _PROBLEMS
+        or str(data.get('domain')) not in DOMAINS
     ):
         raise InputError(
             f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force'
@@ -378,7 +369,7 @@ def load(folder, intervals: bool = True) -> Study:
     data = read(folder)
     arrays = load_arrays(Path(folder) / 'evidence.npz')
     try:
-        problems = importlib.import_module(_PROBLEMS[data['domain']]).problems(arrays)
+        problems = package(data['domain']).problems(arrays)
         states = {}
         for target, entry in data['targets'].items():
             model = Model(

@@ -254,6 +254,17 @@ def _sinusoid(s):
     return wave, {'amplitude': 1.0, 'frequency': f}
 
 
+def _harmonics(s):
+    """Two to six orders of a machine of steady speed."""
+    f0 = s.log_uniform(20 / s.span, 0.08 / s.dt)
+    orders = s.rng.choice(np.arange(2, 7), s.rng.integers(1, 6), replace=False)
+    out, values = np.zeros(s.n), {'frequency': f0}
+    for k in (1, *sorted(int(x) for x in orders)):
+        values[f'amplitude_{k}'] = size = s.log_uniform(0.2, 1.0)
+        out += size * np.cos(2 * np.pi * k * f0 * s.t + s.rng.uniform(0, 2 * np.pi))
+    return out, values
+
+
 def _gauss_markov(s):
     tc = s.log_uniform(0.3, s.span / 60)
     return decay(s.n, s.dt, 1.0, tc, s.rng), {'sigma': 1.0, 'tc': tc}
@@ -377,13 +388,13 @@ def _rate_quantization(s, strength):
 def _duplicates(s, strength):
     """Held samples, at random or every second one; each tells it."""
     if s.rng.random() < 0.3:
-        return lambda y: y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'regular': 1.0}, np.inf
+        return lambda y: y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'pattern': 1.0}, np.inf
     # the level at low frequencies grows by (1 + p)/(1 - p)
     share = float(np.clip(strength ** 2 / (2 + strength ** 2), 0.01, 0.8))
     fresh = s.rng.random(s.n) >= share
     fresh[0] = True
     at = np.maximum.accumulate(np.where(fresh, np.arange(s.n), 0))
-    return lambda y: y[at], {'fraction': share, 'regular': 0.0}, np.inf
+    return lambda y: y[at], {'fraction': share, 'pattern': 0.0}, np.inf
 
 
 def _low_pass(s, strength):
@@ -456,6 +467,8 @@ class Recipe:
 
 RECIPES: dict[str, Recipe] = {
     'sinusoid': Recipe(_sinusoid, deterministic=True, scaled=('amplitude',)),
+    'harmonics': Recipe(_harmonics, deterministic=True,
+                        scaled=tuple(f'amplitude_{k}' for k in range(1, 7))),
     'gauss_markov': Recipe(_gauss_markov, scaled=('sigma',)),
     'temperature': Recipe(_temperature, deterministic=True, scaled=('slope',)),
     'ramp': Recipe(_ramp, deterministic=True, scaled=('R',)),

@@ -16,7 +16,7 @@ from imu_noise_tools.calibration.effects import Regressor, Scatter
 from imu_noise_tools.calibration.problem import arrays_of, problems
 from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, registry
-from imu_noise_tools.loop.prediction import held_out, State
+from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import Study
 
 DEG = np.pi / 180
@@ -55,7 +55,7 @@ def placed(rng, device, tilt=1.0, times=1):
 def verdict(problem):
     """Return the diagnosis of the base model."""
     return diagnose(State(problem, problem.fit(core.base_model()),
-                          held_out(problem, core.base_model())))
+                          problem.held_out(core.base_model())))
 
 
 @pytest.mark.parametrize('name', DEVICE)

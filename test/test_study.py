@@ -26,6 +26,7 @@ from imu_noise_tools.loop.effect import (
     Score,
     View,
 )
+from imu_noise_tools.loop.problem import Problem
 from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -249,14 +250,15 @@ class Bend(Term):
 
 
 @dataclass
-class Points:
+class Points(Problem):
     """A problem that has nothing to do with noise: a polynomial through points of known error."""
 
     x: np.ndarray
     y: np.ndarray
-    domain: str = 'polynomial'
     target: str = 'points'
     seen: tuple = ()
+
+    domain = 'polynomial'
 
     def split(self):
         a, b = (Points(self.x[i::2], self.y[i::2]) for i in (0, 1))

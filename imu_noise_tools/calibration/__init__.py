@@ -9,19 +9,23 @@ refuses, and :class:`Session` does both while a person holds one face up after t
 
 """
 
-from . import effects  # noqa: F401  (registers the effects)
 from .correction import Correction, from_dict
+from .effects import Regressor, Scatter
 from .gravity import EARTH_RATE, gravity, normal_gravity
 from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
 from .positions import positions, STILL_S
-from .problem import CalibrationProblem
+from .problem import arrays_of, CalibrationProblem, problems
 from .session import applied, Captured, Session
-from .solution import as_dict, calibrate, Calibration, stated
+from .solution import as_dict, calibrate, Calibration, of_study, stated
 from .solve import base_model, fit, ols
 from .turns import refuse_missing_axes, turns
 
+TITLE = 'Calibration of an IMU'
+NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a recording'),)
+
 __all__ = [
-    'applied', 'as_dict', 'base_model', 'calibrate', 'Calibration', 'CalibrationProblem',
-    'Captured', 'Correction', 'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict',
-    'gravity', 'joined', 'nearest_face', 'normal_gravity', 'ols', 'Poses', 'positions',
-    'refuse_missing_axes', 'Session', 'stated', 'STILL_S', 'turns']
+    'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'Calibration',
+    'CalibrationProblem', 'Captured', 'Correction', 'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit',
+    'from_dict', 'gravity', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
+    'ols', 'Poses', 'positions', 'problems', 'refuse_missing_axes', 'Regressor', 'Scatter',
+    'Session', 'stated', 'STILL_S', 'TITLE', 'turns']

@@ -15,14 +15,15 @@ from .effects import Regressor, Scatter
 from .linear import equations, LeftOut, whitened
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
-from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, View
+from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
+from ..loop.problem import Problem
 
 _CHANCE = 0.005
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
 
 
 @dataclass(frozen=True)
-class CalibrationProblem:
+class CalibrationProblem(Problem):
     """
     One sensor's poses, and how they are fitted: all that the loop needs.
 
@@ -62,7 +63,7 @@ class CalibrationProblem:
     def _with(self, poses: Poses) -> CalibrationProblem:
         return CalibrationProblem(poses, self.method, self.tilt, self)
 
-    def split(self) -> list[tuple[CalibrationProblem, CalibrationProblem]]:
+    def split(self) -> list[tuple[Problem, Problem]]:
         """Return (all but one pose, that pose), for every pose."""
         return [(self._with(self.poses.without(k)), self._with(self.poses.take(k)))
                 for k in range(self.poses.n)]
@@ -75,7 +76,7 @@ class CalibrationProblem:
         which a pose more or less hardly changes.
 
         """
-        model = Model(type(e)({}, e.label) for e in model)
+        model = unfitted(model)
         if model not in self._fits:
             known = None
             if self.whole is not None and model.of(Scatter):
@@ -107,9 +108,9 @@ class CalibrationProblem:
         log_score = _log_score(pull, value, vector, mine.whitener[0]) if poses.n == 1 else None
         return self._score(np.repeat(poses.time.mean(), len(pull)), pull, std, log_score)
 
-    def held_out(self, fit: Fit) -> Score:
+    def held_out(self, model: Model) -> Score:
         """Return the score of all poses left out in turn: split, fit and score, closed form."""
-        left = self.left_out(fit)
+        left = self.left_out(self.fit(model))
         log_score = sum(_log_score(e / np.sqrt(v), v, vector, w) for e, v, vector, w in
                         zip(left.error, left.variance, left.vectors, left.equations.whitener))
         return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std,

@@ -72,7 +72,6 @@ def values_of(pairs) -> dict:
 
     """
     from ..filter.statespace import DOMAIN
-    from ..filter import design  # noqa: F401  (its effects register)
     from ..loop.effect import find_effect
     from ..core.errors import UsageError
     out: dict = {}

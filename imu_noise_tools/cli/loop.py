@@ -182,8 +182,6 @@ def add(args) -> int:
     from ..tasks import loop as tasks
 
     common.load_own_effects(args)
-    import imu_noise_tools.noise  # noqa: F401  (registers the effects)
-
     for name in args.effects:
         find_effect(store.read(args.dir)['domain'], name)
 
@@ -223,22 +221,18 @@ def history(args) -> int:
 def effects(args) -> int:
     """Run ``effects``."""
     from . import text
+    from ..core.errors import UsageError
+    from ..loop.domains import DOMAINS
     from ..loop.effect import registry
-    import imu_noise_tools.calibration
-    import imu_noise_tools.filter
-    import imu_noise_tools.noise  # noqa: F401
 
     common.load_own_effects(args)
-    from ..core.errors import UsageError
-
-    domains = ('noise', 'calibration', 'filter')
     if args.name:
-        found = [registry(d)[args.name] for d in domains if args.name in registry(d)]
+        found = [registry(d)[args.name] for d in DOMAINS if args.name in registry(d)]
         if not found:
-            known = ', '.join(n for d in domains for n in registry(d))
+            known = ', '.join(n for d in DOMAINS for n in registry(d))
             raise UsageError(f'there is no effect named {args.name}', f'known are {known}')
     else:
-        found = [c for d in domains for c in registry(d).values()]
+        found = [c for d in DOMAINS for c in registry(d).values()]
     if args.json:
         common.print_json(
             {
@@ -252,7 +246,9 @@ def effects(args) -> int:
                         'hint': c.hint,
                         'reference': c.reference,
                         'parameters': [
-                            {'name': p.name, 'unit': text.unit_of(p), 'title': p.title}
+                            {'name': p.name, 'title': p.title, **(
+                                {'choices': p.choices} if p.choices
+                                else {'unit': text.unit_of(p)})}
                             for p in c.parameters
                         ],
                     }

@@ -49,6 +49,35 @@ class Memory:
 
 
 @dataclass(frozen=True)
+class Disturbance:
+    """
+    A stretch of a record in which something happened that the sensor's noise does not do.
+
+    Parameters
+    ----------
+    begin, end : float
+        From when to when, s since the record's ``start`` (the time of ``ImuRecord.t``).
+    kind : str
+        ``shock`` (short, on several axes), ``disturbed`` (louder for a while), ``motion``
+        (handled, then back), ``clipped`` (at the end of the range).
+    size : mapping of str to float
+        By axis, only those that show it: the largest deviation from the axis's level just before
+        and after, rad/s or m/s^2.
+
+    """
+
+    begin: float
+    end: float
+    kind: str
+    size: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that show it."""
+        return tuple(self.size)
+
+
+@dataclass(frozen=True)
 class ImuRecord:
     """
     One stretch of IMU data.
@@ -78,6 +107,9 @@ class ImuRecord:
     left_out : tuple of (float, float, str)
         Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does
         not use.
+    disturbances : tuple of Disturbance
+        Everything that was found disturbed, in order of time, set aside (then it is in
+        ``left_out`` as well) or not.
     missing : int
         How many of the samples are interpolated, because they were lost or not finite.
     stuck : tuple of str
@@ -98,6 +130,7 @@ class ImuRecord:
     labelled_rate_hz: float | None = None
     warnings: tuple[str, ...] = ()
     left_out: tuple[tuple[float, float, str], ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
     missing: int = 0
     stuck: tuple[str, ...] = ()
 

@@ -202,17 +202,20 @@ def _leakage(n: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
     return w, w.sum(axis=1)
 
 
-def line_coefficients(
-    frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float
-) -> np.ndarray:
+def folded(f: float, dt: float) -> float:
+    """Return where a frequency appears in samples at interval dt: from 0 to Nyquist, Hz."""
+    return float(abs((f * dt + 0.5) % 1 - 0.5) / dt)
+
+
+def line_basis(frequency, k: np.ndarray, n: int, dt: float) -> np.ndarray:
     """
-    Return c_k (k >= 1) of a cos(w t) + b sin(w t), t = j dt, w = 2 pi frequency.
+    Return the coefficients c_k (k >= 1) of cos(w t) + i sin(w t), t = j dt, w = 2 pi frequency.
 
     From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)),
-    theta = pi k/n, is half the sum of two Dirichlet kernels.
+    theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency and k are broadcast.
 
     """
-    alpha = 2 * np.pi * frequency * dt
+    alpha = 2 * np.pi * np.asarray(frequency, float) * dt
     theta = np.pi * np.asarray(k, float) / n
     total = 0
     for sign in (1, -1):
@@ -222,7 +225,15 @@ def line_coefficients(
         small = np.abs(s) < 1e-12
         kernel = np.where(small, n * np.cos(n * half), np.sin(n * half) / np.where(small, 1.0, s))
         total = total + 0.5 * np.exp(1j * (half * (n - 1) + sign * 0.5 * theta)) * kernel
-    return np.sqrt(2 / n) * (a * total.real + b * total.imag)
+    return np.sqrt(2 / n) * total
+
+
+def line_coefficients(
+    frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float
+) -> np.ndarray:
+    """Return c_k (k >= 1) of a cos(w t) + b sin(w t), t = j dt, w = 2 pi frequency."""
+    basis = line_basis(frequency, k, n, dt)
+    return a * basis.real + b * basis.imag
 
 
 def quadrature_avar(psd, m: np.ndarray, dt: float) -> np.ndarray:

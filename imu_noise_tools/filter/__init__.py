@@ -9,3 +9,15 @@ Motion that drives it, noise that adds to it, a Kalman filter between.
 Units are SI (rad/s); one axis at a time, since the three see each other only through the motion.
 
 """
+
+from .motion import oscillator
+from .output_noise import noise_blocks
+from .problem import arrays_of, FilterProblem, problem_of, problems
+from .statespace import Block, FilterEffect, Look, Motion, nothing, OutputNoise
+
+TITLE = 'Innovations of a filter'
+NEXT = ()
+
+__all__ = ['arrays_of', 'Block', 'FilterEffect', 'FilterProblem', 'Look', 'Motion', 'NEXT',
+           'noise_blocks', 'nothing', 'oscillator', 'OutputNoise', 'problem_of', 'problems',
+           'TITLE']

@@ -15,15 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import motion as _motion
-from . import output_noise as _output_noise
 from .modes import default_modes, Modes, modes_of
 from .output_noise import White
 from .statespace import DOMAIN, FilterEffect, state_space
 from ..core.errors import UsageError
 from ..loop.effect import find_effect, Model
 
-EFFECTS = _motion, _output_noise        # imported so that what is in them registers
 AUTO = 'auto'
 DIFFERENCES = np.array([1.0, -3.0, 3.0, -1.0])      # their squares sum to 20
 QUIET = 128             # samples of a block of which the noise is read

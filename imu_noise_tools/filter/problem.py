@@ -18,7 +18,8 @@ from .predict import predict, Prediction
 from .statespace import DOMAIN, FilterEffect, Look
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
-from ..loop.effect import Finding, Fit, Model, registry, Score
+from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
+from ..loop.problem import Problem
 
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
@@ -36,7 +37,7 @@ SEARCH = {
 }  # nats: places where it was looked for
 
 
-class FilterProblem:
+class FilterProblem(Problem):
     """
     One axis: a series z (n,), evenly spaced by dt (s).
 
@@ -57,12 +58,8 @@ class FilterProblem:
         alpha: float = 1.0,
         whole: FilterProblem | None = None,
     ):
-        self.z, self.dt, self.target, self.alpha = (
-            np.asarray(z, float),
-            float(dt),
-            target,
-            float(alpha),
-        )
+        self.z, self.dt, self.alpha = np.asarray(z, float), float(dt), float(alpha)
+        self._target = target
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
         self._fits: dict[Model, Fit] = {}
@@ -74,12 +71,21 @@ class FilterProblem:
         if np.ptp(self.z) == 0 and whole is None:
             raise InputError(f'{target} is constant', 'leave it out')
 
-    def split(self):
-        """Return (first half, second half): what is fitted and what is scored."""
+    @property
+    def target(self) -> str:
+        """Name of the axis."""
+        return self._target
+
+    def halves(self) -> tuple[FilterProblem, FilterProblem]:
+        """Return the first and the second half, which start from the values of the whole."""
         half = len(self.z) // 2
-        parts = [FilterProblem(z, self.dt, self.target, self.stated, self.alpha, self)
-                 for z in (self.z[:half], self.z[half:])]
-        return [(parts[0], parts[1])]
+        first, second = (FilterProblem(z, self.dt, self.target, self.stated, self.alpha, self)
+                         for z in (self.z[:half], self.z[half:]))
+        return first, second
+
+    def split(self) -> list[tuple[Problem, Problem]]:
+        """Return (first half, second half): what is fitted and what is scored."""
+        return [self.halves()]
 
     def fit(self, model: Model) -> Fit:
         """Fit what is not stated; a half starts from the values of the whole."""
@@ -159,8 +165,7 @@ class FilterProblem:
                 continue
             if effect.after and effect.after not in fit.model:
                 continue
-            bare = Model(type(e)({}, e.label) for e in fit.model)
-            after = self.fit(bare.plus(effect()))
+            after = self.fit(unfitted(fit.model).plus(effect()))
             gain = after.log_likelihood - fit.log_likelihood
             if not np.isfinite(gain):
                 continue
@@ -191,9 +196,8 @@ class FilterProblem:
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the nats lost per sample on the second half by the fit of the first."""
-        first, second = self.split()[0]
-        bare = Model(type(e)({}, e.label) for e in fit.model)
-        u = second.prediction(first.fit(bare).model).u
+        first, second = self.halves()
+        u = second.prediction(first.fit(unfitted(fit.model)).model).u
         score = score_of(u, self.dt)
         total = sum(v.excess * len(v.pull) for v in score.views.values())
         return {'nats_per_sample': float(total / (2 * len(u))), 'nis': float(np.mean(u * u))}

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .effect import Finding, Model, Score, unfitted
-from .prediction import FALL, fall_of, held_out, point_of, State
+from .prediction import FALL, fall_of, State
 from ..core.errors import FitError
 
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
@@ -62,7 +62,7 @@ def diagnose(state: State) -> Diagnosis:
             verdict = 'missing' if (search.ranked[0].probability or 0) >= SURE else 'undecidable'
         elif not failed:
             verdict = 'undecidable'
-    advice = getattr(problem, 'advice', _no_advice)(verdict, search.ranked, failed)
+    advice = problem.advice(verdict, search.ranked, failed)
     return Diagnosis(verdict, tuple(search.ranked[:5]), tuple(failed), advice)
 
 
@@ -95,11 +95,11 @@ class _Search:
         Nothing where the problem says that looking again costs more than it tells.
 
         """
-        if not getattr(self.problem, 'looks_again', True):
+        if not self.problem.looks_again:
             return []
         if finding.name not in self._beside:
             try:
-                fit = point_of(self.problem)(self.with_effects(finding))
+                fit = self.problem.point(self.with_effects(finding))
                 found = self.problem.candidates(fit)
             except FitError:  # the record cannot hold both
                 found = []
@@ -216,7 +216,7 @@ class _Search:
         model = self.with_effects(*findings)
         if model not in self._tested:
             try:
-                self._tested[model] = self.problem.omnibus(point_of(self.problem)(model))
+                self._tested[model] = self.problem.omnibus(self.problem.point(model))
             except FitError:
                 self._tested[model] = []
         return self._tested[model]
@@ -226,14 +226,10 @@ class _Search:
         model = self.with_effects(*findings)
         if model not in self._scored:
             try:
-                self._scored[model] = held_out(self.problem, model)
+                self._scored[model] = self.problem.held_out(model)
             except FitError:
                 self._scored[model] = None
         return self._scored[model]
-
-
-def _no_advice(verdict, ranked, failed):
-    return ''
 
 
 def with_probabilities(

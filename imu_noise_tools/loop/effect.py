@@ -13,16 +13,17 @@ its domain.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 import importlib.util
 from pathlib import Path
 import re
 from types import MappingProxyType
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
+from .domains import DOMAINS, package
 from ..core.errors import InputError, UsageError
 
 _REGISTRY: dict[str, dict[str, type[Effect]]] = {}
@@ -52,6 +53,9 @@ class Parameter:
         Whether only the values that ``starts`` proposes are tried.
     title : str
         What it is, in a few words.
+    choices : tuple of str
+        Names, where it is one of a few: it is written and read by name everywhere, and its value
+        among the numbers of a fit is the index (:meth:`choice`).
 
     """
 
@@ -64,6 +68,39 @@ class Parameter:
     linear: bool = False
     discrete: bool = False
     title: str = ''
+    choices: tuple[str, ...] = ()
+
+    @classmethod
+    def choice(cls, name: str, choices: Iterable[str], title: str = '') -> Parameter:
+        """Return a parameter that is one of a few names."""
+        names = tuple(choices)
+        return cls(name, '1', 0, len(names) - 1, log=False, discrete=True, title=title,
+                   choices=names)
+
+    def number(self, value) -> float:
+        """
+        Return a value as a number: that of a choice is the index of its name.
+
+        Raise UsageError for what is no number, or not among the choices.
+
+        """
+        if self.choices and value in self.choices:
+            return float(self.choices.index(value))
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = float('nan')
+            if not self.choices:
+                raise UsageError(f'{self.name} is {value!r}', 'give a number') from None
+        if self.choices and number not in range(len(self.choices)):
+            raise UsageError(
+                f'{self.name} cannot be {value}', f'choose from {", ".join(self.choices)}'
+            )
+        return number
+
+    def written(self, value: float) -> float | str:
+        """Return a value as people read it: the name of a choice, any other as it is."""
+        return self.choices[int(value)] if self.choices else value
 
 
 @dataclass(frozen=True)
@@ -84,10 +121,11 @@ class Effect:
     hint: ClassVar[str] = ''
     reference: ClassVar[str] = ''
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    field_units: ClassVar[bool] = False  # do people read it in deg/sqrt(h) and the like, or in SI?
     several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)   # a choice by name or index
     label: str = ''
 
     def __init_subclass__(cls, **kwargs):
@@ -112,16 +150,15 @@ class Effect:
 
     def __post_init__(self):
         """Check the names of the values and freeze them."""
-        names = [p.name for p in self.parameters]
-        unknown = sorted(set(self.values) - set(names))
+        known = {p.name: p for p in self.parameters}
+        unknown = sorted(set(self.values) - set(known))
         if unknown:
             raise UsageError(
                 f'{self.name} has no parameter {", ".join(unknown)}',
-                f'its parameters are {", ".join(names) or "none"}',
+                f'its parameters are {", ".join(known) or "none"}',
             )
-        object.__setattr__(
-            self, 'values', MappingProxyType({k: float(v) for k, v in self.values.items()})
-        )
+        values = {k: known[k].number(v) for k, v in self.values.items()}
+        object.__setattr__(self, 'values', MappingProxyType(values))
         object.__setattr__(self, 'label', self.label or self.name)
 
     def __reduce__(self):
@@ -145,7 +182,23 @@ class Effect:
         """Whether every parameter has a value."""
         return all(p.name in self.values for p in self.parameters)
 
-    def with_values(self, **values: float) -> Effect:
+    @classmethod
+    def parameter(cls, name: str) -> Parameter:
+        """Return a parameter by its name; raise KeyError where there is none."""
+        for p in cls.parameters:
+            if p.name == name:
+                return p
+        raise KeyError(name)
+
+    def chosen(self, name: str) -> str:
+        """Return the name of a parameter's choice."""
+        return self.parameter(name).choices[int(self.values[name])]
+
+    def written(self) -> dict[str, float | str]:
+        """Return the values as people read them, choices by name."""
+        return {k: self.parameter(k).written(v) for k, v in self.values.items()}
+
+    def with_values(self, **values: float | str) -> Effect:
         """Return a copy with these values in place of, or beside, the old ones."""
         return type(self)({**self.values, **values}, self.label)
 
@@ -154,7 +207,13 @@ class Effect:
         """Return one with typical values (a MEMS gyroscope): for tests, pictures and help."""
         return cls(
             {
-                p.name: float(np.sqrt(p.lower * p.upper)) if p.log else 0.5 * (p.lower + p.upper)
+                p.name: (
+                    0.0
+                    if p.choices
+                    else float(np.sqrt(p.lower * p.upper))
+                    if p.log
+                    else 0.5 * (p.lower + p.upper)
+                )
                 for p in cls.parameters
             }
         )
@@ -267,7 +326,14 @@ def unfitted(model: Model) -> Model:
 
 
 def registry(domain: str) -> Mapping[str, type[Effect]]:
-    """Return the effects of a domain by name, in the order in which they registered."""
+    """
+    Return the effects of a domain by name, in the order in which they registered.
+
+    The domain's package is loaded on first use, so its own effects are always among them.
+
+    """
+    if domain in DOMAINS:
+        package(domain)
     return MappingProxyType(_REGISTRY.get(domain, {}))
 
 
@@ -312,7 +378,8 @@ def load_effects(path) -> list[str]:
         raise InputError(
             f'{path}: no such file', '--effects-from takes a Python file that defines effects'
         )
-    before = {(d, n) for d, known in _REGISTRY.items() for n in known}
+    for domain in DOMAINS:  # so that a name that is taken is seen
+        package(domain)
     spec = importlib.util.spec_from_file_location(f'imu_noise_user_{path.stem}', path)
     module = importlib.util.module_from_spec(spec)
     try:
@@ -321,15 +388,14 @@ def load_effects(path) -> list[str]:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f'{path}: {type(error).__name__}: {error}', 'mend the file') from error
-    new = [n for d, known in _REGISTRY.items() for n in known if (d, n) not in before]
-    again = [
+    found = [
         n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
     ]
-    if not (new or again):
+    if not found:
         raise InputError(
             f'{path}: defines no effect', 'derive a class from an effect kind and give it a name'
         )
-    return new or again
+    return found
 
 
 @dataclass(frozen=True)
@@ -455,32 +521,3 @@ class Finding:
     evidence: str = ''
     probability: float | None = None
     p_value: float | None = None
-
-
-class Problem(Protocol):
-    """
-    All that the loop knows of a problem: one target of one domain.
-
-    It may have more, which the loop uses where it is there: ``point`` (a fit without intervals),
-    ``held_out`` (the error in closed form), ``advice``, ``summary``, and ``looks_again`` (false
-    where candidates cost too much to be looked for once more beside each of them).
-
-    """
-
-    domain: str
-    target: str
-
-    def split(self) -> list[tuple[Problem, Problem]]:
-        """Return pairs (to fit, to score) that share no data."""
-
-    def fit(self, model: Model) -> Fit:
-        """Fit a model."""
-
-    def score(self, fit: Fit) -> Score:
-        """Score a fit made elsewhere on this data."""
-
-    def omnibus(self, fit: Fit) -> list[Finding]:
-        """Return tests that fail when anything at all is missing, each with its p-value."""
-
-    def candidates(self, fit: Fit) -> list[Finding]:
-        """Return what could be added to the model, best gain first."""

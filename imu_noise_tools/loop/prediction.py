@@ -4,7 +4,7 @@
 """
 The error on data not fitted, and by how much one model lowers it against another.
 
-Knows only the :class:`~imu_noise_tools.loop.effect.Problem` protocol.
+Knows only what a :class:`~imu_noise_tools.loop.problem.Problem` is.
 
 """
 
@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .effect import Fit, Model, Problem, Score, View
+from .effect import Fit, Model, Score
+from .problem import Problem
 
 # deviance (three nats) by which an error on data not fitted must fall to be more than chance
 FALL = 6.0
@@ -36,50 +37,9 @@ class State:
         return self.fit.model
 
 
-def held_out(problem: Problem, model: Model) -> Score:
-    """
-    Return the error on data not fitted.
-
-    Each view is averaged over the splits, then the views are averaged.
-
-    """
-    known = getattr(problem, 'held_out', None)          # some problems have it in closed form
-    if known is not None:
-        return known(problem.fit(model))
-    found: dict[str, list[View]] = {}
-    for to_fit, to_score in problem.split():
-        score = to_score.score(to_fit.fit(model))
-        for view in (*score.views.values(), *score.muted.values()):
-            found.setdefault(view.name, []).append(view)
-    return Score.of(_merged(views) for views in found.values())
-
-
-def _merged(views: list[View]) -> View:
-    if len(views) == 1:
-        return views[0]
-    k = len(views)
-    x, pull = np.concatenate([v.x for v in views]), np.concatenate([v.pull for v in views])
-    order = np.argsort(x, kind='stable')
-    return View(
-        views[0].name,
-        x[order],
-        pull[order],
-        float(np.mean([v.excess for v in views])),
-        float(np.sqrt(sum(v.std**2 for v in views)) / k),
-        views[0].unit,
-        None if views[0].log_score is None else float(sum(v.log_score for v in views)),
-        any(v.muted for v in views),
-    )
-
-
 def deviance(score: Score, names=()) -> float:
     """Return the total deviance over views; over all of them where none is named."""
     return float(sum(v.deviance for k, v in score.views.items() if not names or k in names))
-
-
-def point_of(problem: Problem):
-    """Return what fits without intervals; not every problem makes a difference."""
-    return getattr(problem, 'point', problem.fit)
 
 
 def fall_of(before: Score, after: Score, effects) -> float:

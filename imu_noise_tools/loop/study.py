@@ -4,8 +4,8 @@
 """
 The loop, for any problem: compare, diagnose, add, remove, and the history of what was tried.
 
-Knows only the :class:`~imu_noise_tools.loop.effect.Problem` protocol: nothing of noise,
-calibration or filters, no files.
+Knows only what a :class:`~imu_noise_tools.loop.problem.Problem` is: nothing of noise, calibration
+or filters, no files.
 
 """
 
@@ -15,8 +15,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from .diagnosis import diagnose, Diagnosis
-from .effect import find_effect, Model, Problem, Score, unfitted
-from .prediction import fall_in_words, fall_of, held_out, point_of, State
+from .effect import find_effect, Model, Score, unfitted
+from .prediction import fall_in_words, fall_of, State
+from .problem import Problem
 from ..core.errors import UsageError
 
 
@@ -41,9 +42,9 @@ def assess(problem: Problem, model: Model, intervals: bool = True) -> State:
     Without the intervals of the values, which the error does not need, it takes half the time.
 
     """
-    fit = (problem.fit if intervals else point_of(problem))(unfitted(model))
-    summary: dict[str, float] = getattr(problem, 'summary', lambda _: {})(fit)
-    return State(problem, fit, held_out(problem, unfitted(model)), summary)
+    model = unfitted(model)
+    fit = problem.fit(model) if intervals else problem.point(model)
+    return State(problem, fit, problem.held_out(model), problem.summary(fit))
 
 
 class Study:

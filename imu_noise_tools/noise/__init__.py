@@ -21,8 +21,12 @@ from .kinds import (
     Response,
     Spectrum,
 )
+from .problem import arrays_of, NoiseProblem, problems
 
-# importing the effects registers them
+TITLE = 'Noise of an IMU at rest'
+NEXT = (('imu_noise export {study} --format kalibr -o imu.yaml',
+         'writes the numbers for an estimator'),)
+
 __all__ = [
     'Coupling',
     'Defect',
@@ -30,9 +34,14 @@ __all__ = [
     'Line',
     'Mean',
     'Modulation',
+    'NEXT',
     'NoiseEffect',
+    'NoiseProblem',
     'Parameter',
     'Response',
     'Spectrum',
+    'TITLE',
+    'arrays_of',
     'effects',
+    'problems',
 ]

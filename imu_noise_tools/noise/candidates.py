@@ -15,8 +15,8 @@ import numpy as np
 from . import views
 from .evidence import Evidence
 from .fit import fit as fit_part
-from .gather import line_penalty
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
+from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
@@ -100,19 +100,14 @@ def _refitted(evidence, fit, effect):
 
 def _line(evidence, fit, effect):
     left = views.lines_left(evidence, fit.model)
-    if not left:
+    rows = effect.rows(evidence, left)
+    if not rows:
         return None
-    i = left[0]
-    frequency, a, b, z = evidence.line_table[i]
-    # claimed lines are found by frequency: the one that is left must not be one of those in the
-    # model
+    # the lines that are left must not be taken for those in the model
     claimed = set(range(len(evidence.line_table))) - set(left)
-    values, estimates, _ = measure(
-        evidence, effect.with_values(frequency=float(frequency)), claimed
-    )
-    v = fit.details['v']
-    gain = 0.5 * float(np.sum(evidence.whole.bins.count * evidence.whole.lines[i] / v))
-    harmonic = _harmonic(evidence, fit, frequency)
+    values, estimates, _ = measure(evidence, effect, claimed)
+    added = np.sum(evidence.whole.lines[rows], axis=0)
+    gain = 0.5 * float(np.sum(evidence.whole.bins.count * added / fit.details['v']))
     return Finding(
         effect.name,
         gain,
@@ -120,23 +115,8 @@ def _line(evidence, fit, effect):
         estimates,
         line_penalty(evidence.n),
         'frequency',
-        f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around '
-        f'it, coherent through the record{harmonic}{_as_rpm(frequency)}',
+        effect.in_words(evidence, rows),
     )
-
-
-def _as_rpm(frequency):
-    return f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
-
-
-def _harmonic(evidence, fit, frequency):
-    for e in fit.model.of(Line):
-        base = e.values.get('frequency', 0)
-        if base > 0 and e.values.get('amplitude', 0) > 0:
-            k = round(frequency / base)
-            if k > 1 and abs(frequency - k * base) < 4 / evidence.duration * k:
-                return f', harmonic {k} of {e.label}'
-    return ''
 
 
 def _measured(evidence, fit, effect):

@@ -18,15 +18,22 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from . import effects as _effects  # noqa: F401  (registers them)
-from .kinds import Defect, Line
+from .kinds import Defect, Line, measured
 from ..core import allan
 from ..core.record import sensor_of
-from ..core.spectrum import Bins, bins_of
-from ..loop.effect import Model
+from ..core.spectrum import Bins, bins_of, folded
+from ..loop.effect import Estimate, Model
 
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
+
+
+@dataclass(frozen=True)
+class MeasuredLine:
+    """One coherent line as the samples tell it: Hz, and the unit of the axis."""
+
+    frequency: Estimate
+    amplitude: Estimate
 
 
 @dataclass(frozen=True)
@@ -148,6 +155,28 @@ class Evidence:
         """Return the cross-power (b,) of this axis with another channel."""
         return self.common.pair(self.axis, channel, part)
 
+    def line(self, row: int) -> MeasuredLine:
+        """Return a row of the line table with its errors, which are the Cramer-Rao bound."""
+        frequency, a, b, _ = (float(x) for x in self.line_table[row])
+        amplitude, t = float(np.hypot(a, b)), self.duration
+        at = self.whole.bins.index(max(1, min(self.whole.n - 1, int(2 * t * frequency))))
+        level = float(np.median(self.whole.power[max(0, at - 5):at + 6]))
+        return MeasuredLine(
+            measured(frequency, float(np.sqrt(3 * level / (np.pi**2 * amplitude**2 * t**3)))),
+            measured(amplitude, float(np.sqrt(level / t))),
+        )
+
+    def no_line(self, frequency: float | None = None) -> Estimate:
+        """Return the amplitude of a line that is not there: 95 % of a Rayleigh amplitude."""
+        power = self.whole.power
+        if frequency is not None:
+            at = self.whole.bins.index(
+                max(1, min(self.whole.n - 1, int(2 * self.duration * frequency))))
+            power = power[max(0, at - 5):at + 6]
+        upper = float(np.sqrt(np.median(power) / self.duration) * 2.45)
+        return Estimate(None, None, (0.0, upper), upper95=upper, point=0.0,
+                        note='not observable: no line stands out of the spectrum')
+
     def _screens(self, model) -> int:
         """1 where the model holds a defect that is taken out of the samples, else 0."""
         return int(
@@ -197,8 +226,10 @@ def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
     """Return which rows of the line table the model's lines account for."""
     out = set()
     for e in model.of(Line):
-        if e.values.get('amplitude', 0) > 0 and len(evidence.line_table):
-            out.add(int(np.argmin(np.abs(evidence.line_table[:, 0] - e['frequency']))))
+        for frequency, amplitude in e.lines():
+            if amplitude > 0 and len(evidence.line_table):
+                at = folded(frequency, evidence.dt)
+                out.add(int(np.argmin(np.abs(evidence.line_table[:, 0] - at))))
     return out
 
 

@@ -21,21 +21,19 @@ from scipy.special import ndtri
 
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs
+from .lines import find_lines, PIECE, reference_spectrum, take_lines_out
 from ..core import allan
 from ..core.record import ImuRecord, Memory
-from ..core.spectrum import Bins, bins_of, cosine_transform, line_coefficients
+from ..core.spectrum import Bins, bins_of, cosine_transform
 from ..core.statistics import grid_step
 from ..loop.effect import registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 1024  # signed coefficients kept
 BLOCKS = 256  # blocks in time
-CURVED = 256  # coefficients whose level is read from a parabola
 BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
 ENVELOPE = 1000  # columns of the picture of the time series
-MOST_LINES = 12
-PIECE = 1 << 15  # of an array as long as the record: what is worked on at a time
 
 
 def smooth_length(n: int) -> int:
@@ -122,12 +120,12 @@ def gather(
                 looks = _looks(raw[axis], clean[axis], used)
                 own[axis]['cells'] = _cells(looks, own[axis]['resolution'], c, reference, dt)
                 step(f'{axis}: distribution')
-                own[axis]['line_table'] = _find_lines(c, reference, y, dt)
+                own[axis]['line_table'] = find_lines(c, reference, dt)
                 step(f'{axis}: spectrum')
-            lines[axis] = _take_lines_out(c, own[axis]['line_table'], begin, dt)
+            lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt)
             if name == 'whole':
                 if len(lines[axis]):  # what is left is normal only without them
-                    cells = _cells_without_lines(c, own[axis]['resolution'], reference, dt)
+                    cells = _cells_without_lines(c, own[axis]['resolution'], dt)
                     own[axis]['cells'] = np.vstack([own[axis]['cells'], cells])
                 del reference
             coefficients[axis] = memory.keep(c)
@@ -232,166 +230,6 @@ def _block_means(y, length):
     return np.asarray(y, float)[: count * length].reshape(count, length).mean(axis=1)
 
 
-def _reach(k, n: int):
-    """Return how many coefficients on either side of k its level is taken from."""
-    # a filter may end at Nyquist as steeply as drift begins at zero
-    return np.clip(0.2 * np.minimum(k, n - k), 12, max(12, n // 100)).astype(int)
-
-
-def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
-    """
-    Return a smooth one-sided PSD at every k >= 1 from running medians.
-
-    Lines and spikes in it do not show.
-
-    """
-    n = len(c)
-    centres = np.round(np.geomspace(1, n - 1, 400)).astype(int)
-    centres = np.unique(np.concatenate([centres, n - centres]))
-    values = np.empty(len(centres))
-    for i, (k, reach) in enumerate(zip(centres, _reach(centres, n))):
-        some = c[max(1, k - reach):k + reach + 1]
-        if len(some) > 2048:
-            some = some[:: len(some) // 2048 + 1]
-        values[i] = (
-            np.median(2 * dt * some * some) / 0.4549
-        )  # the median of chi-squared with one degree of freedom
-    at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
-    level = _smoothed_below(CURVED, c, dt, centres, level)
-    out = np.empty(n - 1)
-    for i in range(0, n - 1, PIECE):
-        k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
-        out[i:i + PIECE] = np.exp(np.interp(np.log(k), at, level))
-    return out
-
-
-def _smoothed_below(top: int, c, dt, centres, level):
-    """
-    Return ln of the levels, those of the first centres from parabolas over ln k.
-
-    A few dozen neighbours are too few for a median, and more of them too far apart on a red
-    spectrum; a parabola over k/4 ... 4 k follows it. Ordinates far off the median do not pull it.
-
-    """
-    n = len(c)
-    last = min(4 * top, n - 1)
-    if last < 32:
-        return level
-    k = np.log(np.arange(1, last + 1))
-    rough = np.interp(k, np.log(centres), level)
-    seen = np.log(np.maximum(2 * dt * c[1:last + 1] ** 2, 1e-300))
-    seen = rough + np.clip(seen - rough, -5, 2.5) + 1.1395  # its mean for one degree of freedom
-    out = level.copy()
-    for i in np.flatnonzero(centres <= top):
-        a, b = max(1, centres[i] // 4), min(last, max(4 * centres[i], 32))
-        x = k[a - 1:b] - k[centres[i] - 1]
-        columns = np.stack([np.ones(len(x)), x, x * x])
-        out[i] = np.linalg.solve(columns @ columns.T, columns @ seen[a - 1:b])[0]
-    return out
-
-
-def line_penalty(n: int) -> float:
-    """
-    Return the gain (nats) of a line that noise exceeds once in a thousand records.
-
-    exp(-g) for each of n/2 frequencies that are independent, times sqrt(pi g/3) for the search
-    between them (Rice 1954), g near 20.
-
-    """
-    return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3)))
-
-
-def _find_lines(c, reference, y, dt) -> np.ndarray:
-    """Return (l, 4): frequency, a, b, z of the coherent lines, strongest first."""
-    n = len(c)
-    if n < 200:
-        return np.zeros((0, 4))
-    ratio = c[1:] ** 2
-    ratio *= 2 * dt
-    ratio /= reference
-    window = np.convolve(ratio, np.ones(4), mode='same')
-    del ratio
-    # near both ends the level around a coefficient is known from a few dozen of them only
-    for i in range(0, n - 1, PIECE):
-        k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
-        window[i:i + PIECE] /= 1 + 25 / (2 * np.where(k <= CURVED, 1.5 * k, _reach(k, n)) + 1)
-    window[:16] = window[-16:] = 0
-    # four coefficients hold a line of any phase; the level is a little below that at which a line
-    # is believed
-    threshold = 2 * line_penalty(n) - 2
-    found: list[tuple[float, float, float, float]] = []
-    while len(found) < MOST_LINES:
-        k = int(np.argmax(window))
-        if window[k] < threshold:
-            break
-        frequency, a, b = _measure_line(y, (k + 1) / (2 * n * dt), dt)
-        found.append((frequency, a, b, float(np.sqrt(window[k]))))
-        reach = 8 + int(2 * np.sqrt(window[k]))  # the skirts of a strong line are not lines
-        window[max(0, k - reach):k + reach + 1] = 0
-    return np.array(found).reshape(-1, 4)
-
-
-def _measure_line(y, near, dt):
-    """
-    Return (frequency, a, b) of the line near a frequency.
-
-    Demodulate, then find the peak of the padded spectrum.
-
-    """
-    n = len(y)
-    blocks = 512
-    length = n // blocks
-    if length < 1:
-        blocks, length = n, 1
-    used = blocks * length
-    rows, mean = y[:used].reshape(blocks, length), np.mean(y)
-
-    def demodulated(f):
-        """Return the sums over blocks of the samples times exp(-2 pi i f t)."""
-        turn = 2 * np.pi * f * dt
-        wave = np.column_stack([g(turn * np.arange(length)) for g in (np.cos, np.sin)])
-        both = rows @ wave - mean * wave.sum(axis=0)
-        return (both[:, 0] - 1j * both[:, 1]) * np.exp(-1j * turn * length * np.arange(blocks))
-
-    sums = demodulated(near)
-    pad = 16 * blocks
-    spectrum = np.abs(np.fft.fft(sums, pad))
-    offsets = np.fft.fftfreq(pad, length * dt)
-    near_zero = np.abs(offsets) < 4 / (n * dt)
-    i = int(np.flatnonzero(near_zero)[np.argmax(spectrum[near_zero])])
-    p, q, r = spectrum[i - 1], spectrum[i], spectrum[(i + 1) % pad]
-    bend = p - 2 * q + r
-    shift = 0.5 * (p - r) / bend if bend != 0 else 0.0
-    frequency = near + offsets[i] + np.clip(shift, -1, 1) / (pad * length * dt)
-    z = 2 / used * np.sum(demodulated(frequency))
-    return float(frequency), float(z.real), float(-z.imag)
-
-
-def _take_lines_out(c, table, begin, dt):
-    """
-    Subtract the lines from the coefficients of a part that begins at a sample, in place.
-
-    Return what each added (l, b).
-
-    """
-    n = len(c)
-    bins = bins_of(n, dt)
-    out = np.zeros((len(table), len(bins.first)))
-    for i, (frequency, a, b, _) in enumerate(table):
-        angle = 2 * np.pi * frequency * dt * begin
-        a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
-        centre = int(2 * n * dt * frequency)
-        low, high = max(1, centre - (1 << 15)), min(n, centre + (1 << 15))
-        low, high = bins.first[bins.index(low)], bins.last[bins.index(high - 1)]
-        k = np.arange(low, high)
-        line = line_coefficients(frequency, a, b, k, n, dt)
-        added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
-        c[low:high] -= line
-        i0, i1 = bins.index(low), bins.index(high - 1) + 1
-        out[i, i0:i1] = np.add.reduceat(added, bins.first[i0:i1] - low) / bins.count[i0:i1]
-    return out
-
-
 def _power_of_looks(looks, dt):
     """Return ``block_power`` and its axes of one or two versions of the samples."""
     found = [_power_in_time(y, dt) for y in looks]
@@ -418,12 +256,11 @@ def _cells(looks, step, c, reference, dt) -> np.ndarray:
     return np.array(found)
 
 
-def _cells_without_lines(c, step, reference, dt) -> np.ndarray:
+def _cells_without_lines(c, step, dt) -> np.ndarray:
     """Return the cells of the samples whose coefficients c the lines were taken out of."""
     if step > 0:
         c = c + cosine_transform(_dither(len(c), step))
-        reference = reference_spectrum(c, dt)
-    return _whitened(c, reference, dt)
+    return _whitened(c, reference_spectrum(c, dt), dt)
 
 
 def _dither(n: int, step: float) -> np.ndarray:

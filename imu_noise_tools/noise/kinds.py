@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from scipy.fft import idct
 
-from ..core.spectrum import quadrature_avar
-from ..loop.effect import Effect, Fit, Model, Parameter
+from ..core.spectrum import bins_of, expected, quadrature_avar
+from ..loop.effect import Effect, Estimate, Fit, Model, Parameter
 
 __all__ = [
     'Coupling',
@@ -34,6 +35,7 @@ __all__ = [
     'Parameter',
     'Response',
     'Spectrum',
+    'measured',
     'model_avar',
     'model_crowd',
     'model_gain2',
@@ -62,6 +64,7 @@ class NoiseEffect(Effect):
     """Base of every noise effect."""
 
     domain = 'noise'
+    field_units = True
 
     #: values that leave a record as it is, where a zero amplitude does not
     neutral: ClassVar[Mapping[str, float]] = {}
@@ -104,6 +107,8 @@ class NoiseEffect(Effect):
                 continue
             if p.amplitude:
                 spread = [np.sqrt(p.lower * p.upper)]
+            elif p.choices:
+                spread = range(len(p.choices))
             elif p.log:
                 spread = np.geomspace(p.lower, p.upper, 5)[1:-1]
             else:
@@ -160,10 +165,6 @@ class Spectrum(NoiseEffect):
         It is exact in power, stationary but for the record's ends.
 
         """
-        from scipy.fft import idct
-
-        from ..core.spectrum import bins_of, expected
-
         n, dt = len(x), inputs.dt
         k = np.arange(1, n)
         s = self.psd(k / (2 * n * dt), dt)
@@ -206,17 +207,53 @@ class Mean(NoiseEffect):
 
 class Line(NoiseEffect):
     """
-    Adds a coherent line.
+    Adds coherent lines.
 
-    Its amplitude, frequency and phase are measured on the samples when the evidence is made.
+    Their amplitudes, frequencies and phases are measured on the samples when the evidence is made:
+    the rows of its line table.
 
     """
 
     views: ClassVar[tuple[str, ...]] = ('frequency', 'time')
+    #: whether it takes its rows before those that take one each
+    family: ClassVar[bool] = False
+
+    def lines(self) -> list[tuple[float, float]]:
+        """Return (frequency Hz, amplitude) of each line it consists of."""
+        raise NotImplementedError
+
+    def rows(self, evidence, free: list[int]) -> list[int]:
+        """
+        Return which of the free rows of the line table (strongest first) it would hold.
+
+        None where there is nothing of the kind. Values that it has say which are meant.
+
+        """
+        raise NotImplementedError
+
+    def read(self, evidence, rows: list[int]) -> dict[str, Estimate]:
+        """Return an estimate of each parameter, units left out, from its rows or from none."""
+        raise NotImplementedError
+
+    def in_words(self, evidence, rows: list[int]) -> str:
+        """Say what these rows are evidence of."""
+        raise NotImplementedError
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
-        """Return what it adds to the Allan variance."""
-        raise NotImplementedError
+        """Omega0^2 sin^4(pi f m dt) / (m sin(pi f dt))^2: the sampled form of IEEE 952 C.1.7."""
+        m = np.asarray(m, float)
+        out = np.zeros(m.shape)
+        for frequency, amplitude in self.lines():
+            x = np.pi * frequency * dt
+            out = out + amplitude**2 * np.sin(m * x) ** 4 / (m * np.sin(x)) ** 2
+        return out
+
+    def apply(self, x, inputs, rng):
+        """Add its lines, each with a random phase."""
+        for frequency, amplitude in self.lines():
+            phase = rng.uniform(0, 2 * np.pi)
+            x = x + amplitude * np.sin(2 * np.pi * frequency * inputs.t + phase)
+        return x
 
 
 class Coupling(NoiseEffect):
@@ -294,6 +331,11 @@ class Defect(NoiseEffect):
 
 #: kinds whose values come from the samples, not from the spectral fit
 MEASURED = (Line, Defect, Modulation)
+
+
+def measured(value: float, std: float) -> Estimate:
+    """Return what was measured on the samples, with a normal interval, its unit left out."""
+    return Estimate(value, std, (value - 1.96 * std, value + 1.96 * std), point=value, fixed=True)
 
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:

@@ -20,7 +20,8 @@ def with_measured(evidence, model):
     """Give effects that are measured on the samples their values; say where nothing was found."""
     estimates, flags = {}, []
     claimed: set[int] = set()
-    for e in model.effects:
+    # families of lines before those that take what is left
+    for e in sorted(model.effects, key=lambda e: not (isinstance(e, Line) and e.family)):
         if not isinstance(e, MEASURED):
             continue
         values, found, note = measure(evidence, e, claimed)
@@ -95,65 +96,11 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
 
 
 def _measure_line(evidence, effect, claimed):
-    """
-    Claim the strongest free line (or the one nearest to a given frequency).
-
-    Its errors are the Cramer-Rao bound.
-
-    """
-    table = evidence.line_table
-    free = [i for i in range(len(table)) if i not in claimed]
-    t = evidence.duration
-    rate, hertz = (units.si(p.unit, evidence.sensor) for p in effect.parameters)
-    if not free:
-        level = float(np.median(evidence.whole.power))
-        upper = float(np.sqrt(level / t) * 2.45)  # 95 % of a Rayleigh amplitude
-        found = {
-            'amplitude': Estimate(
-                None,
-                None,
-                (0.0, upper),
-                rate,
-                upper95=upper,
-                point=0.0,
-                note='not observable: no line stands out of the spectrum',
-            ),
-            'frequency': Estimate(
-                None, None, None, hertz, point=0.25 / evidence.dt, note='no line'
-            ),
-        }
-        return (
-            {'amplitude': 0.0, 'frequency': 0.25 / evidence.dt},
-            found,
-            'no line stands out of the spectrum',
-        )
-    wanted = effect.values.get('frequency')
-    near = [i for i in free if wanted and abs(table[i, 0] - wanted) < max(2 / t, 1e-3 * wanted)]
-    i = near[0] if near else free[0]
-    claimed.add(i)
-    frequency, a, b, _ = table[i]
-    amplitude = float(np.hypot(a, b))
-    bins = evidence.whole.bins
-    at = bins.index(max(1, min(evidence.whole.n - 1, int(2 * t * frequency))))
-    level = float(np.median(evidence.whole.power[max(0, at - 5):at + 6]))
-    std_a = float(np.sqrt(2 * level / (2 * t)))
-    std_f = float(np.sqrt(3 * level / (np.pi**2 * amplitude**2 * t**3)))
-    found = {
-        'amplitude': Estimate(
-            amplitude,
-            std_a,
-            (amplitude - 1.96 * std_a, amplitude + 1.96 * std_a),
-            rate,
-            point=amplitude,
-            fixed=True,
-        ),
-        'frequency': Estimate(
-            float(frequency),
-            std_f,
-            (frequency - 1.96 * std_f, frequency + 1.96 * std_f),
-            hertz,
-            point=float(frequency),
-            fixed=True,
-        ),
-    }
-    return {'amplitude': amplitude, 'frequency': float(frequency)}, found, ''
+    """Claim the free lines that it would hold."""
+    free = [i for i in range(len(evidence.line_table)) if i not in claimed]
+    rows = effect.rows(evidence, free)
+    claimed.update(rows)
+    read, unit = effect.read(evidence, rows), {p.name: p.unit for p in effect.parameters}
+    found = {k: replace(v, unit=units.si(unit[k], evidence.sensor)) for k, v in read.items()}
+    note = '' if rows else 'no line stands out of the spectrum'
+    return {k: float(v.point) for k, v in read.items()}, found, note

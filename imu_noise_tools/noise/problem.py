@@ -10,18 +10,21 @@ from dataclasses import replace
 import numpy as np
 
 from . import classic, views
+from .candidates import candidates
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
 from .kinds import Spectrum
 from .plan import duration_for, in_words
+from ..core.allan import dominant_shape
 from ..core.errors import UsageError
 from ..loop.effect import Finding, Fit, Model, Score, unfitted
+from ..loop.problem import Problem
 
 METHODS = ('likelihood', 'avar', 'slopes')
 
 
-class NoiseProblem:
+class NoiseProblem(Problem):
     """
     One axis, or a part of it.
 
@@ -45,11 +48,15 @@ class NoiseProblem:
             raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
         self.evidence, self.part = evidence, part
         self.method, self.bias_at = method, bias_at
-        self.target = evidence.axis
         self.whole = whole or self
         self._fits: dict = {}
         self._points: dict = {}
         self._candidates: dict = {}
+
+    @property
+    def target(self) -> str:
+        """Name of the axis."""
+        return self.evidence.axis
 
     def split(self):
         """
@@ -168,8 +175,6 @@ class NoiseProblem:
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """Return what could be added, best gain first."""
-        from .candidates import candidates
-
         if fit.model not in self._candidates:
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
@@ -214,6 +219,44 @@ class NoiseProblem:
             'misfit_percent': 100 * float(np.sqrt(np.mean((model / c.dev[some] - 1) ** 2))),
             'misfit_expected': 100 * float(np.sqrt(np.mean(1 / (2 * c.edf[some])))),
         }
+
+    def remarks(self, fit: Fit) -> list[str]:
+        """Return what the curve looks like."""
+        return [dominant_shape(self.evidence.curve)]
+
+    def differences(self, other: Problem) -> list[tuple[str, str, str, float]]:
+        """Return how the measured power differs from another record's, band by band."""
+        assert isinstance(other, NoiseProblem)
+        return power_differences(self.evidence, other.evidence)
+
+
+def power_differences(a: Evidence, b: Evidence, bands: int = 6):
+    """
+    Compare the measured power of two records in bands of frequency.
+
+    The ln of a mean of w chi-squared has variance 2/w.
+
+    """
+    low = max(a.whole.bins.f[0], b.whole.bins.f[0])
+    high = min(a.whole.bins.f[-1], b.whole.bins.f[-1])
+    edges = np.geomspace(low, high, bands + 1)
+    out = []
+    for f0, f1 in zip(edges, edges[1:]):
+        logs = []
+        for e in (a, b):
+            some = (e.whole.bins.f >= f0) & (e.whole.bins.f <= f1)
+            w = e.whole.bins.count[some]
+            if not w.sum():
+                break
+            p = e.whole.power[some] + e.whole.lines[:, some].sum(axis=0)
+            # relative power against a smooth line through the band, so that a slope does not weigh
+            logs.append((float(np.sum(w * np.log(np.maximum(p, 1e-300))) / w.sum()), 2 / w.sum()))
+        if len(logs) == 2:
+            ratio = logs[1][0] - logs[0][0]
+            sigmas = ratio / np.sqrt(logs[0][1] + logs[1][1] + 2 * 0.002)
+            out.append((f'power {f0:.3g} to {f1:.3g} Hz', '1', f'{np.exp(ratio):.3g}',
+                        float(sigmas)))
+    return out
 
 
 def problems(arrays) -> dict[str, NoiseProblem]:

@@ -75,10 +75,13 @@ def line_envelope(effect: Line, m: np.ndarray, dt: float) -> np.ndarray:
     """
     Return a line's Allan variance, its crests where the nulls would lie too close to be drawn.
 
-    From half a period on, the crests fall as 1/tau^2: sin^4 = 1 in IEEE 952 C.1.7.
+    From half a period on, the crests fall as 1/tau^2: sin^4 = 1 in IEEE 952 C.1.7. Of several
+    lines the strongest gives the period.
 
     """
-    half = 0.5 / (effect['frequency'] * dt)
+    if not effect.lines():
+        return np.zeros(len(m))
+    half = 0.5 / (max(effect.lines(), key=lambda line: line[1])[0] * dt)
     crest = effect.avar(np.array([half]), dt) * (half / m) ** 2
     return np.where(m < half, effect.avar(m, dt), crest)
 

@@ -6,18 +6,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import importlib
 
 import numpy as np
 
 from .. import store
 from ..core import files
 from ..core.errors import InputError
+from ..loop.domains import part
 from ..loop.study import Study
 
 BEYOND = 3.0  # standard deviations
-# Where the files of a domain's study are made.
-_OUTPUTS = {'noise': 'noise', 'calibration': 'calibration', 'filter': 'filter'}
 
 
 def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
@@ -30,8 +28,7 @@ def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
 
 def outputs(study: Study, folder) -> dict[str, str | bytes]:
     """Return all files of a study of any domain by name; ``folder`` is what the page names."""
-    module = importlib.import_module(f'{__package__}.{_OUTPUTS[study.domain]}')
-    return module.outputs(study, folder)
+    return part('tasks', study.domain).outputs(study, folder)
 
 
 def compare_two(first: Study, second: Study) -> list[dict]:
@@ -61,7 +58,8 @@ def compare_two(first: Study, second: Study) -> list[dict]:
             for name, x in a.fit.estimates.get(label, {}).items():
                 y = b.fit.estimates.get(label, {}).get(name)
                 if y is not None:
-                    out.append(_of_estimates(t, f'{label}.{name}', x, y))
+                    of = a.model[label].parameter(name)
+                    out.append(_of_estimates(t, f'{label}.{name}', of, x, y))
         for label in set(a.model.labels) ^ set(b.model.labels):
             out.append(
                 {
@@ -73,12 +71,17 @@ def compare_two(first: Study, second: Study) -> list[dict]:
                     'verdict': 'only in one model',
                 }
             )
-        if first.domain == 'noise':
-            out += _of_spectra(t, a.problem.evidence, b.problem.evidence)
+        for what, x, y, sigmas in a.problem.differences(b.problem):
+            out.append({'target': t, 'what': what, 'first': x, 'second': y,
+                        'sigmas': f'{sigmas:+.1f}', 'verdict': _changed(sigmas)})
     return out
 
 
-def _of_estimates(target, what, x, y):
+def _of_estimates(target, what, parameter, x, y):
+    if parameter.choices:
+        names = [str(parameter.written(e.value)) for e in (x, y)]
+        return {'target': target, 'what': what, 'first': names[0], 'second': names[1],
+                'sigmas': '', 'verdict': 'the same' if names[0] == names[1] else 'changed'}
     row = {
         'target': target,
         'what': what,
@@ -90,13 +93,17 @@ def _of_estimates(target, what, x, y):
     if x.value is not None and y.value is not None and x.std and y.std:
         sigmas = (y.value - x.value) / float(np.hypot(x.std, y.std))
         row.update(
-            sigmas=f'{sigmas:+.1f}', verdict='changed' if abs(sigmas) > BEYOND else 'the same'
+            sigmas=f'{sigmas:+.1f}', verdict=_changed(sigmas)
         )
     elif (x.value is None) != (y.value is None):
         seen, hidden = (x, y) if x.value is not None else (y, x)
         if seen.ci95 and hidden.upper95 is not None:
             row['verdict'] = 'changed' if seen.ci95[0] > hidden.upper95 else 'the same'
     return row
+
+
+def _changed(sigmas: float) -> str:
+    return 'changed' if abs(sigmas) > BEYOND else 'the same'
 
 
 def _shown(e):
@@ -109,39 +116,3 @@ def _shown(e):
         if e.upper95 is not None
         else '?'
     )
-
-
-def _of_spectra(target, a, b, bands=6):
-    """
-    Compare measured power in bands of frequency.
-
-    The ln of a mean of w chi-squared has variance 2/w.
-
-    """
-    low = max(a.whole.bins.f[0], b.whole.bins.f[0])
-    high = min(a.whole.bins.f[-1], b.whole.bins.f[-1])
-    edges = np.geomspace(low, high, bands + 1)
-    out = []
-    for f0, f1 in zip(edges, edges[1:]):
-        logs = []
-        for e in (a, b):
-            some = (e.whole.bins.f >= f0) & (e.whole.bins.f <= f1)
-            w = e.whole.bins.count[some]
-            if not w.sum():
-                break
-            p = e.whole.power[some] + e.whole.lines[:, some].sum(axis=0)
-            # relative power against a smooth line through the band, so that a slope does not weigh
-            logs.append((float(np.sum(w * np.log(np.maximum(p, 1e-300))) / w.sum()), 2 / w.sum()))
-        if len(logs) == 2:
-            sigmas = (logs[1][0] - logs[0][0]) / np.sqrt(logs[0][1] + logs[1][1] + 2 * 0.002)
-            out.append(
-                {
-                    'target': target,
-                    'what': f'power {f0:.3g} to {f1:.3g} Hz',
-                    'first': '1',
-                    'second': f'{np.exp(logs[1][0] - logs[0][0]):.3g}',
-                    'sigmas': f'{sigmas:+.1f}',
-                    'verdict': 'changed' if abs(sigmas) > BEYOND else 'the same',
-                }
-            )
-    return out

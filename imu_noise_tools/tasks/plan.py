@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from .. import noise  # noqa: F401  (registers the effects)
 from .. import store
 from ..loop.effect import find_effect, Model
 from ..noise.plan import duration_for, in_words, precision

@@ -20,8 +20,6 @@ def simulate(spec, out, force: bool = False) -> dict:
     ``truth.yaml`` is written beside the bag (in its folder's parent).
 
     """
-    import imu_noise_tools.noise  # noqa: F401  (registers the effects)
-
     if not isinstance(spec, dict):
         spec = store.load_yaml(spec)
     record, truth = simulate_record(spec)

@@ -6,6 +6,7 @@
 import numpy as np
 
 from ..kinds import Parameter, Spectrum
+from ..likelihood import Likelihood
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 
 
@@ -44,8 +45,6 @@ class Quantization(Spectrum):
         Something else that is missing may draw Q away from that.
 
         """
-        from ..likelihood import Likelihood
-
         kept = evidence.kept(self.name)
         step = float(kept.get('step', 0.0))
         gain = grid_gain(evidence.n, step, float(kept['sigma'])) if step > 0 else 0.0

@@ -10,6 +10,7 @@ from scipy.fft import dct, idct
 from scipy.special import expit
 
 from ..kinds import Inputs, Mean, model_gain2, Modulation, Parameter, Spectrum
+from ..views import slow_rest
 from ...core import gauss_markov
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
@@ -94,8 +95,6 @@ class Rts(Spectrum):
         levels and not the other.
 
         """
-        from ..views import slow_rest
-
         y = slow_rest(evidence, fit.model)
         inputs = Inputs(evidence.slow_t, evidence.dt, dict(evidence.slow_others))
         for m in fit.model.of(Mean):

@@ -3,9 +3,8 @@
 
 """A sinusoid: vibration, mains, an alias."""
 
-import numpy as np
-
 from ..kinds import Line, Parameter
+from ...loop.effect import Estimate
 
 
 class Sinusoid(Line):
@@ -30,18 +29,37 @@ class Sinusoid(Line):
         Parameter('frequency', 'Hz', 1e-6, 1e5, title='frequency'),
     )
 
-    def avar(self, m, dt):
-        """Omega0^2 sin^4(pi f m dt) / (m sin(pi f dt))^2: the sampled form of IEEE 952 C.1.7."""
-        m = np.asarray(m, float)
-        x = np.pi * self['frequency'] * dt
-        return self['amplitude'] ** 2 * np.sin(m * x) ** 4 / (m * np.sin(x)) ** 2
+    def lines(self):
+        """Return the one line."""
+        return [(self['frequency'], self['amplitude'])]
 
-    def apply(self, x, inputs, rng):
-        """Add the sinusoid with a random phase."""
-        phase = rng.uniform(0, 2 * np.pi)
-        return x + self['amplitude'] * np.sin(2 * np.pi * self['frequency'] * inputs.t + phase)
+    def rows(self, evidence, free):
+        """Take the strongest free row, or the one near a frequency that is given."""
+        wanted = self.values.get('frequency')
+        width = max(2 / evidence.duration, 1e-3 * (wanted or 0))
+        near = [i for i in free if wanted and abs(evidence.line_table[i, 0] - wanted) < width]
+        return (near or free)[:1]
+
+    def read(self, evidence, rows):
+        """Return amplitude and frequency of the row; an upper limit where there is none."""
+        if not rows:
+            return {
+                'amplitude': evidence.no_line(),
+                'frequency': Estimate(None, None, None, point=0.25 / evidence.dt, note='no line'),
+            }
+        line = evidence.line(rows[0])
+        return {'amplitude': line.amplitude, 'frequency': line.frequency}
+
+    def in_words(self, evidence, rows):
+        """Say where it is and how far it stands out."""
+        frequency, _, _, z = evidence.line_table[rows[0]]
+        rpm = f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
+        return (
+            f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around '
+            f'it, coherent through the record{rpm}'
+        )
 
     @classmethod
     def example(cls):
-        """Return the line of a machine at 23 Hz."""
+        """Return a line at 3.7 Hz, of 20.6 deg/h (1e-4 rad/s)."""
         return cls({'amplitude': 1e-4, 'frequency': 3.7})

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..kinds import Modulation, Parameter
+from ..views import block_variance, followed_by, power_in_time, rough_degrees
 from ...loop.effect import Estimate, Finding
 
 
@@ -63,8 +64,6 @@ class VarianceChange(Modulation):
         It is found from the power in time; None where none does.
 
         """
-        from ..views import power_in_time, rough_degrees
-
         t, x, w = power_in_time(evidence)
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
         w = rough_degrees(x, w)
@@ -95,8 +94,6 @@ class VarianceChange(Modulation):
 
     def _refined(self, start, t, x, w, cost):
         """Return (gain, effect, std) of a shape at its likeliest values, from a start."""
-        from ..views import block_variance, followed_by
-
         names = ['factor', *(k for k in ('time', 'period') if start[k] > 0)]
         scale = np.array([1.0, t[1] - t[0], start['period'] / len(t)])[:len(names)]
 

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A target of a study as the loop sees it: all that the loop knows of any domain."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from .effect import Finding, Fit, Model, Score, unfitted, View
+
+
+class Problem(ABC):
+    """
+    One target of one domain: data that models are fitted to, scored on and tested against.
+
+    A domain gives what is abstract here, and replaces a default where it knows better.
+
+    """
+
+    domain: ClassVar[str]
+    #: whether candidates are cheap enough to be looked for once more beside each of the best
+    looks_again: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def target(self) -> str:
+        """Name of the target: an axis, or a sensor."""
+
+    @abstractmethod
+    def split(self) -> list[tuple[Problem, Problem]]:
+        """Return pairs (to fit, to score) that share no data."""
+
+    @abstractmethod
+    def fit(self, model: Model) -> Fit:
+        """Fit a model."""
+
+    @abstractmethod
+    def score(self, fit: Fit) -> Score:
+        """Score a fit made elsewhere on this data."""
+
+    @abstractmethod
+    def omnibus(self, fit: Fit) -> list[Finding]:
+        """Return tests that fail when anything at all is missing, each with its p-value."""
+
+    @abstractmethod
+    def candidates(self, fit: Fit) -> list[Finding]:
+        """Return what could be added to the model, best gain first."""
+
+    def point(self, model: Model) -> Fit:
+        """Fit a model without intervals, where that is cheaper."""
+        return self.fit(model)
+
+    def held_out(self, model: Model) -> Score:
+        """
+        Return the error of a model on data not fitted.
+
+        Each view is averaged over the splits, then the views are averaged.
+
+        """
+        model = unfitted(model)
+        found: dict[str, list[View]] = {}
+        for to_fit, to_score in self.split():
+            score = to_score.score(to_fit.fit(model))
+            for view in (*score.views.values(), *score.muted.values()):
+                found.setdefault(view.name, []).append(view)
+        return Score.of(_merged(views) for views in found.values())
+
+    def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
+        """Return what to do next, in a sentence or two."""
+        return ''
+
+    def summary(self, fit: Fit) -> dict[str, float]:
+        """Return what else describes a fit, as numbers by name."""
+        return {}
+
+    def remarks(self, fit: Fit) -> list[str]:
+        """Return what else is to be said of a fit to people, a sentence each."""
+        return []
+
+    def differences(self, other: Problem) -> list[tuple[str, str, str, float]]:
+        """
+        Return what differs in the data from another problem's, whatever the models say.
+
+        A tuple each: what, the first's, the other's, and by how many standard deviations.
+
+        """
+        return []
+
+
+def _merged(views: list[View]) -> View:
+    """Return the views of several splits as one."""
+    if len(views) == 1:
+        return views[0]
+    k = len(views)
+    x, pull = np.concatenate([v.x for v in views]), np.concatenate([v.pull for v in views])
+    order = np.argsort(x, kind='stable')
+    scores = [v.log_score for v in views if v.log_score is not None]
+    return View(
+        views[0].name,
+        x[order],
+        pull[order],
+        float(np.mean([v.excess for v in views])),
+        float(np.sqrt(sum(v.std**2 for v in views)) / k),
+        views[0].unit,
+        float(sum(scores)) if len(scores) == k else None,
+        any(v.muted for v in views),
+    )

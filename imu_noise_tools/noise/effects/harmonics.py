@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Harmonics: an engine, a fan, the mains; lines at whole multiples of one frequency."""
+
+import numpy as np
+from scipy.special import bdtrc
+
+from ..kinds import Line, measured, Parameter
+from ...core.spectrum import folded
+from ...loop.effect import Estimate
+
+ORDERS = 12
+HIGHEST = (2, 3, 4, 6, 8, ORDERS)  # what the search for f0 takes for the highest order
+LOWEST = 4  # some line must be of this order or a lower one
+CHANCE = 0.01  # that unrelated lines stand so
+CELLS = 0.2  # of 1/T by which a line may be off its order
+
+
+class Harmonics(Line):
+    """Coherent lines at orders 1 to 12 of one frequency, folded at Nyquist where beyond it."""
+
+    name = 'harmonics'
+    symbol = 'f0, Omega1 ... Omega12'
+    title = 'harmonics of one machine'
+    equation = (
+        'sigma^2(tau) = sum_k Omega_k^2 [sin^2(pi k f0 tau)/(pi k f0 tau)]^2, k f0 folded at '
+        'Nyquist'
+    )
+    signature = (
+        'several narrow lines in the PSD at whole multiples of one frequency (of half of the '
+        "shaft's, for a four-stroke engine)"
+    )
+    hint = (
+        'One machine that turns: an engine, a fan, a pump; or the mains and its harmonics. '
+        'Compare with its speed in rpm; change that speed or stop it, and record again: all '
+        'lines move or go together. Damp the mount at the strongest order.'
+    )
+    reference = 'Brandt, Noise and Vibration Analysis, 2011, ch. 12 (order analysis)'
+    several = True
+    family = True
+    decide = 'change the speed of the machine: all of its orders move together'
+    parameters = (
+        Parameter('frequency', 'Hz', 1e-6, 1e5, title='frequency of order 1'),
+        *(
+            Parameter(
+                f'amplitude_{k}', '{rate}', 0.0, 1e3, log=False, amplitude=True,
+                title=f'amplitude of order {k}',
+            )
+            for k in range(1, ORDERS + 1)
+        ),
+    )
+    neutral = {f'amplitude_{k}': 0.0 for k in range(1, ORDERS + 1)}
+
+    def lines(self):
+        """Return the orders that are there."""
+        return [
+            (k * self['frequency'], self[f'amplitude_{k}'])
+            for k in range(1, ORDERS + 1)
+            if self[f'amplitude_{k}'] > 0
+        ]
+
+    def rows(self, evidence, free):
+        """
+        Return the largest set of free rows that stand at orders of one frequency.
+
+        Of equally large sets the one of the lowest orders.
+        Sets that unrelated lines would form by chance are none.
+
+        """
+        return sorted(self._family(evidence, free)[1].values())
+
+    def _family(self, evidence, free) -> tuple[float, dict[int, int]]:
+        """Return f0, and which row stands at each of its orders; the sets of low orders first."""
+        f = evidence.line_table[free, 0]
+        given = self.values.get('frequency')
+        best: tuple[float, dict[int, int]] = 0.0, {}
+        for most in HIGHEST:
+            trials = [(x / k, k) for k in range(1, min(most, LOWEST) + 1) for x in f]
+            for f0, k in sorted(trials, reverse=True):
+                if given and abs(f0 - given) > max(1 / evidence.duration, 1e-3 * given):
+                    continue
+                found, chance = _at_orders(f, f0, k, most, evidence)
+                if len(found) <= max(len(best[1]), 1):
+                    continue
+                likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
+                if likely * len(trials) * len(HIGHEST) < CHANCE:
+                    best = f0, {order: free[i] for order, i in found.items()}
+        return best
+
+    def read(self, evidence, rows):
+        """Return f0 by least squares from all orders, and the amplitude of each."""
+        near, family = self._family(evidence, rows)
+        out = {p.name: evidence.no_line() for p in self.parameters if p.amplitude}
+        if not family:
+            nothing = Estimate(None, None, None, point=0.1 / evidence.dt, note='no harmonics')
+            return {'frequency': nothing, **out}
+        f0, weight = [], []
+        for k, row in family.items():
+            line, turns = evidence.line(row), k * near * evidence.dt
+            out[f'amplitude_{k}'] = line.amplitude
+            # beyond Nyquist a line that moves up is seen to move down every second time
+            sign = 1 if (turns + 0.5) % 1 >= 0.5 else -1
+            off = line.frequency.point - folded(k * near, evidence.dt)
+            f0.append(near + sign * off / k)
+            weight.append((k / line.frequency.std) ** 2)
+        std = float(1 / np.sqrt(np.sum(weight)))
+        return {'frequency': measured(float(np.average(f0, weights=weight)), std), **out}
+
+    def in_words(self, evidence, rows):
+        """Name the orders and the speed."""
+        f0, family = self._family(evidence, rows)
+        orders = ', '.join(str(k) for k in sorted(family))
+        return (
+            f'lines at orders {orders} of {f0:.6g} Hz, coherent through the record: a shaft at '
+            f'{60 * f0:.0f} rpm, or a four-stroke engine at {120 * f0:.0f} rpm'
+        )
+
+    @classmethod
+    def example(cls):
+        """Return a fan at 186 rpm (3.1 Hz) with orders 1, 2 and 4, 20.6 deg/h the strongest."""
+        return cls({**cls.neutral, 'frequency': 3.1, 'amplitude_1': 1e-4, 'amplitude_2': 5e-5,
+                    'amplitude_4': 3e-5})
+
+
+def _at_orders(f, f0: float, k: int, most: int, evidence) -> tuple[dict[int, int], float]:
+    """
+    Return ({order: which of f stands there}, the chance that an unrelated line stands at one).
+
+    ``f0`` was read from a line at order k, so that its error grows with the order.
+
+    """
+    found: dict[int, int] = {}
+    chance = 0.0
+    for order in range(1, most + 1):
+        width = CELLS / evidence.duration * (1 + order / k)
+        off = np.abs(f - folded(order * f0, evidence.dt))
+        i = int(np.argmin(off)) if len(f) else 0
+        if len(f) and off[i] < width and i not in found.values():
+            found[order] = i
+        chance += 4 * width * evidence.dt
+    return found, min(chance, 1.0)

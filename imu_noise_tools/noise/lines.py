@@ -1,0 +1,337 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Coherent lines of one axis: found in its cosine coefficients, measured jointly, taken out.
+
+A line keeps its phase through the record, so that one frequency and two amplitudes take its power
+away. What leaves power behind (a resonance, a motor whose speed wanders, vibration that comes and
+goes) is no line, and stays in the spectrum.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.spectrum import bins_of, line_basis, line_coefficients
+
+CURVED = 256  # coefficients whose level is read from a parabola
+MOST_LINES = 24
+PIECE = 1 << 15  # of an array as long as the record: what is worked on at a time
+NEAR = 32  # coefficients on either side from which a line is measured
+CROWD = 12  # coefficients within which lines are neighbours
+ROUNDS = 3  # of the search, each with the level as it is without the lines found before
+MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
+DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
+CLEAN = 0.98  # share that two lines side by side must take
+
+
+def _reach(k, n: int):
+    """Return how many coefficients on either side of k its level is taken from."""
+    # a filter may end at Nyquist as steeply as drift begins at zero
+    return np.clip(0.2 * np.minimum(k, n - k), 12, max(12, n // 100)).astype(int)
+
+
+def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return a smooth one-sided PSD at every k >= 1 from running medians.
+
+    Lines and spikes in it do not show.
+
+    """
+    n = len(c)
+    centres = np.round(np.geomspace(1, n - 1, 400)).astype(int)
+    centres = np.unique(np.concatenate([centres, n - centres]))
+    values = np.empty(len(centres))
+    for i, (k, reach) in enumerate(zip(centres, _reach(centres, n))):
+        some = c[max(1, k - reach):k + reach + 1]
+        if len(some) > 2048:
+            some = some[:: len(some) // 2048 + 1]
+        values[i] = (
+            np.median(2 * dt * some * some) / 0.4549
+        )  # the median of chi-squared with one degree of freedom
+    at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
+    level = _smoothed_below(CURVED, c, dt, centres, level)
+    out = np.empty(n - 1)
+    for i in range(0, n - 1, PIECE):
+        k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
+        out[i:i + PIECE] = np.exp(np.interp(np.log(k), at, level))
+    return out
+
+
+def _smoothed_below(top: int, c, dt, centres, level):
+    """
+    Return ln of the levels, those of the first centres from parabolas over ln k.
+
+    A few dozen neighbours are too few for a median, and more of them too far apart on a red
+    spectrum; a parabola over k/4 ... 4 k follows it. Ordinates far off the median do not pull it.
+
+    """
+    n = len(c)
+    last = min(4 * top, n - 1)
+    if last < 32:
+        return level
+    k = np.log(np.arange(1, last + 1))
+    rough = np.interp(k, np.log(centres), level)
+    seen = np.log(np.maximum(2 * dt * c[1:last + 1] ** 2, 1e-300))
+    seen = rough + np.clip(seen - rough, -5, 2.5) + 1.1395  # its mean for one degree of freedom
+    out = level.copy()
+    for i in np.flatnonzero(centres <= top):
+        a, b = max(1, centres[i] // 4), min(last, max(4 * centres[i], 32))
+        x = k[a - 1:b] - k[centres[i] - 1]
+        columns = np.stack([np.ones(len(x)), x, x * x])
+        out[i] = np.linalg.solve(columns @ columns.T, columns @ seen[a - 1:b])[0]
+    return out
+
+
+def line_penalty(n: int) -> float:
+    """
+    Return the gain (nats) of a line that noise exceeds once in a thousand records.
+
+    exp(-g) for each of n/2 frequencies that are independent, times sqrt(pi g/3) for the search
+    between them (Rice 1954), g near 20.
+
+    """
+    return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3)))
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """A line as the search has it: frequency Hz, a, b, and the height of its peak."""
+
+    frequency: float
+    a: float
+    b: float
+    height: float
+
+
+class _Search:
+    """The coefficients of a record while lines are taken out of them, the highest first."""
+
+    def __init__(self, c: np.ndarray, reference: np.ndarray, dt: float):
+        self.n, self.dt = len(c), dt
+        self.whole, self.c, self.reference = c, c, reference
+        # four coefficients hold a line of any phase; the level is a little below that at which a
+        # line is believed
+        self.threshold = 2 * line_penalty(self.n) - 2
+        self.window = np.empty(self.n - 1)
+        self.blocked = [(0, 16), (self.n - 17, self.n - 1)]
+        for i in range(0, self.n - 1, PIECE):
+            self._look(i, min(i + PIECE, self.n - 1))
+
+    def _look(self, begin: int, end: int) -> None:
+        """Work out anew the heights of the coefficients 1 + [begin, end) above their level."""
+        i, j = max(0, begin - 2), min(self.n - 1, end + 2)
+        ratio = 2 * self.dt * self.c[i + 1:j + 1] ** 2 / self.reference[i:j]
+        four = np.convolve(ratio, np.ones(4), mode='same')[begin - i:begin - i + end - begin]
+        k = np.arange(begin + 1, end + 1)
+        # near both ends the level around a coefficient is known from a few dozen of them only
+        four /= 1 + 25 / (2 * np.where(k <= CURVED, 1.5 * k, _reach(k, self.n)) + 1)
+        self.window[begin:end] = four
+        for low, high in self.blocked:
+            if low < end and high > begin:
+                self.window[max(low, begin):min(high, end)] = 0
+
+    def _add(self, spot: _Spot, sign: float) -> None:
+        """Add a line to the coefficients around it, or take it away."""
+        if self.c is self.whole:
+            self.c = self.whole.copy()
+        centre = int(2 * self.n * self.dt * spot.frequency)
+        reach = min(1 << 15, 64 + int(8 * np.sqrt(spot.height)))
+        low, high = max(1, centre - reach), min(self.n, centre + reach)
+        self.c[low:high] += sign * line_coefficients(
+            spot.frequency, spot.a, spot.b, np.arange(low, high), self.n, self.dt)
+        self._look(low - 1, high - 1)
+
+    def _measured(self, k: int) -> tuple[float, float, float]:
+        """Return (frequency, a, b) of the line nearest to a coefficient."""
+        some = np.arange(max(1, k - NEAR), min(self.n, k + NEAR + 1))
+        y = self.c[some]
+        best, step = float(k), 0.1
+        for count in (21, 10, 10):
+            at = best + step * np.arange(-count, count + 1)
+            wave = line_basis(at[:, None] / (2 * self.n * self.dt), some, self.n, self.dt)
+            energy, a, b = _projected(wave, y)
+            i = int(np.argmax(energy))
+            best, step = float(at[i]), step / 10
+        return best / (2 * self.n * self.dt), float(a[i]), float(b[i])
+
+    def _power(self, spots: list[_Spot]) -> tuple[float, float]:
+        """Return the power (over the level) beyond the noise around some lines, its scatter."""
+        low, high = self._around(spots)
+        ratio = 2 * self.dt * self.c[low:high] ** 2 / self.reference[low - 1:high - 1]
+        return float(np.sum(ratio)) - (high - low), float(np.sqrt(2 * (high - low)))
+
+    def _around(self, spots: list[_Spot]) -> tuple[int, int]:
+        at = [int(2 * self.n * self.dt * s.frequency) for s in spots]
+        return max(1, min(at) - CROWD), min(self.n, max(at) + CROWD + 1)
+
+    def _settle(self, spots: list[_Spot]) -> list[_Spot]:
+        """
+        Return which of some neighbours are lines: one that takes most of the power around it.
+
+        Or two that leave nothing. The others are put back, and nothing more is looked for there.
+
+        """
+        for s in spots:
+            self._add(s, 1.0)
+        some = sorted(spots, key=lambda s: -s.height)[:2]
+        left = [self._power(spots)[0]]
+        noise = 3 * self._power(spots)[1]
+        for s in some:
+            self._add(s, -1.0)
+            left.append(self._power(spots)[0])
+        alone = left[1] < (1 - DOMINANT) * left[0] + noise
+        both = len(some) > 1 and left[2] < noise + (
+            (1 - CLEAN) * left[0] if not alone else (1 - DOMINANT) * left[1])
+        low, high = self._around(spots)
+        count = 2 if both else 1 if alone else 0
+        # and each must stand out of what is left around it
+        level = max(1.0, 1 + left[count] / (high - low))
+        kept = [s for s in some[:count] if s.height > self.threshold * level]
+        for s in some:
+            if s not in kept:
+                self._add(s, 1.0)
+        self._block(spots)
+        return kept
+
+    def _block(self, spots: list[_Spot]) -> None:
+        """Look no more around lines, as far as what is left there stands above its level."""
+        low, high = self._around(spots)
+        while low > 16 and np.max(self.window[max(low - CROWD, 0):low]) > self.threshold:
+            low = max(low - CROWD, 0)
+        while high < self.n - 17 and np.max(self.window[high:high + CROWD]) > self.threshold:
+            high += CROWD
+        self.blocked.append((low, high))
+        self.window[low:high] = 0
+
+    def lines(self) -> list[_Spot]:
+        """Return the coherent lines: the high ones, and those that their skirts had covered."""
+        found: list[_Spot] = []
+        for _ in range(ROUNDS):
+            before = len(found)
+            self._more(found)
+            if len(found) == before or len(found) >= MOST_LINES:
+                break
+            self.reference = reference_spectrum(self.c, self.dt)
+            for i in range(0, self.n - 1, PIECE):
+                self._look(i, min(i + PIECE, self.n - 1))
+        return found[:MOST_LINES]
+
+    def _more(self, settled: list[_Spot]) -> None:
+        """Add to the lines what stands out of the coefficients now."""
+        found: list[_Spot] = []
+        for _ in range(4 * MOST_LINES):
+            k = int(np.argmax(self.window))
+            height = float(self.window[k])
+            if height < self.threshold or len(found) + len(settled) >= MOST_LINES:
+                break
+            spot = _Spot(*self._measured(k + 1), height)
+            near = self._near(found, spot)
+            self._add(spot, -1.0)
+            found.append(spot)
+            if len(near) >= MOST_NEAR:
+                kept = self._settle([*near, spot])
+                found = [s for s in found if s in kept or (s not in near and s != spot)]
+        while found:
+            crowd = [found[0]]
+            while len(more := [s for s in found if any(self._near([s], x) for x in crowd)]) \
+                    > len(crowd):
+                crowd = more
+            settled += self._settle(crowd)
+            found = [s for s in found if s not in crowd]
+
+    def _near(self, some: list[_Spot], spot: _Spot) -> list[_Spot]:
+        width = CROWD / (2 * self.n * self.dt)
+        return [s for s in some if abs(s.frequency - spot.frequency) < width]
+
+
+def _projected(wave, y):
+    """Return (energy, a, b) of y on the real and imaginary part of each row of waves."""
+    p, q = wave.real, wave.imag
+    pp, qq, pq = (np.sum(u * v, axis=1) for u, v in ((p, p), (q, q), (p, q)))
+    py, qy = p @ y, q @ y
+    det = np.maximum(pp * qq - pq * pq, 1e-300)
+    a, b = (qq * py - pq * qy) / det, (pp * qy - pq * py) / det
+    return a * py + b * qy, a, b
+
+
+def find_lines(c: np.ndarray, reference: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return (l, 4): frequency Hz, a, b of a cos + b sin, and z of the coherent lines, highest first.
+
+    Parameters
+    ----------
+    c : ndarray (n,)
+        Cosine coefficients.
+    reference : ndarray (n - 1,)
+        Smooth one-sided PSD at each coefficient k >= 1 (:func:`reference_spectrum`).
+    dt : float
+        Interval, s.
+
+    """
+    if len(c) < 200:
+        return np.zeros((0, 4))
+    spots = sorted(_Search(c, reference, dt).lines(), key=lambda s: -s.height)
+    if not spots:
+        return np.zeros((0, 4))
+    table = np.array([[s.frequency, s.a, s.b, np.sqrt(s.height)] for s in spots])
+    table[:, :3] = _jointly(table[:, :3], c, reference, dt)
+    return table
+
+
+def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
+    """
+    Return (l, 3), frequency, a, b of all lines by least squares at once.
+
+    Gauss and Newton's steps on the coefficients around all of them, so that the skirts of a strong
+    line are no part of a weak one.
+
+    """
+    n = len(c)
+    at = (2 * n * dt * lines[:, 0]).astype(int)
+    k = np.unique(np.clip(at[:, None] + np.arange(-NEAR, NEAR + 1), 1, n - 1))
+    root = np.sqrt(2 * dt / reference[k - 1])
+    size, small = 2 * n * dt, 1e-4
+    f, amplitudes = lines[:, 0], lines[:, 1:]
+    for _ in range(4):
+        wave = [line_basis((f[:, None] + d / size), k, n, dt) for d in (-small, 0.0, small)]
+        a, b = amplitudes[:, :1], amplitudes[:, 1:]
+        slope = (wave[2] - wave[0]) / (2 * small)
+        columns = np.concatenate(
+            [wave[1].real, wave[1].imag, a * slope.real + b * slope.imag]) * root
+        now = np.sum(a * wave[1].real + b * wave[1].imag, axis=0)
+        scale = np.sqrt(np.sum(columns**2, axis=1))
+        step = np.linalg.lstsq((columns / scale[:, None]).T, (c[k] - now) * root, rcond=1e-9)[0]
+        da, db, df = np.split(step / scale, 3)
+        f = f + np.clip(df, -0.5, 0.5) / size
+        amplitudes = amplitudes + np.column_stack([da, db])
+    return np.column_stack([f, amplitudes])
+
+
+def take_lines_out(c, table, begin, dt):
+    """
+    Subtract the lines from the coefficients of a part that begins at a sample, in place.
+
+    Return what each adds to the power of the bins (l, b).
+
+    """
+    n = len(c)
+    bins = bins_of(n, dt)
+    out = np.zeros((len(table), len(bins.first)))
+    for i, (frequency, a, b, _) in enumerate(table):
+        angle = 2 * np.pi * frequency * dt * begin
+        a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
+        centre = int(2 * n * dt * frequency)
+        low, high = max(1, centre - (1 << 15)), min(n, centre + (1 << 15))
+        low, high = bins.first[bins.index(low)], bins.last[bins.index(high - 1)]
+        k = np.arange(low, high)
+        line = line_coefficients(frequency, a, b, k, n, dt)
+        added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
+        c[low:high] -= line
+        i0, i1 = bins.index(low), bins.index(high - 1) + 1
+        out[i, i0:i1] = np.add.reduceat(added, bins.first[i0:i1] - low) / bins.count[i0:i1]
+    return out

@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Coherent lines: how many are found, how well they are measured together, what is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import hidden
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.spectrum import cosine_transform, folded
+from imu_noise_tools.loop.effect import find_effect
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.lines import find_lines, reference_spectrum
+
+DT, N = 0.02, 90_000
+SPAN = N * DT
+T = np.arange(N) * DT
+
+
+def base(rng, sensor):
+    """Return the noise of a MEMS."""
+    return hidden.base_noise(N, DT, sensor, rng)
+
+
+def table(y):
+    """Return the line table of some samples."""
+    c = cosine_transform(y.copy())
+    return find_lines(c, reference_spectrum(c, DT), DT)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_twenty_lines_at_once_each_at_its_bound(seed):
+    """Amplitudes over three decades, two of them 3/T apart; pulls against the Cramer-Rao bound."""
+    rng = np.random.default_rng([seed, 1])
+    sensor = hidden.draw_sensor(rng)
+    sigma, y, truth = sensor['N'] / np.sqrt(DT), 0.0, []
+    for k in range(20):
+        f, low, high = (7.0 + 3 * k / SPAN, -0.5, 1) if k < 2 else (rng.uniform(0.5, 24), -1, 2)
+        size = sigma * 10 ** rng.uniform(low, high)
+        truth.append((f, size))
+        y = y + size * np.sin(2 * np.pi * f * T + rng.uniform(0, 7))
+    found = table(base(rng, sensor) + y)
+    assert len(found) == 20
+    pulls = []
+    for f, size in truth:
+        i = int(np.argmin(np.abs(found[:, 0] - f)))
+        pulls.append((np.hypot(*found[i, 1:3]) - size) / (sigma * np.sqrt(2 / N)))
+        pulls.append((found[i, 0] - f) / (np.sqrt(6 / N) * sigma / size / (np.pi * SPAN)))
+    # flicker raises the level around the slowest of them a little
+    assert np.max(np.abs(pulls)) < 6 and np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
+@pytest.mark.parametrize('cells', [2.0, 6.0, 60.0, 600.0])
+@pytest.mark.parametrize('size', [0.1, 1.0, 100.0])
+def test_a_resonance_is_no_line(cells, size):
+    """Its width in cells of 1/T; few of ten may look like one."""
+    rng = np.random.default_rng([int(cells), 2])
+    count = 0
+    for _ in range(10):
+        sensor = hidden.draw_sensor(rng)
+        w = 2 * np.pi * 5.0 * DT
+        r = np.exp(-np.pi * cells / SPAN * DT)
+        drive = rng.standard_normal(N + int(5 / (1 - r)))
+        x = lfilter([1.0], [1, -2 * r * np.cos(w), r * r], drive)[-N:]
+        x *= size * sensor['N'] / np.sqrt(DT) * np.sqrt((1 - r * r) / 2) * 2 * np.sin(w)
+        count += len(table(base(rng, sensor) + x)) > 0
+    assert count <= 2
+
+
+def test_noise_has_no_lines():
+    rng = np.random.default_rng(3)
+    assert sum(len(table(base(rng, hidden.draw_sensor(rng)))) for _ in range(40)) == 0
+
+
+def record_with(added, rng):
+    """Return the evidence of an axis with something added."""
+    sensor = hidden.draw_sensor(rng)
+    y = base(rng, sensor)
+    y = y + added * sensor['N'] / np.sqrt(DT)
+    return gather(ImuRecord(np.column_stack([y, y, y]), None, T, 1 / DT), ['gyro_x'])['gyro_x']
+
+
+@pytest.mark.parametrize('orders', [(1, 2, 3), (2, 3, 4, 6), (1, 2), (3, 6, 9), (1, 5, 9)])
+def test_orders_of_one_machine_are_one_finding(orders):
+    """Found with their numbers, in company of two lines of something else; folded ones too."""
+    rng, f0 = np.random.default_rng(4), 3.07
+    y = sum(np.sin(2 * np.pi * k * f0 * T + k) for k in orders)
+    y = y + sum(np.sin(2 * np.pi * f * T) for f in (11.3, 17.77))
+    evidence = record_with(y, rng)
+    effect, free = find_effect('noise', 'harmonics')(), list(range(len(evidence.line_table)))
+    rows = effect.rows(evidence, free)
+    common = np.gcd.reduce(orders)
+    places = sorted(folded(k * f0, DT) for k in orders)
+    np.testing.assert_allclose(sorted(evidence.line_table[rows, 0]), places, atol=1e-3)
+    read = effect.read(evidence, rows)
+    f = read['frequency']
+    assert abs(f.value - common * f0) < 5 * f.std
+    there = {k for k in range(1, 13) if read[f'amplitude_{k}'].value is not None}
+    assert there == {k // common for k in orders}
+    assert f'{60 * common * f0:.0f} rpm' in effect.in_words(evidence, rows)
+    left = [i for i in free if i not in rows]
+    assert effect.rows(evidence, left) == []        # two lines of nothing in common
+
+
+def test_unrelated_lines_are_no_family():
+    rng, effect = np.random.default_rng(5), find_effect('noise', 'harmonics')()
+    count = 0
+    for _ in range(12):
+        y = sum(np.sin(2 * np.pi * f * T) for f in rng.uniform(0.5, 24, 8))
+        evidence = record_with(y, rng)
+        count += bool(effect.rows(evidence, list(range(len(evidence.line_table)))))
+    assert count <= 1
