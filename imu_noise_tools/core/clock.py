@@ -169,8 +169,10 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
         # once more with the better period: a wrong one tilts what is compared across a step
         clock = _Lag(t, clock.period).followed(tick)
     jitter = clock.jitter()
+    # rough stamps of a stream that begins with a delay look as if their clock had been set
+    steps = clock.steps[:len(clock.steps) if clock.resolvable == 1 else 0]
     return SampleClock(
-        1 / clock.period, clock.gaps, clock.lost, clock.steps, clock.resolvable, jitter, tick,
+        1 / clock.period, clock.gaps, clock.lost, steps, clock.resolvable, jitter, tick,
         _pattern(interval, clock.period, jitter, tick),
     )
 

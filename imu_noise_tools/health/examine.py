@@ -324,7 +324,9 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
 
 def _stamp_advice(h: Health) -> list[str]:
     """Return sentences on the clock of the stamps."""
-    say = []
+    say: list[str] = []
+    if h.rate_hz is None or h.jitter_s is None:
+        return say
     if h.stamps == 'computed':
         say.append(
             f'The stamps are {PATTERNS["computed"]}: the rate of {h.rate_hz:.6g} Hz is a label, '
