@@ -14,7 +14,7 @@ test: $(READY)
 	$(PY) -m pytest -ra $(TESTS)
 
 bench: $(READY)
-	@for script in bench/*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+	@for script in $$(grep -l __main__ bench/*.py); do echo "== $$script"; $(PY) $$script || exit 1; done
 
 # Every bad input on every command, then mutations of good ones for some minutes.
 MINUTES ?= 10

@@ -28,7 +28,7 @@ setup(
     ],
     python_requires='>=3.10',
     packages=find_packages(exclude=['test', 'test.*']),
-    package_data={NAME: ['**/*.yaml', '**/*.npz', '**/*.json']},
+    package_data={NAME: ['py.typed', '**/*.yaml', '**/*.npz', '**/*.json']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -37,12 +37,10 @@ setup(
     ],
     install_requires=[
         'allantools',
-        'apsw',
         'lz4',
         'matplotlib',
         'numpy>=1.26',
         'pyyaml',
-        'rich',
         'rosbags>=0.10',
         'scipy>=1.11',
         'zstandard',

@@ -24,12 +24,12 @@ from scipy.signal import lfilter
 import yaml
 
 from imu_noise_tools.core.units import DEG
-from imu_noise_tools.filter import ar
 from imu_noise_tools.filter.design import design
 from imu_noise_tools.filter.problem import FilterProblem, START
 from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.loop.study import Study
+import paper_chain as ar
 
 HERE = Path(__file__).resolve().parents[1]
 SEED = ('constant_rate', 'ar_increment')
@@ -323,6 +323,7 @@ def figures(p: dict, r: dict, found: dict, folder: Path) -> list[Path]:
     """Draw Figures 1-5 and the cure; return the files."""
     from imu_noise_tools.plots import filter as plots
     from imu_noise_tools.plots.style import new_figure, png
+    import paper_pictures as pictures
     paper, rest = p['paper'], r['rest']
     t = np.arange(len(rest)) / 100.0
     folder.mkdir(parents=True, exist_ok=True)
@@ -352,7 +353,7 @@ def figures(p: dict, r: dict, found: dict, folder: Path) -> list[Path]:
 
     def errors_figure(name, title, truth, result, alpha=1.0):
         figure, ax = axes()
-        plots.error_before_after(
+        pictures.error_before_after(
             ax, t, (rest + truth - truth)[:, 0] * DEG, (result[2] - truth)[:, 0] * DEG, title
         )
         save(name, figure)
@@ -367,7 +368,7 @@ def figures(p: dict, r: dict, found: dict, folder: Path) -> list[Path]:
         'figure_5', 'Figure 5: rocking by 50° at 10 s, 100 Hz, α = 0.7', truth, r[100.0, 0.7][50.0]
     )
     figure = new_figure(9.0, 3.9)
-    plots.ladder_by_amplitude(figure, paper['rocking_deg'], {
+    pictures.ladder_by_amplitude(figure, paper['rocking_deg'], {
         'constant_rate + ar_increment, the paper\'s': found[()],
         '+ angular_acceleration': found['angular_acceleration',],
         '+ harmonic': found['angular_acceleration', 'harmonic']}, found['beside']['no filter'][0])

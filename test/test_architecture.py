@@ -31,11 +31,11 @@ LAYERS = (
 LEVEL = {name: i for i, names in enumerate(LAYERS) for name in names}
 CORE = {name for name, level in LEVEL.items() if level <= LEVEL['health']} - {'bag'}
 OPENS = PACKAGE / 'core' / 'files.py'      # whole or not at all: the one place that writes
-HEAVY = {'numpy', 'scipy', 'matplotlib', 'allantools', 'rosbags', 'yaml', 'rclpy', 'rich', 'dask',
-         'apsw', 'zstandard'}
+HEAVY = {'numpy', 'scipy', 'matplotlib', 'allantools', 'rosbags', 'yaml', 'rclpy', 'dask',
+         'zstandard'}
 MESSAGES = {'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'rosgraph_msgs',
             'builtin_interfaces'}
-FORMATS = {'yaml', 'rosbags', 'csv', 'json', 'sqlite3', 'apsw', 'zipfile', 'argparse',
+FORMATS = {'yaml', 'rosbags', 'csv', 'json', 'sqlite3', 'zipfile', 'argparse',
            'subprocess'}
 PICKLES = {'pickle', 'dill', 'cloudpickle', 'joblib', 'shelve', 'marshal'}
 FILE_METHODS = {'open', 'read_text', 'write_text', 'read_bytes', 'write_bytes', 'mkdir', 'unlink',

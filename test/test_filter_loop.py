@@ -15,7 +15,7 @@ from imu_noise_tools import store
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.units import DEG
-from imu_noise_tools.filter import ar, evaluate
+from imu_noise_tools.filter import evaluate
 from imu_noise_tools.filter.design import design
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
@@ -196,45 +196,6 @@ def test_delay_is_that_of_a_shifted_wave():
     assert evaluate.delay(
         np.sin(2 * np.pi * (t - 0.013)), np.sin(2 * np.pi * t), 1.0, 0.01
     ) == pytest.approx(0.013, abs=1e-4)
-
-
-def test_chain_of_the_paper():
-    rng = np.random.default_rng(5)
-    z = lfilter([1], [1, -0.107], rng.standard_normal(20000))
-    z[[100, 5000, 12345]] += 15
-    got = ar.chain(z)
-    assert got.outliers in range(3, 9) and abs(got.phi - 0.107) < 0.022 and got.order >= 1
-    assert abs(got.u_square) < 3 and abs(got.autocorrelation) < 0.02 and got.p_white > 1e-3
-    text = '\n'.join(got.lines())
-    for word in ('outliers', 'reverse arrangements', 'AIC', 'Yule-Walker', 'Ljung-Box'):
-        assert word in text
-
-
-def test_reverse_arrangements_count_pairs():
-    values = np.random.default_rng(6).standard_normal(30)
-    pairs = sum(values[i] > values[j] for i in range(30) for j in range(i + 1, 30))
-    assert ar.reverse_arrangements(values) == pytest.approx(
-        (pairs - 30 * 29 / 4) / np.sqrt(30 * 65 * 29 / 72)
-    )
-    assert (
-        ar.reverse_arrangements(np.arange(30.0))
-        < -1.96
-        < 1.96
-        < ar.reverse_arrangements(-np.arange(30.0))
-    )
-    many = [
-        ar.reverse_arrangements(np.random.default_rng(s).standard_normal(100)) for s in range(300)
-    ]
-    assert abs(np.mean(many)) < 0.2 and np.std(many) == pytest.approx(1, abs=0.15)
-
-
-def test_yule_walker_uses_the_biased_autocovariance():
-    z = np.random.default_rng(7).standard_normal(500)
-    d = z - z.mean()
-    c = [d[:500 - k] @ d[k:] / 500 for k in range(3)]
-    a, variance = ar.yule_walker(z, 2)
-    assert np.allclose(np.array([[c[0], c[1]], [c[1], c[0]]]) @ a, c[1:])
-    assert variance == pytest.approx(c[0] - a @ np.array(c[1:]))
 
 
 def rocking_error(amplitude, rate=100.0, alpha=1.0, motion=SEED, seed=8, n=6000):

@@ -4,15 +4,15 @@
 """
 Rosbag2's sqlite3 files: a table of topics and one of messages.
 
-The messages are taken from the pages of the file (:mod:`sqlite_pages`) where these have the usual
-shape, and by SQL otherwise. A file that was cut short is read as far as its pages go. Reading
+A file that was cut short, or a page of which is damaged, is read as far as the rest goes. Reading
 never writes: the database is opened immutable, unless a write-ahead log lies beside it.
 
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 import sqlite3
 from urllib.parse import quote
@@ -20,11 +20,9 @@ from urllib.parse import quote
 import numpy as np
 
 from .container import Batch, Connection, Counts, Damaged, normal_type, Progress, size_of
-from .sqlite_pages import Pages, SOME, Unexpected
 
 MAGIC = b'SQLite format 3\0'
 BLOCK = 4096
-COLUMNS = ['id', 'topic_id', 'timestamp', 'data']
 
 
 class SqliteFile:
@@ -34,7 +32,6 @@ class SqliteFile:
         self.path = path
         self.problems = Counts()
         self.connections: list[Connection] = []
-        self._root = 0
         self.file = open(path, 'rb')
         try:
             self._open()
@@ -44,14 +41,13 @@ class SqliteFile:
 
     def _open(self) -> None:
         journal = self.path.with_name(self.path.name + '-wal')
-        self._logged = journal.exists() and journal.stat().st_size > 0
-        for mode in ['mode=ro'] * self._logged + ['immutable=1']:
+        logged = journal.exists() and journal.stat().st_size > 0
+        for mode in ['mode=ro'] * logged + ['immutable=1']:
             try:
                 return self._connect(mode)
             except Damaged:             # the log needs a folder that may be written to
                 if mode == 'immutable=1':
                     raise
-                self._logged = False
 
     def _connect(self, mode: str) -> None:
         where = f'file:{quote(str(self.path.absolute()))}?{mode}'
@@ -85,14 +81,9 @@ class SqliteFile:
 
     def _read_topics(self) -> None:
         ask = self.database.execute
-        tables = dict(ask("SELECT name, rootpage FROM sqlite_master WHERE type = 'table'"))
-        if not {'topics', 'messages'} <= tables.keys():
+        tables = {row[0] for row in ask("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {'topics', 'messages'} <= tables:
             raise Damaged('it has no tables of topics and messages')
-        self._root = (
-            tables['messages']
-            if [r[1] for r in ask('PRAGMA table_info(messages)')] == COLUMNS
-            else 0
-        )
         text = {}
         if 'message_definitions' in tables:
             try:
@@ -149,83 +140,74 @@ class SqliteFile:
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these topics in the order of their rows."""
         known = {c.id: c for c in self.connections if c.id in wanted}
-        after = 0
-        if self._root and not self._logged:
+        last = self.expected(0)
+        for found in self._rows(known):
             try:
-                for rows, done in self._from_pages():
-                    for id, connection in known.items():
-                        some = np.flatnonzero(rows.topic == id)
-                        if not len(some):
-                            continue
-                        if rows.length[some].min() < 0:
-                            raise Unexpected('long message')
-                        yield Batch(
-                            connection,
-                            rows.time[some],
-                            rows.data,
-                            rows.begin[some],
-                            rows.length[some],
-                        )
-                    after = int(rows.id.max(initial=after))
-                    if progress:
-                        progress(done)
-                return
-            except (Unexpected, Damaged):
-                pass            # SQL goes on behind the last row that was given
-        for id, connection in known.items():
-            for times, blobs in self._by_sql(id, after):
-                length = np.fromiter(map(len, blobs), np.int64, len(blobs))
-                yield Batch(
-                    connection,
-                    np.array(times, np.int64),
-                    np.frombuffer(b''.join(blobs), np.uint8),
-                    np.cumsum(length) - length,
-                    length,
-                )
+                topic, time, length, data = _columns(found)
+            except (TypeError, ValueError, OverflowError):      # flipped bits make other types
+                topic, time, length, data = _columns(map(_mended, found))
+            begin = np.cumsum(length) - length
+            for id, connection in known.items():
+                some = np.flatnonzero(topic == id)
+                if len(some):
+                    yield Batch(connection, time[some], data, begin[some], length[some])
+            if progress and last:
+                progress(min(1.0, found[-1][0] / last))
         if progress:
             progress(1.0)
 
-    def _from_pages(self) -> Iterator[tuple]:
+    def _rows(self, topics: Collection[int]) -> Iterator[list[tuple]]:
         """
-        Yield rows from the pages, and the fraction done.
+        Yield rows of id, topic, time and data, a block of them at a time.
 
-        Where the tree is broken, all that look like messages are taken.
+        Where a page is damaged it goes on behind it, with the first row that a search by id finds.
 
         """
-        pages = Pages(self.file, size_of(self.file))
-        try:
-            leaves = pages.leaves(self._root)
-            broken = bool(leaves.max(initial=0) * pages.page > pages.size)
-        except Damaged:
-            broken = True
-        if broken:
-            self.problems.cut = True
-            leaves = pages.every_leaf()
-        for k, rows in enumerate(pages.rows(leaves, strict=not broken), 1):
-            yield rows, min(1.0, k * SOME / len(leaves))
-
-    def _by_sql(self, id: int, after: int) -> Iterator[tuple]:
-        ask = 'SELECT id, timestamp, data FROM messages WHERE topic_id = ? AND id > ? ORDER BY id'
-        try:
-            cursor = self.database.execute(ask, (id, after))
-            while found := cursor.fetchmany(BLOCK):
-                after = found[-1][0]
-                yield _columns(found)
-        except sqlite3.DatabaseError:
-            # A damaged page: what the block held before it is read once more, one by one.
-            self.problems.cut = True
-            found = []
+        sound = ''
+        if tail := self._cut_page():
+            self.database.create_function('whole', 1, partial(_whole, tail))
+            sound = 'AND whole(data)'
+        of = ', '.join('?' * len(topics))
+        ask = ('SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id '
+               f'IN ({of}) AND id > ? {sound} ORDER BY id')
+        after, step, block = 0, 0, BLOCK
+        while after + step < 2 ** 62:
             try:
-                for row in self.database.execute(ask, (id, after)):
-                    found.append(row)
+                cursor = self.database.execute(ask, (*topics, after + step))
+                while found := cursor.fetchmany(block):
+                    block = BLOCK if step else block        # it is behind the damage
+                    after, step = max(after + step, found[-1][0]), 0
+                    yield found
+                return
             except sqlite3.DatabaseError:
-                pass
-            if found:
-                yield _columns(found)
+                self.problems.cut = True
+                # A block is lost with its last row: the rows before the damage come one by one.
+                step, block = (step, 1) if block > 1 else (2 * step or 1, 1)
+
+    def _cut_page(self) -> bytes:
+        """Return what there is of a page that the end of the file cuts; nothing of a whole one."""
+        self.file.seek(16)
+        page = int.from_bytes(self.file.read(2), 'big')
+        page = 65536 if page == 1 else max(page, 512)
+        self.file.seek(size_of(self.file) // page * page)
+        return self.file.read()
 
 
-def _columns(rows: list[tuple]) -> tuple:
-    _, times, blobs = zip(*rows)
-    return [t if isinstance(t, int) else 0 for t in times], [
-        b if isinstance(b, bytes) else b'' for b in blobs
-    ]
+def _columns(rows: Iterable[tuple]) -> tuple[np.ndarray, ...]:
+    """Return topics, times (ns) and lengths of rows, and the bytes of all."""
+    _, topic, time, blobs = zip(*rows)
+    return (np.array(topic, np.int64), np.array(time, np.int64),
+            np.fromiter(map(len, blobs), np.int64, len(blobs)),
+            np.frombuffer(b''.join(blobs), np.uint8))
+
+
+def _mended(row: tuple) -> tuple:
+    """Return a row with a time of 0 and no data for those that are of another type."""
+    return (*row[:2], row[2] if isinstance(row[2], int) else 0,
+            row[3] if isinstance(row[3], bytes) else b'')
+
+
+def _whole(tail: bytes, data) -> bool:
+    """Tell whether a row's data end before the end of the file: sqlite gives zeros from there."""
+    at = tail.rfind(data.rstrip(b'\0')) if isinstance(data, bytes) else -1
+    return at < 0 or at + len(data) <= len(tail)

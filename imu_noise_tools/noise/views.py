@@ -7,9 +7,9 @@ Ways to look at a record beside its model.
 Under a true model pulls are standard normal, and a deviance is zero.
 
 Each view returns a :class:`~imu_noise_tools.loop.effect.View`. ``frequency`` needs a fit; ``time``
-predicts half of the block means from the other half; ``variance``, ``distribution``, ``repeats``
-and ``coherence`` compare the samples with what the model says of their stationarity, shape,
-repetition and independence.
+predicts half of the block means from the other half; ``variance``, ``distribution`` and
+``coherence`` compare the samples with what the model says of their stationarity, shape and
+independence.
 
 """
 

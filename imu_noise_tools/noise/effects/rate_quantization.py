@@ -76,7 +76,6 @@ class RateQuantization(Spectrum, Defect):
             grid_gain(evidence.n, step, sigma),
             self.with_values(step=step, white=white),
             {'step': Estimate(step, 0.0, (step, step)), 'white': Estimate(white, None, None)},
-            view='repeats',
             evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} '
             'standard deviations',
         )

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from .evaluate import autocorrelation
-from ..core.errors import InputError
+from imu_noise_tools.core.errors import InputError
+from imu_noise_tools.filter.evaluate import autocorrelation
 
 SEGMENTS = 100          # of the test of reverse arrangements
 
