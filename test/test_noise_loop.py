@@ -40,7 +40,7 @@ def test_what_is_hidden_is_named_and_added(name):
     first = study.diagnosis[AXIS].ranked[0]
     assert first.probability >= 0.9 and first.gain > first.penalty and first.evidence
     (step,) = study.add(None, [AXIS])
-    assert step.added == name and step.fall > FALL 
+    assert step.added == name and step.fall > FALL
     # where the base model bends to hide it (a drift in K), the error was within chance before
     assert step.verdict.startswith('falls') or step.verdict == 'within chance, predicts better'
     error = study.states[AXIS].error

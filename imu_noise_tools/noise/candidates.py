@@ -14,12 +14,14 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence
+from .explained import Bands, supported
 from .fit import fit as fit_part
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
+CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
@@ -68,7 +70,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
-    gain = more.details['ml'] - fit.details['ml'] + bonus
+    gain = _gained(evidence, fit, more) + bonus
     if isinstance(effect, Coupling):
         gain = gain / model_crowd(fit.model)
     return Finding(
@@ -99,6 +101,19 @@ def _at_bound(evidence: Evidence, effect) -> str:
     return ''
 
 
+def _gained(evidence: Evidence, before: Fit, after: Fit) -> float:
+    """
+    Return the gain in likelihood, nats, of which no band counts more than CAP.
+
+    What neither model explains has levels of its own: to come somewhat nearer to it is no gain.
+
+    """
+    bands = Bands.on(evidence.whole.bins)
+    return float(np.subtract(*(
+        supported(bands, x.details.power, x.details.weight, x.details.v, CAP)
+        for x in (after, before))))
+
+
 def _unlikely(fit: Fit) -> float:
     """
     Return what it costs a fit to leave nothing of what every sensor has, nats.
@@ -107,14 +122,15 @@ def _unlikely(fit: Fit) -> float:
     only that there is no such sensor tells them apart.
 
     """
-    share = {k: np.max(s / fit.details['v']) for k, s in fit.details['each'].items()}
+    share = {k: np.max(s / fit.details.v) for k, s in fit.details.each.items()}
     certain = [e.label for e in fit.model.of(Spectrum) if e.in_every_sensor]
     return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in certain)
 
 
 def _refitted(evidence, fit, effect):
     model = Model((*unfitted(fit.model), effect))
-    return fit_part(evidence, model, intervals=False, start=fit.model)
+    return fit_part(
+        evidence, model, intervals=False, start=fit.model, hint=fit.details.hint)
 
 
 def _line(evidence, fit, effect):
@@ -126,7 +142,7 @@ def _line(evidence, fit, effect):
     claimed = set(range(len(evidence.line_table))) - set(left)
     values, estimates, _ = measure(evidence, effect, claimed)
     added = np.sum(evidence.whole.lines[rows], axis=0)
-    gain = 0.5 * float(np.sum(evidence.whole.bins.count * added / fit.details['v']))
+    gain = 0.5 * float(np.sum(evidence.whole.bins.count * added / fit.details.v))
     return Finding(
         effect.name,
         gain,
@@ -146,7 +162,7 @@ def _measured(evidence, fit, effect):
     gain = finding.gain
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
-        gain += more.details['ml'] - fit.details['ml']
+        gain += _gained(evidence, fit, more)
     return Finding(
         effect.name,
         float(gain),
@@ -188,7 +204,7 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
 
     def minus_log(x):
-        return 0.5 * w * (np.log(x.details['v']) + evidence.whole.power / x.details['v'])
+        return 0.5 * w * (np.log(x.details.v) + evidence.whole.power / x.details.v)
 
     gain = np.cumsum(minus_log(before) - minus_log(after))
     if gain[-1] <= 0:

@@ -85,7 +85,7 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
     """
     f, x, w = spectrum_left(evidence, fit)
     gain = smooth_gain(x, w, np.log(f))
-    used = min(len([s for s in fit.details.get('slots', ())]), KNOTS // 2)
+    used = min(len([s for s in (fit.details.slots if fit.details else ())]), KNOTS // 2)
     where = _where(f, x, w)
     return Finding('shape', gain, view='frequency',
                    p_value=float(chdtrc(KNOTS - used, 2 * max(gain, 0.0))),
@@ -117,7 +117,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect = fit.model[label]
     if isinstance(effect, (Spectrum, Response)):
         f, x, w = spectrum_left(evidence, fit)
-        felt = np.abs(np.log(fit.details['v'] / without.details['v'])) > FELT
+        felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
         if felt.sum() < 2 * KNOTS:
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]

@@ -201,7 +201,7 @@ class NoiseProblem(Problem):
 
         """
         view = views.frequency(self.evidence, 'whole', fit, fitted_here=True)
-        v, part = fit.details['v'], self.evidence.whole
+        v, part = fit.details.v, self.evidence.whole
         power = part.power + views.unclaimed(self.evidence, 'whole', fit.model)
         width = part.bins.count.astype(float)
         off = np.abs(power - v) * (np.abs(view.pull) > PULL)
