@@ -63,7 +63,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if not effect.starts(evidence):
         return None
     more = _refitted(evidence, fit, effect)
-    problem.begin_from(more.model)
+    problem.begin_from(more)
     label = more.model.labels[-1]
     bonus = more.model[label].bonus(evidence, more)
     where = _where(evidence, fit, more, effect)

@@ -53,7 +53,7 @@ class NoiseProblem(Problem):
         self._fits: dict = {}
         self._points: dict = {}
         self._candidates: dict = {}
-        self._begun: dict[tuple[str, ...], Model] = {}
+        self._begun: dict[tuple[str, ...], Fit] = {}
 
     @property
     def target(self) -> str:
@@ -81,9 +81,9 @@ class NoiseProblem(Problem):
             self._fits[model] = replace(found, estimates=self._planned(found))
         return self._fits[model]
 
-    def begin_from(self, model: Model) -> None:
-        """Keep a model with values, from which a later fit of the same effects begins."""
-        self._begun[tuple(model.labels)] = model
+    def begin_from(self, fit: Fit) -> None:
+        """Keep a fit, from which a later one of the same effects begins."""
+        self._begun[tuple(fit.model.labels)] = fit
 
     def point(self, model: Model) -> Fit:
         """Fit a model without the intervals of its values, which cost most of the time."""
@@ -93,9 +93,10 @@ class NoiseProblem(Problem):
             return self._fits[model]
         if model not in self._points:
             if self.part == 'whole':
+                begun = self._begun.get(tuple(model.labels))
+                near = {'start': begun.model, 'hint': begun.details.hint} if begun else {}
                 self._points[model] = self._by_method(
-                    fit_part(self.evidence, model, intervals=False, cautious=True,
-                             start=self._begun.get(tuple(model.labels)))
+                    fit_part(self.evidence, model, intervals=False, cautious=True, **near)
                 )
             else:
                 whole = self.whole.point(model)

@@ -113,14 +113,10 @@ def frequency(
     v, _ = likelihood.spectra(fit.model)
     if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
         v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
-    x = (
-        np.maximum(
-            power
-            + unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1),
-            1e-300,
-        )
-        / v
-    )
+    lines = unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1)
+    x = np.maximum(power + lines, 1e-300) / v
+    # a bin whose one coefficient a line took with it says nothing more
+    x = np.where((likelihood.weight > 0) | (lines != 0), x, 1.0)
     # coefficients of noise whose variance changes are not independent: fewer count
     weight = np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, fit.model), weight)
     excess, variance = gamma_excess(x, weight)
