@@ -325,18 +325,16 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
 _HANN_SKEW = 8 / 3 * 0.1315
 
 
-def _hann_degrees(count):
+def _hann_degrees(s: np.ndarray) -> float:
     """
-    Return the degrees of freedom of a sum of Hann-windowed periodogram ordinates.
+    Return the degrees of freedom of a weighted sum of Hann-windowed periodogram ordinates.
 
-    Neighbouring ordinates have correlations 4/9 and 1/36.
+    ``s`` (k,) are their expectations; neighbouring ordinates have correlations 4/9 and 1/36.
 
     """
-    return (
-        2
-        * count**2
-        / (count + 2 * np.maximum(count - 1, 0) * 4 / 9 + 2 * np.maximum(count - 2, 0) / 36)
-    )
+    both = np.sum(s * s) + 2 * sum(
+        share * np.sum(s[lag:] * s[:-lag]) for lag, share in ((1, 4 / 9), (2, 1 / 36)))
+    return float(2 * np.sum(s) ** 2 / both)
 
 
 def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 10):
@@ -352,11 +350,18 @@ def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
     level = np.mean(p, axis=0)
     count = evidence.block_count.astype(float)
-    parts = np.array_split(np.arange(len(level)), groups)
-    x = np.column_stack(
-        [(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts if len(i)]
-    )
-    w = np.array([_hann_degrees(count[i].sum()) for i in parts if len(i)])
+    parts = [i for i in np.array_split(np.arange(len(level)), groups) if len(i)]
+    x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts])
+    # within a band that falls steeply few ordinates hold most of the power
+    first = 3
+    ends = first + np.cumsum(evidence.block_count)
+    f = np.arange(first, ends[-1]) / (evidence.n // blocks * evidence.dt)
+    bins = evidence.whole.bins
+    seen = np.log(np.maximum(evidence.whole.power, 1e-300))
+    s = np.exp(np.interp(np.log(f), np.log(bins.f), seen))
+    band = np.repeat(np.arange(len(level)), evidence.block_count)
+    s = s / (np.bincount(band, s) / count)[band]
+    w = np.array([_hann_degrees(s[(band >= i[0]) & (band <= i[-1])]) for i in parts])
     return t, x, w
 
 
