@@ -272,6 +272,8 @@ class Response(NoiseEffect):
     views: ClassVar[tuple[str, ...]] = ('frequency',)
     #: whether it comes behind everything else, quantization too
     last: ClassVar[bool] = False
+    #: whether it may leave so little that rounding and the record's ends show behind it
+    leaks: ClassVar[bool] = True
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain at f (Hz)."""
