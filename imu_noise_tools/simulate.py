@@ -185,7 +185,7 @@ def _model(axis, entries):
     try:
         bias = float(entries.pop('bias', 0.0))
         model = Model(
-            find_effect('noise', label)({k: float(v) for k, v in (values or {}).items()}, label)
+            find_effect('noise', label)(values or {}, label)
             for label, values in entries.items()
         )
     except UsageError as error:

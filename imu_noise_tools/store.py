@@ -27,13 +27,13 @@ from .core.errors import ImuNoiseError, InputError
 from .core.files import plain_yaml
 from .loop.diagnosis import Diagnosis
 from .loop.domains import DOMAINS, package
-from .loop.effect import Estimate, find_effect, Finding, Model
+from .loop.effect import Estimate, find_effect, Finding, Model, Parameter
 from .loop.study import assess, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
 _NUMBER = (int, float, type(None))
-_ESTIMATE = {'value': _NUMBER, 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
+_ESTIMATE = {'value': (*_NUMBER, str), 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
 _SHAPE = {
     'source!': {
         **dict.fromkeys(('rate_hz', 'duration_s', 'samples', 'start'), _NUMBER),
@@ -155,7 +155,7 @@ def target_to_dict(study: Study, target: str) -> dict:
         e.label: {
             'effect': e.name,
             **{
-                k: estimate_to_dict(v, _template(study.domain, e.name, k), sensor)
+                k: estimate_to_dict(v, e.parameter(k), sensor)
                 for k, v in state.fit.estimates.get(e.label, {}).items()
             },
         }
@@ -174,15 +174,10 @@ def target_to_dict(study: Study, target: str) -> dict:
     return out
 
 
-def _template(domain, effect, parameter):
-    for p in find_effect(domain, effect).parameters:
-        if p.name == parameter:
-            return p.unit
-    return ''
-
-
-def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
-    """Return one estimate as plain data."""
+def estimate_to_dict(e: Estimate, parameter: Parameter, sensor: str = '') -> dict:
+    """Return one estimate as plain data; of a choice that is its name."""
+    if parameter.choices:
+        return {'value': None if e.value is None else parameter.written(e.value)}
     out: dict[str, Any] = {
         'value': e.value,
         'std': e.std,
@@ -195,11 +190,11 @@ def estimate_to_dict(e: Estimate, template: str = '', sensor: str = '') -> dict:
         out['point'] = e.point
     if e.note:
         out['note'] = e.note
-    if template and sensor in ('gyro', 'accel'):
+    if sensor in ('gyro', 'accel'):
         out['shown'] = (
-            units.shown(e.value, template, sensor)
+            units.shown(e.value, parameter.unit, sensor)
             if e.value is not None or e.upper95 is None
-            else f'below {units.shown(e.upper95, template, sensor)}'
+            else f'below {units.shown(e.upper95, parameter.unit, sensor)}'
         )
     return out
 
@@ -229,7 +224,7 @@ def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
                     'penalty': f.penalty,
                     'probability': f.probability,
                     'parameters': {
-                        k: estimate_to_dict(v, _template(domain, f.name, k), sensor)
+                        k: estimate_to_dict(v, f.effect.parameter(k), sensor)
                         for k, v in f.estimates.items()
                     },
                     'evidence': f.evidence,
@@ -258,7 +253,10 @@ def _step_of(d) -> Step:
 
 
 def _diagnosis_of(domain, d) -> Diagnosis:
-    def estimate(e):
+    def estimate(parameter, e):
+        if parameter.choices:
+            number = parameter.number(e['value'])
+            return Estimate(number, None, None, point=number)
         return Estimate(
             e.get('value'),
             e.get('std'),
@@ -271,10 +269,9 @@ def _diagnosis_of(domain, d) -> Diagnosis:
 
     ranked = []
     for f in d.get('ranked', ()):
-        found = {k: estimate(v) for k, v in f.get('parameters', {}).items()}
-        effect = find_effect(domain, f['effect'])(
-            {k: v.point for k, v in found.items() if v.point is not None}
-        )
+        known = find_effect(domain, f['effect'])
+        found = {k: estimate(known.parameter(k), v) for k, v in f.get('parameters', {}).items()}
+        effect = known({k: v.point for k, v in found.items() if v.point is not None})
         ranked.append(
             Finding(
                 f['effect'],

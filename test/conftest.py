@@ -56,6 +56,18 @@ def ros_session(tmp_path_factory):
 
 
 @pytest.fixture
+def clean_registry():
+    """Forget the effects that a test registers."""
+    from imu_noise_tools.loop import domains, effect
+    for name in domains.DOMAINS:        # what is loaded later would be forgotten with them
+        domains.package(name)
+    before = {d: dict(known) for d, known in effect._REGISTRY.items()}
+    yield
+    effect._REGISTRY.clear()
+    effect._REGISTRY.update(before)
+
+
+@pytest.fixture
 def ros(ros_session):
     """Return the client; processes that a test started end with the test."""
     yield ros_session

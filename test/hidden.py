@@ -388,13 +388,13 @@ def _rate_quantization(s, strength):
 def _duplicates(s, strength):
     """Held samples, at random or every second one; each tells it."""
     if s.rng.random() < 0.3:
-        return lambda y: y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'regular': 1.0}, np.inf
+        return lambda y: y[np.arange(s.n) // 2 * 2], {'fraction': 0.5, 'pattern': 1.0}, np.inf
     # the level at low frequencies grows by (1 + p)/(1 - p)
     share = float(np.clip(strength ** 2 / (2 + strength ** 2), 0.01, 0.8))
     fresh = s.rng.random(s.n) >= share
     fresh[0] = True
     at = np.maximum.accumulate(np.where(fresh, np.arange(s.n), 0))
-    return lambda y: y[at], {'fraction': share, 'regular': 0.0}, np.inf
+    return lambda y: y[at], {'fraction': share, 'pattern': 0.0}, np.inf
 
 
 def _low_pass(s, strength):

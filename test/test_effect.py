@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.core.errors import InputError, UsageError
-from imu_noise_tools.loop import effect
 from imu_noise_tools.loop.effect import (
     Effect,
     find_effect,
@@ -45,13 +44,30 @@ class Floor(Effect):
     parameters = (Parameter('level', '', 1e-2, 1e2, amplitude=True),)
 
 
-@pytest.fixture
-def clean_registry():
-    """Forget what a test registers."""
-    before = {d: dict(known) for d, known in effect._REGISTRY.items()}
-    yield
-    effect._REGISTRY.clear()
-    effect._REGISTRY.update(before)
+class Switch(Effect):
+    """Something that comes in kinds."""
+
+    domain, name = 'test_choices', 'switch'
+    parameters = (Parameter.choice('kind', ('slow', 'fast'), title='how fast'),
+                  Parameter('level', '', 1e-2, 1e2))
+
+
+def test_a_choice_is_named():
+    p = Switch.parameter('kind')
+    assert p == Parameter('kind', '1', 0, 1, log=False, discrete=True, title='how fast',
+                          choices=('slow', 'fast'))
+    e = Switch({'kind': 'fast', 'level': 2})
+    assert e == Switch({'kind': 1.0, 'level': 2.0}), 'by index, as older studies have it'
+    assert e.chosen('kind') == 'fast' and e.written() == {'kind': 'fast', 'level': 2.0}
+    assert e.with_values(kind='slow')['kind'] == 0.0
+    assert Switch.example().chosen('kind') == 'slow'
+    for wrong in ('middling', 2.0, 0.5, None):
+        with pytest.raises(UsageError, match='slow, fast'):
+            Switch({'kind': wrong})
+    with pytest.raises(UsageError, match='number'):
+        Switch({'level': 'fast'})
+    with pytest.raises(KeyError):
+        Switch.parameter('colour')
 
 
 def test_naming_a_class_registers_it():

@@ -36,7 +36,7 @@ VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence'}
 EFFECTS = dict(registry('noise'))
 # Where another value of one parameter asks for another value of a second one as well.
 # Noise of less than half a step is not white after rounding: there is no density to test.
-MORE = {'duplicates': [{'fraction': 0.5, 'regular': 1.0}],
+MORE = {'duplicates': [{'fraction': 0.5, 'pattern': 'regular'}],
         'rate_quantization': [{'step': 2e-3, 'white': 1.0}]}
 
 
@@ -44,9 +44,8 @@ def variants(cls) -> list[NoiseEffect]:
     """Return the example, and one for each value of a parameter that takes few."""
     out = [cls.example(), *(cls(v) for v in MORE.get(cls.name, ()))]
     for p in cls.parameters if len(out) == 1 else ():
-        if getattr(p, 'discrete', False) and p.upper - p.lower <= 5 and p.unit == '1':
-            out += [cls.example().with_values(**{p.name: float(v)})
-                    for v in np.arange(p.lower, p.upper + 1) if v != cls.example()[p.name]]
+        out += [cls.example().with_values(**{p.name: v}) for v in p.choices
+                if v != cls.example().chosen(p.name)]
     return out
 
 
@@ -122,8 +121,10 @@ def test_has_a_simulation(cls):
 
 @every
 def test_values_survive_yaml(cls):
-    e = cls({p.name: v for p, v in zip(cls.parameters, (1 / 3 * 1e-5, 2e-5, 3.0, 1e22))})
-    data = yaml.safe_load(store.dump_yaml({e.label: {'effect': e.name, **e.values}}))[e.label]
+    e = cls({p.name: p.choices[-1] if p.choices else v
+             for p, v in zip(cls.parameters, (1 / 3 * 1e-5, 2e-5, 3.0, 1e22))})
+    data = yaml.safe_load(store.dump_yaml({e.label: {'effect': e.name, **e.written()}}))[e.label]
+    assert all(isinstance(data[p.name], str) == bool(p.choices) for p in cls.parameters)
     back = find_effect('noise', data.pop('effect'))(data)
     assert back == e and back.values == e.values
 

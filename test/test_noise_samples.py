@@ -100,9 +100,10 @@ def test_what_is_held_alike_scatters_as_said():
         x, y = (held_at_random(noise_, p, seed) for noise_ in rng.standard_normal((2, 1000)))
         u, v = (z[1:] - p * z[:-1] for z in (x, y))
         total.append(np.sum(u * v) / (999 * (1 - p * p)))
-    crowd = DUPLICATES({'fraction': p, 'regular': 0.0}).crowd()
+    crowd = DUPLICATES({'fraction': p, 'pattern': 'random'}).crowd()
     assert np.var(total) * 999 == pytest.approx(crowd, rel=0.25)
-    assert DUPLICATES({'fraction': 1e-6, 'regular': 0.0}).crowd() == pytest.approx(1, abs=1e-4)
+    assert DUPLICATES(
+        {'fraction': 1e-6, 'pattern': 'random'}).crowd() == pytest.approx(1, abs=1e-4)
 
 
 def test_what_comes_last_acts_on_quantization_too():

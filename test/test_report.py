@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 from dataclasses import replace
 from html.parser import HTMLParser
-from importlib import import_module
 import math
 import re
 import subprocess
@@ -41,8 +40,6 @@ from imu_noise_tools.report import words
 
 DT, N = 0.02, 30000
 KNOWN = registry('noise')
-PACKAGES = {'calibration': 'imu_noise_tools.calibration',
-            'filter': 'imu_noise_tools.filter.problem'}
 EVIL = '<script>alert("x")</script>&\x1b[31m'
 SOURCE = {'path': '/data/static.mcap', 'topic': '/imu/data_raw', 'samples': N, 'rate_hz': 50.0,
           'duration_s': N * DT, 'start': 1.7e9, 'frame_id': 'imu', 'covariates': ['temperature'],
@@ -114,7 +111,6 @@ class Page(HTMLParser):
 
 def other_study(domain='calibration'):
     """Return a small study of another domain, with a ladder and an effect that is not noise's."""
-    import_module(PACKAGES[domain])                 # its effects register
     effects = [c for c in registry(domain).values() if c.parameters][:2]
     model = Model(c({p.name: 0.5 for p in c.parameters}) for c in effects)
     estimates = {e.label: {p.name: Estimate(0.5, 0.01, (0.48, 0.52), p.unit.replace('{rate}', 'X'))

@@ -21,7 +21,8 @@ from imu_noise_tools import store
 from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop import effect
-from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.diagnosis import Diagnosis
+from imu_noise_tools.loop.effect import Estimate, find_effect, Finding, model_of
 from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.fit import fit
@@ -164,6 +165,21 @@ def test_evidence_is_small():
     np.savez_compressed(buffer, **arrays)
     assert buffer.tell() < 5e6
     assert list(problems(arrays)) == ['gyro_x', 'gyro_y', 'gyro_z']
+
+
+def test_a_choice_is_written_and_read_by_name():
+    """In the values of a target and of a candidate; older studies hold its index."""
+    low = find_effect('noise', 'low_pass')
+    effect_ = low({'cutoff': 9.0, 'form': 'moving_average'})
+    index = effect_['form']
+    found = {'cutoff': Estimate(9.0, 0.1, (8.8, 9.2), 'Hz', point=9.0),
+             'form': Estimate(index, None, None, '1', point=index)}
+    d = Diagnosis('missing', (Finding('low_pass', 30.0, effect_, found, 4.0, probability=0.99),))
+    data = yaml.safe_load(store.dump_yaml(store.diagnosis_to_dict('noise', 'gyro_x', d)))
+    assert data['ranked'][0]['parameters']['form'] == {'value': 'moving_average'}
+    assert store._diagnosis_of('noise', data).ranked[0].effect == effect_
+    data['ranked'][0]['parameters']['form']['value'] = index
+    assert store._diagnosis_of('noise', data).ranked[0].effect == effect_
 
 
 # --- numbers -------------------------------------------------------------------------------------

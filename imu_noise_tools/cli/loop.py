@@ -246,7 +246,9 @@ def effects(args) -> int:
                         'hint': c.hint,
                         'reference': c.reference,
                         'parameters': [
-                            {'name': p.name, 'unit': text.unit_of(p), 'title': p.title}
+                            {'name': p.name, 'title': p.title, **(
+                                {'choices': p.choices} if p.choices
+                                else {'unit': text.unit_of(p)})}
                             for p in c.parameters
                         ],
                     }

@@ -93,7 +93,9 @@ def diagnosis(study, folder, verbose=False) -> str:
                 e = best.estimates.get(p.name)
                 if e is not None and e.value is not None:
                     text = (
-                        units.shown(e.value, p.unit, sensor)
+                        p.written(e.value)
+                        if p.choices
+                        else units.shown(e.value, p.unit, sensor)
                         if sensor in ('gyro', 'accel')
                         else f'{e.value:.4g} {e.unit}'
                     )
@@ -179,12 +181,15 @@ def steps(study, done) -> str:
             for label, found in state.fit.estimates.items():
                 if label.partition('.')[0] in s.added.split('+'):
                     for k, e in found.items():
-                        out.append(f'    {label}.{k} = {estimate(e)}')
+                        parameter = state.model[label].parameter(k)
+                        out.append(f'    {label}.{k} = {estimate(e, parameter)}')
     return '\n'.join(out)
 
 
-def estimate(e) -> str:
-    """Return one estimate with its interval."""
+def estimate(e, parameter) -> str:
+    """Return one estimate with its interval; a choice by its name."""
+    if parameter.choices and e.value is not None:
+        return parameter.written(e.value)
     if e.value is None:
         return (
             f'not observable, below {e.upper95:.3g} {e.unit} (95 %)'
@@ -196,7 +201,9 @@ def estimate(e) -> str:
 
 
 def unit_of(parameter) -> str:
-    """Return a parameter's unit for gyroscope and accelerometer."""
+    """Return a parameter's unit for gyroscope and accelerometer; of a choice, its names."""
+    if parameter.choices:
+        return ' | '.join(parameter.choices)
     gyro, accel = units.si(parameter.unit, 'gyro'), units.si(parameter.unit, 'accel')
     return gyro if gyro == accel else f'{gyro} | {accel}'
 
@@ -204,7 +211,9 @@ def unit_of(parameter) -> str:
 def effects_table(classes) -> str:
     """Return what is known, a line each."""
     rows = [
-        (c.domain, c.name, ', '.join(f'{p.name} [{unit_of(p)}]' for p in c.parameters), c.title)
+        (c.domain, c.name, ', '.join(
+            p.name if p.choices else f'{p.name} [{unit_of(p)}]' for p in c.parameters
+        ), c.title)
         for c in classes
     ]
     return table(rows, ('problem', 'effect', 'parameters', 'what it is'))

@@ -13,7 +13,7 @@ its domain.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 import importlib.util
 from pathlib import Path
@@ -53,6 +53,9 @@ class Parameter:
         Whether only the values that ``starts`` proposes are tried.
     title : str
         What it is, in a few words.
+    choices : tuple of str
+        Names, where it is one of a few: it is written and read by name everywhere, and its value
+        among the numbers of a fit is the index (:meth:`choice`).
 
     """
 
@@ -65,6 +68,39 @@ class Parameter:
     linear: bool = False
     discrete: bool = False
     title: str = ''
+    choices: tuple[str, ...] = ()
+
+    @classmethod
+    def choice(cls, name: str, choices: Iterable[str], title: str = '') -> Parameter:
+        """Return a parameter that is one of a few names."""
+        names = tuple(choices)
+        return cls(name, '1', 0, len(names) - 1, log=False, discrete=True, title=title,
+                   choices=names)
+
+    def number(self, value) -> float:
+        """
+        Return a value as a number: that of a choice is the index of its name.
+
+        Raise UsageError for what is no number, or not among the choices.
+
+        """
+        if self.choices and value in self.choices:
+            return float(self.choices.index(value))
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = float('nan')
+            if not self.choices:
+                raise UsageError(f'{self.name} is {value!r}', 'give a number') from None
+        if self.choices and number not in range(len(self.choices)):
+            raise UsageError(
+                f'{self.name} cannot be {value}', f'choose from {", ".join(self.choices)}'
+            )
+        return number
+
+    def written(self, value: float) -> float | str:
+        """Return a value as people read it: the name of a choice, any other as it is."""
+        return self.choices[int(value)] if self.choices else value
 
 
 @dataclass(frozen=True)
@@ -88,7 +124,7 @@ class Effect:
     several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)   # a choice by name or index
     label: str = ''
 
     def __init_subclass__(cls, **kwargs):
@@ -113,16 +149,15 @@ class Effect:
 
     def __post_init__(self):
         """Check the names of the values and freeze them."""
-        names = [p.name for p in self.parameters]
-        unknown = sorted(set(self.values) - set(names))
+        known = {p.name: p for p in self.parameters}
+        unknown = sorted(set(self.values) - set(known))
         if unknown:
             raise UsageError(
                 f'{self.name} has no parameter {", ".join(unknown)}',
-                f'its parameters are {", ".join(names) or "none"}',
+                f'its parameters are {", ".join(known) or "none"}',
             )
-        object.__setattr__(
-            self, 'values', MappingProxyType({k: float(v) for k, v in self.values.items()})
-        )
+        values = {k: known[k].number(v) for k, v in self.values.items()}
+        object.__setattr__(self, 'values', MappingProxyType(values))
         object.__setattr__(self, 'label', self.label or self.name)
 
     def __reduce__(self):
@@ -146,7 +181,23 @@ class Effect:
         """Whether every parameter has a value."""
         return all(p.name in self.values for p in self.parameters)
 
-    def with_values(self, **values: float) -> Effect:
+    @classmethod
+    def parameter(cls, name: str) -> Parameter:
+        """Return a parameter by its name; raise KeyError where there is none."""
+        for p in cls.parameters:
+            if p.name == name:
+                return p
+        raise KeyError(name)
+
+    def chosen(self, name: str) -> str:
+        """Return the name of a parameter's choice."""
+        return self.parameter(name).choices[int(self.values[name])]
+
+    def written(self) -> dict[str, float | str]:
+        """Return the values as people read them, choices by name."""
+        return {k: self.parameter(k).written(v) for k, v in self.values.items()}
+
+    def with_values(self, **values: float | str) -> Effect:
         """Return a copy with these values in place of, or beside, the old ones."""
         return type(self)({**self.values, **values}, self.label)
 
@@ -155,7 +206,13 @@ class Effect:
         """Return one with typical values (a MEMS gyroscope): for tests, pictures and help."""
         return cls(
             {
-                p.name: float(np.sqrt(p.lower * p.upper)) if p.log else 0.5 * (p.lower + p.upper)
+                p.name: (
+                    0.0
+                    if p.choices
+                    else float(np.sqrt(p.lower * p.upper))
+                    if p.log
+                    else 0.5 * (p.lower + p.upper)
+                )
                 for p in cls.parameters
             }
         )

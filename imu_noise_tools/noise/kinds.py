@@ -106,6 +106,8 @@ class NoiseEffect(Effect):
                 continue
             if p.amplitude:
                 spread = [np.sqrt(p.lower * p.upper)]
+            elif p.choices:
+                spread = range(len(p.choices))
             elif p.log:
                 spread = np.geomspace(p.lower, p.upper, 5)[1:-1]
             else:

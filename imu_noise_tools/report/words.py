@@ -77,6 +77,9 @@ def rows(state: State, target: str) -> list[Row]:
 
 
 def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
+    if parameter.choices:
+        name = 'not observable' if e.value is None else str(parameter.written(e.value))
+        return Row(effect.label, parameter.name, parameter.title, name, '', '', e.note)
     factor, unit = 1.0, e.unit
     if effect.domain == 'noise':            # the field's units are those of noise
         factor, unit = units.field(parameter.unit, sensor_of(target))

@@ -58,7 +58,8 @@ def compare_two(first: Study, second: Study) -> list[dict]:
             for name, x in a.fit.estimates.get(label, {}).items():
                 y = b.fit.estimates.get(label, {}).get(name)
                 if y is not None:
-                    out.append(_of_estimates(t, f'{label}.{name}', x, y))
+                    of = a.model[label].parameter(name)
+                    out.append(_of_estimates(t, f'{label}.{name}', of, x, y))
         for label in set(a.model.labels) ^ set(b.model.labels):
             out.append(
                 {
@@ -76,7 +77,11 @@ def compare_two(first: Study, second: Study) -> list[dict]:
     return out
 
 
-def _of_estimates(target, what, x, y):
+def _of_estimates(target, what, parameter, x, y):
+    if parameter.choices:
+        names = [str(parameter.written(e.value)) for e in (x, y)]
+        return {'target': target, 'what': what, 'first': names[0], 'second': names[1],
+                'sigmas': '', 'verdict': 'the same' if names[0] == names[1] else 'changed'}
     row = {
         'target': target,
         'what': what,

@@ -41,15 +41,8 @@ class Duplicates(Defect, Response):
     decide = 'read the sensor at its own rate'
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
-        Parameter(
-            'regular',
-            '1',
-            0,
-            1,
-            log=False,
-            discrete=True,
-            title='1: always the same number of repeats; 0: at random',
-        ),
+        Parameter.choice('pattern', ('random', 'regular'),
+                         title='runs of any length, or always of the same'),
     )
 
     @classmethod
@@ -91,15 +84,14 @@ class Duplicates(Defect, Response):
         q = min(max(chance, 0.5 / n), 0.999)
         gain = n * (seen * np.log(seen / q) + (1 - seen) * np.log(max(1 - seen, 1e-12) / (1 - q)))
         std = float(np.sqrt(seen * (1 - seen) / n))
-        regular = float(kept['regular'])
-        effect = self.with_values(fraction=share, regular=regular)
+        effect = self.with_values(fraction=share, pattern=float(kept['regular']))
         return Finding(
             self.name,
             float(gain),
             effect,
             {
                 'fraction': Estimate(share, std, (max(share - 1.96 * std, 0), share + 1.96 * std)),
-                'regular': Estimate(regular, None, None),
+                'pattern': Estimate(effect['pattern'], None, None),
             },
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '
             'would be by rounding',
@@ -108,7 +100,7 @@ class Duplicates(Defect, Response):
     def gain2(self, f, dt):
         """Return the squared gain on white noise, scaled to 1 at zero frequency."""
         p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
-        if self['regular'] >= 0.5:
+        if self.chosen('pattern') == 'regular':
             r = 1 / max(1 - p, 1e-6)
             return np.maximum((np.sin(r * w / 2) / (r * np.sin(w / 2))) ** 2, 1e-9)
         return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
@@ -122,14 +114,14 @@ class Duplicates(Defect, Response):
 
         """
         p = self['fraction']
-        if self['regular'] >= 0.5:
+        if self.chosen('pattern') == 'regular':
             return 1 / max(1 - p, 1e-6)
         return ((1 + p) ** 2 + p * (1 - p) ** 2 + 2 * p * p) / ((1 - p) * (1 + p) ** 2)
 
     def apply(self, x, inputs, rng):
         """Hold samples, at random or always the same number of times."""
         n = len(x)
-        if self['regular'] >= 0.5:
+        if self.chosen('pattern') == 'regular':
             r = int(round(1 / (1 - self['fraction'])))
             return x[np.arange(n) // r * r]
         fresh = rng.random(n) >= self['fraction']
@@ -139,4 +131,4 @@ class Duplicates(Defect, Response):
     @classmethod
     def example(cls):
         """Every fifth sample is a repeat."""
-        return cls({'fraction': 0.2, 'regular': 0.0})
+        return cls({'fraction': 0.2, 'pattern': 'random'})

@@ -34,16 +34,7 @@ class LowPass(Response):
     decide = 'set the widest filter of the sensor and record again'
     parameters = (
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
-        Parameter(
-            'form',
-            '1',
-            0,
-            3,
-            log=False,
-            discrete=True,
-            title='0 first order, 1 Butterworth 2 (digital), 2 Butterworth 2 (analogue), 3 '
-            'moving average',
-        ),
+        Parameter.choice('form', FORMS, title='shape of the fall'),
     )
 
     def starts(self, evidence):
@@ -67,10 +58,10 @@ class LowPass(Response):
                               weights=bins.count)
 
         out = []
-        for k in range(len(FORMS)):
+        for form in FORMS:
             tried = [
-                self.with_values(cutoff=float(c), form=float(k))
-                for c in (averages if FORMS[k] == 'moving_average' else falls)
+                self.with_values(cutoff=float(c), form=form)
+                for c in (averages if form == 'moving_average' else falls)
             ]
             out += sorted(tried, key=roughness)[:2]
         return out
@@ -81,14 +72,14 @@ class LowPass(Response):
 
     def gain2(self, f, dt):
         """Return the squared gain."""
-        f, c, form = np.asarray(f, float), self['cutoff'], int(self['form'])
-        if form == 0:
+        f, c, form = np.asarray(f, float), self['cutoff'], self.chosen('form')
+        if form == 'first_order':
             p = np.exp(-2 * np.pi * c * dt)
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(np.pi * f * dt)) ** 2)
-        if form == 1:
+        if form == 'butterworth_2':
             top = np.tan(np.pi * min(c * dt, 0.499))
             return 1 / (1 + (np.tan(np.pi * np.minimum(f * dt, 0.49999)) / top) ** 4)
-        if form == 2:
+        if form == 'butterworth_2_analogue':
             return 1 / (1 + (f / c) ** 4)
         r = max(0.443 / (c * dt), 1.0)
         return np.maximum((np.sin(np.pi * f * dt * r) / (r * np.sin(np.pi * f * dt))) ** 2, 1e-9)
@@ -105,4 +96,4 @@ class LowPass(Response):
     @classmethod
     def example(cls):
         """Return a cutoff at a quarter of Nyquist at 100 Hz."""
-        return cls({'cutoff': 12.0, 'form': 0.0})
+        return cls({'cutoff': 12.0, 'form': 'first_order'})

@@ -35,36 +35,28 @@ class SharedNoise(Coupling):
             linear=True,
             title='share of the other axis',
         ),
-        Parameter(
-            'source',
-            '1',
-            0,
-            5,
-            log=False,
-            discrete=True,
-            title='which axis, 0 gyro_x ... 5 accel_z',
-        ),
+        Parameter.choice('source', AXES, title='the other axis'),
     )
 
     def starts(self, evidence):
         """Each other axis of the same sensor."""
         return [
-            self.with_values(source=float(AXES.index(a)))
+            self.with_values(source=a)
             for a in evidence.channels
             if a in AXES and a.split('_')[0] == evidence.sensor
         ]
 
     def channels(self, evidence):
         """Return the source."""
-        name = AXES[int(self.values.get('source', 0))]
+        name = self.chosen('source') if 'source' in self.values else AXES[0]
         return (name,) if name in evidence.channels else ()
 
     def apply(self, x, inputs, rng):
         """Add the share of the other axis."""
-        other = inputs.axes[AXES[int(self['source'])]]
+        other = inputs.axes[self.chosen('source')]
         return x + self['gain'] * (other - np.mean(other))
 
     @classmethod
     def example(cls):
         """Half of gyro_y."""
-        return cls({'gain': 0.5, 'source': 1.0})
+        return cls({'gain': 0.5, 'source': 'gyro_y'})
