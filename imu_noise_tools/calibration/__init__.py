@@ -16,7 +16,7 @@ from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
 from .positions import positions, STILL_S
 from .problem import arrays_of, CalibrationProblem, problems
 from .session import applied, Captured, Session
-from .solution import as_dict, calibrate, Calibration, stated
+from .solution import as_dict, calibrate, Calibration, of_study, stated
 from .solve import base_model, fit, ols
 from .turns import refuse_missing_axes, turns
 
@@ -26,6 +26,6 @@ NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a record
 __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'Calibration',
     'CalibrationProblem', 'Captured', 'Correction', 'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit',
-    'from_dict', 'gravity', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'ols', 'Poses',
-    'positions', 'problems', 'refuse_missing_axes', 'Regressor', 'Scatter', 'Session',
-    'stated', 'STILL_S', 'TITLE', 'turns']
+    'from_dict', 'gravity', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
+    'ols', 'Poses', 'positions', 'problems', 'refuse_missing_axes', 'Regressor', 'Scatter',
+    'Session', 'stated', 'STILL_S', 'TITLE', 'turns']

@@ -19,6 +19,7 @@ from .positions import CONE_DEG, counted, faced, spread
 from .problem import CalibrationProblem
 from ..core.errors import FitError, InputError
 from ..loop.effect import Fit, Model
+from ..loop.study import Study
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
@@ -151,6 +152,16 @@ def stated(problem: CalibrationProblem, fit: Fit, notes=(), warnings=()) -> Cali
     plain = fit if problem.method in ('ols', 'norm') else solve.fit(
         fit.model, problem.poses, 'ols', problem.tilt)
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
+
+
+def of_study(study: Study) -> Calibration:
+    """Return the calibration a study stands at; raise InputError for another domain."""
+    if study.domain != CalibrationProblem.domain:
+        raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
+    state = next(iter(study.states.values()))
+    assert isinstance(state.problem, CalibrationProblem)
+    return stated(state.problem, state.fit, study.source.get('notes', ()),
+                  study.source.get('warnings', ()))
 
 
 def _method(poses: Poses) -> str:

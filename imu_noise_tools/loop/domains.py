@@ -15,8 +15,8 @@ effects are known however the question came. Its face is
 
 and, since imports run one way, two functions in the module of its name in the layers above it:
 
-``part('plots', name).pictures(study)``, ``part('tasks', name).outputs(study, folder)``
-    its pictures as PNG bytes by name, and all of its files by name.
+``part('plots', name).pictures(study, full)``, ``part('tasks', name).outputs(study, folder)``
+    its pictures as PNG bytes by name (some targets in full), and all of its files by name.
 
 """
 

@@ -121,6 +121,7 @@ class Effect:
     hint: ClassVar[str] = ''
     reference: ClassVar[str] = ''
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    field_units: ClassVar[bool] = False  # do people read it in deg/sqrt(h) and the like, or in SI?
     several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 

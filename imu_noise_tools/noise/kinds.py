@@ -64,6 +64,7 @@ class NoiseEffect(Effect):
     """Base of every noise effect."""
 
     domain = 'noise'
+    field_units = True
 
     #: values that leave a record as it is, where a zero amplitude does not
     neutral: ClassVar[Mapping[str, float]] = {}

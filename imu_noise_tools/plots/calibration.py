@@ -7,8 +7,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from .style import AXES, dress, EFFECTS, FAIL, FAINT, MEASURED, MODEL, new_figure, readable, SMALL
-from ..calibration import Calibration
+from .style import (
+    AXES,
+    dress,
+    EFFECTS,
+    FAIL,
+    FAINT,
+    MEASURED,
+    MODEL,
+    new_figure,
+    png,
+    readable,
+    SMALL,
+)
+from ..calibration import Calibration, of_study
 from ..calibration.poses import DIRECTIONS, unit
 
 _LOUD = 3.0         # a pose further off than this many standard errors is named
@@ -155,3 +167,8 @@ def calibration_figure(calibration: Calibration):
                 f'χ² {x2:.1f} with {dof} degrees of freedom', fontsize=12, fontweight='bold',
                 color=MEASURED)
     return figure
+
+
+def pictures(study, full=()) -> dict[str, bytes]:
+    """Return the picture of a calibration study, ``poses``; its one target needs no other."""
+    return {'poses': png(calibration_figure(of_study(study)))}

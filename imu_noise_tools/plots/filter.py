@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure
+from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png
 from ..filter.evaluate import autocorrelation, distribution_view, spectrum_view
 
 POINTS = 4000           # drawn of a series at most
@@ -79,3 +79,8 @@ def study_figure(study):
     scores = {t: state.problem.prediction(state.fit.model).u
               for t, state in states.items()}
     return innovations_figure(scores, next(iter(states.values())).problem.dt)
+
+
+def pictures(study, full=()) -> dict[str, bytes]:
+    """Return the picture of a filter's study, ``innovations``; no target has one of its own."""
+    return {'innovations': png(study_figure(study))}

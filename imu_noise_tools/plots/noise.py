@@ -15,8 +15,23 @@ from ..loop.prediction import State
 from ..loop.study import Study
 from ..noise import views
 
-__all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure', 'pixels',
-           'png', 'psd', 'pulls', 'series', 'series_figure', 'target_figure']
+__all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure',
+           'pictures', 'pixels', 'png', 'psd', 'pulls', 'series', 'series_figure', 'target_figure']
+
+
+def pictures(study: Study, full=()) -> dict[str, bytes]:
+    """
+    Return the pictures of a noise study by name.
+
+    ``series``, ``allan``, and ``target <name>`` of each target that is wanted in full.
+
+    """
+    left_out = study.source.get('left_out') or ()
+    out = {'series': png(series_figure(study, left_out)), 'allan': png(allan_figure(study))}
+    for t in full:
+        figure = target_figure(study.states[t], study.diagnosis.get(t), left_out)
+        out[f'target {t}'] = png(figure)
+    return out
 
 
 def _rows(study: Study) -> list[list[str]]:

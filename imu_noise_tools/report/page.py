@@ -5,22 +5,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import PurePath
-from typing import cast
 
 from . import words
 from .markup import badge, bullets, cell, escape, image, page, table
 from .pictures import pictures as drawn
-from ..core.allan import dominant_shape
 from ..loop.diagnosis import Diagnosis
+from ..loop.domains import package
 from ..loop.effect import Score
 from ..loop.study import Study
-from ..noise.problem import NoiseProblem
 
-_TITLES = {'noise': 'Noise of an IMU at rest', 'calibration': 'Calibration of an IMU',
-           'filter': 'Innovations of a filter'}
 _COLOURS = {'missing': 'bad', 'unknown': 'bad', 'undecidable': 'doubt', 'complete': 'good'}
+_TOGETHER = {'poses': ('Poses', 'residuals and directions of the poses'),
+             'innovations': ('Innovations', 'innovations of all axes'),
+             'allan': ('Allan deviation', 'Allan deviation of all axes')}
 _CAPTIONS = {
     'series': 'Coloured: from the smallest to the largest sample of each column. Dark line: '
               'block means. Orange line: what the model says of the mean. Grey: left out.',
@@ -32,6 +31,8 @@ _CAPTIONS = {
     'target': 'Allan deviation and spectrum with their pulls; the time series; the rms of the '
               'noise in time; how many samples lie where a normal distribution has equally many. '
               'Grey in the lower row: all but one point of a thousand lie there by chance.',
+    'poses': 'Residual of each pose, shaded where the other poses predict something else; the '
+             'directions covered; the errors before and after the calibration.',
     'innovations': 'What the model did not foresee, in its own standard deviations, axis by axis: '
                    'independent and normal if the model is right. Then the dots fill the green '
                    'band, and nothing sticks out of the other three beyond chance.',
@@ -41,7 +42,7 @@ _CAPTIONS = {
 
 
 def html(study: Study, pictures: Mapping[str, bytes] | None = None,
-         extra: Iterable[tuple[str, bytes]] = (), folder: str = 'DIR') -> str:
+         folder: str = 'DIR') -> str:
     """
     Return a study as one HTML page that tells its story from top to bottom.
 
@@ -51,18 +52,16 @@ def html(study: Study, pictures: Mapping[str, bytes] | None = None,
         Of any domain.
     pictures : mapping of str to bytes, optional
         What :func:`~imu_noise_tools.report.pictures` gave, where it is at hand; else drawn here.
-    extra : iterable of (title, PNG bytes)
-        Further pictures, shown after the model.
     folder : str
         Where the study is kept, for the commands that are proposed.
 
     """
     shown = dict(drawn(study) if pictures is None else pictures)
     name = PurePath(str(study.source.get('path') or '')).name
-    title = _TITLES.get(study.domain, study.domain) + (f': {name}' if name else '')
+    title = package(study.domain).TITLE + (f': {name}' if name else '')
     return page(title, [
         _summary(study), _measured(study, shown), _model(study),
-        *(f'<h3>{escape(t)}</h3>{image(data, t)}' for t, data in extra), _curves(shown),
+        _curves(shown),
         _fails(study, shown), _missing(study), _next(study, folder), _ladder(study, shown),
         _effects(study)])
 
@@ -108,21 +107,16 @@ def _model(study: Study) -> str:
             ('effect', 'coefficient', 'value', '95 % interval or limit', 'SI, ± std', 'note'),
             ((escape(r.label), f'{_bold(r.symbol)} {badge(r.title, "faint")}', cell(r.shown),
               cell(r.interval), cell(r.si), escape(r.note)) for r in words.rows(state, t))))
-        said = [*words.summary_in_words(state.summary), *state.fit.flags]
-        if study.domain == 'noise':
-            said.insert(0, dominant_shape(cast(NoiseProblem, state.problem).evidence.curve))
+        said = [*(state.problem.remarks(state.fit) if state.problem else ()),
+                *words.summary_in_words(state.summary), *state.fit.flags]
         out.append(bullets((escape(s) for s in said), 'small'))
     return '\n'.join(out)
 
 
 def _curves(shown) -> str:
-    if 'innovations' in shown:
-        return '<h2>Innovations</h2>' + image(shown['innovations'], 'innovations of all axes',
-                                              _CAPTIONS['innovations'])
-    if 'allan' not in shown:
-        return ''
-    return '<h2>Allan deviation</h2>' + image(shown['allan'], 'Allan deviation of all axes',
-                                              _CAPTIONS['allan'])
+    """Return the pictures of all targets together, whichever the domain has."""
+    return ''.join(f'<h2>{head}</h2>' + image(shown[name], what, _CAPTIONS[name])
+                   for name, (head, what) in _TOGETHER.items() if name in shown)
 
 
 def _fails(study: Study, shown) -> str:

@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 from .words import failing
+from ..loop.domains import part
 from ..loop.study import Study
+from ..plots import ladder, style
 
 MOST_TARGETS = 2          # targets shown in full
 
@@ -15,22 +17,13 @@ def pictures(study: Study) -> dict[str, bytes]:
     """
     Return the pictures of a study by name.
 
-    ``series``, ``allan`` and, for the targets that fail most, ``target <name>`` of a noise study;
-    ``innovations`` of a filter's; ``ladder`` of any study in which something was added or removed.
+    Those of its domain, with the targets that fail most in full where it has such pictures;
+    ``ladder`` where something was added or removed.
 
     """
-    from ..plots import ladder, noise, style
-    out = {}
-    if study.domain == 'noise':
-        left_out = study.source.get('left_out') or ()
-        out['series'] = style.png(noise.series_figure(study, left_out))
-        out['allan'] = style.png(noise.allan_figure(study))
-        for t in worst_targets(study):
-            figure = noise.target_figure(study.states[t], study.diagnosis.get(t), left_out)
-            out[f'target {t}'] = style.png(figure)
-    if study.domain == 'filter' and all(s.problem for s in study.states.values()):
-        from ..plots import filter
-        out['innovations'] = style.png(filter.study_figure(study))
+    out: dict[str, bytes] = {}
+    if all(s.problem is not None for s in study.states.values()):
+        out.update(part('plots', study.domain).pictures(study, worst_targets(study)))
     if any(s.added or s.removed for s in study.history):
         out['ladder'] = style.png(ladder.ladder_figure(study))
     return out

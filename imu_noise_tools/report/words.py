@@ -16,6 +16,7 @@ import numpy as np
 from ..core import units
 from ..core.record import sensor_of
 from ..loop.diagnosis import Diagnosis
+from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
 from ..loop.study import Step, Study
@@ -84,7 +85,7 @@ def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
         name = 'not observable' if e.value is None else str(parameter.written(e.value))
         return Row(effect.label, parameter.name, parameter.title, name, '', '', e.note)
     factor, unit = 1.0, e.unit
-    if effect.domain == 'noise':            # the field's units are those of noise
+    if effect.field_units:
         factor, unit = units.field(parameter.unit, sensor_of(target))
     unit, si_unit = ('' if u == '1' else f' {u}' for u in (unit, e.unit))
     shown, interval, si = 'not observable', '', ''
@@ -253,7 +254,4 @@ def next_steps(study: Study, folder: str = 'DIR') -> list[tuple[str, str]]:
     if missing:
         what = ', '.join(f'{name} ({" ".join(some)})' for name, some in missing.items())
         return [(f'imu_noise add {where}', f'puts in {what} and fits again')]
-    return {'noise': [(f'imu_noise export {where} --format kalibr -o imu.yaml',
-                       'writes the numbers for an estimator')],
-            'calibration': [(f'imu_noise apply BAG -o BAG2 --calibration {where}',
-                             'corrects a recording')]}.get(study.domain, [])
+    return [(command.format(study=where), why) for command, why in package(study.domain).NEXT]

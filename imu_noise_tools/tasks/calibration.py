@@ -12,7 +12,7 @@ import re
 
 from .noise import default_folder
 from .. import calibration as core
-from .. import store
+from .. import report, store
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
@@ -150,20 +150,9 @@ def study_of(calibration: core.Calibration, source: Mapping | None = None) -> St
     return Study.begin(problems, calibration.fit.model, source)     # type: ignore[arg-type]
 
 
-def calibration_of(study: Study) -> core.Calibration:
-    """Return the calibration a study stands at; raise InputError for another domain."""
-    if study.domain != 'calibration':
-        raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
-    state = next(iter(study.states.values()))
-    problem = state.problem
-    assert isinstance(problem, core.CalibrationProblem)
-    return core.stated(problem, state.fit, study.source.get('notes', ()),
-                       study.source.get('warnings', ()))
-
-
 def as_dict(study: Study) -> dict:
     """Return the data of calibration.yaml: numbers, where they are from, diagnosis."""
-    result = calibration_of(study)
+    result = core.of_study(study)
     data = {'format': 'imu_noise_calibration/1', **core.as_dict(result)}
     data['source'] = {k: v for k, v in study.source.items() if k not in ('notes', 'warnings')}
     if result.sensor == 'accel' and 'gravity' in study.source:
@@ -176,13 +165,9 @@ def as_dict(study: Study) -> dict:
 
 def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
     """Return all files of a calibration study by name; ``folder`` is what the page names."""
-    from .. import report
-    from ..plots import calibration as plots
-    from ..plots import style
-    picture = style.png(plots.calibration_figure(calibration_of(study)))
-    return {**store.study_files(study), 'calibration.png': picture,
-            'report.html': report.html(study, extra=[('Poses', picture)],
-                                       folder=str(folder or 'DIR')),
+    shown = report.pictures(study)
+    return {**store.study_files(study), 'calibration.png': shown['poses'],
+            'report.html': report.html(study, shown, folder=str(folder or 'DIR')),
             FILE: store.dump_yaml(as_dict(study))}
 
 
@@ -307,7 +292,7 @@ class Session(core.Session):
     def adopt(self, study: Study) -> None:
         """Take the model that the loop has come to: what is applied from now on."""
         self._study = study
-        self.calibration = calibration_of(study)
+        self.calibration = core.of_study(study)
 
     def diagnose(self):
         """Return what is missing in the solution's model."""

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import store
+from .. import report, store
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
@@ -192,7 +192,6 @@ def filter_bag(
 
 def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
     """Return all files of a filter's study by name; ``folder`` is what the page names."""
-    from .. import report
     pictures = report.pictures(study)
     return {**store.study_files(study), 'innovations.png': pictures['innovations'],
             'report.html': report.html(study, pictures, folder=str(folder or 'DIR'))}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import export, store
+from .. import export, report, store
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
@@ -196,8 +196,6 @@ def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
     ``folder`` is what the page's next commands name.
 
     """
-    from .. import report
-
     shown = report.pictures(study)
     return {
         **store.study_files(study),
