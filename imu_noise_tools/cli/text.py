@@ -8,6 +8,7 @@ from __future__ import annotations
 import textwrap
 
 from ..core import units
+from ..core.clock import PATTERNS
 from ..report.terminal import table
 
 WIDTH = 100
@@ -129,7 +130,10 @@ def inspection(found) -> str:
         line('clock drift', f'{h.clock_drift_ppm:.3g} ppm against the receiver')
     line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
     jitter = 'unknown' if h.jitter_s is None else f'{1e6 * h.jitter_s:.3g} us'
-    line('stamps', f'{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
+    look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
+    line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
+    if h.received:
+        line('times of receiving', PATTERNS[h.received])
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')

@@ -425,7 +425,9 @@ class Fit:
     What fitting a model gave: the model with its values, an estimate of each, and what went wrong.
 
     ``flags`` are sentences for people: a bound hit, a start that did not move, an effect not
-    observable. ``details`` belongs to the domain (a covariance matrix, residuals).
+    observable. ``details`` belongs to the domain (a covariance matrix, residuals). ``supported``
+    is a log-likelihood in which what a model cannot explain has levels of its own at a stated
+    cost: by it models of one target are compared; None where the domain has none.
 
     """
 
@@ -433,7 +435,8 @@ class Fit:
     estimates: Mapping[str, Mapping[str, Estimate]]
     log_likelihood: float
     flags: tuple[str, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=dict)
+    details: Any = field(default_factory=dict)
+    supported: float | None = None
 
 
 @dataclass(frozen=True)

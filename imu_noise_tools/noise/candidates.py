@@ -66,7 +66,7 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
-    gain = more.details['ml'] - fit.details['ml'] + bonus
+    gain = more.details.ml - fit.details.ml + bonus
     if isinstance(effect, Coupling):
         gain = gain / model_crowd(fit.model)
     return Finding(
@@ -88,14 +88,15 @@ def _unlikely(fit: Fit) -> float:
     only that there is no such sensor tells them apart.
 
     """
-    share = {k: np.max(s / fit.details['v']) for k, s in fit.details['each'].items()}
+    share = {k: np.max(s / fit.details.v) for k, s in fit.details.each.items()}
     certain = [e.label for e in fit.model.of(Spectrum) if e.in_every_sensor]
     return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in certain)
 
 
 def _refitted(evidence, fit, effect):
     model = Model((*unfitted(fit.model), effect))
-    return fit_part(evidence, model, intervals=False, start=fit.model)
+    return fit_part(
+        evidence, model, intervals=False, start=fit.model, hint=fit.details.hint)
 
 
 def _line(evidence, fit, effect):
@@ -107,7 +108,7 @@ def _line(evidence, fit, effect):
     claimed = set(range(len(evidence.line_table))) - set(left)
     values, estimates, _ = measure(evidence, effect, claimed)
     added = np.sum(evidence.whole.lines[rows], axis=0)
-    gain = 0.5 * float(np.sum(evidence.whole.bins.count * added / fit.details['v']))
+    gain = 0.5 * float(np.sum(evidence.whole.bins.count * added / fit.details.v))
     return Finding(
         effect.name,
         gain,
@@ -127,7 +128,7 @@ def _measured(evidence, fit, effect):
     gain = finding.gain
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
-        gain += more.details['ml'] - fit.details['ml']
+        gain += more.details.ml - fit.details.ml
     return Finding(
         effect.name,
         float(gain),
@@ -169,7 +170,7 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
 
     def minus_log(x):
-        return 0.5 * w * (np.log(x.details['v']) + evidence.whole.power / x.details['v'])
+        return 0.5 * w * (np.log(x.details.v) + evidence.whole.power / x.details.v)
 
     gain = np.cumsum(minus_log(before) - minus_log(after))
     if gain[-1] <= 0:

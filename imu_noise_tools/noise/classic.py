@@ -90,7 +90,7 @@ def fit_avar(evidence: Evidence, full: Fit) -> Fit:
         x = minimize(lambda z: solve(z)[1], x, method='Nelder-Mead', options={'maxiter': 200}).x
     square, _, a, w = solve(x)
     gain = np.linalg.pinv(a * w[:, None]) * w  # squares = gain @ measured variances
-    covariance = gain @ curve_covariance(evidence, full.details['v']) @ gain.T
+    covariance = gain @ curve_covariance(evidence, full.details.v) @ gain.T
     fitted, estimates = full.model, {k: dict(v) for k, v in full.estimates.items()}
     for k, e in enumerate(terms):
         name = amplitude[e.label]

@@ -5,24 +5,116 @@
 Fitting a model to one axis: point values, profile intervals, upper limits.
 
 By maximum likelihood in the cosine domain (:mod:`~imu_noise_tools.noise.likelihood`), from the
-most promising of several starts.
+most promising of several starts. Where bands of the spectrum disagree with that fit, it is made
+again on those that a fit explains (:mod:`~imu_noise_tools.noise.explained`).
 
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 
 from .evidence import Evidence
-from .kinds import Mean
-from .likelihood import Likelihood
+from .explained import (
+    Bands, Explained, FAR, gamma_pull, judge, Judgement, NEARLY, OPEN, set_aside, SetAside,
+    supported as supported_by
+)
+from .kinds import Mean, Spectrum
+from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .starts import most_promising, reddest, starts
-from .uncertainty import chosen_estimates, estimates, plain_estimates, with_linear
+from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
 from ..core.errors import FitError
 from ..loop.effect import Fit, Model
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
+_SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
+_ROUNDS = 12  # of choosing bands and fitting again
+_ORDERS = 4  # terms of the response that may be left open
+_TERM = 1.0  # bands that a term of the response must be worth
+_LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
+
+
+@dataclass(frozen=True)
+class Details:
+    """
+    What a fit rests on, beside its values.
+
+    ``slots`` (p) are (label, parameter) of what was searched for, ``information`` (p, p) their
+    Fisher information; ``v`` (b,) the model's power in the bins, ``each`` that of each effect;
+    ``power`` (b,) is measured, less what was solved for, ``weight`` (b,) its degrees of freedom;
+    ``ml`` is ln L over all bins. ``basis`` is what the fit rests on, None for all of it;
+    ``explained`` (b,) bool, ``set_aside`` the stretches that it does not rest on.
+
+    """
+
+    information: np.ndarray
+    v: np.ndarray
+    each: Mapping[str, np.ndarray]
+    power: np.ndarray
+    weight: np.ndarray
+    ml: float
+    slots: tuple[tuple[str, str], ...]
+    basis: Explained | None = None
+    explained: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    set_aside: tuple[SetAside, ...] = ()
+
+    def __getitem__(self, name: str):
+        """Return a field by its name."""
+        return getattr(self, name)
+
+    @property
+    def hint(self) -> Explained:
+        """What a similar model's fit may rest on, to begin with."""
+        return self.basis or Explained(np.ones(0), np.ones(len(self.v)))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """How the searched parameters are looked for: cautiously or not, from how many starts."""
+
+    cautious: bool
+    mean: Fit | None
+
+    @property
+    def enough(self) -> float:
+        """Nats that end a search; a comparison needs no more."""
+        return 1e-7 if self.cautious else 1e-3
+
+    @property
+    def most(self) -> int:
+        """Starts that are tried."""
+        return 6 if self.cautious else 3
+
+    def from_starts(self, plain: Likelihood, proposed, most: int | None = None):
+        """Return the best :class:`_Found` of several starts; None where none is finite."""
+        best = None
+        for likelihood, x0 in most_promising(plain, proposed, self.mean, most or self.most):
+            found = self.from_point(likelihood, x0)
+            if np.isfinite(found.nll) and (best is None or found.nll < best.nll - 1e-9):
+                best = found
+        return best
+
+    def from_point(self, likelihood: Likelihood, x0) -> _Found:
+        """Return the minimum reached from one point."""
+        slowest = reddest(likelihood, x0) if self.cautious else None
+        found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
+        found = _revived(likelihood, found, slowest, self.enough)
+        return _Found(likelihood, *found, slowest)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A minimum: where, how deep, its information, and which amplitude was kept off zero."""
+
+    likelihood: Likelihood
+    x: np.ndarray
+    nll: float
+    information: np.ndarray
+    slowest: int | None
 
 
 def fit(
@@ -34,6 +126,9 @@ def fit(
     intervals: bool = True,
     cautious: bool | None = None,
     start: Model | None = None,
+    basis: Explained | None = None,
+    hint: Explained | None = None,
+    robust: bool = True,
 ) -> Fit:
     """
     Fit a model to one part of one axis.
@@ -47,7 +142,7 @@ def fit(
     part : str
         ``whole``, ``first`` or ``second``.
     mean : Fit or None
-        For a half: the fit of the same model to the whole.
+        For a half: the fit of the same model to the whole, whose basis it inherits.
     intervals : bool
         Whether to compute profile intervals (slow part).
     cautious : bool or None
@@ -55,6 +150,13 @@ def fit(
         where there are intervals. For a prediction the most likely value is better.
     start : Model or None
         A model whose values to start from first (the fit of a smaller model, say).
+    basis : Explained or None
+        What the fit rests on; None: chosen, or that of ``mean``.
+    hint : Explained or None
+        What the fit of a similar model rests on: bands are then chosen from there and from the
+        plain fit only, which takes a fraction of the time.
+    robust : bool
+        Whether to choose what the fit rests on; else it rests on every bin.
 
     Raises
     ------
@@ -66,55 +168,186 @@ def fit(
     if mean is not None:
         for e in model.of(Mean):
             model = model.with_effect(mean.model[e.label])
-    plain = Likelihood(evidence, part, model, mean)
-    proposed = starts(plain, start)
-    best = None
-    cautious = intervals if cautious is None else cautious
-    enough, most = (1e-7, 6) if cautious else (1e-3, 3)  # a comparison needs no more
-    for likelihood, x0 in most_promising(plain, proposed, mean, most):
-        slowest = reddest(likelihood, x0) if cautious else None
-        found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=enough)
-        found = _revived(likelihood, found, slowest, enough)
-        if np.isfinite(found[1]) and (best is None or found[1] < best[0][1] - 1e-9):
-            best = found, slowest, likelihood
-    if best is None:
+        basis = basis or mean.details.basis
+    plain = Likelihood(evidence, part, model, mean, basis)
+    search = _Search(intervals if cautious is None else cautious, mean)
+    found = search.from_starts(plain, starts(plain, start))
+    if found is None:
         raise FitError(
             f'{evidence.axis}: {model} has no finite likelihood',
             'remove an effect, or look at the data',
         )
-    (x, _, information), slowest, likelihood = best
-    nll, linear, v, each = likelihood.value(x)
+    if robust and basis is None and mean is None:
+        found = _resting_on_what_it_explains(search, found, hint)
+    return _fit_of(found, measured, flags, intervals)
+
+
+def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
+    """Return the fit of a minimum."""
+    likelihood, x = found.likelihood, found.x
+    nll, linear, _, _ = likelihood.value(x)
     fitted = with_linear(likelihood, likelihood.with_search(x), linear)
     said = dict(measured)
     if intervals:
-        more, hit = estimates(likelihood, x, information, linear, slowest)
-        flags += hit
+        more, hit = estimates(likelihood, x, found.information, linear, found.slowest)
+        flags = [*flags, *hit]
     else:
-        more = plain_estimates(likelihood, x, information, linear)
-    for found in (more, chosen_estimates(likelihood)):
-        for label, values in found.items():
+        more = plain_estimates(likelihood, x, found.information, linear)
+    for some in (more, chosen_estimates(likelihood)):
+        for label, values in some.items():
             said[label] = {**said.get(label, {}), **values}
+    if OPEN in fitted:
+        fitted = fitted.minus(OPEN)
+    details = _details(found, fitted, linear)
     return Fit(
         fitted,
         {label: said[label] for label in fitted.labels if label in said},
         -nll,
-        tuple(flags),
-        {
-            'information': information,
-            'v': v,
-            'each': each,
-            'power': linear.power,
-            'weight': linear.weight,
-            'ml': _maximum_likelihood(likelihood, linear, v),
-            'slots': tuple((s.label, s.parameter.name) for s in likelihood.slots),
-        },
+        (*flags, *_in_words(details.set_aside)),
+        details,
+        supported_by(Bands.on(likelihood.bins), details.power, details.weight, details.v),
     )
 
 
-def _maximum_likelihood(likelihood, linear, v):
-    """Return ln L without the REML terms, which makes models with other means comparable."""
-    w = likelihood.weight
-    return -0.5 * float(np.sum(w * np.log(v) + linear.power * linear.weight / v))
+def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
+    """Return what a fit rests on; power and likelihood are those of all bins in any case."""
+    likelihood, basis = found.likelihood, found.likelihood.explained
+    power, weight, whole = linear.power, linear.weight, likelihood
+    aside: tuple[SetAside, ...] = ()
+    slots = tuple((s.label, s.parameter.name) for s in likelihood.slots)
+    information = found.information
+    if basis is not None:
+        known = likelihood.mean or Fit(fitted, {}, 0.0)
+        whole = Likelihood(likelihood.evidence, likelihood.part_name, fitted, known)
+        power = whole.without_couplings(fitted) if whole.couplings else whole.power
+        weight = whole.weight
+        keep = [j for j, (label, _) in enumerate(slots) if label != OPEN]
+        slots, information = tuple(slots[j] for j in keep), marginal(information, keep)
+    v, each = whole.spectra(fitted)
+    explained = np.ones(len(v), bool)
+    if basis is not None:
+        bands = Bands.on(whole.bins)
+        now = judge(bands, power / v, weight)
+        kept = now.kept & (bands.sum(basis.on(whole.bins)) > 0)
+        explained = kept[bands.of] & (basis.on(whole.bins) > 0)
+        lines = likelihood.evidence.part(likelihood.part_name).lines
+        total = power + (np.sum(lines, axis=0) if len(lines) else 0.0)
+        aside = set_aside(bands, kept, power, whole.bins.count, v, total)
+    full = whole.weight
+    ml = -0.5 * float(np.sum(full * np.log(v) + power * weight / v))
+    return Details(information, v, each, power, weight, ml, slots, basis, explained, aside)
+
+
+def _in_words(aside) -> list[str]:
+    """Say what the fit does not rest on."""
+    return [
+        f'not explained from {s.low:.3g} to {s.high:.3g} Hz ({s.direction} power, '
+        f'{s.ratio:.2g} times the model\'s; {100 * s.share:.2g} % of the power): '
+        'the values rest on the rest'
+        for s in aside
+    ]
+
+
+def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained | None) -> _Found:
+    """
+    Return the fit made again on the bands that a fit explains; the same where none disagrees.
+
+    Bands are chosen and fitted in turn until they stay, beginning with those of the slow end, and
+    with all; of where that ends, what explains most bands holds.
+
+    """
+    thorough, search = search, replace(search, cautious=False)
+    bands = Bands.on(plain.likelihood.bins)
+    now = _judged(bands, plain)
+    if now.kept.all() and not _lacks(plain):
+        return plain
+    best: tuple[_Found, float] | None = None
+    for begin, order in _beginnings(plain, now, hint):
+        ended = _settled(search, bands, plain, begin, order)
+        if ended is not None and (best is None or ended[1] > best[1] + 1e-6):
+            best = ended
+    if best is None:
+        return plain
+    kept = best[0].likelihood.explained.weight
+    upward = np.where(np.arange(len(kept)) > np.flatnonzero(kept)[-1], 1.0, kept)
+    for order in range(1, _ORDERS + 1) if hint is None else ():
+        for begin in (kept, upward):
+            ended = _settled(search, bands, best[0], begin, order)
+            if ended is not None and ended[1] > best[1] + 1e-6:
+                best = ended
+    return thorough.from_point(best[0].likelihood, best[0].x)
+
+
+def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
+    """Return (weight (b,), order of the open response) of which bands to begin with."""
+    if hint is not None:
+        return [(now.weight, 0), (hint.weight, hint.order)]
+    f = plain.likelihood.bins.f
+    span = np.log(f / f[0]) / np.log(f[-1] / f[0])
+    near = np.abs(gamma_pull(*_ratio(plain))) < FAR
+    return [(np.where(span <= share, 1.0, 0.0) * (near if share == 1 else 1), 0)
+            for share in _SPANS]
+
+
+def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
+    """Return (measured over model, degrees of freedom) of all bins, (b,)."""
+    likelihood = found.likelihood
+    model = likelihood.with_search(found.x)
+    v, _ = likelihood.spectra(model)
+    power = likelihood.solve_linear(model, v).power if likelihood.linear_slots else \
+        likelihood.power
+    return power / v, likelihood.full_weight
+
+
+def _judged(bands: Bands, found: _Found) -> Judgement:
+    """Return which bands a fit explains."""
+    basis = found.likelihood.explained
+    return judge(bands, *_ratio(found), 0.0 if basis and basis.order else NEARLY)
+
+
+def _lacks(found: _Found) -> bool:
+    """Tell whether a fit leaves next to nothing of what every sensor has."""
+    likelihood = found.likelihood
+    model = likelihood.with_search(found.x)
+    v, each = likelihood.spectra(model)
+    return any(
+        e.in_every_sensor and np.max(each[e.label] / v) < _LEAST for e in model.of(Spectrum)
+    )
+
+
+def _settled(search: _Search, bands: Bands, near: _Found, begin, order: int):
+    """
+    Return (fit, bands that it explains) of choosing bands and fitting in turn.
+
+    None where no fit is finite.
+
+    """
+    from_ = near.likelihood
+    base = from_.model.minus(OPEN) if OPEN in from_.model else from_.model
+    weight, seen, best = begin, [], None
+    found = None
+    for _ in range(_ROUNDS):
+        if np.sum(weight > 0) < 8 or any(np.array_equal(weight, w) for w in seen):
+            break
+        seen.append(weight)
+        top = float(from_.bins.f[np.flatnonzero(weight)[-1]])
+        likelihood = Likelihood(
+            from_.evidence, from_.part_name, base, from_.mean,
+            Explained(from_.bins.f, weight, order, top),
+        )
+        if found is None:
+            begin = [*starts(likelihood, near.likelihood.with_search(near.x))]
+            found = search.from_starts(likelihood, begin, 2)
+        else:
+            found = search.from_point(likelihood, found.x)
+        if found is None or not np.isfinite(found.nll):
+            break
+        now = _judged(bands, found)
+        worth = now.worth - order * _TERM - 4 * _lacks(found)
+        if best is None or worth > best[1]:
+            best = found, worth
+        weight = now.weight
+    return best
 
 
 def _revived(likelihood, found, reddest, enough):

@@ -19,8 +19,18 @@ import numpy as np
 from scipy.fft import dct
 
 from .evidence import Evidence
-from .kinds import Coupling, Inputs, Mean, MEASURED, model_crowd, psd_behind, Response, Spectrum
-from ..core.spectrum import Bins, expected, leaked
+from .explained import Explained, OPEN
+from .kinds import (
+    binned_behind,
+    Coupling,
+    Inputs,
+    Mean,
+    MEASURED,
+    model_crowd,
+    Response,
+    Spectrum,
+)
+from ..core.spectrum import Bins, leaked
 from ..loop.effect import Fit, Model, Parameter
 
 
@@ -74,10 +84,22 @@ class Likelihood:
     mean : Fit or None
         For a half: the fit to the whole, whose mean is subtracted (a mean is not solved for again
         in a half).
+    explained : Explained or None
+        Which bins count, and by how much; None: all of them.
 
     """
 
-    def __init__(self, evidence: Evidence, part: str, model: Model, mean: Fit | None = None):
+    def __init__(
+        self,
+        evidence: Evidence,
+        part: str,
+        model: Model,
+        mean: Fit | None = None,
+        explained: Explained | None = None,
+    ):
+        response = explained.response() if explained else None
+        if response is not None and response.label not in model:
+            model = model.plus(response)
         self.evidence, self.part_name, self.part, self.model = (
             evidence,
             part,
@@ -105,6 +127,9 @@ class Likelihood:
         for row in self.part.lines:  # a line took frequency, amplitude and phase with it
             top = int(np.argmax(row))
             self.weight[top] = max(self.weight[top] - 3, 0.0)
+        self.mean, self.explained, self.full_weight = mean, explained, self.weight
+        if explained is not None:
+            self.weight = self.weight * explained.on(self.bins)
         self._slow: np.ndarray | None = None
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
@@ -222,7 +247,7 @@ class Likelihood:
             covariances.append(covariance)
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             x = self.design(model)
-            root = np.sqrt(2 * self.dt / self._fine(v))
+            root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
             xw, cw = x * root[:, None], slow * root
             scale = np.sqrt(np.sum(xw**2, axis=0))
             scale[scale == 0] = 1.0
@@ -250,6 +275,13 @@ class Likelihood:
             covariance[at:at + len(c), at:at + len(c)] = c
             at += len(c)
         return Linear(beta, covariance, power, weight, log_det)
+
+    def _counted(self):
+        """Return the root of what each slow coefficient (q,) counts."""
+        if self.explained is None:
+            return 1.0
+        at = self.bins.index(np.arange(1, self._count + 1))
+        return np.sqrt(self.explained.on(self.bins)[at])
 
     def _fine(self, v):
         k = np.arange(1, self._count + 1)
@@ -296,7 +328,7 @@ class Likelihood:
             # a model of the mean alone: white noise of the measured level stands in
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
         total = sum(each.values())
-        if model.of(Response):
+        if any(r.leaks for r in model.of(Response)):
             # rounding happens behind the filter: where that leaves nothing, the output's own step
             # is what is measured
             total = total + self.evidence.resolution**2 * self.dt / 6
@@ -305,7 +337,7 @@ class Likelihood:
 
     def _spectrum(self, effect, model):
         """Return what one effect puts into the bins, as expected behind the sensor's responses."""
-        return expected(lambda f: psd_behind(effect, model, f, self.dt), self.bins)
+        return binned_behind(effect, model, self.bins)
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
@@ -325,6 +357,9 @@ class Likelihood:
         out = np.zeros((len(v), len(x)))
         for j, slot in enumerate(self.slots):
             effect = self.model[slot.label]
+            if slot.label == OPEN:
+                out[:, j] = effect.terms(self.bins.f)[:, effect.parameters.index(slot.parameter)]
+                continue
             if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
                 out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
             elif isinstance(effect, (Spectrum, Response)):

@@ -86,7 +86,7 @@ def most_promising(plain, starts, mean, most):
         likelihood = (
             plain
             if candidate == plain.model
-            else Likelihood(plain.evidence, plain.part_name, candidate, mean)
+            else Likelihood(plain.evidence, plain.part_name, candidate, mean, plain.explained)
         )
         found.append((likelihood.value(x0)[0], likelihood, x0))
     found.sort(key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)

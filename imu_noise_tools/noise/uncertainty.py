@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .explained import OPEN
 from .kinds import MEASURED
 from ..core import units
 from ..loop.effect import Estimate
@@ -52,6 +53,16 @@ def _covariance(information):
     )
 
 
+def marginal(information: np.ndarray, keep) -> np.ndarray:
+    """Return the information on some parameters with the others left open (Schur complement)."""
+    if len(keep) == len(information):
+        return information
+    rest = [j for j in range(len(information)) if j not in keep]
+    cross = information[np.ix_(keep, rest)]
+    own = information[np.ix_(keep, keep)]
+    return own - cross @ np.linalg.pinv(information[np.ix_(rest, rest)]) @ cross.T
+
+
 def _linear_estimates(likelihood, linear):
     out: dict[str, dict] = {}
     for slot, value, variance in zip(
@@ -83,6 +94,8 @@ def plain_estimates(likelihood, x, information, linear):
     out = _linear_estimates(likelihood, linear)
     std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0)) if len(x) else []
     for slot, at, s in zip(likelihood.slots, x, std):
+        if slot.label == OPEN:
+            continue
         value = slot.from_search(at)
         s = float(s * value if slot.parameter.log else s)
         out.setdefault(slot.label, {})[slot.parameter.name] = Estimate(
@@ -105,6 +118,8 @@ def estimates(likelihood, x, information, linear, reddest):
     top, least, _ = likelihood.minimise(x)  # unpenalised
     profile = _Profile(likelihood, top, least)
     for j, slot in enumerate(likelihood.slots):
+        if slot.label == OPEN:
+            continue
         unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
         value = slot.from_search(x[j])
         wide = float(np.clip(std[j], 1e-6, 3.0))

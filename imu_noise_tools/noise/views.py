@@ -83,8 +83,8 @@ def muted_by(fit: Fit, view: str) -> bool:
 def _there(fit: Fit, effect) -> bool:
     there = any(effect[p.name] > 0 for p in effect.parameters if p.amplitude)
     if there and not isinstance(effect, Defect):  # fitted, and never quite zero
-        mine = fit.details.get('each', {}).get(effect.label)
-        there = mine is None or bool(np.max(mine / fit.details['v']) > 0.01)
+        mine = fit.details.each.get(effect.label) if fit.details else None
+        there = mine is None or bool(np.max(mine / fit.details.v) > 0.01)
     return there
 
 
@@ -160,9 +160,9 @@ def parameter_scatter(
     (v'/v - ln(v'/v) - 1).
 
     """
-    slots, information = fit.details.get('slots', ()), fit.details.get('information')
-    if not slots:
+    if not fit.details or not fit.details.slots:
         return 0.0
+    slots, information = fit.details.slots, fit.details.information
     likelihood = Likelihood(evidence, part, fit.model, fit)
     spectral = [j for j, (label, _) in enumerate(slots) if not isinstance(fit.model[label], Mean)]
     if not spectral:

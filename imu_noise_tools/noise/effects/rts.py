@@ -100,10 +100,10 @@ class Rts(Spectrum):
         for m in fit.model.of(Mean):
             y = y - m.mean(inputs)
         c = dct(y - np.mean(y), type=2, norm='ortho')
-        v, bins = fit.details['v'], evidence.whole.bins
+        v, bins = fit.details.v, evidence.whole.bins
         slow = slice(bins.index(len(c) - 1) + 1)
         gain = model_gain2(fit.model, bins.f, evidence.dt)
-        drift = sum(s - gain * np.min((s / gain)[slow]) for label, s in fit.details['each'].items()
+        drift = sum(s - gain * np.min((s / gain)[slow]) for label, s in fit.details.each.items()
                     if label != self.label)
         k = np.arange(1, len(c))
         centre = 0.5 * (bins.first + bins.last - 1)
