@@ -16,6 +16,7 @@ from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
 from .predict import predict, Prediction
 from .statespace import DOMAIN, FilterEffect, Look
+from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
 from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
@@ -283,17 +284,17 @@ def problem_of(
     good = np.isfinite(z) & np.isfinite(t)
     t, z = np.asarray(t, float)[good], np.asarray(z, float)[good]
     dt = np.diff(t)
-    usual = float(np.median(dt[dt > 0])) if np.any(dt > 0) else 0.0
-    if not usual:
+    rate_hz = median_rate(t)
+    if rate_hz is None:
         raise InputError(
             'the stamps never advance', 'state the rate and give stamps, or use the receive times'
         )
-    cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt > 1.9 * usual)) + 1, [len(t)]])
+    cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt * rate_hz > 1.9)) + 1, [len(t)]])
     longest = int(np.argmax(np.diff(cut)))
     z = z[cut[longest]:cut[longest + 1]]
     if len(z) > 2 * LONGEST:
         z = z[:2 * LONGEST]
-    return FilterProblem(z, usual, target, stated, alpha)
+    return FilterProblem(z, 1 / rate_hz, target, stated, alpha)
 
 
 def problems(arrays) -> dict[str, FilterProblem]:
