@@ -465,7 +465,7 @@ def _low_pass(s, strength):
 def _notch(s, strength):
     """The driver takes a band out; as wide as makes the first tau lose a share strength^2."""
     centre, x = s.rng.uniform(0.15, 0.8), s.y - s.y[0]
-    quality = float(np.clip(1.6 * centre / min(strength, 0.9) ** 2, 0.7, 20))
+    quality = float(np.clip(2 * centre / min(strength, 0.9) ** 2, 1.5, 20))
     b, a = iirnotch(centre, quality)
     after = lfilter(b, a, x)
     _, count, power = _binned(after)

@@ -17,7 +17,7 @@ class Notch(Response):
     title = "the sensor's own notch filter"
     equation = (
         'gain^2 = (x^2 - x0^2)^2/((x^2 - x0^2)^2 + (x w)^2), x = tan(pi f dt), x0 = '
-        'tan(pi f0 dt), w = pi width dt (1 + x0^2)'
+        'tan(pi f0 dt), w = tan(pi width dt) (1 + x0^2)'
     )
     signature = 'a dip in the PSD, of one frequency, with the level as it was on both sides'
     hint = (
@@ -56,7 +56,7 @@ class Notch(Response):
         """Return the squared gain."""
         x = np.tan(np.pi * np.minimum(np.asarray(f, float) * dt, 0.49999))
         x0 = np.tan(np.pi * min(self['frequency'] * dt, 0.499))
-        w = np.pi * self['width'] * dt * (1 + x0**2)
+        w = np.tan(np.pi * min(self['width'] * dt, 0.49)) * (1 + x0**2)
         return np.maximum((x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2), 1e-9)
 
     def apply(self, x, inputs, rng):

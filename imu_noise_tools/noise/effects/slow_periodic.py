@@ -54,13 +54,6 @@ class SlowPeriodic(Mean):
         angle = 2 * np.pi * inputs.t / period
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
-    def avar(self, m, dt):
-        """Return that of a line of this period, averaged over its phase."""
-        m = np.asarray(m, float)
-        x = np.pi * dt / self['period']
-        power = self['cosine'] ** 2 + self['sine'] ** 2
-        return power * np.sin(m * x) ** 4 / (m * np.sin(x)) ** 2
-
     @classmethod
     def example(cls):
         """Return a swing of 20.6 deg/h (1e-4 rad/s) to either side in ten minutes."""
