@@ -38,7 +38,7 @@ class Drift(Mean):
     )
 
     def columns(self, inputs):
-        """t and t^2/2."""
+        """Return t and t^2/2."""
         return np.column_stack([inputs.t, 0.5 * inputs.t**2])
 
     @classmethod

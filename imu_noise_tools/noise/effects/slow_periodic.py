@@ -50,7 +50,7 @@ class SlowPeriodic(Mean):
         return {'period': (0.09 * evidence.duration, 2.2 * evidence.duration)}
 
     def columns(self, inputs, period):
-        """Cosine and sine."""
+        """Return cosine and sine."""
         angle = 2 * np.pi * inputs.t / period
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
