@@ -134,13 +134,16 @@ class Bands:
 
     Attributes
     ----------
+    edges : ndarray (b + 1,)
+        Edges of the bins, Hz.
     low, high : ndarray (bands,)
-        Their edges, Hz.
+        Edges of the bands, Hz.
 
     """
 
     of: np.ndarray
     count: int
+    edges: np.ndarray = field(repr=False)
     low: np.ndarray = field(repr=False)
     high: np.ndarray = field(repr=False)
 
@@ -152,8 +155,8 @@ class Bands:
         count = int(of[-1]) + 1
         begin = np.searchsorted(of, np.arange(count))
         step = 1 / (2 * bins.n * bins.dt)
-        edges = np.append(bins.first[begin], bins.last[-1]) * step
-        return cls(of, count, edges[:-1], edges[1:])
+        edges = np.append(bins.first, bins.last[-1]) * step
+        return cls(of, count, edges, edges[begin], edges[np.append(begin[1:], len(of))])
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Return sums (bands,) of values (b,)."""
@@ -254,20 +257,43 @@ def supported(bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray
     return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - COST)))
 
 
-def set_aside(bands: Bands, kept: np.ndarray, part_power, count, v, evidence_power):
-    """Return the stretches (list of SetAside) of neighbouring bands that are not kept."""
-    out = []
-    edge = np.flatnonzero(np.diff(np.concatenate([[True], kept, [True]]).astype(int)))
-    total = float(np.sum(evidence_power * count))
+def stretches(bands: Bands, explained: np.ndarray):
+    """
+    Yield (bins, low Hz, high Hz) of each stretch that is not explained.
+
+    Neighbouring bands of which nothing is explained are one stretch, single bins inside a band
+    that is (lines) another.
+
+    """
+    whole = bands.sum(explained.astype(float)) == 0
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(int)))
     for a, b in zip(edge[::2], edge[1::2]):
-        some = (bands.of >= a) & (bands.of < b)
-        mine = float(np.sum((part_power * count)[some]))
-        out.append(
-            SetAside(
-                float(bands.low[a]),
-                float(bands.high[b - 1]),
-                float(np.sum((evidence_power * count)[some])) / total,
-                mine / float(np.sum((v * count)[some])),
-            )
-        )
-    return tuple(out)
+        yield np.flatnonzero((bands.of >= a) & (bands.of < b)), \
+            float(bands.low[a]), float(bands.high[b - 1])
+    alone = ~explained & ~whole[bands.of]
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], alone, [False]]).astype(int)))
+    for a, b in zip(edge[::2], edge[1::2]):
+        yield np.arange(a, b), float(bands.edges[a]), float(bands.edges[b])
+
+
+def set_aside(bands: Bands, explained, measured, count, v, total) -> tuple[SetAside, ...]:
+    """
+    Return the stretches that are not explained, from low to high frequencies.
+
+    Parameters
+    ----------
+    bands : Bands
+    explained : ndarray (b,) of bool
+    measured, v : ndarray (b,)
+        Power and the model's.
+    count : ndarray (b,)
+        Coefficients in each bin.
+    total : ndarray (b,)
+        Power of the record, lines and all.
+
+    """
+    share, out = total * count / np.sum(total * count), []
+    for at, low, high in stretches(bands, explained):
+        ratio = np.sum((measured * count)[at]) / np.sum((v * count)[at])
+        out.append(SetAside(low, high, float(np.sum(share[at])), float(ratio)))
+    return tuple(sorted(out, key=lambda s: s.low))

@@ -228,11 +228,10 @@ def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
     if basis is not None:
         bands = Bands.on(whole.bins)
         now = judge(bands, power / v, weight)
-        kept = now.kept & (bands.sum(basis.on(whole.bins)) > 0)
-        explained = kept[bands.of] & (basis.on(whole.bins) > 0)
+        explained = (now.weight > 0) & (basis.on(whole.bins) > 0)
         lines = likelihood.evidence.part(likelihood.part_name).lines
         total = power + (np.sum(lines, axis=0) if len(lines) else 0.0)
-        aside = set_aside(bands, kept, power, whole.bins.count, v, total)
+        aside = set_aside(bands, explained, power, whole.bins.count, v, total)
     full = whole.weight
     ml = -0.5 * float(np.sum(full * np.log(v) + power * weight / v))
     return Details(information, v, each, power, weight, ml, slots, basis, explained, aside)
