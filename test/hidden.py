@@ -339,9 +339,28 @@ def resonance(s, centre, quality):
     return x / np.std(x)
 
 
+def _narrowband(s):
+    """A resonance of Q 5 and more, or a machine whose speed wanders a little or not a little."""
+    centre = s.log_uniform(max(0.004, 30 * s.dt / s.span), 0.3) / s.dt
+    width = s.log_uniform(0.5 / s.span, centre / 5)
+    decay_time = int(5 / (np.pi * width * s.dt)) + 10
+    w, r = 2 * np.pi * centre * s.dt, np.exp(-np.pi * width * s.dt)
+    # a rotating phasor that forgets its phase, started long before; its real part is seen
+    rng, n = s.rng, s.n + decay_time
+    if s.rng.random() < 0.5:
+        drive = rng.standard_normal(n) + 1j * rng.standard_normal(n)
+        x = lfilter([1.0], [1, -r * np.exp(1j * w)], drive)[decay_time:].real
+        x *= np.sqrt(1 - r * r)
+    else:                                   # a mass on a spring, shaken by white noise
+        x = lfilter([1.0], [1, -2 * r * np.cos(w), r * r], rng.standard_normal(n))[decay_time:]
+        x *= np.sqrt((1 - r * r) / (1 + r * r) * (1 - 2 * r * r * np.cos(2 * w) + r ** 4))
+    return x, {'frequency': centre, 'width': width, 'rms': 1.0}
+
+
 def _resonance(s):
+    """So damped that it is no narrow band, and no Gauss-Markov process."""
     centre = s.log_uniform(0.02, 0.25) / s.dt
-    return resonance(s, centre, s.rng.uniform(2.5, 8)), {'centre': centre}
+    return resonance(s, centre, s.rng.uniform(1.0, 1.5)), {'centre': centre}
 
 
 def _chirp(s):
@@ -469,6 +488,7 @@ RECIPES: dict[str, Recipe] = {
     'sinusoid': Recipe(_sinusoid, deterministic=True, scaled=('amplitude',)),
     'harmonics': Recipe(_harmonics, deterministic=True,
                         scaled=tuple(f'amplitude_{k}' for k in range(1, 7))),
+    'narrowband': Recipe(_narrowband, scaled=('rms',)),
     'gauss_markov': Recipe(_gauss_markov, scaled=('sigma',)),
     'temperature': Recipe(_temperature, deterministic=True, scaled=('slope',)),
     'ramp': Recipe(_ramp, deterministic=True, scaled=('R',)),

@@ -9,6 +9,8 @@ A new effect is tested before its author thinks of it: no test here is about one
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import yaml
@@ -122,7 +124,7 @@ def test_has_a_simulation(cls):
 @every
 def test_values_survive_yaml(cls):
     e = cls({p.name: p.choices[-1] if p.choices else v
-             for p, v in zip(cls.parameters, (1 / 3 * 1e-5, 2e-5, 3.0, 1e22))})
+             for p, v in zip(cls.parameters, itertools.cycle((1 / 3 * 1e-5, 2e-5, 3.0, 1e22)))})
     data = yaml.safe_load(store.dump_yaml({e.label: {'effect': e.name, **e.written()}}))[e.label]
     assert all(isinstance(data[p.name], str) == bool(p.choices) for p in cls.parameters)
     back = find_effect('noise', data.pop('effect'))(data)

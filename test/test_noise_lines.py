@@ -14,7 +14,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform, folded
 from imu_noise_tools.loop.effect import find_effect
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.lines import find_lines, reference_spectrum
+from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
 
 DT, N = 0.02, 90_000
 SPAN = N * DT
@@ -29,7 +29,7 @@ def base(rng, sensor):
 def table(y):
     """Return the line table of some samples."""
     c = cosine_transform(y.copy())
-    return find_lines(c, reference_spectrum(c, DT), DT)
+    return find_peaks(c, reference_spectrum(c, DT), DT)[0]
 
 
 @pytest.mark.parametrize('seed', range(4))

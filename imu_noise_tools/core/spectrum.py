@@ -31,7 +31,7 @@ class Bins:
 
     [first, last) for each, ``count`` of them in each.
 
-    All arrays (b,). The mean (k = 0) is in none.
+    All arrays (b,). The mean (k = 0) is in none. ``fine`` are edges (Hz) beside the usual ones.
 
     """
 
@@ -39,6 +39,7 @@ class Bins:
     dt: float
     first: np.ndarray
     last: np.ndarray
+    fine: tuple[float, ...] = ()
 
     @property
     def count(self) -> np.ndarray:
@@ -60,8 +61,13 @@ class Bins:
 
 
 @lru_cache(maxsize=32)
-def bins_of(n: int, dt: float) -> Bins:
-    """Return the bins of an n-sample record at interval dt."""
+def bins_of(n: int, dt: float, fine: tuple[float, ...] = ()) -> Bins:
+    """
+    Return the bins of an n-sample record at interval dt.
+
+    With edges of their own (``fine``, Hz) where the spectrum asks for narrower ones.
+
+    """
     single = np.arange(1, min(SINGLE, n - 1) + 1)
     edges = [single]
     k = single[-1] + 1
@@ -73,8 +79,11 @@ def bins_of(n: int, dt: float) -> Bins:
     if len(more) > 1 and n - more[-1] < 0.5 * (more[-1] - more[-2]):
         more.pop()
     edges.append(np.array(more, int))
-    first = np.concatenate(edges)
-    return Bins(n, dt, first, np.append(first[1:], n))
+    if fine:
+        some = np.round(2 * n * dt * np.array(fine)).astype(int)
+        edges.append(some[(some > single[-1]) & (some < n)])
+    first = np.unique(np.concatenate(edges))
+    return Bins(n, dt, first, np.append(first[1:], n), fine)
 
 
 def cosine_transform(y: np.ndarray) -> np.ndarray:
@@ -129,7 +138,7 @@ def expected(psd, bins: Bins) -> np.ndarray:
         Of the record.
 
     """
-    f, weight, alone, pairs = _grid(bins.n, bins.dt)
+    f, weight, alone, pairs = _grid(bins.n, bins.dt, bins.fine)
     s = psd(f)
     return np.concatenate(
         [weight @ s[: weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])]
@@ -137,19 +146,19 @@ def expected(psd, bins: Bins) -> np.ndarray:
 
 
 @lru_cache(maxsize=32)
-def _grid(n: int, dt: float):
+def _grid(n: int, dt: float, fine: tuple[float, ...]):
     """
     Return the frequencies that ``expected`` asks for and the window's weights.
 
     With them comes where single bins and pairs are.
 
     """
-    bins = bins_of(n, dt)
+    bins = bins_of(n, dt, fine)
     x, weight = _finite_kernel()
     low = min(CORRECTED, len(bins.first))
     single = int(np.searchsorted(bins.count, 2))  # the bins that hold one coefficient come first
     # wide bins by Gauss' two points: a filter may go to zero at Nyquist within one of them
-    reach = bins.count[single:] / (2 * n * dt) / np.sqrt(12)
+    reach = np.where(bins.count > 1, bins.count, 0)[single:] / (2 * n * dt) / np.sqrt(12)
     centre = bins.f[single:]
     parts = [
         np.minimum(x / (n * dt), 0.5 / dt),
@@ -178,12 +187,12 @@ def leaked(v: np.ndarray, bins: Bins) -> np.ndarray:
         Of the record.
 
     """
-    w, own = _leakage(bins.n, bins.dt)
+    w, own = _leakage(bins.n, bins.dt, bins.fine)
     return np.maximum(w @ v - own * v, 0.0)
 
 
 @lru_cache(maxsize=8)
-def _leakage(n: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     """
     Return (w, own): the power that bin b takes from bin j is w[b, j] of its own.
 
@@ -192,7 +201,7 @@ def _leakage(n: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
     mean over the oscillation, integrated over each bin below theta/2.
 
     """
-    bins = bins_of(n, dt)
+    bins = bins_of(n, dt, fine)
     theta = 2 * np.pi * bins.f * dt
     wave = np.sin(theta / 2) ** 2 * bins.count / (2 * n * dt)
     to, by = theta[:, None], theta[None, :]

@@ -41,7 +41,8 @@ class Part:
     """
     The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
 
-    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it.
+    ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it. ``fine`` are
+    edges of bins, Hz, beside the usual ones.
 
     """
 
@@ -49,11 +50,12 @@ class Part:
     dt: float
     power: np.ndarray
     lines: np.ndarray
+    fine: tuple[float, ...] = ()
 
     @property
     def bins(self) -> Bins:
         """The bins."""
-        return bins_of(self.n, self.dt)
+        return bins_of(self.n, self.dt, self.fine)
 
     @property
     def duration(self) -> float:
@@ -90,7 +92,8 @@ class Evidence:
     All that is kept of one axis.
 
     ``resolution`` is the step of the grid that the samples stand on, 0 where there is none.
-    ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z. ``block_power`` (1 or
+    ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z, ``humps`` (h, 3)
+    frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or
     2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
     bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
     cells; a second row of either is without defects, and one row more of cells without lines,
@@ -108,6 +111,7 @@ class Evidence:
     second: Part
     common: Common
     line_table: np.ndarray
+    humps: np.ndarray
     block_power: np.ndarray
     block_count: np.ndarray
     block_f: np.ndarray
@@ -248,7 +252,7 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
                 out.update(
                     {
                         f'{key}/{k}': np.asarray(getattr(value, k))
-                        for k in ('n', 'power', 'lines')
+                        for k in ('n', 'power', 'lines', 'fine')
                     }
                 )
             elif isinstance(value, allan.AllanCurve):
@@ -300,7 +304,12 @@ def _below(flat, prefix):
 def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
     parts = {
-        p: Part(int(flat[f'{p}/n']), dt, *(flat[f'{p}/{k}'] for k in ('power', 'lines')))
+        p: Part(
+            int(flat[f'{p}/n']),
+            dt,
+            *(flat[f'{p}/{k}'] for k in ('power', 'lines')),
+            tuple(flat[f'{p}/fine'].tolist()),
+        )
         for p in PARTS
     }
     curve = _below(flat, 'curve')
@@ -316,7 +325,9 @@ def _one_from_arrays(axis, flat, common):
         statistics.setdefault(name, {})[what] = value
     plain = {
         k: flat[k]
-        for k in ('line_table', 'block_power', 'block_count', 'block_f', 'cells', 'envelope')
+        for k in (
+            'line_table', 'humps', 'block_power', 'block_count', 'block_f', 'cells', 'envelope'
+        )
     }
     return Evidence(
         axis,

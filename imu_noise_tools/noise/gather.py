@@ -21,7 +21,7 @@ from scipy.special import ndtri
 
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs
-from .lines import find_lines, PIECE, reference_spectrum, take_lines_out
+from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
 from ..core import allan
 from ..core.record import ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
@@ -109,26 +109,30 @@ def gather(
         memory.rest()
     cross: dict[tuple[str, str, str], np.ndarray] = {}
     low: dict[tuple[str, str], np.ndarray] = {}
+    whole = {}
+    for axis in axes:
+        c = cosine_transform(clean[axis][:used])
+        reference = reference_spectrum(c, dt)
+        looks = _looks(raw[axis], clean[axis], used)
+        own[axis]['cells'] = _cells(looks, own[axis]['resolution'], c, reference, dt)
+        step(f'{axis}: distribution')
+        own[axis]['line_table'], own[axis]['humps'] = find_peaks(c, reference, dt)
+        whole[axis] = memory.keep(c)
+        memory.rest()
+        step(f'{axis}: spectrum')
+    fine = fine_edges(np.concatenate([own[axis]['humps'] for axis in axes]))
     for name, begin, length in (('whole', 0, used), ('first', 0, half), ('second', half, half)):
-        bins = bins_of(length, dt)
+        bins = bins_of(length, dt, fine)
         coefficients, lines = {}, {}
         for axis in axes:
-            y = clean[axis][begin:begin + length]
-            c = cosine_transform(y)
-            if name == 'whole':
-                reference = reference_spectrum(c, dt)
-                looks = _looks(raw[axis], clean[axis], used)
-                own[axis]['cells'] = _cells(looks, own[axis]['resolution'], c, reference, dt)
-                step(f'{axis}: distribution')
-                own[axis]['line_table'] = find_lines(c, reference, dt)
-                step(f'{axis}: spectrum')
-            lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt)
-            if name == 'whole':
-                if len(lines[axis]):  # what is left is normal only without them
-                    cells = _cells_without_lines(c, own[axis]['resolution'], dt)
-                    own[axis]['cells'] = np.vstack([own[axis]['cells'], cells])
-                del reference
-            coefficients[axis] = memory.keep(c)
+            c = whole.pop(axis, None)
+            if name != 'whole':
+                c = cosine_transform(clean[axis][begin:begin + length])
+            lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt, bins)
+            if name == 'whole' and len(lines[axis]):  # what is left is normal only without them
+                cells = _cells_without_lines(c, own[axis]['resolution'], dt)
+                own[axis]['cells'] = np.vstack([own[axis]['cells'], cells])
+            coefficients[axis] = c if name == 'whole' else memory.keep(c)
             memory.rest()
         for other, values in covariates.items():
             coefficients[other] = memory.keep(cosine_transform(values[begin:begin + length]))
@@ -136,7 +140,7 @@ def gather(
         binned = _cross_powers(coefficients, bins, memory)
         cross.update({(a, b, name): power for (a, b), power in binned.items()})
         for axis in axes:
-            own[axis][name] = Part(length, dt, binned[axis, axis], lines[axis])
+            own[axis][name] = Part(length, dt, binned[axis, axis], lines[axis], fine)
         low.update({(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()})
         memory.rest()
     step('halves and cross-spectra')

@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.fft import idct
 
-from ..core.spectrum import bins_of, expected, quadrature_avar
+from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
 from ..loop.effect import Effect, Estimate, Fit, Model, Parameter
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     'Parameter',
     'Response',
     'Spectrum',
+    'binned_behind',
     'measured',
     'model_avar',
     'model_crowd',
@@ -144,6 +145,15 @@ class Spectrum(NoiseEffect):
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
         raise NotImplementedError
+
+    @property
+    def centre(self) -> float | None:
+        """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""
+        return None
+
+    def binned(self, bins: Bins) -> np.ndarray:
+        """Return what the power of a record is expected to be in each bin, (b,)."""
+        return expected(lambda f: self.psd(f, bins.dt), bins)
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the Allan variance at cluster sizes m; by default the quadrature of ``psd``."""
@@ -342,7 +352,20 @@ def measured(value: float, std: float) -> Estimate:
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the one-sided PSD of an effect behind the model's responses that act on it."""
-    total = effect.psd(f, dt)
+    return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
+
+
+def binned_behind(effect: Spectrum, model: Model, bins: Bins) -> np.ndarray:
+    """Return the expected power in bins, (b,), of an effect behind the responses acting on it."""
+    if effect.centre is None:
+        return expected(lambda f: psd_behind(effect, model, f, bins.dt), bins)
+    gain = expected(lambda f: _gain2_on(effect, model, f, bins.dt), bins)
+    return effect.binned(bins) * gain
+
+
+def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
+    """Return the squared gain at f (Hz) of the model's responses that act on an effect."""
+    total = np.ones(np.shape(f))
     for r in model.of(Response):
         if effect.filtered or r.last:
             total = total * r.gain2(f, dt)
@@ -378,7 +401,11 @@ def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
 
     """
     if model.of(Response):
-        total = quadrature_avar(lambda f: model_psd(model, f, dt), m, dt)
+        some = [e for e in model.of(Spectrum) if e.centre is None]
+        rest = Model((*some, *model.of(Response)))
+        total = quadrature_avar(lambda f: model_psd(rest, f, dt), m, dt)
+        for e in (e for e in model.of(Spectrum) if e.centre is not None):
+            total = total + e.avar(m, dt) * float(_gain2_on(e, model, np.array(e.centre), dt))
     else:
         total = sum((e.avar(m, dt) for e in model.of(Spectrum)), np.zeros(len(m)))
     return total + sum(

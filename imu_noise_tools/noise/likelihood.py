@@ -20,8 +20,17 @@ from scipy.fft import dct
 
 from .evidence import Evidence
 from .explained import Explained, OPEN
-from .kinds import Coupling, Inputs, Mean, MEASURED, model_crowd, psd_behind, Response, Spectrum
-from ..core.spectrum import Bins, expected, leaked
+from .kinds import (
+    binned_behind,
+    Coupling,
+    Inputs,
+    Mean,
+    MEASURED,
+    model_crowd,
+    Response,
+    Spectrum,
+)
+from ..core.spectrum import Bins, leaked
 from ..loop.effect import Fit, Model, Parameter
 
 
@@ -328,7 +337,7 @@ class Likelihood:
 
     def _spectrum(self, effect, model):
         """Return what one effect puts into the bins, as expected behind the sensor's responses."""
-        return expected(lambda f: psd_behind(effect, model, f, self.dt), self.bins)
+        return binned_behind(effect, model, self.bins)
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""

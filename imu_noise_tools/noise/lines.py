@@ -16,10 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.spectrum import bins_of, line_basis, line_coefficients
+from ..core.spectrum import line_basis, line_coefficients
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
+MOST_HUMPS = 8  # of an axis
+MOST_RESOLVED = 16  # of all axes
 PIECE = 1 << 15  # of an array as long as the record: what is worked on at a time
 NEAR = 32  # coefficients on either side from which a line is measured
 CROWD = 12  # coefficients within which lines are neighbours
@@ -259,9 +261,12 @@ def _projected(wave, y):
     return a * py + b * qy, a, b
 
 
-def find_lines(c: np.ndarray, reference: np.ndarray, dt: float) -> np.ndarray:
+def find_peaks(c: np.ndarray, reference: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return (l, 4): frequency Hz, a, b of a cos + b sin, and z of the coherent lines, highest first.
+    Return the coherent lines (l, 4), highest first, and the humps (h, 3), clearest first.
+
+    Of a line frequency Hz, a, b of a cos + b sin, and z; of a hump frequency and width, Hz, and
+    what it is worth in nats.
 
     Parameters
     ----------
@@ -273,14 +278,78 @@ def find_lines(c: np.ndarray, reference: np.ndarray, dt: float) -> np.ndarray:
         Interval, s.
 
     """
+    table, humps = np.zeros((0, 4)), np.zeros((0, 3))
     if len(c) < 200:
-        return np.zeros((0, 4))
-    spots = sorted(_Search(c, reference, dt).lines(), key=lambda s: -s.height)
-    if not spots:
-        return np.zeros((0, 4))
-    table = np.array([[s.frequency, s.a, s.b, np.sqrt(s.height)] for s in spots])
-    table[:, :3] = _jointly(table[:, :3], c, reference, dt)
-    return table
+        return table, humps
+    search = _Search(c, reference, dt)
+    spots = sorted(search.lines(), key=lambda s: -s.height)
+    if spots:
+        table = np.array([[s.frequency, s.a, s.b, np.sqrt(s.height)] for s in spots])
+        table[:, :3] = _jointly(table[:, :3], c, search.reference, dt)
+    return table, _humps(search)
+
+
+def _humps(search: _Search) -> np.ndarray:
+    """
+    Return (h, 3): frequency, width and nats of what is too narrow for the usual bins.
+
+    The windows, from 4 coefficients to a 64th of the record, whose power stands highest above the
+    smooth spectrum.
+
+    """
+    n, dt = search.n, search.dt
+    ratio = 2 * dt * search.c[1:] ** 2 / search.reference
+    length = len(ratio) // 2
+    total = np.concatenate([[0.0], np.cumsum(ratio[:2 * length].reshape(-1, 2).sum(axis=1))])
+    found, width = [], 4
+    while width <= max(n // 64, 8):
+        half = width // 2
+        x = (total[half:] - total[:-half])[::max(1, half // 4)] / width
+        at = np.arange(length + 1 - half)[::max(1, half // 4)] * 2 + half + 1
+        nats = np.where(x > 1, 0.5 * width * (x - 1 - np.log(np.maximum(x, 1e-300))), 0.0)
+        nats[(at < 16) | (at > n - 16)] = 0.0
+        some = np.flatnonzero(nats > line_penalty(n))
+        some = some[np.argsort(-nats[some])[:1000]]
+        found += [(nats[i], int(at[i]), width, x[i]) for i in some]
+        width *= 2
+    out: list[tuple[float, float, float]] = []
+    taken: list[tuple[int, int]] = []
+    for gain, k, width, _ in sorted(found, reverse=True):
+        if len(out) == MOST_HUMPS:
+            break
+        if all(k + width < low or k - width > high for low, high in taken):
+            out.append((k / (2 * n * dt), width / (4 * n * dt), gain))
+            taken.append(_extent(total, k, width))
+    return np.array(out).reshape(-1, 3)
+
+
+def _extent(total: np.ndarray, k: int, width: int) -> tuple[int, int]:
+    """Return [low, high) of the coefficients where the power of a hump stands above the level."""
+    step, ends = max(width // 2, 1), []
+    for sign in (-1, 1):
+        i = k // 2 + sign * step
+        while 0 <= i and i + step < len(total) \
+                and total[i + step] - total[i] > 2 * step * (1 + 2 / np.sqrt(step)):
+            i += sign * step
+        ends.append(2 * i)
+    return ends[0], ends[1] + 2 * step
+
+
+def fine_edges(humps: np.ndarray) -> tuple[float, ...]:
+    """
+    Return edges (Hz) of bins that resolve the humps (h, 3) of all axes, closest at their middle.
+
+    One that several axes show is resolved once, the clearest of it.
+
+    """
+    reach = np.array([0.15, 0.4, 0.7, 1.1, 1.7, 2.8, 4.5, 8.0])
+    offsets = np.concatenate([-reach, reach])
+    chosen: list[tuple[float, float]] = []
+    for f, width, _ in sorted(humps.tolist(), key=lambda h: -h[2]):
+        if all(abs(f - g) > 0.5 * (width + w) or not 0.3 < width / w < 3 for g, w in chosen):
+            chosen.append((f, width))
+    edges = [f + width * x for f, width in chosen[:MOST_RESOLVED] for x in offsets]
+    return tuple(sorted(float(x) for x in edges))
 
 
 def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
@@ -312,7 +381,7 @@ def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
     return np.column_stack([f, amplitudes])
 
 
-def take_lines_out(c, table, begin, dt):
+def take_lines_out(c, table, begin, dt, bins):
     """
     Subtract the lines from the coefficients of a part that begins at a sample, in place.
 
@@ -320,7 +389,6 @@ def take_lines_out(c, table, begin, dt):
 
     """
     n = len(c)
-    bins = bins_of(n, dt)
     out = np.zeros((len(table), len(bins.first)))
     for i, (frequency, a, b, _) in enumerate(table):
         angle = 2 * np.pi * frequency * dt * begin

@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A narrow band of noise: a resonance, or a line that a wandering speed has broadened."""
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import lfilter, lfiltic
+
+from ..kinds import Parameter, Spectrum
+from ...core import oscillator
+
+SHARPEST = 0.25  # cells of 1/T: below, it is a line
+BLUNTEST = 3.0  # f0/width: below, it is no band
+NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
+
+
+class Narrowband(Spectrum):
+    """Noise in a band around f0, of a full width at half height, as a damped oscillator's."""
+
+    name = 'narrowband'
+    symbol = 'f0, width, rms'
+    title = 'narrow band of noise'
+    equation = (
+        'S(f) = 2 s^2 dt/|1 - 2 r cos(2 pi f0 dt) z^-1 + r^2 z^-2|^2 (one-sided), z = e^(i 2 pi f '
+        'dt), r = e^(-pi width dt), s by the rms'
+    )
+    signature = (
+        'a peak in the PSD that is wider than the record resolves; a bump in the Allan deviation '
+        'with washed-out nulls'
+    )
+    hint = (
+        'A resonance of the mount, the case or the sensing element, or a machine whose speed '
+        'wanders. Tap the mount and see whether it rings there; change the speed of what turns '
+        'near by; record on a heavy base.'
+    )
+    reference = 'Box and Jenkins, Time Series Analysis, section 3.2 (AR(2), pseudo-periodic)'
+    several = True
+    decide = 'record on another base with the machines near by stopped: what rings by itself stays'
+    parameters = (
+        Parameter('frequency', 'Hz', 1e-5, 1e5, title='centre'),
+        Parameter('width', 'Hz', 1e-8, 1e4, title='full width at half height'),
+        Parameter('rms', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
+    )
+
+    def starts(self, evidence):
+        """Start at the peaks that stand highest above the spectrum around them."""
+        if {'frequency', 'width'} <= set(self.values):
+            return super().starts(evidence)
+        narrow = [(f, width) for f, width, _ in evidence.humps[:NARROW]]
+        broad = [x for x in _broad(evidence) if all(abs(x[0] - f) > w for f, w in narrow)]
+        return [
+            self.with_values(frequency=float(f), width=float(width))
+            for f, width in (*narrow, *broad[:BROAD])
+        ]
+
+    def bounds(self, evidence):
+        """Stay on the peak that the start is at: between a line and a broad shoulder."""
+        f, width = (self.values.get(k) for k in ('frequency', 'width'))
+        least = SHARPEST / evidence.duration
+        if f is None or width is None:
+            return {'width': (least, 0.2 / evidence.dt)}
+        reach = min(4 * max(width, 1 / evidence.duration), 0.5 * f)
+        return {
+            'frequency': (f - reach, min(f + reach, 0.499 / evidence.dt)),
+            'width': (least, max(f / BLUNTEST, 4 * least)),
+        }
+
+    @property
+    def centre(self):
+        """Its power is narrower than a grid of frequencies may resolve."""
+        return self['frequency']
+
+    def psd(self, f, dt):
+        """Return the AR(2) spectrum."""
+        return oscillator.psd(f, self['rms'], self['frequency'], self['width'], dt)
+
+    def binned(self, bins):
+        """Return its expected power in bins, however narrow it is."""
+        return oscillator.binned(bins, self['rms'], self['frequency'], self['width'])
+
+    def avar(self, m, dt):
+        """Return the closed form of the sampled process."""
+        return oscillator.avar(m, self['rms'], self['frequency'], self['width'], dt)
+
+    def _coefficients(self, dt):
+        r = np.exp(-np.pi * self['width'] * dt)
+        return 2 * r * np.cos(2 * np.pi * self['frequency'] * dt), -r * r
+
+    def state_space(self, dt):
+        """Two states: this sample and the last."""
+        first, second = self._coefficients(dt)
+        q = oscillator.innovation_variance(
+            self['rms'], self['frequency'], self['width'], dt)
+        return (
+            np.array([[first, second], [1.0, 0.0]]),
+            np.array([[q, 0.0], [0.0, 0.0]]),
+            np.array([[1.0, 0.0]]),
+        )
+
+    def apply(self, x, inputs, rng):
+        """Add the recursion, started stationary."""
+        first, second = self._coefficients(inputs.dt)
+        rho = first / (1 - second)
+        last = self['rms'] * rng.standard_normal()
+        before = rho * last + self['rms'] * np.sqrt(1 - rho * rho) * rng.standard_normal()
+        q = oscillator.innovation_variance(
+            self['rms'], self['frequency'], self['width'], inputs.dt)
+        w = np.sqrt(q) * rng.standard_normal(len(x))
+        a = [1.0, -first, -second]
+        return x + lfilter([1.0], a, w, zi=lfiltic([1.0], a, [last, before]))[0]
+
+    @classmethod
+    def example(cls):
+        """Return a resonance of Q 10 at 4 Hz, of 20.6 deg/h rms (1e-4 rad/s)."""
+        return cls({'frequency': 4.0, 'width': 0.4, 'rms': 1e-4})
+
+
+def _broad(evidence) -> list[tuple[float, float]]:
+    """Return (frequency, width) of the peaks that the usual bins resolve, the clearest first."""
+    bins = evidence.whole.bins
+    f = np.exp(np.arange(np.log(8 / evidence.duration), np.log(0.5 / evidence.dt), 0.05))
+    if len(f) < 16:
+        return []
+    total = np.concatenate([[0.0], np.cumsum(evidence.whole.power * bins.count)])
+    at = np.interp(f * 2 * bins.n * evidence.dt, np.append(bins.first, bins.n), total)
+    count = np.diff(f) * 2 * bins.n * evidence.dt
+    level = np.log(np.maximum(np.diff(at) / count, 1e-300))
+    excess = level - median_filter(level, 33, mode='nearest')
+    clear = excess * np.sqrt(np.minimum(count, 1000.0) / 2)
+    out = []
+    for i in np.argsort(-clear):
+        if clear[i] < 5 or len(out) == 2 * BROAD:
+            break
+        middle = float(np.sqrt(f[i] * f[i + 1]))
+        if all(abs(np.log(middle / x)) > 0.3 for x, _ in out):
+            wide = np.sum(excess[max(0, i - 8):i + 9] > 0.5 * excess[i])
+            out.append((middle, middle * 0.05 * max(1, int(wide))))
+    return out

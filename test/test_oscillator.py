@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The damped oscillator: every closed form against the covariance matrix of a short record."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.fft import dct
+from scipy.linalg import solve_discrete_lyapunov, toeplitz
+
+from imu_noise_tools.core import oscillator, spectrum
+
+N, DT, RMS = 600, 0.02, 2.0
+cases = pytest.mark.parametrize(
+    ('f0', 'width'), [(4.0, 0.4), (4.02, 0.05), (4.02, 0.5 / (N * DT)), (12.0, 3.0), (1.0, 0.3)])
+
+
+def covariance(f0, width):
+    """Return the covariance (n, n) of the recursion, from its state's stationary covariance."""
+    r, theta = np.exp(-np.pi * width * DT), 2 * np.pi * f0 * DT
+    phi = np.array([[2 * r * np.cos(theta), -r * r], [1.0, 0.0]])
+    q = np.diag([oscillator.innovation_variance(RMS, f0, width, DT), 0.0])
+    state, lags = solve_discrete_lyapunov(phi, q), []
+    for _ in range(N):
+        lags.append(state[0, 0])
+        state = phi @ state
+    return toeplitz(lags)
+
+
+@cases
+def test_variance(f0, width):
+    assert covariance(f0, width)[0, 0] == pytest.approx(RMS**2, rel=1e-9)
+
+
+@cases
+def test_power_in_bins_is_that_of_the_finite_record(f0, width):
+    basis = dct(np.eye(N), type=2, norm='ortho', axis=0)
+    power = 2 * DT * np.sum((basis @ covariance(f0, width)) * basis, axis=1)
+    bins = spectrum.bins_of(N, DT, (11.9, 12.4))
+    found, truth = oscillator.binned(bins, RMS, f0, width), bins.mean(power)
+    alone = bins.count == 1
+    np.testing.assert_allclose(found[alone], truth[alone], rtol=1e-9)
+    # what alternates between neighbours is left out: the last of an odd number is missing
+    np.testing.assert_allclose(found[~alone], truth[~alone], rtol=2e-3)
+    assert np.sum(found * bins.count) == pytest.approx(2 * DT * N * RMS**2, rel=0.05)
+
+
+@cases
+def test_allan_variance(f0, width):
+    c = covariance(f0, width)
+    for m in (1, 2, 5, 20, 100):
+        weight = np.repeat([-1.0, 1.0], m) / m
+        truth = 0.5 * weight @ c[:2 * m, :2 * m] @ weight
+        assert oscillator.avar(m, RMS, f0, width, DT) == pytest.approx(truth, rel=1e-9)
+
+
+def test_density_is_the_power_of_wide_bins():
+    bins = spectrum.bins_of(50_000, DT)
+    np.testing.assert_allclose(
+        oscillator.binned(bins, RMS, 5.0, 1.0),
+        spectrum.expected(lambda f: oscillator.psd(f, RMS, 5.0, 1.0, DT), bins), rtol=0.02)
+
+
+def test_bins_are_finer_where_that_is_asked_for():
+    plain, fine = (spectrum.bins_of(50_000, DT, f) for f in ((), (5.001, 5.002, 5.003, 900.0)))
+    assert len(fine.first) == len(plain.first) + 3 and fine.count.sum() == plain.count.sum()
+    assert set(plain.first) < set(fine.first)
+    white = spectrum.expected(lambda f: np.ones(len(f)), fine)
+    np.testing.assert_allclose(white, 1.0, rtol=1e-9)
