@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import digamma
+from scipy.special import chdtr, chdtrc, digamma, ndtri
 
 from .kinds import Parameter, Response
 from ..core.spectrum import Bins
@@ -27,6 +27,7 @@ from ..core.spectrum import Bins
 AGREES = 4.0  # standard errors within which a band is explained
 NEARLY = 0.02  # or this share of its power
 FAR = 5.0  # standard errors beyond which one bin alone is set aside
+MANY = 200  # coefficients from which the slope inside a band says something
 COST = 0.5 * AGREES**2  # nats that a level of its own costs a band
 OPEN = '(response)'  # label of the response that is left open
 
@@ -164,9 +165,25 @@ class Bands:
 
 
 def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return a nearly standard normal pull of x ~ chi^2_w/w (Wilson and Hilferty 1931)."""
-    spread = 2 / (9 * np.maximum(w, 0.5))
-    return (np.cbrt(x) - (1 - spread)) / np.sqrt(spread)
+    """
+    Return the standard normal pull of x ~ chi^2_w/w, (b,).
+
+    By the cube root (Wilson and Hilferty 1931) and, where that says more than 2.5, exactly: of few
+    degrees of freedom its upper tail is a thousand times too thin at 4.
+
+    """
+    w = np.maximum(w, 0.5)
+    spread = 2 / (9 * w)
+    pull = np.asarray((np.cbrt(x) - (1 - spread)) / np.sqrt(spread))
+    far = (np.abs(pull) > 2.5) & (np.abs(pull) < 12)
+    if far.any():
+        some, tail = pull[far], (w * x)[far]
+        n = w[far]
+        p = np.where(some > 0, chdtrc(n, tail), chdtr(n, tail))
+        some = np.where(p > 1e-300, np.sign(some) * -ndtri(np.maximum(p, 1e-300)), some)
+        pull = pull.copy()
+        pull[far] = some
+    return pull
 
 
 @dataclass(frozen=True)
@@ -174,14 +191,14 @@ class Judgement:
     """
     Bands beside a fit: ``kept`` and ``pull`` (bands,), and what each bin counts, ``weight`` (b,).
 
-    ``worth`` is the number of bands kept, those in doubt counting half.
+    ``worth`` (bands,) is 1 for a band that agrees, 1/2 for one that nearly does not.
 
     """
 
     kept: np.ndarray
     pull: np.ndarray
     weight: np.ndarray
-    worth: float
+    worth: np.ndarray
 
 
 def judge(
@@ -214,13 +231,14 @@ def judge(
     square = np.maximum(bands.sum(w * at**2), 1e-9)
     slope = bands.sum(w * at * (ratio - 1))
     steep = np.abs(slope) / np.sqrt(2 * square)
+    steep = np.where(left >= MANY, steep, 0.0)
     steep = steep * (np.abs(slope) * np.sqrt(1 / (square * np.maximum(left, 1e-9))) > nearly)
     kept = enough & ((np.abs(pull) <= AGREES) | (np.abs(mean - 1) <= nearly)) & (steep <= AGREES)
     size = np.abs(pull)
     kept &= ~_crossings(kept, pull)
     # what agrees nearly counts as if it scattered by as much as it is off
     counts = np.where(kept, np.where(size > AGREES, 1 / np.maximum(size, 1) ** 2, 1.0), 0.0)
-    worth = float(np.sum(kept * (1 - 0.5 * np.minimum(size / AGREES, 1) ** 2)))
+    worth = kept * (1 - 0.5 * np.minimum(size / AGREES, 1) ** 2)
     return Judgement(kept, pull, counts[bands.of] * near, worth)
 
 

@@ -139,7 +139,7 @@ def _farther(a, b):
 
 
 def _beyond_chance(c, some, model):
-    """Return by how much the measured curve is off beyond what chance allows, 1 where it is not."""
+    """Return the ratio of measured to model deviation less what chance allows, at least 1."""
     if c.deviation not in ('oadev', 'adev'):
         return np.ones(len(some))
     spread = 4 / np.sqrt(2 * np.maximum(c.edf[some], 1))
