@@ -240,6 +240,11 @@ def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
     )
 
 
+def history_of(data: Mapping) -> list[Step]:
+    """Return the ladder of what :func:`read` gave."""
+    return [_step_of(d) for d in data.get('history') or ()]
+
+
 def _step_of(d) -> Step:
     return Step(
         d['target'],
@@ -382,7 +387,7 @@ def load(folder, intervals: bool = True) -> Study:
             data['domain'],
             states,
             data.get('source'),
-            [_step_of(s) for s in data.get('history') or ()],
+            history_of(data),
             {
                 t: _diagnosis_of(data['domain'], d)
                 for t, d in (data.get('diagnosis') or {}).items()

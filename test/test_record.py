@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.bag import open_record
+from imu_noise_tools.core.clock import fit_clock, regular_rate
 from imu_noise_tools.core.errors import InputError, UsageError
-from imu_noise_tools.core.record import ImuRecord, regular_rate
+from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.health import (examine, prepare, resolution,
                                     still_stretches)
-from imu_noise_tools.health.stamps import losses
+
 
 DEG = np.pi / 180
 
@@ -244,10 +245,10 @@ def test_lateness_is_not_loss():
     t = np.arange(1000) * 0.01
     late = t.copy()
     late[500] += 0.008
-    assert len(losses(late, 0.01)[0]) == 0
+    assert fit_clock(late).missing == 0
     lost = np.delete(t, np.r_[300:305, 600])
-    where, count = losses(lost, 0.01)
-    assert where.tolist() == [299, 594] and count.tolist() == [5, 1]
+    found = fit_clock(lost)
+    assert found.gaps.tolist() == [299, 594] and found.lost.tolist() == [5, 1]
 
 
 @pytest.mark.parametrize('jitter', [0.0, 0.1])

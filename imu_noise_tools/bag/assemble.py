@@ -14,8 +14,9 @@ from .container import Progress
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
 from .source import Bag
 from .topics import Choice, COVARIATES, covariates_of
+from ..core.clock import regular_rate
 from ..core.errors import InputError
-from ..core.record import ImuRecord, Memory, regular_rate
+from ..core.record import ImuRecord, Memory
 
 NS = 1e-9
 REST = 1 << 21          # samples after which memory rests

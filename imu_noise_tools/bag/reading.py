@@ -13,10 +13,10 @@ import numpy as np
 from .assemble import record_of
 from .container import Progress
 from .source import Bag
-from .tables import read_table, table_kind
+from .tables import read_table, table_kind, table_size
 from .topics import choose, list_topics, TopicInfo
 from ..core.errors import UsageError
-from ..core.record import ImuRecord, Memory, regular_rate
+from ..core.record import ImuRecord, Memory
 from ..core.units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
@@ -100,9 +100,7 @@ def topics(path) -> list[TopicInfo]:
     """
     kind = table_kind(path)
     if kind:
-        record = read_table(Path(path), 1.0)
-        rate = record.labelled_rate_hz or regular_rate(record.t)
-        return [TopicInfo('imu', kind, record.n, rate, 'imu')]
+        return [TopicInfo('imu', kind, *table_size(Path(path)), 'imu')]
     with Bag(path) as bag:
         return list_topics(bag)
 

@@ -19,8 +19,9 @@ import numpy as np
 
 from .container import AT_LEAST, EXPANSION
 from .source import _refuse_what_cannot_be_read
+from ..core.clock import regular_rate
 from ..core.errors import InputError
-from ..core.record import AXES, ImuRecord, regular_rate
+from ..core.record import AXES, ImuRecord
 
 NPZ_ARRAYS = (
     'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'
@@ -45,6 +46,16 @@ def read_table(path: Path, rate_hz: float | None) -> ImuRecord:
     """
     said: list[str] = []
     return _record(path, table_arrays(path, said), rate_hz, said)
+
+
+def table_size(path: Path) -> tuple[int, float | None]:
+    """Return the number of samples of a table, and how many there are in a second, if known."""
+    arrays = table_arrays(path)
+    label = _number(arrays.get('rate_hz'))
+    record = _record(path, dict(arrays), label or 1.0, [])
+    t = arrays.get('t')
+    span = float(np.ptp(t[np.isfinite(t)])) if t is not None and np.isfinite(t).any() else 0.0
+    return record.n, (record.n - 1) / span if span > 0 else label
 
 
 def table_arrays(path: Path, said: list[str] | None = None) -> dict[str, np.ndarray]:
@@ -102,6 +113,11 @@ def _record(
     if rate is None or not np.isfinite(rate) or rate <= 0:
         raise InputError(
             f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
+        )
+    if t is None and not rate_hz:
+        said.append(
+            f'no stamps: {rate:.6g} Hz is only what the file says; such labels are off by up to '
+            '20 %, and every coefficient with them'
         )
     start = 0.0
     if t is None or rate_hz:

@@ -1,203 +1,17 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the commands of the loop print for people."""
+"""What commands print for people that is no study: effects, changes, the health of a bag."""
 
 from __future__ import annotations
 
 import textwrap
 
 from ..core import units
+from ..core.clock import PATTERNS
+from ..report.terminal import table
 
 WIDTH = 100
-
-
-def table(rows, head) -> str:
-    """Return aligned columns."""
-    rows = [[str(x) for x in r] for r in (head, *rows)]
-    width = [max(len(r[i]) for r in rows) for i in range(len(head))]
-    lines = ['  '.join(x.ljust(w) for x, w in zip(r, width)).rstrip() for r in rows]
-    return '\n'.join([lines[0], '  '.join('-' * w for w in width), *lines[1:]])
-
-
-def against_chance(excess: float, std: float) -> str:
-    """Return an error beside what chance allows: ``0.31 = 5.2 x chance``, ``within chance``."""
-    if not std > 0:
-        return 'not to be had'
-    if excess <= 2 * std:
-        return f'{excess:.3f}, within chance (2 std = {2 * std:.3f})'
-    return f'{excess:.3f}, {excess / std:.0f} std beyond a true model'
-
-
-def compare(study, verbose=False) -> str:
-    """Return, per target, where the model fails and by how much more than chance allows."""
-    out = []
-    for target, score in study.compare().items():
-        state = study.states[target]
-        out.append(f'{target}: {state.model!r}')
-        out.append(f'  error on data not fitted: {against_chance(score.excess, score.std)}')
-        if 'misfit_percent' in state.summary:
-            out.append(
-                '  Allan deviation of the model is off by {misfit_percent:.1f} % rms '
-                '(a true model: {misfit_expected:.1f} %)'.format(**state.summary)
-            )
-        for view in score.views.values():
-            bad = view.excess > 2 * view.std
-            if bad or verbose:
-                out.append(
-                    f'  {"FAILS in" if bad else "holds in"} {view.name}: '
-                    f'{against_chance(view.excess, view.std)}'
-                )
-            if bad:
-                out.append(f'    {where(view)}')
-    return '\n'.join(out)
-
-
-def where(view) -> str:
-    """Say in which stretches of a view the pulls are worst: each with its range, side and size."""
-    import numpy as np
-
-    order = np.argsort(view.x, kind='stable')
-    x, pull = view.x[order], view.pull[order]
-    groups = np.array_split(np.arange(len(x)), min(24, len(x)))
-    size = [float(np.sum(pull[g] ** 2 - 1) / np.sqrt(2 * len(g))) for g in groups]
-    worst = sorted(np.argsort(size)[::-1][:3])
-    parts = []
-    for i in worst:
-        g = groups[i]
-        if size[i] > 2:
-            side = 'above' if np.mean(pull[g]) > 0 else 'below'
-            side = side if abs(np.mean(pull[g])) * np.sqrt(len(g)) > 2 else 'about'
-            parts.append(
-                f'{x[g[0]]:.3g} to {x[g[-1]]:.3g} {view.unit} (measured {side} the model, worst '
-                f'pull {pull[g][np.argmax(np.abs(pull[g]))]:+.1f})'
-            )
-    return 'worst: ' + '; '.join(parts) if parts else 'spread over the whole range'
-
-
-def diagnosis(study, folder, verbose=False) -> str:
-    """Return the verdict on each target, with evidence and advice."""
-    out = []
-    for target, d in study.diagnosis.items():
-        model = study.states[target].model
-        if d.verdict == 'complete':
-            out.append(f'{target}: complete. {model!r} says all that this record shows')
-        elif d.verdict == 'missing':
-            best = d.ranked[0]
-            out.append(
-                f'{target}: {best.name} is missing (probability {best.probability:.2f}). '
-                f'{best.evidence}'
-            )
-            sensor = target.partition('_')[0]
-            for p in best.effect.parameters:
-                e = best.estimates.get(p.name)
-                if e is not None and e.value is not None:
-                    text = (
-                        p.written(e.value)
-                        if p.choices
-                        else units.shown(e.value, p.unit, sensor)
-                        if sensor in ('gyro', 'accel')
-                        else f'{e.value:.4g} {e.unit}'
-                    )
-                    out.append(f'    {p.name} = {text}')
-            out += textwrap.wrap(
-                best.effect.hint, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
-            )
-        elif d.verdict == 'unknown':
-            failed = ', '.join(f'{f.name} ({f.evidence})' for f in d.failed)
-            out.append(
-                f'{target}: something is missing that no known effect explains. It shows in '
-                f'{failed}'
-            )
-        else:
-            able = [f for f in d.ranked if f.gain > f.penalty] or list(d.ranked[:2])
-            out.append(
-                f'{target}: undecidable from this record: {", ".join(f.name for f in able)}'
-            )
-        hint = d.ranked[0].effect.hint if d.verdict == 'missing' else ''
-        if d.advice and hint not in d.advice:
-            out += textwrap.wrap(
-                d.advice, WIDTH - 4, initial_indent='    ', subsequent_indent='    '
-            )
-        if verbose:
-            out += [
-                f'    {f.name:20s} gain {f.gain:8.1f} nats, chance up to {f.penalty:.1f}'
-                for f in d.ranked
-            ]
-    if any(d.verdict == 'missing' for d in study.diagnosis.values()):
-        out.append(f'next: imu_noise add {folder}')
-    return '\n'.join(out)
-
-
-def history(rows) -> str:
-    """Return the ladder as a table; rows are those of study.yaml."""
-    return table(
-        [
-            (
-                r['target'],
-                ' + '.join(r['effects']),
-                f'+{r["added"]}'
-                if r.get('added')
-                else f'-{r["removed"]}'
-                if r.get('removed')
-                else '',
-                f'{r["held_out"]:.4f}',
-                f'{2 * r["held_out_std"]:.4f}',
-                '' if r.get('fall') is None else f'{r["fall"]:.1f}',
-                r['verdict'],
-            )
-            for r in rows
-        ],
-        ('target', 'model', 'step', 'error', 'chance', 'fall', 'verdict'),
-    )
-
-
-def steps(study, done) -> str:
-    """
-    Return what a step changed.
-
-    The error before and after, and what the added effect came out as.
-
-    """
-    out = []
-    for s in done:
-        state = study.states[s.target]
-        before = next(
-            (
-                r
-                for r in reversed(study.history)
-                if r.target == s.target and r is not s and r not in done
-            ),
-            None,
-        )
-        change = (
-            f'error {before.held_out:.4f} -> {s.held_out:.4f}'
-            if before
-            else f'error {s.held_out:.4f}'
-        )
-        what = f'+{s.added}' if s.added else f'-{s.removed}'
-        out.append(f'{s.target}: {what}: {change} (chance: {2 * s.held_out_std:.4f}), {s.verdict}')
-        if s.added:
-            for label, found in state.fit.estimates.items():
-                if label.partition('.')[0] in s.added.split('+'):
-                    for k, e in found.items():
-                        parameter = state.model[label].parameter(k)
-                        out.append(f'    {label}.{k} = {estimate(e, parameter)}')
-    return '\n'.join(out)
-
-
-def estimate(e, parameter) -> str:
-    """Return one estimate with its interval; a choice by its name."""
-    if parameter.choices and e.value is not None:
-        return parameter.written(e.value)
-    if e.value is None:
-        return (
-            f'not observable, below {e.upper95:.3g} {e.unit} (95 %)'
-            if e.upper95 is not None
-            else 'not observable'
-        ) + (f' ({e.note})' if e.note and 'not observable' not in e.note else '')
-    interval = f' [{e.ci95[0]:.4g}, {e.ci95[1]:.4g}]' if e.ci95 else ''
-    return f'{e.value:.4g}{interval} {e.unit}'
 
 
 def unit_of(parameter) -> str:
@@ -316,7 +130,10 @@ def inspection(found) -> str:
         line('clock drift', f'{h.clock_drift_ppm:.3g} ppm against the receiver')
     line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
     jitter = 'unknown' if h.jitter_s is None else f'{1e6 * h.jitter_s:.3g} us'
-    line('stamps', f'{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
+    look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
+    line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
+    if h.received:
+        line('times of receiving', PATTERNS[h.received])
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')

@@ -186,26 +186,3 @@ class ImuRecord:
     def warned(self, *more: str) -> ImuRecord:
         """Return the record with warnings added (each once)."""
         return replace(self, warnings=tuple(dict.fromkeys((*self.warnings, *more))))
-
-
-def regular_rate(t: np.ndarray) -> float | None:
-    """
-    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change.
-
-    Return None where there is none.
-
-    The median step alone is wrong where stamps are coarse (3 and 4 ms for 285 Hz) or come in
-    bursts: the median is taken of steps over up to 100 samples, and refined by the mean of those
-    near it.
-
-    """
-    t = t[np.isfinite(t)]
-    m = min(100, (len(t) - 1) // 2)
-    if m < 1:
-        return None
-    step = (t[m:] - t[:-m]) / m
-    step = step[step > 0]
-    if not len(step):
-        return None
-    middle = np.median(step)
-    return float(1 / np.mean(step[np.abs(step / middle - 1) < 0.1]))

@@ -16,7 +16,8 @@ import numpy as np
 
 from .design import AUTO, Design, design, quiet_variance
 from .imm import Bank, Coefficients
-from .stamps import Clock, DUPLICATE, RESTART, usual_rate
+from .stamps import Clock, DUPLICATE, RESTART
+from ..core.clock import median_rate
 
 WAIT = 16               # samples passed through while rate and noise are found out
 REPLAY = 100            # samples a new model is run over before it takes over
@@ -197,7 +198,7 @@ class Engine:
         """Pass a sample through until rate and noise can be read."""
         t, some, _ = self.history.latest()
         if self.history.count >= WAIT:
-            rate = self._rate or usual_rate(t)
+            rate = self._rate or median_rate(t)
             if rate:
                 self._clock = Clock.of(rate)
                 if self.design.unknown_r:
@@ -276,7 +277,7 @@ class Engine:
         if not self._ready:
             self.design = made
             return
-        r = [m['white']['R'] for m in self.design.noise]
+        r = self.design.r
         self.design = made.with_r(r) if made.unknown_r and self.design_reads_r else made
         old = self._answer[0] if self._answer else None
         self._build()

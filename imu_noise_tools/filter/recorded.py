@@ -12,8 +12,9 @@ import numpy as np
 from . import kalman
 from .design import Design, quiet_variance
 from .imm import Bank, Coefficients
-from .stamps import Clock, DUPLICATE, RESTART, usual_rate
+from .stamps import Clock, DUPLICATE, RESTART
 from .statespace import state_space
+from ..core.clock import median_rate
 from ..core.errors import InputError
 
 WARM_UP = 60.0         # s that a chunk starts ahead, for the bank to forget how it was started
@@ -76,7 +77,7 @@ def filter_record(
             f'{int(finite.sum())} finite samples are too few to filter', 'give a longer recording'
         )
     kept_t, kept = t[finite], z[finite]
-    rate_hz = rate_hz or usual_rate(kept_t)
+    rate_hz = rate_hz or median_rate(kept_t)
     if not rate_hz:
         raise InputError(
             'the stamps never advance', 'state the rate and give stamps, or use the receive times'

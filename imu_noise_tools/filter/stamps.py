@@ -61,15 +61,3 @@ class Clock:
     def span(self, key: int) -> float:
         """Return the interval, s, that a key stands for."""
         return 0.0 if key == DUPLICATE else self.interval * float(np.exp(GRID * key))
-
-
-def usual_rate(t: np.ndarray) -> float | None:
-    """
-    Return the usual rate, Hz, of stamps t (s): one over the median positive interval.
-
-    None where there is none.
-
-    """
-    dt = np.diff(t)
-    dt = dt[dt > 0]
-    return float(1 / np.median(dt)) if dt.size else None

@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
-from .stamps import examine_stamps, losses, ordered
+from .stamps import examine_stamps, ordered
 from .values import finite, is_constant, wrong_units
-from ..core.record import AXES, ImuRecord, Memory, regular_rate, sensor_of
+from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
+from ..core.record import AXES, ImuRecord, Memory, sensor_of
+from ..core.statistics import grid_step
 from ..core.stillness import finite_mean, still_stretches
 
 # the first twentieth is off by so many times the scatter of those of the second half
@@ -56,7 +58,12 @@ class Health:
     missing: int
     duplicates: int
     backward: int
-    jitter_s: float | None              # scatter of the steps about their median, gaps left out
+    jitter_s: float | None              # scatter of the stamps about an even clock
+    stamps: str                         # what they look like, a key of core.clock.PATTERNS
+    received: str                       # the same of the times of receiving; empty: none
+    tick_s: float                       # step of the grid the stamps lie on; 0: none
+    resolvable: int                     # fewer samples lost in a row would not show
+    clock_steps: int                    # how often the clock of the stamps was set
     not_finite: int
     stuck: tuple[str, ...]
     saturated: Mapping[str, int]        # samples at the end of the range, by axis
@@ -93,11 +100,8 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     memory = memory or Memory()
     stamps = examine_stamps(record)
     tidy = ordered(record, memory)
-    rate = regular_rate(tidy.t)
-    dt = 1 / rate if rate else None
-    step = np.diff(tidy.t)
-    regular = step[(step > 0) & (step < 1.5 * dt)] if dt else step[:0]
-    where, count = losses(tidy.t, dt) if dt else (step[:0], step[:0])
+    clock = fit_clock(tidy.t)
+    received = _receive_clock(record)
     there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
 
     def each(what: Callable) -> dict:
@@ -108,16 +112,13 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         return found
 
     memory.rest()
-    still = still_stretches(tidy) if rate and tidy.n > 10 else []
+    still = still_stretches(tidy) if clock and tidy.n > 10 else []
     longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
     rest = tidy.part(*longest)
     units = tuple(wrong_units(rest)) if still else ()
     accel = finite_mean(rest.accel) if still and rest.accel is not None else None
-    positive = step[step > 0]
-    median_rate = float(1 / np.median(positive)) if len(positive) else None
-    jitter = float(np.std(regular)) if len(regular) else None
-    longest_gap = float(step[where].max()) if len(where) else 0.0
-    del step, regular, positive
+    median = median_rate(tidy.t)
+    longest_gap = max((tidy.t[clock.gaps + 1] - tidy.t[clock.gaps]), default=0.0) if clock else 0.0
     drift = _drift(tidy)
     memory.rest()
     not_finite = record.n - int(finite(record).sum())
@@ -127,18 +128,23 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     found = Health(
         samples=record.n,
         duration_s=tidy.duration_s,
-        rate_hz=rate,
-        median_rate_hz=median_rate,
+        rate_hz=clock.rate_hz if clock else None,
+        median_rate_hz=median,
         mean_rate_hz=(tidy.n - 1) / tidy.duration_s if tidy.duration_s > 0 else None,
         labelled_rate_hz=record.labelled_rate_hz,
-        receive_rate_hz=_receive_rate(record),
+        receive_rate_hz=received.rate_hz if received else None,
         clock_drift_ppm=drift,
-        gaps=len(where),
-        missing=int(np.sum(count)),
-        longest_gap_s=longest_gap,
+        gaps=len(clock.gaps) if clock else 0,
+        missing=clock.missing if clock else 0,
+        longest_gap_s=float(longest_gap),
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward,
-        jitter_s=jitter,
+        jitter_s=clock.jitter_s if clock else None,
+        stamps=clock.pattern if clock else '',
+        received=received.pattern if received else '',
+        tick_s=clock.tick_s if clock else 0.0,
+        resolvable=clock.resolvable if clock else 0,
+        clock_steps=len(clock.steps) if clock else 0,
         not_finite=not_finite,
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
         saturated={a: k for a, k in each(_saturated).items() if k},
@@ -148,7 +154,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
-        moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and rate else 0.0,
+        moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
         temperature={
             k: (float(np.min(v)), float(np.max(v)))
@@ -160,8 +166,10 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     return _with_advice(record, found)
 
 
-def _receive_rate(record: ImuRecord) -> float | None:
-    return None if record.receive_t is None else regular_rate(record.receive_t)
+def _receive_clock(record: ImuRecord) -> SampleClock | None:
+    if record.receive_t is None:
+        return None
+    return fit_clock(np.maximum.accumulate(record.receive_t))
 
 
 def _drift(record: ImuRecord) -> float | None:
@@ -209,28 +217,9 @@ def _saturated(x: np.ndarray) -> int:
 
 
 def resolution(x: np.ndarray) -> Resolution:
-    """
-    Return the step of an axis's output and how many different values it takes.
-
-    The smallest step between values that is more than rounding, where nearly all values lie on its
-    grid.
-
-    """
-    some = x[np.isfinite(x)][:50_000]
-    values = np.unique(some)
-    if len(values) < 2:
-        return Resolution(None, len(values))
-    steps = np.diff(values)
-    steps = steps[steps > 4e-7 * np.max(np.abs(values))]        # what float32 rounds to
-    if not len(steps):
-        return Resolution(None, len(values))
-    least = float(np.quantile(steps, 0.02))
-    step = float(np.mean(steps[steps < 1.5 * least]))
-    grid = steps / step
-    on_grid = np.abs(grid - np.round(grid)) < 0.1
-    if on_grid.mean() < 0.9 or len(steps) > 0.9 * len(some):
-        return Resolution(None, len(values))
-    return Resolution(step, len(values))
+    """Return the step of an axis's output and how many different values it takes."""
+    step, levels = grid_step(x[np.isfinite(x)])
+    return Resolution(step or None, levels)
 
 
 def _held(record: ImuRecord) -> float:
@@ -291,11 +280,7 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
             'the clock.'
         )
-    if h.jitter_s and h.rate_hz and h.jitter_s * h.rate_hz > 0.1:
-        say.append(
-            f'The stamps jitter by {1e3 * h.jitter_s:.3g} ms: take them from the sensor, not on '
-            'arrival.'
-        )
+    say += _stamp_advice(h)
     if h.clock_drift_ppm is not None and abs(h.clock_drift_ppm) > 500:
         say.append(
             f"The sensor's clock is off by {h.clock_drift_ppm:.3g} ppm from the computer's."
@@ -335,6 +320,31 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
                 'apart.'
             )
     return Health(**{**h.__dict__, 'advice': tuple(say)})
+
+
+def _stamp_advice(h: Health) -> list[str]:
+    """Return sentences on the clock of the stamps."""
+    say: list[str] = []
+    if h.rate_hz is None or h.jitter_s is None:
+        return say
+    if h.stamps == 'computed':
+        say.append(
+            f'The stamps are {PATTERNS["computed"]}: the rate of {h.rate_hz:.6g} Hz is a label, '
+            'and labels are off by up to 20 %; check it with a clock.'
+        )
+    elif h.stamps in ('jitter', 'bursts', 'coarse') and h.jitter_s * h.rate_hz > 0.1:
+        what = PATTERNS[h.stamps]
+        if h.stamps == 'coarse':
+            what += f' of {1e3 * h.tick_s:.4g} ms'
+        say.append(
+            f'The stamps are {what} and scatter by {1e3 * h.jitter_s:.3g} ms: take them from the '
+            'sensor, not on arrival. The samples are taken as even.'
+        )
+    if h.resolvable > 1:
+        say.append(f'Fewer than {h.resolvable} samples lost in a row would not show.')
+    if h.clock_steps:
+        say.append(f'The clock of the stamps was set {h.clock_steps} time(s) within the record.')
+    return say
 
 
 def _duration(seconds: float) -> str:

@@ -17,16 +17,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from .stamps import changed, losses, ordered
+from .stamps import changed, ordered
 from .values import finite, is_constant, wrong_units
+from ..core.clock import fit_clock, SampleClock
 from ..core.errors import InputError
-from ..core.record import AXES, ImuRecord, Memory, regular_rate, sensor_of
+from ..core.record import AXES, ImuRecord, Memory, sensor_of
 from ..core.stillness import longest_rest
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
-LONG_GAP_S = 1.0            # a gap of so long (and of ten samples) ends a stretch
+PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
 RECORDING = (
     'lay the IMU on something solid, at rest and away from people and machines, and record it '
     'still for at least 60 s (hours, for all but the white noise)'
@@ -66,18 +67,17 @@ def prepare(
     _enough(record)
     record = ordered(record, memory)
     memory.rest()
-    record = _without_gaps(record)
+    record, clock = _without_pauses(record)
     _enough(record)
     _finite_enough(record)
+    record = _filled(record, clock, memory)
+    memory.rest()
     record = _stuck(record)
     memory.rest()
     if not keep_motion:
         record = _at_rest(record)
     memory.rest()
-    record = _filled(record, memory)
-    memory.rest()
     _enough(record)
-    record = replace(record, rate_hz=(record.n - 1) / record.duration_s)
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 
@@ -91,26 +91,27 @@ def _name(record: ImuRecord) -> str:
     return record.path or record.topic or 'the record'
 
 
-def _without_gaps(record: ImuRecord) -> ImuRecord:
-    """Return the longest stretch without a long gap."""
-    rate = regular_rate(record.t)
-    if rate is None:
+def _without_pauses(record: ImuRecord) -> tuple[ImuRecord, SampleClock]:
+    """Return the longest stretch that no pause of the stream interrupts, and its clock."""
+    clock = fit_clock(record.t)
+    if clock is None:
         raise InputError(
             f'{_name(record)} has no rate to be had from its stamps', 'give one with --rate-hz'
         )
-    where = np.flatnonzero(np.diff(record.t) > max(LONG_GAP_S, 10 / rate))
-    record = replace(record, rate_hz=rate)
+    where = clock.pauses()
     if not len(where):
-        return record
+        return record, clock
     ends = np.r_[0, where + 1, record.n]
     k = int(np.argmax(np.diff(ends)))
     longest = float(np.max(np.diff(record.t)[where]))
     part = record.part(int(ends[k]), int(ends[k + 1]))
-    return part.warned(
+    part = part.warned(
         f'{len(where)} long gap(s), the longest of {longest:.4g} s: the longest stretch without '
         'one is '
         f'analysed, {part.duration_s:.4g} s from {part.t[0]:.4g} s on'
     )
+    _enough(part)
+    return part, fit_clock(part.t) or clock
 
 
 def _finite_enough(record: ImuRecord) -> None:
@@ -167,43 +168,44 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
                        f'{part.t[0]:.4g} s on')
 
 
-def _filled(record: ImuRecord, memory: Memory) -> ImuRecord:
-    """Return the record with lost and non-finite samples interpolated, and counted."""
+def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:
+    """
+    Return the record on its even clock, lost and non-finite samples interpolated and counted.
+
+    Each sample that was recorded stays as it is, in its place.
+
+    """
     good = finite(record)
-    where, count = losses(record.t, record.dt)
-    # One sample lost by itself is left as it is: the rest moves by one step, and nothing is made
-    # up.
-    alone = int(np.sum(count == 1))
-    where, count = where[count > 1], count[count > 1]
-    if alone:
-        record = record.warned(
-            f'{alone} sample(s) lost one at a time; analysed as if they had not been taken'
-        )
-    bad, lost = record.n - int(good.sum()), int(count.sum())
-    if bad == 0 and lost == 0:
-        return record
+    bad, lost = record.n - int(good.sum()), clock.missing
     if lost > record.n:
         raise InputError(
             f'{_name(record)}: more samples were lost than recorded',
             'record with fewer topics or a faster disk',
         )
-    memory.rest()
-    # Places of the recorded samples on the regular grid.
-    place = np.zeros(record.n, np.int64)
-    np.add.at(place, where + 1, count)
-    np.cumsum(place, out=place)
-    place += np.arange(record.n)
+    record = replace(record, rate_hz=clock.rate_hz).warned(*clock.doubts())
+    n, start = record.n + lost, float(record.t[0])
     said = []
     if bad:
         said.append(f'{bad} sample(s) not finite, treated as missing')
     if lost:
-        said.append(f'{lost} sample(s) lost in {len(where)} short dropout(s), treated as missing')
-    axes = replace(record, receive_t=None, covariates={})
-    axes = changed(axes, _on_grid(place, good, record.n + lost), memory)
-    rest = replace(record, gyro=None, accel=None)
-    rest = changed(rest, _on_grid(place, np.ones(record.n, bool), record.n + lost), memory)
-    filled = replace(rest, gyro=axes.gyro, accel=axes.accel, missing=record.missing + bad + lost)
-    return filled.warned(*said)
+        said.append(
+            f'{lost} sample(s) lost in {len(clock.gaps)} short dropout(s), treated as missing'
+        )
+    if bad or lost:
+        memory.rest()
+        place = clock.place(record.n)
+        axes = replace(record, receive_t=None, covariates={})
+        axes = changed(axes, _on_grid(place, good, n), memory)
+        rest = replace(record, gyro=None, accel=None)
+        rest = changed(rest, _on_grid(place, np.ones(record.n, bool), n), memory)
+        record = replace(
+            rest, gyro=axes.gyro, accel=axes.accel, missing=record.missing + bad + lost
+        ).warned(*said)
+    t = memory.empty(n)
+    for i in range(0, n, PIECE):
+        k = np.arange(i, min(i + PIECE, n))
+        t[i:i + PIECE] = start + k / clock.rate_hz
+    return replace(record, t=t)
 
 
 def _on_grid(place: np.ndarray, good: np.ndarray, n: int) -> Callable:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The stamps of a record: what is wrong with them, their order, and what was lost between them."""
+"""The stamps of a record: what is wrong with them, their order, and the clock behind them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.record import ImuRecord, Memory, regular_rate
+from ..core.clock import regular_rate
+from ..core.record import ImuRecord, Memory
 
-NEAR = 8                # samples on each side of a late stamp that tell a loss from a delay
+SWAPPED_S = 2.0         # messages overtake each other by no more, s
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,11 @@ def examine_stamps(record: ImuRecord) -> Stamps:
     backward = int(np.sum(step < 0))
     swapped = False
     if backward:
-        after = np.diff(np.sort(t))
-        swapped = bool(np.sum(after < 0.25 * np.median(after)) <= np.sum(step == 0))
+        order = np.argsort(t, kind='stable')
+        after = np.diff(t[order])
+        moved = np.max(np.abs(order - np.arange(len(t))))
+        close = np.sum(after < 0.25 * np.median(after)) > np.sum(step == 0)
+        swapped = bool(moved * np.median(after) < SWAPPED_S and not close)
     return Stamps(record.n - len(t), repeated, len(same) - repeated, backward, swapped)
 
 
@@ -52,11 +56,13 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
     """
     Return the record with stamps that never fall, and no sample twice.
 
-    Samples that came in the wrong order are put right; where a clock was set back, what follows
+    Stamps that fall by less than half an interval are scatter of the clock, and held. Samples that
+    came in the wrong order are put right; where a clock was set back, what follows
     goes on from there. A repeated message is dropped; a stamp given to two different samples stays
     with both.
 
     """
+    record = replace(record, t=_held(record.t))
     found = examine_stamps(record)
     memory = memory or Memory()
     said = []
@@ -83,6 +89,15 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
             f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept'
         )
     return record.warned(*said)
+
+
+def _held(t: np.ndarray) -> np.ndarray:
+    """Return stamps in which those that fall by less than half an interval stay as before."""
+    if not np.any(t[1:] < t[:-1]):
+        return t
+    rate = regular_rate(t)
+    high = np.fmax.accumulate(t)
+    return np.where(high - t < (0.5 / rate if rate else 0.0), high, t)
 
 
 def _going_on(t: np.ndarray) -> np.ndarray:
@@ -135,29 +150,3 @@ def changed(record: ImuRecord, change: Callable, memory: Memory) -> ImuRecord:
         receive_t=None if record.receive_t is None else new(record.receive_t),
         covariates={k: new(v) for k, v in record.covariates.items()},
     )
-
-
-def losses(t: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return where samples were lost and how many.
-
-    A stamp can be late without a loss: then those after it catch up. A loss shifts all that
-    follow, so the median lag behind a regular clock is compared on both sides.
-
-    Returns
-    -------
-    ndarray (gaps,), ndarray (gaps,)
-        Index of the last sample before each gap, and the number of samples missing in it.
-
-    """
-    late = np.flatnonzero(np.diff(t) > 1.5 * dt)
-    if not len(late):
-        return late, late
-    lag = t - np.arange(len(t)) * dt
-    near = np.arange(NEAR)
-    before = np.median(lag[np.clip(late[:, None] - near, 0, len(t) - 1)], axis=1)
-    after = np.median(lag[np.clip(late[:, None] + 1 + near, 0, len(t) - 1)], axis=1)
-    count = np.minimum(
-        np.round((after - before) / dt), np.round((t[late + 1] - t[late]) / dt) - 1
-    ).astype(np.int64)
-    return late[count > 0], count[count > 0]

@@ -12,8 +12,9 @@ import threading
 import numpy as np
 
 from ..core.allan import degrees_of_freedom, interval
+from ..core.clock import regular_rate
 from ..core.errors import InputError
-from ..core.record import ImuRecord, regular_rate
+from ..core.record import ImuRecord
 
 _PER_CLUSTER = 16           # a stride of m/16 loses under 1 % of the degrees of freedom
 _LONGEST = 1 << 27          # largest cluster, samples: a week and more at 200 Hz

@@ -19,8 +19,10 @@ from ..loop.diagnosis import Diagnosis
 from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
-from ..loop.study import Study
+from ..loop.study import Step, Study
 
+ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
+CHANCE = 2.0         # standard deviations up to which it is within chance
 DOUBT = 3.0          # standard deviations from which one view alone is said to fail
 STRIKING = 3.0       # standard errors from which one place is named
 
@@ -28,7 +30,8 @@ STRIKING = 3.0       # standard errors from which one place is named
 VIEWS = {
     'frequency': ('power over frequency', 'at some frequencies the power is not the model\'s'),
     'time': ('mean over time', 'the mean moves in a way that the model does not foresee'),
-    'variance': ('loudness over time', 'the noise is louder at some times than at others'),
+    'variance': ('noise level over time',
+                 'the noise level is higher at some times than at others'),
     'distribution': ('distribution of the samples',
                      'the samples do not spread as Gaussian noise does'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
@@ -111,21 +114,16 @@ def parameters_of(finding: Finding, target: str) -> str:
 
 
 def error_in_words(error: Score) -> str:
-    """Return the error on data not fitted beside what chance allows."""
+    """Return the held-out deviance beside what chance allows."""
     if not math.isfinite(error.excess):
         return 'not known: nothing was left to predict'
     side = 'within' if error.within_chance else 'beyond'
-    return f'{error.excess:.2g}, {side} chance (up to {2 * error.std:.2g})'
-
-
-def beyond(view: View, least: float = DOUBT) -> bool:
-    """Tell whether one view by itself exceeds chance."""
-    return view.excess > least * view.std
+    return f'{error.excess:.2g}, {side} chance (up to {CHANCE * error.std:.2g})'
 
 
 def failing(error: Score) -> list[View]:
     """Return the views that exceed chance by themselves, worst first."""
-    return sorted((v for v in error.views.values() if v.std > 0 and beyond(v)),
+    return sorted((v for v in error.views.values() if v.std > 0 and v.excess > DOUBT * v.std),
                   key=lambda v: -v.excess / v.std)
 
 
@@ -163,7 +161,7 @@ def _place(view, x):
 
 
 def _size(view, pull):
-    more, less = {'frequency': ('too much', 'too little'), 'variance': ('louder', 'quieter'),
+    more, less = {'frequency': ('too much', 'too little'), 'variance': ('too high', 'too low'),
                   'distribution': ('too many', 'too few')}.get(view.name, ('', ''))
     return f'{abs(pull):.2g} standard errors {more if pull > 0 else less}'.rstrip()
 
@@ -177,6 +175,17 @@ def view_in_words(view: View) -> str:
     """Return one sentence on a view that fails."""
     meaning = VIEWS.get(view.name, ('', 'the model does not describe it'))[1]
     return f'{title_of(view.name)}: {meaning}; {places_in_words(view)}'
+
+
+def failed_in_words(test: Finding) -> str:
+    """Return one sentence on a test that fails."""
+    p = '' if test.p_value is None else f' (p = {test.p_value:.1g})'
+    return f'{title_of(test.name)} fails its test{p}: {test.evidence}'
+
+
+def change(step: Step) -> str:
+    """Return what a rung of the ladder did to the model."""
+    return f'+ {step.added}' if step.added else f'- {step.removed}' if step.removed else 'start'
 
 
 def duration(seconds: float) -> str:

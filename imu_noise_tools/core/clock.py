@@ -1,0 +1,472 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The clock behind the stamps of a stream: its rate, and which samples were lost.
+
+A sensor samples evenly; stamps are put on later, by a driver that is late, reads a buffer, or
+counts coarse ticks. A late stamp is caught up by those after it; a lost sample shifts all that
+follow by one interval. So the lag of the stamps behind an even clock is followed, on the samples
+themselves where they are good, on levels of blocks where they are not, and a loss is a step of the
+lag that stays and that is a whole number of intervals.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from .statistics import middle_sigma
+
+SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose level is followed
+SURE = 12.0             # scatters of the levels that a loss has to be
+LEAST_BLOCKS = 16
+STEP = 0.5              # a lag that changes by so much of an interval is looked at
+NEAR = 8                # levels on each side of a step that tell its size
+DRIFT = 0.01            # more than a clock wanders, relative
+EVEN = 1e-9             # relative scatter of intervals that only arithmetic gives
+GOOD = 0.1              # stamps that scatter by less of an interval are followed one by one
+WHOLE = 0.3             # a step this near to a whole number of intervals is a loss
+MANY = 200              # of so many lost in a row the exact number matters no more
+LEVELS = 512            # of which the rate is fitted
+LONG_GAP_S = 1.0        # a gap of so long (and of ten samples) is a pause of the stream
+
+
+PATTERNS = {
+    'computed': 'calculated from a rate, not measured',
+    'even': 'even',
+    'jitter': 'put on late, by a varying delay',
+    'coarse': 'counted in ticks',
+    'bursts': 'put on when a buffer was read, in bursts',
+}
+
+
+@dataclass(frozen=True)
+class SampleClock:
+    """
+    An even clock and what the stamps do about it.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Samples per second of the stamps' clock, losses and steps of the clock allowed for.
+    gaps : ndarray (g,)
+        Index of the last sample before each loss.
+    lost : ndarray (g,)
+        How many samples were lost there.
+    steps : ndarray (s, 2)
+        Where the clock itself was set: index of the last sample before, s (forward positive).
+    resolvable : int
+        The smallest number of samples lost in a row that these stamps can show.
+    jitter_s : float
+        Scatter of single stamps about the clock, s.
+    tick_s : float
+        Step of the grid that the stamps lie on, s; 0 where there is none.
+    pattern : str
+        ``computed`` (from a rate, not measured), ``even``, ``jitter``, ``coarse`` (ticks) or
+        ``bursts`` (stamped when a buffer was read).
+
+    """
+
+    rate_hz: float
+    gaps: np.ndarray
+    lost: np.ndarray
+    steps: np.ndarray
+    resolvable: int
+    jitter_s: float
+    tick_s: float
+    pattern: str
+
+    @property
+    def missing(self) -> int:
+        """Number of samples lost."""
+        return int(np.sum(self.lost))
+
+    def pauses(self) -> np.ndarray:
+        """Return the index of the last sample before each long interruption of the stream."""
+        least = max(LONG_GAP_S, 10 / self.rate_hz)
+        lost = self.gaps[self.lost / self.rate_hz > least]
+        return np.unique(np.r_[lost, self.steps[self.steps[:, 1] > least, 0]]).astype(np.int64)
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return sentences on stamps that had to be evened out."""
+        said = []
+        if self.resolvable > 1:
+            said.append(
+                f'the stamps ({PATTERNS[self.pattern]}) scatter by {1e3 * self.jitter_s:.3g} ms: '
+                f'the samples are taken as even at {self.rate_hz:.6g} Hz; fewer than '
+                f'{self.resolvable} lost in a row would not show'
+            )
+        if len(self.steps):
+            most = float(self.steps[np.argmax(np.abs(self.steps[:, 1])), 1])
+            said.append(
+                f'the stamps step {len(self.steps)} time(s) against the samples, by up to '
+                f'{most:.3g} s: their clock was set; the samples go on evenly'
+            )
+        return tuple(said)
+
+    def place(self, n: int) -> np.ndarray:
+        """Return the place of each of n samples on the even clock, (n,) int."""
+        out = np.ones(n, np.int64)
+        out[:1] = 0
+        np.add.at(out, self.gaps + 1, self.lost)
+        return np.cumsum(out, out=out)
+
+
+def median_rate(t: np.ndarray) -> float | None:
+    """
+    Return one over the median positive interval of stamps t (s), Hz; None where there is none.
+
+    What a stream shows at once; buffered or coarse stamps belie it.
+
+    """
+    dt = np.diff(t)
+    dt = dt[dt > 0]
+    return float(1 / np.median(dt)) if dt.size else None
+
+
+def regular_rate(t: np.ndarray) -> float | None:
+    """
+    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change.
+
+    Return None where there is none.
+
+    The median step alone is wrong where stamps are coarse (3 and 4 ms for 285 Hz) or come in
+    bursts: the median is taken of steps over up to 100 samples, and refined by the mean of those
+    near it. :func:`fit_clock` is better by far, and slower.
+
+    """
+    t = t[np.isfinite(t)]
+    m = min(100, (len(t) - 1) // 2)
+    if m < 1:
+        return None
+    step = (t[m:] - t[:-m]) / m
+    step = step[step > 0]
+    if not len(step):
+        return None
+    middle = np.median(step)
+    return float(1 / np.mean(step[np.abs(step / middle - 1) < 0.1]))
+
+
+def fit_clock(t: np.ndarray) -> SampleClock | None:
+    """
+    Return the clock behind stamps t (s), finite and never falling; None where there is no rate.
+
+    Where the stamps are too rough to show one lost sample, only losses of ``resolvable`` and more
+    in a row are claimed.
+
+    """
+    rate = regular_rate(t)
+    if rate is None:
+        return None
+    period, interval = 1 / rate, np.diff(t)
+    tick = _tick(interval, period)
+    clock = _Lag(t, _near(interval, period)).followed(tick)
+    if clock.scale > 1 or len(clock.gaps):
+        # once more with the better period: a wrong one tilts what is compared across a step
+        clock = _Lag(t, clock.period).followed(tick)
+    jitter = clock.jitter()
+    # rough stamps of a stream that begins with a delay look as if their clock had been set
+    steps = clock.steps[:len(clock.steps) if clock.resolvable == 1 else 0]
+    return SampleClock(
+        1 / clock.period, clock.gaps, clock.lost, steps, clock.resolvable, jitter, tick,
+        _pattern(interval, clock.period, jitter, tick),
+    )
+
+
+def _near(interval: np.ndarray, period: float) -> float:
+    """Return the mean of the intervals near a period, if most are: losses do not count in it."""
+    off = interval - period
+    usual = off[np.abs(off) < STEP * period]
+    change = float(np.mean(usual)) if len(usual) > 0.5 * len(off) else 0.0
+    return period + change if abs(change) < 0.15 * period else period
+
+
+def _pattern(interval: np.ndarray, period: float, jitter: float, tick: float) -> str:
+    """Return the name of what the stamps look like."""
+    # a millionth of a second is what stamps of this century in a float64 leave
+    if len(interval) >= 1000 and np.ptp(interval) < max(EVEN * period, 5e-15 * len(interval)):
+        return 'computed'
+    if tick > 0.05 * period:
+        return 'coarse'
+    if np.mean(interval < 0.3 * period) > 0.2:
+        return 'bursts'
+    return 'jitter' if jitter > 0.1 * period else 'even'
+
+
+def _tick(interval: np.ndarray, period: float) -> float:
+    """Return the grid of the stamps, s: all intervals are multiples of it; 0 where none is."""
+    some = np.sort(interval[:200_000])
+    part = np.flatnonzero(np.diff(some, prepend=-1.0) > 0.02 * period)
+    counts = np.diff(np.append(part, len(some)))
+    levels = np.array([np.median(some[k:k + c]) for k, c in zip(part[:100], counts)])
+    levels = levels[counts[:100] > 1e-5 * len(some)]
+    apart = np.diff(levels[levels > 0.02 * period], prepend=0.0)
+    if len(part) > 100 or len(levels) < 2 or not len(apart):
+        return 0.0
+    tick = np.min(apart)
+    tick = np.sum(apart) / np.sum(np.round(apart / tick))
+    off = np.abs(some - tick * np.round(some / tick))
+    return float(tick) if np.mean(off <= 2e-6 + 0.02 * tick) > 0.999 else 0.0
+
+
+class _Lag:
+    """The lag of stamps behind an even clock of a given period, and the steps in it."""
+
+    def __init__(self, t: np.ndarray, period: float):
+        self.t, self.period = t, period
+        self.n = len(t)
+        none = np.zeros(0, np.int64)
+        self.gaps, self.lost, self.steps = none, none, np.zeros((0, 2))
+        self.resolvable = 1
+        self.low, self.scale = False, 1
+
+    def followed(self, tick: float) -> _Lag:
+        """Find the steps and fit the period."""
+        interval = np.diff(self.t)
+        if _scatter(interval - self.period) < GOOD * self.period:
+            self._by_sample(interval)
+        else:
+            self._by_level()
+        self._without_beat(interval, tick)
+        self.period = self._fitted()
+        return self
+
+    def _by_sample(self, interval: np.ndarray) -> None:
+        """
+        Find the losses of stamps most of which are good, one late interval after the other.
+
+        A delay is one-sided, and caught up by the time the samples that waited have arrived: the
+        least lag after a late interval and the least before it differ by what stays.
+
+        """
+        late = np.flatnonzero(interval > (1 + STEP) * self.period).tolist()
+        gaps, lost, steps = [], [], []
+        begin = 0
+        for k in late:
+            if k < begin:
+                continue
+            reach = 2 * NEAR + 4 * int(min(interval[k] / self.period, 4 * MANY))
+            near = slice(max(begin, k + 1 - NEAR), k + 1)
+            far = slice(k + 1, k + 1 + reach)
+            before = np.min(self.t[near] - self.period * np.arange(*near.indices(self.n)))
+            after = np.min(self.t[far] - self.period * np.arange(*far.indices(self.n)))
+            x = (after - before) / self.period
+            if x < STEP:
+                continue
+            whole = round(x)
+            if abs(x - whole) <= WHOLE or x > MANY:
+                gaps.append(k)
+                lost.append(whole)
+            else:
+                steps.append((k, after - before))
+            begin = k + 1
+        self.gaps, self.lost = np.array(gaps, np.int64), np.array(lost, np.int64)
+        self.steps = np.array(steps).reshape(-1, 2)
+
+    def _by_level(self) -> None:
+        """Find the losses of rough stamps, as steps between the levels of blocks."""
+        lag = self.t - self.period * np.arange(self.n)
+        levels, noise = self._levels(lag)
+        self.resolvable = max(1, int(np.ceil(SURE * noise / self.period)))
+        where, size = self._clusters(levels, noise)
+        x = size / self.period
+        whole = np.round(x)
+        loss = whole >= self.resolvable
+        clock = ~loss & (np.abs(x) > max(STEP, self.resolvable - 1))
+        at = np.array([self._found(lag, a, b) for a, b in where.tolist()], np.int64)
+        self.gaps, self.lost = at[loss], whole[loss].astype(np.int64)
+        self.steps = np.column_stack([at[clock], size[clock]])
+
+    def _levels(self, lag: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the levels of the finest blocks that scatter little, and their scatter, s."""
+        best: tuple[float, np.ndarray] = (np.inf, lag[:2])
+        for scale in SCALES:
+            count = self.n // scale
+            if count < LEAST_BLOCKS and np.isfinite(best[0]):
+                break
+            rows = lag[:count * scale].reshape(count, scale)
+            for low in (False, True):
+                change = np.diff(rows.min(axis=1) if low else np.median(rows, axis=1))
+                most = DRIFT * scale * self.period
+                # what a clock cannot do is a step or a delay, and must not look like drift
+                drift = np.where(np.abs(change) < 4 * most, change, 0.0)
+                change -= np.clip(median_filter(drift, 31, mode='nearest'), -most, most)
+                noise = _scatter(change)
+                if noise < best[0]:
+                    best = noise, np.append(0.0, np.cumsum(change))
+                    self.scale, self.low = scale, low
+            if SURE * best[0] < self.period:
+                break
+        return best[1], best[0]
+
+    def _clusters(self, levels: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return where the levels step: last before and first after, (c, 2), and by how much, s.
+
+        A delay and its catching up are one cluster, across which nothing changes.
+
+        """
+        hot = np.abs(np.diff(levels)) > max(0.3 * self.period, 4 * noise)
+        where = np.flatnonzero(np.diff(np.r_[False, hot, False].astype(np.int8))).reshape(-1, 2)
+        if not len(where):
+            return where, np.zeros(0)
+        begin = np.append(0, where[:-1, 1])
+        end = np.append(where[1:, 0], len(levels) - 1)
+        near = np.arange(NEAR)
+        before, after = where[:, :1] - near, where[:, 1:] + near
+        size = _median(levels, after, after <= end[:, None]) - _median(
+            levels, before, before >= begin[:, None]
+        )
+        return where, size
+
+    def _found(self, lag: np.ndarray, first: int, last: int) -> int:
+        """Return the last sample before a step between two levels."""
+        a, b = first * self.scale, min((last + 1) * self.scale, self.n - 1)
+        if self.low:
+            return a + int(np.argmax(np.diff(self.t[a:b + 1])))
+        some = lag[a:b] - np.mean(lag[a:b])
+        return a + int(np.argmin(np.cumsum(some)[:-1]))     # least squares: one step
+
+    def _without_beat(self, interval: np.ndarray, tick: float) -> None:
+        """
+        Take back what is the beat of the sampling with coarse ticks, not loss.
+
+        Stamps that count ticks as long as the interval skip one, or repeat one, whenever the phase
+        of the two has gone round: always the same step, at even distances.
+
+        """
+        if tick < 0.5 * self.period:
+            return
+        size = self.steps[:, 1]
+        self.steps = self.steps[np.abs(np.abs(size) - tick) > 0.2 * tick]
+        if not len(self.gaps) or self.scale == 1 and self._repeats(interval):
+            return
+        slip = self.lost * self.period < 1.5 * max(tick, self.period)
+        single = np.flatnonzero(slip & (self.lost == np.min(self.lost)))
+        beat = single[_regular(self.gaps[single], self.n)]
+        keep = np.ones(len(self.gaps), bool)
+        keep[beat] = False
+        self.gaps, self.lost = self.gaps[keep], self.lost[keep]
+
+    def _repeats(self, interval: np.ndarray) -> bool:
+        """Tell whether the ticks are repeated now and then: then none is skipped in turn."""
+        short = interval < (1 - STEP) * self.period
+        late = interval > (1 + STEP) * self.period
+        alone = short[1:-1] & ~late[:-2] & ~late[2:]
+        return bool(np.sum(alone) > 0)
+
+    def _residual(self, period: float) -> np.ndarray:
+        """Return the stamps less the clock, with losses and set clocks allowed for, s."""
+        out = np.arange(self.n) * -period
+        out += self.t
+        if len(self.gaps) or len(self.steps):
+            shift = np.zeros(self.n)
+            np.add.at(shift, self.gaps + 1, self.lost * period)
+            np.add.at(shift, self.steps[:, 0].astype(np.int64) + 1, self.steps[:, 1])
+            out -= np.cumsum(shift, out=shift)
+        return out
+
+    def _fitted(self) -> float:
+        """
+        Return the mean period, s.
+
+        A robust line through the levels of blocks; where the clock wanders beyond what single
+        blocks scatter, the ends of the wander count.
+
+        """
+        period = self.period
+        length = max(self.scale, self.n // LEVELS, 1)
+        count = self.n // length
+        total = self.n - 1 + int(np.sum(self.lost))
+        for _ in range(2):
+            rows = self._residual(period)[:count * length].reshape(count, length)
+            level = rows.min(axis=1) if self.low else np.median(rows, axis=1)
+            at = self._middle(count, length)
+            slope, rest = _line(at, level)
+            period += slope
+        if count >= LEAST_BLOCKS:
+            rough, all_of_it = np.sum(np.diff(rest) ** 2), np.sum(rest ** 2)
+            if rough < 0.6 * all_of_it:
+                some = max(4, count // 16)
+                span = at[-1] - at[0]
+                first = np.polyval(np.polyfit(at[:some], rest[:some], 1), at[0])
+                last = np.polyval(np.polyfit(at[-some:], rest[-some:], 1), at[-1])
+                period += (last - first) / span
+        return float(period) if 0 < period and total > 0 else self.period
+
+    def _middle(self, count: int, length: int) -> np.ndarray:
+        """Return the places of the middles of blocks on the even clock."""
+        at = (np.arange(count) + 0.5) * length - 0.5
+        lost = np.append(0, np.cumsum(self.lost))
+        return at + lost[np.searchsorted(self.gaps, at)]
+
+    def jitter(self) -> float:
+        """Return the scatter of single stamps about their neighbours' clock, s."""
+        rest = self._residual(self.period)
+        length = min(self.n, max(32, 2 * self.scale))
+        count = self.n // length
+        rows = rest[:count * length].reshape(count, length)
+        return middle_sigma(np.ravel(rows - np.median(rows, axis=1, keepdims=True)))
+
+
+def _regular(at: np.ndarray, n: int) -> np.ndarray:
+    """
+    Return which of some events among n samples follow each other at even distances, (e,) bool.
+
+    None where they are too few to tell, or where chance makes such a train.
+
+    """
+    none = np.zeros(len(at), bool)
+    if len(at) < 4:
+        return none
+    apart = np.diff(at)
+    if np.std(apart) < 0.1 * np.mean(apart):
+        return ~none
+    best = none
+    for skip in (1, 2, 3):
+        for distance in np.unique(at[skip:] - at[:-skip])[:400].tolist():
+            slack = 0.01 * distance + 2
+            chance = len(at) * (1 - np.exp(-2 * (2 * slack + 1) * len(at) / n))
+            if chance > 0.3 * len(at):
+                continue
+            member = none.copy()
+            for way in (-distance, distance):
+                near = np.minimum(np.searchsorted(at, at + way - slack), len(at) - 1)
+                member |= np.abs(at[near] - at - way) <= slack
+            found = np.sum(member)
+            if found > max(np.sum(best), 5, 0.8 * (n / distance - 1), chance + 5 * chance**0.5):
+                best = member
+    return best
+
+
+def _scatter(x: np.ndarray) -> float:
+    """Return the standard deviation of x if its middle four fifths are normal."""
+    return float(np.quantile(np.abs(x), 0.8)) / 1.2816 if len(x) else np.inf
+
+
+def _median(levels: np.ndarray, index: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Return the median of some of the levels for every row of indices, (c,)."""
+    values = levels[np.clip(index, 0, len(levels) - 1)]
+    return np.nanmedian(np.where(there, values, np.nan), axis=1)
+
+
+def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return slope and residuals of a line that outliers do not turn (Huber's weights)."""
+    if len(x) < 2:
+        return 0.0, np.zeros(len(x))
+    x = x - np.mean(x)
+    weight = np.ones(len(x))
+    for _ in range(10):
+        middle = np.sum(weight * y) / np.sum(weight)
+        centre = np.sum(weight * x) / np.sum(weight)
+        slope = np.sum(weight * (x - centre) * (y - middle)) / np.sum(weight * (x - centre) ** 2)
+        rest = y - middle - slope * (x - centre)
+        scale = 1.4826 * np.median(np.abs(rest))
+        if not scale > 0:
+            break
+        weight = np.minimum(1.0, 1.5 * scale / np.maximum(np.abs(rest), 1e-300))
+    return float(slope), rest
