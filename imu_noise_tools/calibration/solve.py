@@ -139,8 +139,9 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     if not free and not poses.known:
         raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
     for e in model.of(Regressor):
-        if poses.sensor not in e.sensors or not np.isfinite(e.columns(poses)).all():
-            raise FitError(f'{e.name}: {e.why_not(poses)}', e.needs or 'leave it out')
+        why = e.why_not(poses)
+        if why and (poses.sensor not in e.sensors or not np.isfinite(e.columns(poses)).all()):
+            raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
     system, state, log_det = _iterate(model, poses, free, tilt)
     for e in model.of(Scatter):
         amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale,
