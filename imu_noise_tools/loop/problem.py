@@ -69,6 +69,10 @@ class Problem(ABC):
                 found.setdefault(view.name, []).append(view)
         return Score.of(_merged(views) for views in found.values())
 
+    def basis(self, fit: Fit) -> dict:
+        """Return what the values of a fit rest on, and what they leave, as plain data."""
+        return {}
+
     def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         """Return what to do next, in a sentence or two."""
         return ''
