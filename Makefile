@@ -1,17 +1,26 @@
 # From a bare clone: `make demo`, `make test`. Set-up is done once and again when setup.py changes.
+# `make test` is the part of the tests for every day, `make test-all` is all of them; a part of either
+# is named with TESTS=test/test_x.py. VENV and PYTHON choose another environment and interpreter.
 SHELL := /bin/bash
 VENV  := .venv
 READY := $(VENV)/.ready
 PY    := $(VENV)/bin/python
+PYTHON ?=
+# Files side by side, each in one process; nodes reserve a ROS domain for themselves.
+JOBS  ?= $(shell nproc 2>/dev/null || echo 2)
+PYTEST = $(PY) -m pytest -ra -n $(JOBS) --dist loadfile
 
-.PHONY: demo test bench fuzz lint clean
+.PHONY: demo test test-all bench fuzz lint clean
 
 demo: $(READY)
 	rm -rf imu_noise_demo
 	$(PY) -m imu_noise_tools.cli.main demo -o imu_noise_demo
 
 test: $(READY)
-	$(PY) -m pytest -ra $(TESTS)
+	$(PYTEST) -m 'not thorough' $(TESTS)
+
+test-all: $(READY)
+	$(PYTEST) $(TESTS)
 
 bench: $(READY)
 	@for script in $$(grep -l __main__ bench/*.py); do echo "== $$script"; $(PY) $$script || exit 1; done
@@ -28,7 +37,7 @@ lint: $(READY)
 	$(PY) -m mypy
 
 clean:
-	rm -rf $(VENV) build install log dist *.egg-info imu_noise_demo .pytest_cache .mypy_cache .hypothesis
+	rm -rf $(VENV) .venv-3.* build install log dist *.egg-info imu_noise_demo .pytest_cache .mypy_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 # A sourced ROS is used as it is; elsewhere ROS comes from pip. The first interpreter of 3.10 to 3.13 that
@@ -36,12 +45,12 @@ clean:
 $(READY): setup.py
 	@set -e; \
 	suits='import sys, venv, ensurepip; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))'; \
-	if [ -n "$$ROS_DISTRO" ] && python3 -c 'import rclpy' 2>/dev/null; then \
-	  python=python3; site=--system-site-packages; extras=test; \
+	if [ -z "$(PYTHON)" ] && [ -n "$$ROS_DISTRO" ] && python3 -c 'import rclpy' 2>/dev/null; then \
+	  python=python3; site=--system-site-packages; extras=test,lint; \
 	  echo "set-up: ROS $$ROS_DISTRO is sourced and is used"; \
 	else \
-	  site=; extras=test,ros; \
-	  for python in python3 python3.12 python3.11 python3.13 python3.10 none; do \
+	  site=; extras=test,lint,ros; \
+	  for python in $(PYTHON) python3 python3.12 python3.11 python3.13 python3.10 none; do \
 	    $$python -c "$$suits" 2>/dev/null && break; \
 	  done; \
 	fi; \
@@ -51,8 +60,8 @@ $(READY): setup.py
 	echo "set-up: $$($$python --version) in $(VENV), some minutes the first time"; \
 	$$python -m venv $$site $(VENV); \
 	if ! $(PY) -m pip install -q --use-pep517 -e ".[$$extras]"; then \
-	  [ $$extras = test,ros ] || exit 1; \
+	  [ $$extras = test,lint,ros ] || exit 1; \
 	  echo 'set-up: ROS is not to be had from pip here; going on without the nodes' >&2; \
-	  $(PY) -m pip install -q --use-pep517 -e '.[test]'; \
+	  $(PY) -m pip install -q --use-pep517 -e '.[test,lint]'; \
 	fi; \
 	touch $@

@@ -142,15 +142,15 @@ def coverage(n, seed=1):
         for m in ('ols', 'wls'):
             fit = core.fit(core.base_model(), problem.poses, m, problem.tilt)
             hits[m].append(list(inside(fit, device).values()))
-            bias[m].append(fit.details['bias'] - device.bias)
-            scale[m].append(np.diag(fit.details['S']) - np.diag(device.scale))
-        plain.append(np.abs(fit.details['bias'] - device.bias).max())
-        chi2.append(fit.details['chi2'])
+            bias[m].append(fit.details.bias - device.bias)
+            scale[m].append(np.diag(fit.details.scale) - np.diag(device.scale))
+        plain.append(np.abs(fit.details.bias - device.bias).max())
+        chi2.append(fit.details.chi2)
         device = sim.Device.drawn(rng, upper=True)
         fit = fitted(spread_poses(rng, device))
         hits['norm'].append(list(inside(fit, device).values()))
-        bias['norm'].append(fit.details['bias'] - device.bias)
-        scale['norm'].append(np.diag(fit.details['S']) - np.diag(device.scale))
+        bias['norm'].append(fit.details.bias - device.bias)
+        scale['norm'].append(np.diag(fit.details.scale) - np.diag(device.scale))
     print(f'### Coverage, {n} sessions (six faces tilted by 1 deg; 24 spread poses for norm)\n')
     print('| method | inside the 95 % interval | worst coefficient | bias error rms, m/s^2 | '
           'mean scale error, ppm |')
@@ -299,8 +299,8 @@ def real():
                   f'{100 * (both[1].S[k, k] - 1):.3f} | {scale[k]} |')
             print(f'| {name} | bias {axis}, m/s² | {both[0].bias[k]:.4f} ± {std_b[k]:.4f} | '
                   f'{both[1].bias[k]:.4f} | {bias[k]} |')
-        print(f'| {name} | χ² (dof), verdict | {both[0].fit.details["chi2"]:.1f} '
-              f'({both[0].fit.details["dof"]}), '
+        print(f'| {name} | χ² (dof), verdict | {both[0].fit.details.chi2:.1f} '
+              f'({both[0].fit.details.dof}), '
               f'{verdict(both[0].problem).verdict} | | |')
     print()
     for sensor, rate, more in (('accel', None, {'seconds': 1.0}),
@@ -308,7 +308,7 @@ def real():
         c = tasks.calibrate_records([record('imucal_ferraris', rate)], **more).calibration
         print(f'imucal_ferraris {sensor}: S {c.S.round(4).tolist()}, bias '
               f'{c.bias.round(4).tolist()}, '
-              f'χ² {c.fit.details["chi2"]:.1f} ({c.fit.details["dof"]}), '
+              f'χ² {c.fit.details.chi2:.1f} ({c.fit.details.dof}), '
               f'{verdict(c.problem).verdict}\n')
 
 

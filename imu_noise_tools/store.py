@@ -169,6 +169,7 @@ def target_to_dict(study: Study, target: str) -> dict:
         'views': {k: v.excess for k, v in error.views.items()},
         **state.summary,
     }
+    out.update(state.problem.basis(state.fit))
     if state.fit.flags:
         out['flags'] = list(state.fit.flags)
     return out
@@ -254,8 +255,14 @@ def _remaining_to_dict(target: str, left: Remaining | None) -> dict | None:
         'failed': [_test_to_dict(f) for f in left.failed],
         'share': left.share,
         'largest_ratio': left.largest_ratio,
+        'sufficient': left.sufficient,
         'nearest': left.nearest and _finding_to_dict(target, left.nearest),
     }
+
+
+def history_of(data: Mapping) -> list[Step]:
+    """Return the ladder of what :func:`read` gave."""
+    return [_step_of(d) for d in data.get('history') or ()]
 
 
 def _step_of(d) -> Step:
@@ -302,7 +309,7 @@ def _diagnosis_of(domain, d) -> Diagnosis:
     if left is not None:
         near = left.get('nearest')
         left = Remaining(tests(left.get('failed')), left.get('share'), left.get('largest_ratio'),
-                         finding(near) if near else None)
+                         left.get('sufficient'), finding(near) if near else None)
     return Diagnosis(d['verdict'], tuple(map(finding, d.get('ranked', ()))),
                      tests(d.get('failed')), d.get('advice', ''),
                      tuple(map(finding, d.get('found', ()))), left, d.get('sufficient'))
@@ -398,7 +405,7 @@ def load(folder, intervals: bool = True) -> Study:
             data['domain'],
             states,
             data.get('source'),
-            [_step_of(s) for s in data.get('history') or ()],
+            history_of(data),
             {
                 t: _diagnosis_of(data['domain'], d)
                 for t, d in (data.get('diagnosis') or {}).items()

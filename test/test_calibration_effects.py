@@ -215,7 +215,7 @@ def test_a_turn_left_out_leaves_its_axis_open_and_the_rest_sound():
         model = core.base_model() + find_effect('calibration', name)()
         for to_fit, to_score in problem.split():
             fit = to_fit.fit(model)
-            assert np.abs(fit.details['S']).max() < 2
+            assert np.abs(fit.details.scale).max() < 2
             assert all(np.isfinite(v.pull).all() for v in to_score.score(fit).views.values())
 
 
@@ -273,8 +273,8 @@ def test_arrays_come_back():
         back = problems(arrays_of({problem.target: problem}))[problem.target]
         assert back.method == problem.method and back.tilt == problem.tilt
         assert back.poses.names == problem.poses.names
-        np.testing.assert_array_equal(back.fit(core.base_model()).details['cov'],
-                                      problem.fit(core.base_model()).details['cov'])
+        np.testing.assert_array_equal(back.fit(core.base_model()).details.cov,
+                                      problem.fit(core.base_model()).details.cov)
 
 
 def test_an_effect_of_a_users_own(tmp_path):
@@ -300,7 +300,7 @@ class Quintic(Regressor):
     try:
         rng = np.random.default_rng(13)
         problem = spread(rng, sim.Device.drawn(rng), 60)
-        u = problem.fit(core.base_model()).details['inputs']
+        u = problem.fit(core.base_model()).details.inputs
         outputs = problem.poses.outputs + np.array([[4e-7], [0], [0]]) * u ** 5
         d = verdict(replace(problem, poses=replace(problem.poses, outputs=outputs)))
         assert 'quintic' in [f.name for f in d.ranked[:2]]

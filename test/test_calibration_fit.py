@@ -67,8 +67,8 @@ def test_ols_fit_is_the_formula():
     poses = six(rng, sim.Device.drawn(rng))
     fit = core.fit(core.base_model(), poses, 'ols')
     g = core.ols(poses.outputs, np.vstack([poses.inputs / sim.G, np.ones(6)]))
-    np.testing.assert_allclose(fit.details['S'], g[:, :3] / sim.G, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(fit.details['bias'], g[:, 3], rtol=1e-9)
+    np.testing.assert_allclose(fit.details.scale, g[:, :3] / sim.G, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(fit.details.bias, g[:, 3], rtol=1e-9)
 
 
 def test_exact_sessions_give_the_truth():
@@ -78,8 +78,8 @@ def test_exact_sessions_give_the_truth():
     for method, poses in (('ols', six(rng, device, 0)), ('wls', six(rng, device, 0)),
                           ('norm', spread(rng, device))):
         fit = core.fit(core.base_model(), poses, method)
-        np.testing.assert_allclose(fit.details['S'], device.scale, atol=1e-8)
-        np.testing.assert_allclose(fit.details['bias'], device.bias, atol=1e-7)
+        np.testing.assert_allclose(fit.details.scale, device.scale, atol=1e-8)
+        np.testing.assert_allclose(fit.details.bias, device.bias, atol=1e-7)
 
 
 def test_norm_works_on_counts():
@@ -90,8 +90,9 @@ def test_norm_works_on_counts():
     counts = core.Poses.of('accel', 414.3 * poses.outputs + 32768, 414.3 * poses.std, sim.G)
     fit = core.fit(core.base_model(), counts, 'norm')
     plain = core.fit(core.base_model(), poses, 'norm')
-    np.testing.assert_allclose(fit.details['S'], 414.3 * plain.details['S'], rtol=1e-7, atol=1e-6)
-    np.testing.assert_allclose(fit.details['bias'], 414.3 * plain.details['bias'] + 32768,
+    np.testing.assert_allclose(fit.details.scale, 414.3 * plain.details.scale, rtol=1e-7,
+                               atol=1e-6)
+    np.testing.assert_allclose(fit.details.bias, 414.3 * plain.details.bias + 32768,
                                rtol=1e-8)
 
 
@@ -124,8 +125,8 @@ def test_tilt_spoils_ols_and_hardly_wls():
         poses = six(rng, device)
         for method in error:
             fit = core.fit(core.base_model(), poses, method)
-            error[method].append(fit.details['bias'] - device.bias)
-            scale[method].append(np.diag(fit.details['S'] - device.scale))
+            error[method].append(fit.details.bias - device.bias)
+            scale[method].append(np.diag(fit.details.scale - device.scale))
     rms = {m: np.sqrt(np.mean(np.square(e))) for m, e in error.items()}
     assert rms['ols'] == pytest.approx(0.057, rel=0.08)
     assert rms['wls'] < 0.0032
@@ -138,8 +139,8 @@ def test_chi_squared_has_two_degrees_an_axis():
     rng = np.random.default_rng(6)
     found = [core.fit(core.base_model(), six(rng, sim.Device.drawn(rng))).details for _
              in range(300)]
-    assert {d['dof'] for d in found} == {6}
-    assert np.mean([d['chi2'] for d in found]) == pytest.approx(6, abs=0.6)
+    assert {d.dof for d in found} == {6}
+    assert np.mean([d.chi2 for d in found]) == pytest.approx(6, abs=0.6)
 
 
 def test_left_out_error_is_three_residuals():
@@ -148,7 +149,7 @@ def test_left_out_error_is_three_residuals():
     poses = six(rng, sim.Device.drawn(rng), tilt=0)
     problem = core.CalibrationProblem(poses, tilt=0.0)
     fit = problem.fit(core.base_model())
-    np.testing.assert_allclose(problem.left_out(fit).outputs().T, 3 * fit.details['residual'],
+    np.testing.assert_allclose(problem.left_out(fit).outputs().T, 3 * fit.details.residual,
                                rtol=1e-6, atol=1e-12)
 
 

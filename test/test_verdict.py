@@ -33,7 +33,8 @@ def test_an_error_that_rises_never_falls(before, after, fall):
     (0.5, 0.1, 50.0, True, 'falls to chance'), (0.5, 0.4, 50.0, False, 'falls'),
     (0.5, 0.49, 3.0, False, 'does not fall'), (0.5, 0.51, -3.0, False, 'does not fall'),
     (0.5, 0.9, -50.0, False, 'rises'),
-    (0.01, 0.02, 20.0, True, 'within chance, predicts better'), (0.01, 0.02, -7.0, True, 'does not fall'),
+    (0.01, 0.02, 20.0, True, 'within chance, predicts better'),
+    (0.01, 0.02, -7.0, True, 'does not fall'),
     (0.5, 0.4, float('nan'), False, 'not to be compared')])
 def test_what_an_error_did(before, after, fall, chance, said):
     assert verdict.change(before, after, fall, chance) == said

@@ -70,6 +70,17 @@ class Scatter(Effect):
     domain: ClassVar[str] = 'calibration'
     sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
     needs: ClassVar[str] = ''
+    #: whether its amplitude stands in place of the tilt of the faces that was stated
+    tilts: ClassVar[bool] = False
+
+    @property
+    def amplitude(self) -> float:
+        """Its one value; 0 before it is fitted."""
+        return next(iter(self.values.values()), 0.0)
+
+    def bounds(self, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
+        """Return the range in which its amplitude is looked for."""
+        return self.parameters[0].lower, self.parameters[0].upper
 
     def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
         """Return the covariance of each pose's outputs, (n, 3, 3)."""
@@ -327,6 +338,7 @@ class Tilt(Scatter):
     reference = 'six-position method'
     parameters = (Parameter('angle', 'rad', 1e-4, 0.5, amplitude=True,
                             title='rms of each of two tilt angles'),)
+    tilts = True
     needs = 'each face held several times, put down anew: tilt scatters the lateral readings alone'
 
     def covariance(self, poses, scale, amplitude):
@@ -367,6 +379,11 @@ class Repeatability(Scatter):
                             title='scatter between poses'),)
     needs = 'each pose held several times: scatter that repeats on no input'
 
+    def bounds(self, poses, scale):
+        """Up to 0.5 % of the input: more is no bias that wanders."""
+        size = poses.magnitude * np.abs(np.diag(scale)).mean() / np.median(poses.amount)
+        return 1e-3 * float(np.median(poses.std / poses.amount)) + 1e-12, 5e-3 * size
+
     def covariance(self, poses, scale, amplitude):
         """Return sigma^2 times the identity, in units of the output."""
         return (amplitude * poses.amount)[:, None, None] ** 2 * np.eye(3)
@@ -382,4 +399,5 @@ def _no_force(poses: Poses) -> str:
     return '' if np.isfinite(poses.force).all() else 'the specific force is not known'
 
 
+#: the model that every calibration starts from, and whose S and b a correction is made of
 BASE = ('scale', 'cross_axis', 'bias')

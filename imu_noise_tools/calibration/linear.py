@@ -226,21 +226,26 @@ def terms_of(model: Model, poses: Poses, scale: np.ndarray, free_direction: bool
     return np.concatenate(parts, axis=2)
 
 
+def tilt_of(model: Model, stated: float) -> float:
+    """Return the tilt of the faces, rad: of the model where it holds one, else what is stated."""
+    return next((e.amplitude for e in model.of(Scatter) if e.tilts), stated)
+
+
 def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
                free_direction: bool) -> np.ndarray:
     """
     Return the covariance of each pose's outputs, (n, 3, 3): noise, tilt and the model's scatter.
 
-    ``tilt`` (rad) is the stated one; a ``tilt`` in the model stands in its place.
+    ``tilt`` (rad) is the stated one; one in the model stands in its place.
 
     """
     cov = np.zeros((poses.n, 3, 3))
     cov[:, range(3), range(3)] = poses.std.T ** 2
-    scatter = {e.name: next(iter(e.values.values()), 0.0) for e in model.of(Scatter)}
-    if not free_direction and tilt > 0 and 'tilt' not in scatter:
+    scatter = model.of(Scatter)
+    if not free_direction and tilt > 0 and not any(e.tilts for e in scatter):
         cov += Tilt().covariance(poses, scale, tilt)
-    for e in model.of(Scatter):
-        cov += e.covariance(poses, scale, scatter[e.name])
+    for e in scatter:
+        cov += e.covariance(poses, scale, e.amplitude)
     return cov
 
 

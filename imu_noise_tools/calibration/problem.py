@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from . import solve
 from .effects import Regressor, Scatter
-from .linear import equations, LeftOut, whitened
+from .linear import equations, LeftOut, tilt_of, whitened
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
 from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
@@ -81,7 +81,7 @@ class CalibrationProblem(Problem):
             known = None
             if self.whole is not None and model.of(Scatter):
                 found = self.whole.fit(model).model
-                known = {e.label: next(iter(e.values.values())) for e in found.of(Scatter)}
+                known = {e.label: e.amplitude for e in found.of(Scatter)}
             self._fits[model] = solve.fit(model, self.poses, self.method, self.tilt, known)
         return self._fits[model]
 
@@ -92,13 +92,13 @@ class CalibrationProblem(Problem):
         Directions of which the other poses say nothing are not counted (nan where none is left).
 
         """
-        scale, system = fit.details['S'], fit.details['equations']
+        scale, system = fit.details.scale, fit.details.equations
         poses = self.poses
         if self._free:
             poses = _directed(fit, poses)
         mine, _ = equations(fit.model, poses, scale, self.tilt, self._free)
-        residual = mine.right - mine.matrix @ fit.details['theta']
-        cov = fit.details['cov'] if fit.details['method'] == 'ols' else system.cov
+        residual = mine.right - mine.matrix @ fit.details.theta
+        cov = fit.details.cov if fit.details.method == 'ols' else system.cov
         seen = _complement(system, mine.matrix)
         spread = mine.matrix @ cov @ mine.matrix.T
         value, vector = np.linalg.eigh(seen.T @ (np.eye(len(residual)) + spread) @ seen)
@@ -124,17 +124,17 @@ class CalibrationProblem(Problem):
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return rms of the residuals and of the errors of poses left out, and chi-squared."""
         rms = [float(np.sqrt(np.mean(np.sum(np.square(e), axis=0)))) for e in
-               (fit.details['residual'], self.left_out(fit).outputs().T)]
-        return {'residual_rms': rms[0], 'left_out_rms': rms[1], 'chi_squared': fit.details['chi2'],
-                'dof': float(fit.details['dof'])}
+               (fit.details.residual, self.left_out(fit).outputs().T)]
+        return {'residual_rms': rms[0], 'left_out_rms': rms[1], 'chi_squared': fit.details.chi2,
+                'dof': float(fit.details.dof)}
 
     def left_out(self, fit: Fit) -> LeftOut:
         """Return each pose as the others predict it."""
-        return fit.details['equations'].left_out()
+        return fit.details.equations.left_out()
 
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the whole: chi-squared, the worst pose, a drift in time."""
-        system, left = fit.details['equations'], self.left_out(fit)
+        system, left = fit.details.equations, self.left_out(fit)
         total = self._chi2_tail(fit)
         found = [Finding('chi_squared', 0.0, p_value=total, view='poses',
                          evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of '
@@ -156,11 +156,11 @@ class CalibrationProblem(Problem):
         """Return which part of each pose's axial variance is tilt, (n,)."""
         if self._free:
             return np.zeros(self.poses.n)
-        rms = next(iter(fit.model['tilt'].values.values())) if 'tilt' in fit.model else self.tilt
+        rms = tilt_of(fit.model, self.tilt)
         axis = unit(self.poses.inputs)
-        back = np.linalg.inv(fit.details['equations'].whitener)
+        back = np.linalg.inv(fit.details.equations.whitener)
         variance = np.sum(np.einsum('in,nij->nj', axis, back) ** 2, axis=1)
-        own = np.sum(axis * (fit.details['S'] @ self.poses.inputs), axis=0)
+        own = np.sum(axis * (fit.details.scale @ self.poses.inputs), axis=0)
         return (own * rms ** 2) ** 2 / np.where(variance > 0, variance, 1.0)
 
     def _overdispersion(self, fit: Fit) -> float:
@@ -170,12 +170,12 @@ class CalibrationProblem(Problem):
         The square of a centred exponential has variance 8, of a normal variable 2.
 
         """
-        system, share = fit.details['equations'], self._tilted_share(fit)
+        system, share = fit.details.equations, self._tilted_share(fit)
         return 1 + 3 * float(np.sum(share ** 2)) * max(1, system.dof) / len(system.right) ** 2
 
     def _chi2_tail(self, fit: Fit) -> float:
         """Return the chance of a larger chi-squared, by its first two moments."""
-        system, ratio = fit.details['equations'], self._overdispersion(fit)
+        system, ratio = fit.details.equations, self._overdispersion(fit)
         return float(chi2.sf(system.chi2 / ratio, system.dof / ratio)) if system.dof else 1.0
 
     def _drift(self, system):
@@ -228,7 +228,7 @@ class CalibrationProblem(Problem):
                 continue
             # BIC, but never less than what the best of so many candidates gains by chance in one
             # case of 200
-            penalty = max(rank * np.log(len(fit.details['equations'].right)),
+            penalty = max(rank * np.log(len(fit.details.equations.right)),
                           chi2.isf(_CHANCE / len(able), rank)) / 2
             p_value = float(chi2.sf(2 * gain, rank)) / (2 if isinstance(e, Scatter) else 1)
             said = f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
@@ -278,16 +278,16 @@ class CalibrationProblem(Problem):
         return [e for e in every if isinstance(e, (Regressor, Scatter))]
 
     def _gain(self, fit: Fit, effect: Regressor) -> tuple[float, int]:
-        system = fit.details['equations']
-        poses = self.poses.with_inputs(fit.details['inputs'])
-        return system.gain(whitened(system.whitener, effect.terms(poses, fit.details['S'])))
+        system = fit.details.equations
+        poses = self.poses.with_inputs(fit.details.inputs)
+        return system.gain(whitened(system.whitener, effect.terms(poses, fit.details.scale)))
 
     def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
         """Return the gain in restricted likelihood; 0 where less than is stated fits better."""
-        poses, scale = self.poses.with_inputs(fit.details['inputs']), fit.details['S']
+        poses, scale = self.poses.with_inputs(fit.details.inputs), fit.details.scale
         args = (poses, scale, self.tilt, self._free)
         amplitude, best = solve.best_amplitude(fit.model, effect, *args)
-        if effect.name == 'tilt' and amplitude <= self.tilt:
+        if effect.tilts and amplitude <= self.tilt:
             return 0.0, 1
         system, log_det = equations(fit.model, *args)
         return max(0.0, float(best - system.log_restricted(log_det))
@@ -295,10 +295,10 @@ class CalibrationProblem(Problem):
 
     def _where(self, fit: Fit, more: Fit) -> str:
         """Say at which poses the residual falls most."""
-        fall = (np.linalg.norm(fit.details['residual'], axis=0)
-                - np.linalg.norm(more.details['residual'], axis=0))
+        fall = (np.linalg.norm(fit.details.residual, axis=0)
+                - np.linalg.norm(more.details.residual, axis=0))
         worst = [self.poses.names[k] for k in np.argsort(-fall)[:3] if fall[k] > 0]
-        rms = [float(np.sqrt(np.mean(f.details['residual'] ** 2))) for f in (fit, more)]
+        rms = [float(np.sqrt(np.mean(f.details.residual ** 2))) for f in (fit, more)]
         return (f'rms residual {rms[0]:.2g} -> {rms[1]:.2g} {self.unit}'
                 + (f', most at {", ".join(worst)}' if worst else ''))
 
@@ -365,10 +365,10 @@ def _log_score(pull, variance, vector, whitener) -> float:
 
 def _directed(fit: Fit, poses: Poses) -> Poses:
     """Return poses with the directions that a fit sees in their outputs."""
-    scale, inputs = fit.details['S'], poses.outputs
+    scale, inputs = fit.details.scale, poses.outputs
     poses = poses.with_inputs(poses.magnitude
                               * unit(np.linalg.solve(scale,
-                                                     inputs - fit.details['bias'][:, None])))
+                                                     inputs - fit.details.bias[:, None])))
     for _ in range(5):
         inner = poses.outputs - solve.rest_of(fit.model, scale, poses)
         poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))

@@ -63,12 +63,12 @@ class Calibration:
     @property
     def S(self) -> np.ndarray:      # noqa: N802
         """Scale factors and cross-axis sensitivities, (3, 3)."""
-        return self.fit.details['S']
+        return self.fit.details.scale
 
     @property
     def bias(self) -> np.ndarray:
         """Biases, (3,)."""
-        return self.fit.details['bias']
+        return self.fit.details.bias
 
     @property
     def G(self) -> np.ndarray:      # noqa: N802
@@ -93,7 +93,7 @@ class Calibration:
 
 def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the standard deviations of S (3, 3) and bias (3,); 0 for what is not fitted."""
-    std = dict(zip(fit.details['keys'], np.sqrt(np.diag(fit.details['cov']))))
+    std = dict(zip(fit.details.keys, np.sqrt(np.diag(fit.details.cov))))
     s = np.array([[std.get(('scale' if k == m else 'cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz']
                   for k in 'xyz'])
     return s, np.array([std.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
@@ -211,7 +211,7 @@ def _refuse_missing_faces(names, notes) -> None:
 
 
 def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
-    system, scale = fit.details['equations'], fit.details['S']
+    system, scale = fit.details.equations, fit.details.scale
     wanted = len(system.keys)
     if system.rank < wanted and len(fit.model) == 3:
         raise InputError(f'the {poses.n} poses determine {system.rank} of {wanted} coefficients',
@@ -237,15 +237,15 @@ def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
 def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
     """Return warnings: off the faces, chi-squared, badly conditioned."""
     said = list(fit.flags)
-    x2, dof = fit.details['chi2'], fit.details['dof']
-    residual, inputs = fit.details['residual'], fit.details['inputs']
+    x2, dof = fit.details.chi2, fit.details.dof
+    residual, inputs = fit.details.residual, fit.details.inputs
     if dof and chi2.sf(x2, dof) < 0.005:
         said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
                     f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
     if method != 'norm' and dof:
         lateral = inputs == 0
-        own = np.diag(fit.details['S'])[:, None]
+        own = np.diag(fit.details.scale)[:, None]
         size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0),
                                                                    1e-300)
         turned = np.linalg.norm(inputs, axis=0) > 0
@@ -270,17 +270,17 @@ def as_dict(calibration: Calibration) -> Mapping:
         'formula': f'x = S^-1 (raw - bias{" - effects(x)" if c.correction.more else ""})',
         'G': c.G.tolist(), 'S': c.S.tolist(), 'bias': c.bias.tolist(),
         'std': {'S': std_s.tolist(), 'bias': std_b.tolist()},
-        'chi_squared': float(fit.details['chi2']), 'dof': int(fit.details['dof']),
-        'condition': float(fit.details['condition']),
+        'chi_squared': float(fit.details.chi2), 'dof': int(fit.details.dof),
+        'condition': float(fit.details.condition),
         'magnitude': float(poses.magnitude),
         'reference_temperature': float(poses.reference_temperature),
     }
     if c.problem.method != 'norm':
         out['tilt_deg'] = float(np.degrees(c.problem.tilt))
-        out['ols'] = {'S': c.plain.details['S'].tolist(), 'bias': c.plain.details['bias'].tolist()}
+        out['ols'] = {'S': c.plain.details.scale.tolist(), 'bias': c.plain.details.bias.tolist()}
     seen = {n: poses.names.count(n) for n in dict.fromkeys(poses.names)}
     if c.sensor == 'accel':
-        near = [nearest_face(u) for u in fit.details['inputs'].T]
+        near = [nearest_face(u) for u in fit.details.inputs.T]
         seen = counted(face for face, angle in near if angle <= CONE_DEG)
     out['faces' if c.sensor == 'accel' else 'turns'] = {
         'seen': {f: k for f, k in seen.items() if k},
@@ -290,8 +290,8 @@ def as_dict(calibration: Calibration) -> Mapping:
                       for e in fit.model if e.name not in solve.BASE}
     out['poses'] = [{
         'name': poses.names[k], 'time_s': float(poses.time[k]),
-        'output': poses.outputs[:, k].tolist(), 'input': fit.details['inputs'][:, k].tolist(),
-        'residual': fit.details['residual'][:, k].tolist(),
+        'output': poses.outputs[:, k].tolist(), 'input': fit.details.inputs[:, k].tolist(),
+        'residual': fit.details.residual[:, k].tolist(),
         'left_out_chi_squared': float(left.x[k]), 'left_out_bins': int(left.bins[k])}
         for k in range(poses.n)]
     out['notes'], out['warnings'] = list(c.notes), list(c.warnings)

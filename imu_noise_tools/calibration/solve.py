@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from .effects import BASE, Regressor, Scatter
-from .linear import Equations, equations
+from .linear import Equations, equations, tilt_of
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
 from ..core.units import si
@@ -19,6 +21,65 @@ METHODS = ('ols', 'wls', 'norm')
 TILT = np.radians(1.0)
 _TWO_SIDED, _ONE_SIDED = 1.959964, 1.644854         # 95 % of the normal distribution
 _TURNS = 60             # iterations; the norm fit converges quadratically, in five or six
+
+
+@dataclass(frozen=True)
+class Solved:
+    """
+    What a fit of a calibration holds besides its values: ``Fit.details``.
+
+    Parameters
+    ----------
+    scale : ndarray (3, 3)
+        S, scale factors and cross-axis sensitivities.
+    bias : ndarray (3,)
+        b, in units of the output.
+    theta : ndarray (m,)
+        Coefficients in the order of ``equations.keys``.
+    cov : ndarray (m, m)
+        Their covariance, tilt and leakage included.
+    equations : Equations
+        What was solved.
+    inputs : ndarray (3, n)
+        Inputs; for ``norm`` with the directions found.
+    residual : ndarray (3, n)
+        Outputs less what the model says of them.
+    tilt : float
+        Stated tilt, rad.
+    method : str
+        One of :data:`METHODS`.
+
+    """
+
+    scale: np.ndarray
+    bias: np.ndarray
+    theta: np.ndarray
+    cov: np.ndarray
+    equations: Equations
+    inputs: np.ndarray
+    residual: np.ndarray
+    tilt: float
+    method: str
+
+    @property
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """What the coefficients are, (label, parameter) each."""
+        return self.equations.keys
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals over their variance."""
+        return self.equations.chi2
+
+    @property
+    def dof(self) -> int:
+        """Equations left over."""
+        return self.equations.dof
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the equations."""
+        return self.equations.condition
 
 
 def ols(outputs: np.ndarray, regressor: np.ndarray) -> np.ndarray:
@@ -46,7 +107,8 @@ def base_model() -> Model:
     return model_of('calibration', BASE)
 
 
-def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, known=None) -> Fit:
+def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
+        known=None) -> Fit[Solved]:
     """
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
@@ -56,16 +118,15 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, kno
 
     ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses.
 
-    ``Fit.details``: ``S`` (3, 3), ``bias`` (3,), ``theta`` and ``cov`` with ``keys``,
-    ``equations``, ``inputs`` (3, n), ``residual`` (3, n) in units of the output, ``chi2``,
-    ``dof``, ``condition``.
+    ``Fit.details`` are :class:`Solved`.
 
     Raises
     ------
     UsageError
         An unknown method, or a model without scale and bias.
     FitError
-        The norm fit does not converge.
+        The norm fit does not converge, or an effect is not one of this sensor or needs what was
+        not recorded.
 
     """
     if method not in METHODS:
@@ -77,6 +138,10 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, kno
     free = method == 'norm'
     if not free and not poses.known:
         raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
+    for e in model.of(Regressor):
+        why = e.why_not(poses)
+        if why and (poses.sensor not in e.sensors or not np.isfinite(e.columns(poses)).all()):
+            raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
     system, state, log_det = _iterate(model, poses, free, tilt)
     for e in model.of(Scatter):
         amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale,
@@ -88,7 +153,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT, kno
     if method == 'ols':
         theta, cov = _unweighted(system)
     if not free:
-        rms = next(iter(model['tilt'].values.values())) if 'tilt' in model else tilt
+        rms = tilt_of(model, tilt)
         cov = cov + _common_tilt(system.keys, theta, rms)
         if method == 'wls':
             cov = cov + _leak(_State(state.poses, system.keys, theta), system, cov, rms)
@@ -204,15 +269,6 @@ def start(poses):
     return np.diag(radius * size / poses.magnitude), centre * size + middle[:, 0]
 
 
-def amplitudes(effect: Scatter, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
-    """Return the range in which a scatter's amplitude is looked for."""
-    # up to 0.5 % of the input: more is no bias that wanders
-    if effect.name == 'repeatability':
-        size = poses.magnitude * np.abs(np.diag(scale)).mean() / np.median(poses.amount)
-        return 1e-3 * float(np.median(poses.std / poses.amount)) + 1e-12, 5e-3 * size
-    return effect.parameters[0].lower, effect.parameters[0].upper
-
-
 def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, free) -> float:
     """Return the restricted log-likelihood with one scatter's amplitude."""
     trial = effect.with_values(**{effect.parameters[0].name: amplitude})
@@ -223,7 +279,7 @@ def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, fre
 
 def best_amplitude(model: Model, effect: Scatter, poses, scale, tilt, free) -> tuple[float, float]:
     """Return (amplitude of greatest restricted likelihood, that log-likelihood)."""
-    lower, upper = np.log(amplitudes(effect, poses, scale))
+    lower, upper = np.log(effect.bounds(poses, scale))
     grid = np.linspace(lower, upper, 25)
 
     def loss(x):
@@ -296,7 +352,8 @@ def _report(model, state, system, cov, log_det, method, tilt, known):
                                   _scatter_estimate(model, e, poses, state.scale, tilt, free)}
             effects.append(e)
             continue
-        mine = {p.name: _estimate(p, value.get((e.label, p.name)), sensor) for p in e.parameters}
+        mine = {p.name: _estimate(p, value.get((e.label, p.name)), sensor, e.name in BASE)
+                for p in e.parameters}
         estimates[e.label] = mine
         effects.append(e.with_values(**{n: m.point for n, m in mine.items()}))
         unseen = [n for n, m in mine.items() if m.std is None and not m.fixed]
@@ -305,16 +362,12 @@ def _report(model, state, system, cov, log_det, method, tilt, known):
                          + (f'; needs {e.needs}' if e.needs else ''))
     model = Model(effects)
     residual = poses.outputs - state.scale @ poses.inputs - rest_of(model, state.scale, poses)
-    details = {'S': state.scale, 'bias': state.bias, 'keys': keys,
-               'theta': np.array(list(state.values.values())),
-               'cov': cov, 'equations': system, 'inputs': poses.inputs, 'residual': residual,
-               'tilt': tilt,
-               'chi2': system.chi2, 'dof': system.dof, 'condition': system.condition,
-               'method': method}
+    details = Solved(state.scale, state.bias, np.array(list(state.values.values())), cov, system,
+                     poses.inputs, residual, tilt, method)
     return Fit(model, estimates, -0.5 * (system.chi2 + log_det), tuple(flags), details)
 
 
-def _estimate(parameter, found, sensor) -> Estimate:
+def _estimate(parameter, found, sensor, base: bool) -> Estimate:
     """Return the estimate of a coefficient; null where it may be zero and is not of the base."""
     unit_ = si(parameter.unit, sensor)
     if found is None:
@@ -325,7 +378,6 @@ def _estimate(parameter, found, sensor) -> Estimate:
         return Estimate(None, None, None, unit_, point=value, note='not determined by these poses')
     half = _TWO_SIDED * std
     interval = (value - half, value + half)
-    base = parameter.name[:2] in ('S_', 'b_')
     if not base and interval[0] <= 0 <= interval[1]:
         return Estimate(None, std, interval, unit_, upper95=abs(value) + _ONE_SIDED * std,
                         point=value,
@@ -336,7 +388,7 @@ def _estimate(parameter, found, sensor) -> Estimate:
 def _scatter_estimate(model, effect, poses, scale, tilt, free) -> Estimate:
     """Return the estimate of a scatter's amplitude by its restricted profile likelihood."""
     parameter = effect.parameters[0]
-    lower, upper = amplitudes(effect, poses, scale)
+    lower, upper = effect.bounds(poses, scale)
     grid = np.exp(np.linspace(np.log(lower), np.log(upper), 400))
     coarse = grid[::8]
     profile = np.array([restricted(model, effect, a, poses, scale, tilt, free) for a in coarse])

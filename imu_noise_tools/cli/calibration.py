@@ -103,12 +103,12 @@ def calibrate(args) -> int:
         print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
     if c.problem.method == 'wls':
         import numpy as np
-        apart = np.abs(c.plain.details['bias'] - c.bias).max()
+        apart = np.abs(c.plain.details.bias - c.bias).max()
         print(f'  plain least squares (ols) puts the bias up to {apart:.2g} {unit} elsewhere: '
               f'that is the tilt of the faces; '
               f'scale factors are low by some {1e6 * (args.tilt * DEG) ** 2:.0f} ppm with '
               f'{args.tilt:g} deg')
-    print(f'  chi-squared {c.fit.details["chi2"]:.1f} with {c.fit.details["dof"]} degrees of '
+    print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')

@@ -97,6 +97,7 @@ def compare(args) -> int:
     """Run ``compare``."""
     from .. import store
     from . import text
+    from ..report import terminal
 
     common.load_own_effects(args)
     study = store.load(args.dir, intervals=bool(args.dir2))
@@ -126,14 +127,14 @@ def compare(args) -> int:
             }
         )
     else:
-        print(text.compare(study, verbose=args.verbose))
+        print(terminal.compare(study, verbose=args.verbose))
     return 0
 
 
 def diagnose(args) -> int:
     """Run ``diagnose``."""
     from .. import store
-    from . import text
+    from ..report import terminal
     from ..tasks import loop as tasks
 
     common.load_own_effects(args)
@@ -154,14 +155,14 @@ def diagnose(args) -> int:
         common.print_json(out)
     else:
         if args.until_complete:
-            print(text.history(store.study_to_dict(study)['history']))
-        print(text.diagnosis(study, args.dir, verbose=args.verbose))
+            print(terminal.history(study.history))
+        print(terminal.diagnosis(study, args.dir, verbose=args.verbose))
     return 0
 
 
 def _print_steps(args, study, steps):
     from .. import store
-    from . import text
+    from ..report import terminal
 
     if args.json:
         common.print_json(
@@ -171,7 +172,7 @@ def _print_steps(args, study, steps):
             }
         )
     elif steps:
-        print(text.steps(study, steps))
+        print(terminal.steps(study, steps))
     else:
         print('nothing is missing that the diagnosis can name: no effect added')
 
@@ -209,13 +210,13 @@ def remove(args) -> int:
 def history(args) -> int:
     """Run ``history``."""
     from .. import store
-    from . import text
+    from ..report import terminal
 
     data = store.read(args.dir)
     if args.json:
         common.print_json({'history': data.get('history') or []})
     else:
-        print(text.history(data.get('history') or []))
+        print(terminal.history(store.history_of(data)))
     return 0
 
 

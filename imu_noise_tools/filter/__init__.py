@@ -10,7 +10,8 @@ Units are SI (rad/s); one axis at a time, since the three see each other only th
 
 """
 
-from .motion import oscillator
+from .motion import ConstantRate
+from .oscillation import Oscillation, oscillator
 from .output_noise import noise_blocks
 from .problem import arrays_of, FilterProblem, problem_of, problems
 from .statespace import Block, FilterEffect, Look, Motion, nothing, OutputNoise
@@ -18,6 +19,6 @@ from .statespace import Block, FilterEffect, Look, Motion, nothing, OutputNoise
 TITLE = 'Innovations of a filter'
 NEXT = ()
 
-__all__ = ['arrays_of', 'Block', 'FilterEffect', 'FilterProblem', 'Look', 'Motion', 'NEXT',
-           'noise_blocks', 'nothing', 'oscillator', 'OutputNoise', 'problem_of', 'problems',
-           'TITLE']
+__all__ = ['arrays_of', 'Block', 'ConstantRate', 'FilterEffect', 'FilterProblem', 'Look', 'Motion',
+           'NEXT', 'noise_blocks', 'nothing', 'Oscillation', 'oscillator', 'OutputNoise',
+           'problem_of', 'problems', 'TITLE']

@@ -17,7 +17,7 @@ import numpy as np
 
 from .modes import default_modes, Modes, modes_of
 from .output_noise import White
-from .statespace import DOMAIN, FilterEffect, state_space
+from .statespace import DOMAIN, FilterEffect, jumps, state_space, white_of
 from ..core.errors import UsageError
 from ..loop.effect import find_effect, Model
 
@@ -46,10 +46,14 @@ class Design:
     @property
     def linear(self) -> bool:
         """Whether each axis is one linear Gaussian model, which has a steady state."""
-        kinds = {'rate_step', 'outliers'}
         return self.motion is not None and not any(
-            e.name in kinds for m in (*self.motion, *self.noise) for e in m
+            jumps(m) for m in (*self.motion, *self.noise)
         )
+
+    @property
+    def r(self) -> np.ndarray:
+        """Variance of the white noise of each axis, (axes,)."""
+        return np.array([w[w.variance] for w in map(white, self.noise)])
 
     @property
     def names(self) -> dict:
@@ -63,7 +67,8 @@ class Design:
         """Return the design with the variance of the white noise of each axis, (axes,), given."""
         return Design(
             self.motion,
-            tuple(m.with_effect(White({'R': float(v)})) for m, v in zip(self.noise, r)),
+            tuple(m.with_values({w.label: {w.variance: float(v)}})
+                  for m, w, v in zip(self.noise, map(white, self.noise), r)),
             self.alpha,
         )
 
@@ -78,6 +83,13 @@ class Design:
             if self.motion is None
             else modes_of(self.models(), dt)
         )
+
+
+def white(model: Model) -> FilterEffect:
+    """Return the white noise of a model that has one."""
+    found = white_of(model)
+    assert found is not None
+    return found
 
 
 def design(
@@ -121,8 +133,9 @@ def design(
         noises = aligned([_named(m, 'noise') for m in noise])
     else:
         noises = [_named(noise, 'noise')] * axes
-    noises = [m if 'white' in m else m + White() for m in noises]
-    unknown = any(not m['white'].fitted and not v.get('white') for m, v in zip(noises, values))
+    noises = [m if white_of(m) else m + White() for m in noises]
+    unknown = any(not w.fitted and not v.get(w.label)
+                  for w, v in zip(map(white, noises), values))
     made = Design(
         moving, tuple(_valued(m, v) for m, v in zip(noises, values)), float(alpha), unknown
     )

@@ -277,7 +277,7 @@ class Engine:
         if not self._ready:
             self.design = made
             return
-        r = [m['white']['R'] for m in self.design.noise]
+        r = self.design.r
         self.design = made.with_r(r) if made.unknown_r and self.design_reads_r else made
         old = self._answer[0] if self._answer else None
         self._build()

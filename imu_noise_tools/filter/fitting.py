@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize
 
-from .predict import by_bank, jumps, predict
-from .statespace import FilterEffect
+from .predict import by_bank, predict
+from .statespace import FilterEffect, jumps, Motion, state_space, white_of
 from ..core.units import si
 from ..loop.effect import Effect, Estimate, Model
 
@@ -37,12 +37,13 @@ class Free:
 
     def __init__(self, model: Model, fixed):
         self.model = model
+        self.lines = {(e.label, e.line) for e in model.of(FilterEffect)}
         self.parts = [
             (e.label, p)
             for e in model.of(FilterEffect)
             if e.label not in fixed
             for p in e.parameters
-            if p.name not in e.measured
+            if p.name not in e.measured and not p.discrete
         ]
 
     def vector(self) -> np.ndarray:
@@ -59,8 +60,8 @@ class Free:
         return np.array(
             [
                 (
-                    0.2 / (span * self.model[label]['frequency'])
-                    if p.name == 'frequency'
+                    0.2 / (span * self.model[label][p.name])
+                    if (label, p.name) in self.lines
                     else 0.5 if p.log else 0.1
                 )
                 for label, p in self.parts
@@ -92,10 +93,9 @@ def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
     order = sorted(
         model.of(FilterEffect),
         key=lambda e: (
-            e.name in ('outliers', 'rate_step'),
+            e.jumps,
             e.label not in fixed,
-            e.name not in ('constant_rate', 'white'),
-            e.name != 'ar_increment',
+            bool(e.parameters) and not e.variance,
         ),
     )
     held: list[Effect] = []
@@ -120,10 +120,7 @@ def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
 
 def _complete(model: Model) -> bool:
     """Tell whether a partial model can be evaluated: it has motion and white noise."""
-    return (
-        any(e.kind == 'motion' and e.name != 'rate_step' for e in model.of(FilterEffect))
-        and 'white' in model
-    )
+    return any(not e.jumps for e in model.of(Motion)) and white_of(model) is not None
 
 
 def maximise(model: Model, fixed, evaluate: Likelihood) -> tuple[Model, float]:
@@ -200,6 +197,7 @@ def estimates(
         if e.label in fixed
     }
     x = free.vector()
+    whites = {e.label for e in model.of(FilterEffect) if e.variance}
     flags = []
     able = len(x) and np.isfinite(log_likelihood)
     sd = (
@@ -220,7 +218,8 @@ def estimates(
                 value * min(spread, 1e3),
             )
         entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
-        if p.amplitude and label != 'white' and _vanishes(free, x, i, log_likelihood, evaluate):
+        able = p.amplitude and label not in whites     # without R there is no filter
+        if able and _vanishes(free, x, i, log_likelihood, evaluate):
             upper = _upper(free, x, i, log_likelihood, evaluate)
             entry = Estimate(
                 None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
@@ -231,7 +230,11 @@ def estimates(
         out.setdefault(label, {})[p.name] = entry
     for e in model.of(FilterEffect):
         for p in e.parameters:
-            if e.label not in fixed and p.name in e.measured:
+            if e.label not in fixed and p.discrete:
+                out.setdefault(e.label, {})[p.name] = Estimate(
+                    e[p.name], None, None, si(p.unit, sensor), point=e[p.name],
+                    note='the best of the values tried')
+            elif e.label not in fixed and p.name in e.measured:
                 out.setdefault(e.label, {})[p.name], flag = _measured(
                     model, e, p, log_likelihood, evaluate, sensor
                 )
@@ -249,9 +252,8 @@ def _measured(model, effect, p, best, evaluate, sensor):
 
     """
     value, unit = effect[p.name], si(p.unit, sensor)
-    std = float(
-        np.sqrt(2 * model['white']['R'] / evaluate.samples)
-    )  # least squares of a line in white noise
+    # least squares of a line in white noise
+    std = float(np.sqrt(2 * state_space(model, evaluate.dt).r / evaluate.samples))
     without = float(evaluate([model.with_effect(effect.with_values(**{p.name: p.lower}))])[0])
     if best - without < NULL:
         upper = value + 1.645 * std

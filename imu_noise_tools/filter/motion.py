@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .oscillation import Oscillation, parameters
 from .statespace import Block, Motion, nothing
-from ..core import gauss_markov
 from ..core.units import DEG
 from ..loop.effect import Parameter
 
@@ -34,26 +34,12 @@ def _integrator(phi, q, p0=0.0) -> Block:
     )
 
 
-def oscillator(amplitude: float, frequency: float, tc: float, dt: float) -> Block:
-    """
-    Return a random-phase oscillation: a rotation by 2 pi f dt that forgets its phase within tc.
-
-    Stationary variance amplitude^2/2 in each of its two states (a Gauss-Markov pair turned by the
-    carrier).
-
-    """
-    keep, angle = gauss_markov.phi(dt, tc), 2 * np.pi * frequency * dt
-    c, s = keep * np.cos(angle), keep * np.sin(angle)
-    variance = 0.5 * amplitude ** 2
-    return Block(np.array([[c, s], [-s, c]]), -np.expm1(-2 * dt / tc) * variance * np.eye(2),
-                 np.array([1.0, 0.0]), variance * np.eye(2))
-
-
 class ConstantRate(Motion):
     """The rate does not change."""
 
     name = 'constant_rate'
     symbol = 'x'
+    sought = False
     title = 'constant rate'
     equation = 'x_k = x_{k-1}'
     signature = 'innovations of one sign whenever the rate changes'
@@ -233,7 +219,7 @@ class Singer(Motion):
         return _integrator([[1, tc * one_less], [0, e]], [[q00, q01], [q01, q11]], sigma2)
 
 
-class Harmonic(Motion):
+class Harmonic(Oscillation, Motion):
     """Sway: an oscillation of the rate itself, slow enough to be motion."""
 
     name = 'harmonic'
@@ -247,30 +233,13 @@ class Harmonic(Motion):
     )
     reference = 'Harvey 1989, 2.3.3'
     heals = 'autocorrelation'
-    parameters = (Parameter('amplitude', '{rate}', 1e-6, 1e2, amplitude=True, title='amplitude'),
-                  Parameter('frequency', 'Hz', 0.02, 3.0, title='frequency'),
-                  Parameter('tc', 's', 1.0, 1e6, title='how long it keeps its phase'))
-    several = True
-    measured = ('amplitude',)
+    band = (0.02, 3.0)
+    parameters = parameters(1e-6, band)
 
     @classmethod
     def example(cls):
         """Return the paper's rocking by 50 deg at 10 s."""
         return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1, 'tc': 1e4})
-
-    @classmethod
-    def guesses(cls, look):
-        """Return the strongest slow lines of the series."""
-        slow = [(f, a) for f, a in look.lines if 0.02 <= f <= 3.0][:2]
-        return [
-            cls({'amplitude': a, 'frequency': f, 'tc': tc})
-            for f, a in slow
-            for tc in (10.0, 1e3, 1e5)
-        ]
-
-    def block(self, dt):
-        """Return an oscillator beside the rate."""
-        return oscillator(self['amplitude'], self['frequency'], self['tc'], dt)
 
 
 class RateStep(Motion):
@@ -284,6 +253,8 @@ class RateStep(Motion):
     hint = 'a rate table or a stepper motor; a shock that moved the bias'
     reference = 'Willsky, Jones 1976'
     heals = 'kurtosis'
+    jumps = True
+    search = 4.0
     parameters = (Parameter('size', '{rate}', 1e-6, 1e2, amplitude=True, title='rms of a step'),
                   Parameter('rate', 'Hz', 1e-4, 10.0, title='steps in a second'))
 

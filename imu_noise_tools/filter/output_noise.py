@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from scipy.optimize import nnls
 
-from .motion import oscillator
+from .oscillation import Oscillation, parameters
 from .statespace import Block, nothing, OutputNoise
 from ..core import gauss_markov
 from ..core.units import DEG
@@ -32,6 +32,8 @@ class White(OutputNoise):
 
     name = 'white'
     symbol = 'R'
+    sought = False
+    variance = 'R'
     title = 'white noise'
     equation = 'z_k = x_k + v_k, var v = R'
     signature = 'the level of the innovations'
@@ -67,6 +69,7 @@ class NoiseLevel(OutputNoise):
     hint = 'wrong R: another range, bandwidth or temperature than when it was measured'
     reference = 'Mehra 1970'
     heals = 'level'
+    scales = True
     parameters = (Parameter('factor', '1', 1e-4, 1e4, title='variance over what was stated'),)
 
     @classmethod
@@ -136,6 +139,7 @@ class RandomWalk(OutputNoise):
 
     name = 'random_walk'
     symbol = 'K'
+    sought = False
     title = 'rate random walk'
     equation = "b' = white of density K^2, over an hour at most"
     signature = 'slow wander at rest'
@@ -155,7 +159,7 @@ class RandomWalk(OutputNoise):
         return GaussMarkov({'sigma': self['K'] * np.sqrt(LONGEST / 2), 'tc': LONGEST}).block(dt)
 
 
-class Sinusoid(OutputNoise):
+class Sinusoid(Oscillation, OutputNoise):
     """A vibration line in the output, fast enough to be no motion."""
 
     name = 'sinusoid'
@@ -169,30 +173,13 @@ class Sinusoid(OutputNoise):
     )
     reference = 'IEEE 952 C.1.7'
     heals = 'line'
-    parameters = (Parameter('amplitude', '{rate}', 1e-8, 1e2, amplitude=True, title='amplitude'),
-                  Parameter('frequency', 'Hz', 3.0, 1e4, title='frequency'),
-                  Parameter('tc', 's', 1.0, 1e6, title='how long it keeps its phase'))
-    several = True
-    measured = ('amplitude',)
+    band = (3.0, 1e4)
+    parameters = parameters(1e-8, band)
 
     @classmethod
     def example(cls):
         """Return one degree a second at 20 Hz."""
         return cls({'amplitude': DEG, 'frequency': 20.0, 'tc': STEADY})
-
-    @classmethod
-    def guesses(cls, look):
-        """Return the strongest fast lines of the series."""
-        fast = [(f, a) for f, a in look.lines if 3.0 <= f < 0.49 / look.dt][:2]
-        return [
-            cls({'amplitude': a, 'frequency': f, 'tc': tc})
-            for f, a in fast
-            for tc in (10.0, 1e3, 1e5)
-        ]
-
-    def block(self, dt):
-        """Return an oscillator."""
-        return oscillator(self['amplitude'], self['frequency'], self['tc'], dt)
 
 
 class Outliers(OutputNoise):
@@ -211,6 +198,8 @@ class Outliers(OutputNoise):
     hint = 'transmission errors, knocks; never a motion, which would last'
     reference = 'Sorenson, Alspach 1971'
     heals = 'kurtosis'
+    jumps = True
+    search = 4.0
     parameters = (Parameter('fraction', '1', 1e-5, 0.3, title='share of the samples'),
                   Parameter('factor', '1', 4.0, 1e6, title='their variance over R'))
 

@@ -17,7 +17,7 @@ import numpy as np
 from . import kalman
 from .imm import Bank, Coefficients, log_density
 from .modes import modes_of
-from .statespace import state_space
+from .statespace import FilterEffect, jumps, state_space
 from ..loop.effect import Model
 
 CHUNK, WARM = 128, 512  # samples: of a chunk run beside others, and of what it is warmed up on
@@ -41,14 +41,9 @@ def settle_of(n: int) -> int:
     return min(512, n // 8)
 
 
-def jumps(model: Model) -> bool:
-    """Tell whether a model has no steady state, because of outliers or steps."""
-    return 'outliers' in model or 'rate_step' in model
-
-
 def oscillates(model: Model) -> bool:
     """Tell whether an effect of the model has a phase."""
-    return any(p.name == 'frequency' for e in model for p in e.parameters)
+    return any(e.line for e in model.of(FilterEffect))
 
 
 def _from_best_start(steady, z, x):

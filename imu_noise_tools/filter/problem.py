@@ -15,7 +15,7 @@ from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
 from .predict import predict, Prediction
-from .statespace import DOMAIN, FilterEffect, Look
+from .statespace import DOMAIN, FilterEffect, Look, white_of
 from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
@@ -24,18 +24,7 @@ from ..loop.problem import Problem
 
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
-NEVER = (
-    'constant_rate',
-    'white',
-    'random_walk',
-)  # not candidates: without parameters, always there, not told apart
 MENDED = 0.5  # share of the lost information that may be left by an effect that explains the rest
-SEARCH = {
-    'harmonic': 2.0,
-    'sinusoid': 2.0,
-    'outliers': 4.0,
-    'rate_step': 4.0,
-}  # nats: places where it was looked for
 
 
 class FilterProblem(Problem):
@@ -104,31 +93,23 @@ class FilterProblem(Problem):
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
         best, log_l = maximise(begin, self.stated, evaluate)
         if self.whole is None:
-            best = self._with_amplitudes(best)
+            best = self._with_measured(best)
             log_l = float(evaluate([best])[0])
         found, flags = (
             estimates(best, self.stated, log_l, evaluate) if self.whole is None else ({}, ())
         )
         return Fit(best, found, log_l, flags)
 
-    def _with_amplitudes(self, model: Model) -> Model:
+    def _with_measured(self, model: Model) -> Model:
         """
-        Return the model with the amplitude of each fitted line read at its frequency.
+        Return the model with the values that are read from the samples.
 
-        How fast it changes is kept.
+        The amplitude of a line, read at its frequency.
 
         """
         for e in model.of(FilterEffect):
-            if e.label not in self.stated and 'amplitude' in e.measured:
-                t = np.arange(len(self.z)) * self.dt
-                read = (
-                    2
-                    * abs(np.exp(-2j * np.pi * e['frequency'] * t) @ (self.z - np.mean(self.z)))
-                    / len(t)
-                )
-                tc = next(p for p in e.parameters if p.name == 'tc')
-                longer = float(np.clip(e['tc'] * (read / e['amplitude']) ** 2, tc.lower, tc.upper))
-                model = model.with_effect(e.with_values(amplitude=read, tc=longer))
+            if e.label not in self.stated and e.measured:
+                model = model.with_effect(e.read(self.z, self.dt))
         return model
 
     def prediction(self, model: Model) -> Prediction:
@@ -155,23 +136,21 @@ class FilterProblem(Problem):
         out = []
         n = len(self.z)
         known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
+        white = white_of(fit.model)
+        stated = white is not None and white.label in self.stated
         for name, effect in known.items():
-            if (
-                name in NEVER
-                or not effect.parameters
-                or (name in fit.model and not effect.several)
-            ):
+            if not effect.sought or (name in fit.model and not effect.several):
                 continue
-            if name == 'noise_level' and 'white' not in self.stated:
+            if effect.scales and not stated:
                 continue
-            if effect.after and effect.after not in fit.model:
+            if effect.after and not any(effect.after in e.lineage() for e in fit.model):
                 continue
             after = self.fit(unfitted(fit.model).plus(effect()))
             gain = after.log_likelihood - fit.log_likelihood
             if not np.isfinite(gain):
                 continue
             new = next(e for e in after.model if e.label not in fit.model)
-            penalty = 0.5 * len(effect.parameters) * np.log(n) + SEARCH.get(name, 0.0) + 2.0
+            penalty = 0.5 * len(effect.parameters) * np.log(n) + effect.search + 2.0
             heals = effect.heals
             if gain > penalty and self._lost(after) < MENDED * self._lost(fit):
                 heals = ''  # most is explained: what is left is another effect's

@@ -98,16 +98,35 @@ class Look:
 
 
 class FilterEffect(Effect):
-    """An effect of the filter's domain: it supplies one block."""
+    """
+    An effect of the filter's domain: it supplies one block.
+
+    What it can do it says here; nothing goes by its name.
+
+    """
 
     domain: ClassVar[str] = DOMAIN
-    kind: ClassVar[str] = ''               # motion drives the rate, noise adds to the output
-    heals: ClassVar[str] = ''  # the test of evaluate.omnibus that it must mend to be believed
-    measured: ClassVar[
-        tuple[str, ...]
-    ] = ()  # parameters read from the samples, not from the likelihood
-    after: ClassVar[str] = ''  # it is a candidate only where this is in the model already
-    views: ClassVar[tuple[str, ...]] = ()  # an effect of the filter is judged by all views
+    #: motion drives the rate, noise adds to the output
+    kind: ClassVar[str] = ''
+    #: whether it is a candidate of a diagnosis: not what is always there, or cannot be told apart
+    sought: ClassVar[bool] = True
+    #: it is a candidate only where this is in the model already
+    after: ClassVar[str] = ''
+    #: nats that chance gains by the places where it is looked for
+    search: ClassVar[float] = 0.0
+    #: the test of evaluate.omnibus that it must mend to be believed
+    heals: ClassVar[str] = ''
+    #: whether its block holds a step or outliers: a model with it has no steady state
+    jumps: ClassVar[bool] = False
+    #: whether it multiplies the stated noise: nothing to be found where none is stated
+    scales: ClassVar[bool] = False
+    #: the parameter that is the variance of white noise, for an effect that is
+    variance: ClassVar[str] = ''
+    #: the parameter that is the frequency of a line, for an effect that keeps its phase
+    line: ClassVar[str] = ''
+    #: parameters read from the samples (:meth:`read`), not from the likelihood
+    measured: ClassVar[tuple[str, ...]] = ()
+    views: ClassVar[tuple[str, ...]] = ()       # it is judged by all views
 
     @classmethod
     def guesses(cls, look: Look) -> list[Effect]:
@@ -118,6 +137,10 @@ class FilterEffect(Effect):
 
         """
         return [cls.example()]
+
+    def read(self, z: np.ndarray, dt: float) -> Effect:
+        """Return it with the values that come from the samples z (n,) at dt (s)."""
+        return self
 
     def block(self, dt: float) -> Block:
         """Return (Phi, Q, H, R) over one interval dt, s."""
@@ -140,6 +163,16 @@ def nothing(**parts) -> Block:
     """Return a block without states: only R, outliers or a step."""
     empty = np.zeros((0, 0))
     return Block(empty, empty, np.zeros(0), empty, **parts)
+
+
+def white_of(model: Model) -> FilterEffect | None:
+    """Return the white noise of a model, the effect that sets R; None where there is none."""
+    return next((e for e in model.of(FilterEffect) if e.variance), None)
+
+
+def jumps(model: Model) -> bool:
+    """Tell whether a model has no steady state, because of outliers or steps."""
+    return any(e.jumps for e in model.of(FilterEffect))
 
 
 def state_space(model: Model, dt: float) -> StateSpace:

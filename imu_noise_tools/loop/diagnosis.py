@@ -43,7 +43,9 @@ class Remaining:
     share : float or None
         Of the record's power that the model does not account for.
     largest_ratio : float or None
-        Of measured to model Allan deviation, or its inverse, beyond what chance allows.
+        Of measured to model Allan deviation, beyond what chance allows.
+    sufficient : bool or None
+        Whether it does not matter all the same.
     nearest : Finding or None
         The candidate that comes nearest; its ``against`` says what speaks against it.
 
@@ -52,6 +54,7 @@ class Remaining:
     failed: tuple[Finding, ...]
     share: float | None = None
     largest_ratio: float | None = None
+    sufficient: bool | None = None
     nearest: Finding | None = None
 
 
@@ -109,9 +112,7 @@ def diagnose(state: State) -> Diagnosis:
     ranked = search.ranking(chain)
     telling = left.failed if left and not found else failed
     advice = state.problem.advice(said, ranked, list(telling))
-    enough = True if left is None else None
-    if left is not None and left.largest_ratio is not None:
-        enough = rules.sufficient(left.largest_ratio)
+    enough = True if left is None else left.sufficient
     return Diagnosis(said, tuple(ranked), tuple(failed), advice, tuple(found), left, enough)
 
 
@@ -228,8 +229,14 @@ class _Search:
         begun = [(surplus(rival) - surplus(main[i]), [*main[:i], rival])
                  for i in range(len(main)) for rival in self._rivals(main, i)[:2]]
         begun.sort(key=lambda z: -z[0])
+        whole = frozenset(self.model_of(main).labels)
         for _, begin in begun[:CHAINS - 1]:
-            chains.append(self.chain(begin))
+            other = self.chain(begin)
+            # a rival with all of the main chain beside it: from there it was seen to gain nothing
+            if not whole < frozenset(self.model_of(other).labels):
+                chains.append(other)
+        self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
+                       or len(k) == len(whole) + 1}
         return max(chains, key=lambda c: sum(surplus(f) for f in c))
 
     def _rivals(self, chain: list[Finding], i: int) -> list[Finding]:
@@ -369,11 +376,11 @@ class _Search:
         if not failed:
             return None
         place = self.place(model)
-        share, ratio = (None, None) if place is None else self.problem.materiality(place.fit)
+        weighed = (None, None, None) if place is None else self.problem.materiality(place.fit)
         near = [*self.refuted.values(), *(place.candidates if place else ())]
         near = [f for f in near if f.gain > f.penalty]
         nearest = max(near, key=surplus, default=None)
-        return Remaining(tuple(failed), share, ratio, nearest)
+        return Remaining(tuple(failed), *weighed, nearest)
 
     def ranking(self, chain: list[Finding]) -> list[Finding]:
         """
@@ -391,11 +398,12 @@ class _Search:
                  if label(self.base, f) not in self.refuted]
         rest = sorted([*(f for f in chain if f.against), *refuted, *other],
                       key=lambda f: -(f.probability or 0.0))
-        out: dict[str, Finding] = {}
-        for f in (*found, *rest):
-            if f.name not in out or f in found:
-                out.setdefault(f'{f.name} {len(out)}' if f.name in out else f.name, f)
-        return list(out.values())[:LISTED]
+        out, seen = found, {f.name for f in found}
+        for f in rest:
+            if f.name not in seen:
+                out.append(f)
+                seen.add(f.name)
+        return out[:LISTED]
 
 
 def label(model: Model, finding: Finding) -> str:

@@ -19,7 +19,7 @@ import importlib.util
 from pathlib import Path
 import re
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from . import verdict
 from .domains import DOMAINS, package
 from ..core.errors import InputError, UsageError
 
+Details = TypeVar('Details')     # what a domain keeps of a fit
 _REGISTRY: dict[str, dict[str, type[Effect]]] = {}
 
 
@@ -178,6 +179,18 @@ class Effect:
         """Return the sum as a model."""
         return Model((self,)) + other
 
+    @classmethod
+    def lineage(cls) -> tuple[str, ...]:
+        """
+        Return its name and those of the effects it derives from, nearest first.
+
+        What is known of an effect by name (a threshold, a rule of reading) holds for those that
+        derive from it.
+
+        """
+        names = [c.__dict__['name'] for c in cls.__mro__ if c.__dict__.get('name')]
+        return tuple(names)
+
     @property
     def fitted(self) -> bool:
         """Whether every parameter has a value."""
@@ -199,7 +212,7 @@ class Effect:
         """Return the values as people read them, choices by name."""
         return {k: self.parameter(k).written(v) for k, v in self.values.items()}
 
-    def with_values(self, **values: float | str) -> Effect:
+    def with_values(self, **values: Any) -> Effect:
         """Return a copy with these values in place of, or beside, the old ones."""
         return type(self)({**self.values, **values}, self.label)
 
@@ -382,6 +395,7 @@ def load_effects(path) -> list[str]:
     for domain in DOMAINS:  # so that a name that is taken is seen
         package(domain)
     spec = importlib.util.spec_from_file_location(f'imu_noise_user_{path.stem}', path)
+    assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -421,7 +435,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Generic[Details]):
     """
     What fitting a model gave: the model with its values, an estimate of each, and what went wrong.
 
@@ -436,7 +450,7 @@ class Fit:
     estimates: Mapping[str, Mapping[str, Estimate]]
     log_likelihood: float
     flags: tuple[str, ...] = ()
-    details: Any = field(default_factory=dict)
+    details: Details = None  # type: ignore[assignment]
     supported: float | None = None
 
 

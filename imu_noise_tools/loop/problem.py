@@ -78,15 +78,20 @@ class Problem(ABC):
         """
         return ''
 
-    def materiality(self, fit: Fit) -> tuple[float | None, float | None]:
+    def materiality(self, fit: Fit) -> tuple[float | None, float | None, bool | None]:
         """
-        Return what a model leaves: its share of the power, and what it does to the deviation.
+        Return what a model leaves: its share of the power, what it does, and whether it matters.
 
-        The second is the largest ratio of measured to model Allan deviation, or its inverse,
-        beyond what chance allows; None where a domain has no such thing.
+        The second is the largest ratio of measured to model Allan deviation beyond what chance
+        allows, the last whether the model is sufficient all the same; None where a domain has no
+        such thing.
 
         """
-        return None, None
+        return None, None, None
+
+    def basis(self, fit: Fit) -> dict:
+        """Return what the values of a fit rest on, and what they leave, as plain data."""
+        return {}
 
     def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         """Return what to do next, in a sentence or two."""

@@ -40,10 +40,8 @@ FLEXIBLE_SHARE = 0.02
 HEALED = 0.5
 #: times as much that fails elsewhere makes a finding a side of something else
 SHADOW = 10.0
-#: relative change of the Allan deviation that does not matter (issue of materiality in DESIGN)
+#: relative change of the Allan deviation over tau <= T/10 that does not matter
 MATERIAL = 0.05
-#: standard deviations from which a single point of a view is worth showing
-PULL = 3.0
 
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 

@@ -71,7 +71,7 @@ class Loop:
             serve(node, name, getattr(self, name), group)
 
     def compare(self) -> dict:
-        """Return, for each target, the error on data not fitted, in all and by view."""
+        """Return, for each target, the held-out deviance, in all and by view."""
         study = self._study()
         return {'targets': {t: {
             'effects': study.states[t].model.labels, 'held_out': s.excess, 'held_out_std': s.std,

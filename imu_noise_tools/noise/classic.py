@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize, nnls
 
+from .curve import bin_weights
 from .evidence import Evidence
 from .kinds import Line, Mean, Spectrum
 from ..core import units
@@ -137,16 +138,11 @@ def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:
 
     It holds under a model with power v (b,) in the bins.
 
-    The Allan variance is a weighted sum of periodogram ordinates, weights 2 sin^4(pi f m dt)/(m
-    sin(pi f dt))^2 df (sin^4 replaced by its mean where a bin holds many of its oscillations); a
-    bin of w ordinates has variance 2 v^2/w.
+    A bin of w ordinates has variance 2 v^2/w.
 
     """
-    c, bins = evidence.curve, evidence.whole.bins
-    f, width = bins.f, bins.count / (2 * bins.n * c.dt)
-    m = c.m[:, None].astype(float)
-    wave = np.where(m * c.dt * width < 0.25, np.sin(np.pi * f * m * c.dt) ** 4, 0.375)
-    g = 2 * wave / (m * np.sin(np.pi * f * c.dt)) ** 2 * width
+    bins = evidence.whole.bins
+    g = bin_weights(bins, evidence.curve.m)
     return (g * (2 * v**2 / bins.count)) @ g.T
 
 
@@ -181,20 +177,21 @@ def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
         list(full.flags),
     )
     for e in full.model:
-        if e.name not in READINGS:
+        known = next((n for n in e.lineage() if n in READINGS), '')
+        if not known:
             continue
-        name, wanted, at, divisor = READINGS[e.name]
+        name, wanted, at, divisor = READINGS[known]
         unit = units.si(_templates(e)[name], evidence.sensor)
         some = (
             np.flatnonzero(c.tau < 1)
-            if e.name == 'white' and np.sum(c.tau < 1) > 2
+            if known == 'white' and np.sum(c.tau < 1) > 2
             else np.arange(len(c.tau))
         )
         i = some[int(np.argmin(np.abs(slope[some] - wanted)))]
-        if e.name == 'flicker':
+        if known == 'flicker':
             i = _bias_point(c, slope, bias_at, i)
         value = float(c.dev[i] * (at / c.tau[i]) ** wanted / divisor)
-        there = abs(slope[i] - wanted) <= NEAR or (e.name == 'flicker' and bias_at != 'flat')
+        there = abs(slope[i] - wanted) <= NEAR or (known == 'flicker' and bias_at != 'flat')
         ratio = value / c.dev[i]
         if there:
             std = value / np.sqrt(2 * c.edf[i])

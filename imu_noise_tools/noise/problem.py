@@ -15,12 +15,12 @@ from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
 from .kinds import Spectrum
+from .materiality import Materiality, materiality
 from .plan import duration_for, in_words
 from ..core.allan import dominant_shape
 from ..core.errors import UsageError
 from ..loop.effect import Finding, Fit, Model, Score, unfitted
 from ..loop.problem import Problem
-from ..loop.verdict import PULL
 
 METHODS = ('likelihood', 'avar', 'slopes')
 
@@ -54,6 +54,7 @@ class NoiseProblem(Problem):
         self._points: dict = {}
         self._candidates: dict = {}
         self._begun: dict[tuple[str, ...], Fit] = {}
+        self._matters: dict = {}
 
     @property
     def target(self) -> str:
@@ -115,6 +116,8 @@ class NoiseProblem(Problem):
     def _planned(self, fit):
         """Say how long a record would show each spectral amplitude that is not observable."""
         out = {k: dict(v) for k, v in fit.estimates.items()}
+        if not self.matters(fit).sufficient:
+            return out  # a model that does not hold plans no record
         for e in fit.model.of(Spectrum):
             for name, estimate in out.get(e.label, {}).items():
                 if (
@@ -192,28 +195,34 @@ class NoiseProblem(Problem):
         without = self.point(unfitted(fit.model.minus(label)))
         return flexible.shape(self.evidence, fit, without, label, claim)
 
-    def materiality(self, fit: Fit) -> tuple[float, float]:
-        """
-        Return what a model leaves: the share of power, and the largest ratio of deviations.
+    def materiality(self, fit: Fit) -> tuple[float, float, bool]:
+        """Return the share of power that a model leaves, the largest ratio, and if it suffices."""
+        found = self.matters(fit)
+        return sum(f.share for f in found.failures), found.largest_ratio, found.sufficient
 
-        The share is of the power that stands beyond three standard deviations from the model; the
-        ratio is that of measured to model Allan deviation (or its inverse) over tau <= T/10, from
-        the nearer end of the measured deviation's 95 % interval.
+    def matters(self, fit: Fit) -> Materiality:
+        """Return what the failures of a fit change in the curve and in the coefficients."""
+        if fit.model not in self._matters:
+            self._matters[fit.model] = materiality(self, fit)
+        return self._matters[fit.model]
 
-        """
-        view = views.frequency(self.evidence, 'whole', fit, fitted_here=True)
-        v, part = fit.details.v, self.evidence.whole
-        power = part.power + views.unclaimed(self.evidence, 'whole', fit.model)
-        width = part.bins.count.astype(float)
-        off = np.abs(power - v) * (np.abs(view.pull) > PULL)
-        share = float(np.sum(width * off) / np.sum(width * np.maximum(power, v)))
-        c = self.evidence.curve
-        some = c.tau <= c.n * c.dt / 10
-        if not some.any() or c.deviation not in ('oadev', 'adev'):
-            return share, 1.0
-        model = np.sqrt(model_curve(self.evidence, fit.model, c.m[some]))
-        apart = np.maximum(model / c.hi[some], c.lo[some] / model)
-        return share, float(max(np.max(apart), 1.0))
+    def basis(self, fit: Fit) -> dict:
+        """Return what the numbers of a fit rest on, and whether what they do not matters."""
+        found = self.matters(fit)
+        out: dict = {'sufficient': found.sufficient}
+        if found.failures or not found.sufficient:
+            out['largest_ratio'] = found.largest_ratio
+            out['at_tau'] = found.at_tau
+            out['failures'] = [
+                {'from_hz': f.low, 'to_hz': f.high, 'share': f.share, 'ratio': f.ratio,
+                 'tau': f.tau} for f in found.failures
+            ]
+        if fit.details.set_aside:
+            out['set_aside'] = [
+                {'from_hz': s.low, 'to_hz': s.high, 'share': s.share, 'power_ratio': s.ratio,
+                 'direction': s.direction} for s in fit.details.set_aside
+            ]
+        return out
 
     def advice(self, verdict: str, ranked, failed) -> str:
         """Return which recording would decide, or where to look."""
@@ -252,8 +261,10 @@ class NoiseProblem(Problem):
         }
 
     def remarks(self, fit: Fit) -> list[str]:
-        """Return what the curve looks like."""
-        return [dominant_shape(self.evidence.curve)]
+        """Return whether failures matter, and what the curve of a model that holds looks like."""
+        found = self.matters(fit)
+        shape = [dominant_shape(self.evidence.curve)] if found.sufficient else []
+        return [str(found)] * bool(found.failures or not found.sufficient) + shape
 
     def differences(self, other: Problem) -> list[tuple[str, str, str, float]]:
         """Return how the measured power differs from another record's, band by band."""

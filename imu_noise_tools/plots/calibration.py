@@ -30,12 +30,12 @@ def residuals(ax, calibration: Calibration):
     """Draw each pose's residual, and shade what other poses predict differently."""
     poses, fit = calibration.poses, calibration.fit
     x = 1 + np.arange(poses.n)
-    system, left = fit.details['equations'], calibration.problem.left_out(fit)
+    system, left = fit.details.equations, calibration.problem.left_out(fit)
     if calibration.problem.method == 'norm':
         size = 1.0 / np.linalg.norm(system.whitener[:, 0, :], axis=1)
         direction = system.whitener[:, 0, :] * size[:, None]
         value, unit_ = np.einsum('ni,in->n', direction,
-                                 fit.details['residual']), calibration.problem.unit
+                                 fit.details.residual), calibration.problem.unit
         ax.bar(x, value, 0.6, color=AXES['x'], label='residual of the magnitude')
         ax.errorbar(x, np.zeros(poses.n), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
                     capsize=2,
@@ -43,10 +43,10 @@ def residuals(ax, calibration: Calibration):
     else:
         # tilt makes lateral readings a hundred times less certain than axial ones: only in
         # standard errors do both show
-        pull, unit_ = fit.details['residual'].T / _reading_std(system), 'standard errors'
+        pull, unit_ = fit.details.residual.T / _reading_std(system), 'standard errors'
         ax.axhspan(-2, 2, color='#eef1f3', linewidth=0, zorder=0)
         for k, axis in enumerate('xyz'):
-            rms = float(np.sqrt(np.mean((fit.details['residual'][k] / poses.amount) ** 2)))
+            rms = float(np.sqrt(np.mean((fit.details.residual[k] / poses.amount) ** 2)))
             ax.bar(x + 0.27 * (k - 1), pull[:, k], 0.25, color=AXES[axis],
                    label=f'{axis}: {rms:.2g} {readable(calibration.problem.unit)} rms')
         ax.set_ylim(min(-2.5, 1.1 * pull.min()), max(2.5, 1.1 * pull.max()))
@@ -85,7 +85,7 @@ def sphere(axes, calibration: Calibration):
     equal on paper.
 
     """
-    inputs = calibration.fit.details['inputs']
+    inputs = calibration.fit.details.inputs
     turning = np.linalg.norm(inputs, axis=0) > 0
     u = unit(inputs[:, turning])
     circle = np.linspace(0, 2 * np.pi, 181)
@@ -161,7 +161,7 @@ def calibration_figure(calibration: Calibration):
                 fontsize=9, fontweight='bold', color=MEASURED)
     right = grid[1, 2].subgridspec(1, 2, width_ratios=[0.07, 1])
     before_and_after(figure.add_subplot(right[0, 1]), calibration)
-    x2, dof = calibration.fit.details['chi2'], calibration.fit.details['dof']
+    x2, dof = calibration.fit.details.chi2, calibration.fit.details.dof
     figure.text(0.075, 0.955, f'{calibration.sensor}, {calibration.problem.method}: '
                               f'{calibration.poses.n} poses, '
                 f'χ² {x2:.1f} with {dof} degrees of freedom', fontsize=12, fontweight='bold',

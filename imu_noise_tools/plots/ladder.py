@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ladder: the error on data not fitted against the models tried, for any domain."""
+"""The ladder: the held-out deviance against the models tried, for any domain."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ..loop.study import Step, Study
 
 
 def ladder(ax, study: Study, target: str):
-    """Draw the error on data not fitted for each model tried; the green band is chance: 2 std."""
+    """Draw the held-out deviance of each model tried; the green band is chance: 2 std."""
     steps = [s for s in study.history if s.target == target and np.isfinite(s.held_out)]
-    dress(ax, target, y='error on data not fitted')
+    dress(ax, target, y='held-out deviance')
     if not steps:
         ax.text(0.5, 0.5, 'not known: nothing was left to predict', transform=ax.transAxes,
                 ha='center', fontsize=SMALL)

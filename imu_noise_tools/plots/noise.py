@@ -111,7 +111,7 @@ def _key(figure):
 
 def target_figure(state: State, diagnosis: Diagnosis | None = None, left_out=()):
     """
-    Return one axis in full: Allan deviation, spectrum, pulls, series, loudness, distribution.
+    Return one axis in full: Allan deviation, spectrum, pulls, series, noise level, distribution.
 
     Parameters
     ----------

@@ -286,7 +286,7 @@ def in_time(ax, state: State):
     # Wilson and Hilferty's normal approximation of chi-squared, backwards
     lo, hi = ((1 - spread + z * np.sqrt(spread)) ** 1.5 for z in (-RARE, RARE))
     scale, word = _time_unit(e.duration)
-    dress(ax, f'{e.axis}: loudness in time', f'time, {word}', 'rms / mean rms')
+    dress(ax, f'{e.axis}: noise level in time', f'time, {word}', 'rms / mean rms')
     _beside_chance(ax, t / scale, np.sqrt(x[:, 0]), lo, hi)
     ax.set_xlim(0, e.duration / scale)
     return ax

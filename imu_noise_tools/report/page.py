@@ -13,6 +13,7 @@ from .markup import badge, bullets, cell, escape, image, page, table
 from .pictures import pictures as drawn
 from ..loop.diagnosis import Diagnosis
 from ..loop.domains import package
+from ..loop.effect import Score
 from ..loop.study import Study
 
 _COLOURS = {'missing': 'bad', 'unknown': 'bad', 'undecidable': 'doubt', 'complete': 'good'}
@@ -72,7 +73,7 @@ def _summary(study: Study) -> str:
         verdict = badge(words.diagnosis_in_words(d), _COLOURS.get(d.verdict, 'faint')) if d else \
             badge('not asked yet', 'faint')
         rows.append((_bold(t), _error(state.error), verdict, escape(repr(state.model))))
-    return table(('', 'error on data not fitted', 'diagnosis', 'model'), rows)
+    return table(('', words.ERROR, 'diagnosis', 'model'), rows)
 
 
 def _bold(text: str) -> str:
@@ -140,11 +141,11 @@ def _fails(study: Study, shown) -> str:
     return '\n'.join(out)
 
 
-def _excess(error, name: str) -> str:
+def _excess(error: Score, name: str) -> str:
     view = error.views.get(name)
     if view is None:
         return ''
-    colour = 'bad' if name in error.failing else 'good'
+    colour = 'bad' if view in words.failing(error) else 'good'
     return f'{badge(f"{view.excess:.2g}", colour)} {badge(f"({view.std:.2g})", "faint")}'
 
 
@@ -164,8 +165,7 @@ def _diagnosis(target: str, d: Diagnosis) -> str:
               f'{f.gain:.1f}', f'{f.penalty:.1f}', escape(words.parameters_of(f, target)),
               escape(f'{f.evidence}; against it: {f.against}' if f.against else f.evidence))
              for f in d.ranked)))
-    out.append(bullets(f'{escape(words.title_of(f.name))} fails its test (p = {f.p_value:.1g}): '
-                       f'{escape(f.evidence)}' for f in d.failed))
+    out.append(bullets(escape(words.failed_in_words(f)) for f in d.failed))
     if d.remaining is not None:
         out.append(f'<p>{escape(words.remaining_in_words(d))}</p>')
     best = d.ranked[0].effect if d.ranked and d.verdict in ('missing', 'undecidable') else None
@@ -194,13 +194,12 @@ def _ladder(study: Study, shown) -> str:
     order = {t: i for i, t in enumerate(study.targets)}
     rows = []
     for s in sorted(study.history, key=lambda s: order.get(s.target, 0)):
-        change = f'+ {s.added}' if s.added else f'− {s.removed}' if s.removed else 'start'
-        inside = s.held_out <= 2 * s.held_out_std
-        error = badge(f'{s.held_out:.3g}', 'good' if inside else 'bad')
-        rows.append((escape(s.target), cell(change), escape(' + '.join(s.effects)),
-                     f'{error} {badge(f"(chance: up to {2 * s.held_out_std:.2g})", "faint")}',
+        limit = words.CHANCE * s.held_out_std
+        error = badge(f'{s.held_out:.3g}', 'good' if s.held_out <= limit else 'bad')
+        rows.append((escape(s.target), cell(words.change(s)), escape(' + '.join(s.effects)),
+                     f'{error} {badge(f"(chance: up to {limit:.2g})", "faint")}',
                      escape(s.verdict)))
-    out.append(table(('target', 'change', 'model', 'error on data not fitted', 'the error'), rows))
+    out.append(table(('target', 'change', 'model', words.ERROR, 'the error'), rows))
     return '\n'.join(out)
 
 

@@ -1,18 +1,24 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A study as text for a terminal: one block a target."""
+"""A study as text for a terminal: what the commands of the loop print, one block a target."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+import textwrap
+
 from . import words
+from ..loop.diagnosis import Diagnosis
 from ..loop.prediction import State
-from ..loop.study import Study
+from ..loop.study import Step, Study
+
+WIDTH = 100
 
 
 def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:
     """
-    Return a study as plain text: coefficients, error on data not fitted, verdict, what is next.
+    Return a study as plain text: coefficients, held-out deviance, verdict, what is next.
 
     Parameters
     ----------
@@ -30,6 +36,77 @@ def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:
     return _clean('\n\n'.join(blocks))
 
 
+def compare(study: Study, verbose: bool = False) -> str:
+    """
+    Return, per target, where the model fails and by how much more than chance allows.
+
+    Parameters
+    ----------
+    study : Study
+        Of any domain.
+    verbose : bool
+        Say also what each failure means, and name the views that hold.
+
+    """
+    return _clean('\n'.join('\n'.join(_error(study, t, verbose)) for t in study.targets))
+
+
+def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False) -> str:
+    """
+    Return the verdict on each target, with evidence and advice, and what to run next.
+
+    Parameters
+    ----------
+    study : Study
+        That was diagnosed.
+    folder : str
+        Where it is kept, for the commands that are proposed.
+    verbose : bool
+        Show all candidates with what they gain.
+
+    """
+    lines = []
+    for target, d in study.diagnosis.items():
+        lines.append(f'{target}: {words.diagnosis_in_words(d)}')
+        lines += _evidence(d, target, verbose)
+    lines += [f'next: {command}    {why}' for command, why in words.next_steps(study, folder)]
+    return _clean('\n'.join(lines))
+
+
+def history(steps: Iterable[Step]) -> str:
+    """Return the ladder of models tried as a table."""
+    head = ('target', 'model', 'change', 'error', 'chance', 'deviance fell by', 'the error')
+    return _clean(table([(s.target, ' + '.join(s.effects), words.change(s), f'{s.held_out:.4f}',
+                          f'{words.CHANCE * s.held_out_std:.4f}',
+                          '' if s.fall is None else f'{s.fall:.1f}', s.verdict)
+                         for s in steps], head))
+
+
+def steps(study: Study, done: Sequence[Step]) -> str:
+    """Return what steps changed: the error before and after, and what was added came out as."""
+    lines = []
+    for s in done:
+        earlier = [r for r in study.history if r.target == s.target and not any(
+            r is other for other in done)]
+        before = f'{earlier[-1].held_out:.4f} -> ' if earlier else ''
+        lines.append(f'{s.target}: {words.change(s)}: error {before}{s.held_out:.4f} '
+                     f'(chance: up to {words.CHANCE * s.held_out_std:.4f}), {s.verdict}')
+        added = (s.added or '').split('+')
+        lines += [f'  {row.label} {row.symbol} = ' + ', '.join(
+                      x for x in (row.shown, row.interval, row.note) if x)
+                  for row in words.rows(study.states[s.target], s.target)
+                  if row.label.partition('.')[0] in added]
+    return _clean('\n'.join(lines))
+
+
+def table(rows: Iterable[Sequence[object]], head: Sequence[str]) -> str:
+    """Return aligned columns under their names."""
+    cells = [[str(x) for x in r] for r in (head, *rows)]
+    width = [max(map(len, column)) for column in zip(*cells)]
+    lines = ['  '.join(x.ljust(w) for x, w in zip(r, width)).rstrip() for r in cells]
+    return '\n'.join([lines[0], '  '.join('-' * w for w in width), *lines[1:]])
+
+
 def _head(study, verbose):
     known = words.source_rows(study.source)
     short = [value for key, value in known if key in ('file', 'topic', 'duration', 'rate')]
@@ -41,18 +118,28 @@ def _head(study, verbose):
 
 
 def _target(study: Study, target: str, verbose: bool) -> str:
-    state = study.states[target]
-    lines = [f'{target}: {state.model}']
-    lines += _coefficients(state, target)
-    lines.append(f'  error on data not fitted: {words.error_in_words(state.error)}')
-    for view in words.failing(state.error):
-        lines.append('  fails in ' + (words.view_in_words(view) if verbose else
-                     f'{words.title_of(view.name)}: {words.places_in_words(view, 1)}'))
-    if verbose:
-        lines += [f'  {said}' for said in words.summary_in_words(state.summary)]
+    state, d = study.states[target], study.diagnosis.get(target)
+    model, *error = _error(study, target, verbose)
+    lines = [model, *_coefficients(state, target), *error]
     lines += [f'  note: {flag}' for flag in state.fit.flags]
-    lines += _diagnosis(study.diagnosis.get(target), target, verbose)
+    if d is not None:
+        lines.append(f'  diagnosis: {words.diagnosis_in_words(d)}')
+        lines += _evidence(d, target, verbose)
     return '\n'.join(lines)
+
+
+def _error(study: Study, target: str, verbose: bool) -> list[str]:
+    """Return the model, its error, and where it fails."""
+    state = study.states[target]
+    failing = words.failing(state.error)
+    lines = [f'{target}: {state.model}', f'  {words.ERROR}: {words.error_in_words(state.error)}']
+    lines += ['  fails in ' + (words.view_in_words(v) if verbose else
+              f'{words.title_of(v.name)}: {words.places_in_words(v, 1)}') for v in failing]
+    if verbose:
+        lines += [f'  holds in {words.title_of(v.name)}'
+                  for v in state.error.views.values() if v not in failing]
+        lines += [f'  {said}' for said in words.summary_in_words(state.summary)]
+    return lines
 
 
 def _coefficients(state: State, target: str) -> list[str]:
@@ -61,19 +148,27 @@ def _coefficients(state: State, target: str) -> list[str]:
     return ['  ' + '  '.join(f'{c:<{w}}' for c, w in zip(line, width)).rstrip() for line in lines]
 
 
-def _diagnosis(d, target, verbose):
-    if d is None:
-        return []
-    lines = [f'  diagnosis: {words.diagnosis_in_words(d)}']
-    shown = d.ranked if verbose else d.found
-    for f in shown:
-        said = '; '.join(s for s in (words.parameters_of(f, target), f.evidence) if s)
-        lines.append(f'    {f.name}: {said}' if said else f'    {f.name}')
-        if f.against:
-            lines.append(f'      against it: {f.against}')
+def _evidence(d: Diagnosis, target: str, verbose: bool) -> list[str]:
+    """Return what a verdict rests on, and the advice."""
+    lines = []
+    for f in d.ranked if verbose else d.found:
+        gain = f'gains {f.gain:.1f} nats, by chance {f.penalty:.1f}' if verbose else ''
+        said = words.finding_in_words(f, target) if f in d.found else '; '.join(
+            s for s in (f.name, words.parameters_of(f, target), f.evidence) if s)
+        against = f'against it: {f.against}' if f.against else ''
+        lines += _wrapped('; '.join(s for s in (said, gain, against) if s))
     if d.remaining is not None:
-        lines.append(f'    {words.remaining_in_words(d)}')
-    return lines + ([f'    advice: {d.advice}'] if d.advice else [])
+        lines += _wrapped(words.remaining_in_words(d))
+    hint = d.found[0].effect.hint if d.found and d.found[0].effect is not None else ''
+    if hint:
+        lines += _wrapped(hint)
+    if d.advice and not (hint and hint in d.advice):
+        lines += _wrapped(f'advice: {d.advice}')
+    return lines
+
+
+def _wrapped(said: str) -> list[str]:
+    return textwrap.wrap(said, WIDTH - 4, initial_indent=' ' * 4, subsequent_indent=' ' * 4)
 
 
 def _clean(said: str) -> str:

@@ -19,16 +19,18 @@ from ..loop.diagnosis import Diagnosis
 from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
-from ..loop.study import Study
+from ..loop.study import Step, Study
 from ..loop.verdict import CHANCE
 
+ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
 STRIKING = 3.0       # standard errors from which one place is named
 
 # name of a view: (what it looks at, what it means when it fails)
 VIEWS = {
     'frequency': ('power over frequency', 'at some frequencies the power is not the model\'s'),
     'time': ('mean over time', 'the mean moves in a way that the model does not foresee'),
-    'variance': ('loudness over time', 'the noise is louder at some times than at others'),
+    'variance': ('noise level over time',
+                 'the noise level is higher at some times than at others'),
     'distribution': ('distribution of the samples',
                      'the samples do not spread as Gaussian noise does'),
     'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
@@ -112,7 +114,7 @@ def parameters_of(finding: Finding, target: str) -> str:
 
 
 def error_in_words(error: Score) -> str:
-    """Return the error on data not fitted beside what chance allows."""
+    """Return the held-out deviance beside what chance allows."""
     if not math.isfinite(error.excess):
         return 'not known: nothing was left to predict'
     return f'{error.excess:.2g}, {error.side} (up to {CHANCE * error.std:.2g})'
@@ -157,7 +159,7 @@ def _place(view, x):
 
 
 def _size(view, pull):
-    more, less = {'frequency': ('too much', 'too little'), 'variance': ('louder', 'quieter'),
+    more, less = {'frequency': ('too much', 'too little'), 'variance': ('too high', 'too low'),
                   'distribution': ('too many', 'too few')}.get(view.name, ('', ''))
     return f'{abs(pull):.2g} standard errors {more if pull > 0 else less}'.rstrip()
 
@@ -171,6 +173,17 @@ def view_in_words(view: View) -> str:
     """Return one sentence on a view that fails."""
     meaning = VIEWS.get(view.name, ('', 'the model does not describe it'))[1]
     return f'{title_of(view.name)}: {meaning}; {places_in_words(view)}'
+
+
+def failed_in_words(test: Finding) -> str:
+    """Return one sentence on a test that fails."""
+    p = '' if test.p_value is None else f' (p = {test.p_value:.1g})'
+    return f'{title_of(test.name)} fails its test{p}: {test.evidence}'
+
+
+def change(step: Step) -> str:
+    """Return what a rung of the ladder did to the model."""
+    return f'+ {step.added}' if step.added else f'- {step.removed}' if step.removed else 'start'
 
 
 def duration(seconds: float) -> str:
@@ -194,11 +207,10 @@ def diagnosis_in_words(d: Diagnosis) -> str:
 
 def finding_in_words(f: Finding, target: str) -> str:
     """Return what was found, how sure it is, what it explains, its values and the evidence."""
-    said = [f'{f.name} is missing']
-    if f.probability is not None:
-        part = '' if f.explains is None else f', explains {100 * f.explains:.0f} % of what fails'
-        said[0] += f' (probability {f.probability:.2f}{part})'
-    return '; '.join(s for s in (*said, parameters_of(f, target), f.evidence) if s)
+    sure = '' if f.probability is None else f'probability {f.probability:.2f}'
+    part = '' if f.explains is None else f'explains {100 * f.explains:.0f} % of what fails'
+    said = '; '.join(s for s in (parameters_of(f, target), sure, part, f.evidence) if s)
+    return f'{f.name}: {said}' if said else f.name
 
 
 def remaining_in_words(d: Diagnosis) -> str:

@@ -69,7 +69,7 @@ def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
         for t, s in study.compare().items():
             bad = [v.name for v in s.views.values() if v.excess > 2 * v.std]
             say(
-                f'   {t}: error on data not fitted {s.excess:.3f} (chance: up to {2 * s.std:.3f})'
+                f'   {t}: held-out deviance {s.excess:.3f} (chance: up to {2 * s.std:.3f})'
                 + (f', fails in {", ".join(bad)}' if bad else '')
             )
         say('5. Diagnose, add what is missing, and look again, until nothing is missing')

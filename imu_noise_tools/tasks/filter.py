@@ -77,11 +77,11 @@ class Done:
                         'lag1': f.lag1,
                         'kurtosis': f.kurtosis,
                         'samples': f.n,
-                        'sigma_before': float(np.sqrt(m['white']['R'])),
+                        'sigma_before': float(np.sqrt(r)),
                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
                     }
-                    for i, (m, (a, f)) in enumerate(
-                        zip(self.filtered.design.noise, self.figures.items())
+                    for i, (r, (a, f)) in enumerate(
+                        zip(self.filtered.design.r, self.figures.items())
                     )
                 },
                 'targets': (

@@ -37,6 +37,7 @@ def plan(
     if folder:
         study = store.load(folder)
         models = {t: (s.model, s.problem.evidence.dt) for t, s in study.states.items()}
+        holds = {t: s.problem.matters(s.fit).sufficient for t, s in study.states.items()}
     else:
         models = {
             sensor: (
@@ -44,8 +45,14 @@ def plan(
                 1 / rate_hz,
             )
         }
+        holds = {sensor: True}
     rows = []
     for target, (model, dt) in models.items():
+        if not holds[target]:
+            rows.append({'target': target, 'parameter': 'all', 'value': None, 'one_hour': '',
+                         'one_hour_relative': None, 'seconds': None,
+                         'record': 'not planned: the model does not hold (imu_noise diagnose)'})
+            continue
         hour = precision(model, 3600.0, dt)
         for (label, name), share in hour.items():
             t = duration_for(model, label, name, dt, wanted)
