@@ -11,6 +11,7 @@ N and K of a sensor, over its axes, with what had to be said.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
 from ..loop.study import Study
 from ..noise.curve import model_curve
+from ..noise.problem import NoiseProblem
 
 PARAMETERS = {'N': 'white', 'K': 'random_walk', 'B': 'flicker'}
 RULES = ('worst', 'mean', 'each')
@@ -65,13 +67,13 @@ def value_of(
             values.append(covering(state, horizon)[parameter])
             continue
         value, note = _resolved(state, parameter)
-        values.append(value)
+        values.append(np.nan if value is None else value)
         if note:
             notes.append(f'{axis}: {note}')
     return Value(tuple(values), tuple(axes), tuple(notes))
 
 
-def _resolved(state: State, parameter: str) -> tuple[float, str]:
+def _resolved(state: State, parameter: str) -> tuple[float | None, str]:
     name = PARAMETERS[parameter]
     estimates, added = state.fit.estimates, ''
     if name not in estimates:
@@ -104,20 +106,21 @@ def covering(state: State, horizon: float) -> dict[str, float]:
     N covers all tau up to some tau_1, K the rest; tau_1 is where the mean log excess is smallest.
 
     """
-    c = state.problem.evidence.curve
+    evidence = cast(NoiseProblem, state.problem).evidence
+    c = evidence.curve
     some = (c.tau <= horizon) & (c.edf > 3)
     if not some.any():
         some = c.tau <= c.tau[0]
     tau = c.tau[some]
     wanted = np.maximum(
-        c.dev[some] ** 2, model_curve(state.problem.evidence, state.model, c.m[some])
+        c.dev[some] ** 2, model_curve(evidence, state.model, c.m[some])
     )
-    best = None
+    best = np.inf, np.nan, np.nan
     for i in range(1, len(tau) + 1):
         n2 = float(np.max(tau[:i] * wanted[:i]))
         k2 = float(np.max(np.append(3 * (wanted[i:] - n2 / tau[i:]) / tau[i:], 0.0)))
         excess = float(np.mean(np.log((n2 / tau + k2 * tau / 3) / wanted)))
-        if best is None or excess < best[0]:
+        if excess < best[0]:
             best = excess, n2, k2
     k = np.sqrt(best[2])
     return {

@@ -27,6 +27,8 @@ from .domains import DOMAINS, package
 from ..core.errors import InputError, UsageError
 
 Details = TypeVar('Details')     # what a domain keeps of a fit
+Capable = TypeVar('Capable')     # a kind of effect
+Same = TypeVar('Same', bound='Effect')
 _REGISTRY: dict[str, dict[str, type[Effect]]] = {}
 
 
@@ -126,7 +128,7 @@ class Effect:
     several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 
-    values: Mapping[str, float] = field(default_factory=dict)   # a choice by name or index
+    values: Mapping[str, Any] = field(default_factory=dict)     # a choice by name or index
     label: str = ''
 
     def __init_subclass__(cls, **kwargs):
@@ -199,7 +201,7 @@ class Effect:
         """Return the values as people read them, choices by name."""
         return {k: self.parameter(k).written(v) for k, v in self.values.items()}
 
-    def with_values(self, **values: Any) -> Effect:
+    def with_values(self: Same, **values: float | str) -> Same:
         """Return a copy with these values in place of, or beside, the old ones."""
         return type(self)({**self.values, **values}, self.label)
 
@@ -312,7 +314,7 @@ class Model:
         """Labels in order."""
         return [e.label for e in self.effects]
 
-    def of(self, kind: type) -> list:
+    def of(self, kind: type[Capable]) -> list[Capable]:
         """Return the effects that have a capability."""
         return [e for e in self.effects if isinstance(e, kind)]
 

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations_with_replacement
+from typing import cast
 
 import numpy as np
 from scipy.fft import idct
 from scipy.special import ndtri
 
 from .evidence import Common, Evidence, Part
-from .kinds import Defect, Inputs
+from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
 from ..core import allan
 from ..core.record import ImuRecord, Memory
@@ -93,7 +94,8 @@ def gather(
     kept, raw, clean = {}, {}, {}
     for axis in axes:
         y = raw[axis] = np.ascontiguousarray(record.column(axis), float)
-        kept[axis] = {name: cls.statistics(y, inputs) for name, cls in registry('noise').items()}
+        kept[axis] = {name: cast('type[NoiseEffect]', cls).statistics(y, inputs)
+                      for name, cls in registry('noise').items()}
         kept[axis] = {k: v for k, v in kept[axis].items() if v}
         without = _bridged(_screened(y, kept[axis], inputs), record)
         clean[axis] = y if without is y else memory.keep(without)
@@ -125,8 +127,9 @@ def gather(
         bins = bins_of(length, dt, fine)
         coefficients, lines = {}, {}
         for axis in axes:
-            c = whole.pop(axis, None)
-            if name != 'whole':
+            if name == 'whole':
+                c = whole.pop(axis)
+            else:
                 c = cosine_transform(clean[axis][begin:begin + length])
             lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt, bins)
             if name == 'whole' and len(lines[axis]):  # what is left is normal only without them
@@ -224,8 +227,8 @@ def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
     for begin, end, _ in record.left_out:
         i, j = np.searchsorted(record.t, (begin, end))
         before, after = y[max(0, i - 50):i], y[j:j + 50]
-        ends = [np.mean(x) if len(x) else np.mean(y) for x in (before, after)]
-        y[i:j] = np.linspace(*ends, j - i)
+        first, last = (float(np.mean(x if len(x) else y)) for x in (before, after))
+        y[i:j] = np.linspace(first, last, j - i)
     return y
 
 

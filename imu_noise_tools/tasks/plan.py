@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from .. import store
 from ..loop.effect import find_effect, Model
 from ..noise.plan import duration_for, in_words, precision
+from ..noise.problem import NoiseProblem
 
 _EFFECTS = {'N': 'white', 'B': 'flicker', 'K': 'random_walk'}
 
@@ -36,7 +39,8 @@ def plan(
     """
     if folder:
         study = store.load(folder)
-        models = {t: (s.model, s.problem.evidence.dt) for t, s in study.states.items()}
+        models = {t: (s.model, cast(NoiseProblem, s.problem).evidence.dt)
+                  for t, s in study.states.items()}
     else:
         models = {
             sensor: (

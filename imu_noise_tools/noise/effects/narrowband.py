@@ -128,7 +128,7 @@ def _broad(evidence) -> list[tuple[float, float]]:
     level = np.log(np.maximum(np.diff(at) / count, 1e-300))
     excess = level - median_filter(level, 33, mode='nearest')
     clear = excess * np.sqrt(np.minimum(count, 1000.0) / 2)
-    out = []
+    out: list = []
     for i in np.argsort(-clear):
         if clear[i] < 5 or len(out) == 2 * BROAD:
             break
