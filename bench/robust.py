@@ -58,7 +58,7 @@ def white(n, dt, rng):
     return TRUTH['N'] / np.sqrt(dt) * rng.standard_normal(n)
 
 
-# --- what disturbs it: (samples with it, N at 1 s) ---------------------------------------------
+# --- what disturbs it: (samples with it, N at 1 s) -----------------------------------------------
 
 def first_order(y, dt, rng):
     """Roll-off of first order, cutoff 0.15 ... 0.8 of Nyquist."""

@@ -172,6 +172,7 @@ def target_to_dict(study: Study, target: str) -> dict:
         'views': {k: v.excess for k, v in error.views.items()},
         **state.summary,
     }
+    out.update(state.problem.basis(state.fit))
     if state.fit.flags:
         out['flags'] = list(state.fit.flags)
     return out

@@ -22,6 +22,7 @@ from ..loop.study import Study
 from ..noise.curve import model_curve
 from ..noise.problem import NoiseProblem
 
+HORIZON = (0.1, 100.0)  # s: over which what is written for a model that fails is not too small
 PARAMETERS = {'N': 'white', 'K': 'random_walk', 'B': 'flicker'}
 RULES = ('worst', 'mean', 'each')
 
@@ -54,7 +55,8 @@ def value_of(
     Return N or K of a sensor; None where the study has none of its axes.
 
     Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the
-    effect it is fitted for this.
+    effect it is fitted for this. Where the model fails and it matters, N and K are those that
+    cover the measured curve.
 
     """
     axes = [t for t in study.targets if t.startswith(sensor)]
@@ -63,7 +65,7 @@ def value_of(
     values, notes = [], []
     for axis in axes:
         state = study.states[axis]
-        if horizon is not None and parameter in 'NK':
+        if parameter in 'NK' and (horizon is not None or fails(state)):
             values.append(covering(state, horizon)[parameter])
             continue
         value, note = _resolved(state, parameter)
@@ -97,24 +99,78 @@ def left_out(study: Study) -> list[str]:
     return out
 
 
-def covering(state: State, horizon: float) -> dict[str, float]:
+def fails(state: State) -> bool:
+    """Tell whether what the model does not explain changes the numbers."""
+    return not cast(NoiseProblem, state.problem).matters(state.fit).sufficient
+
+
+def rests_on(study: Study, horizon: float | None = None) -> list[str]:
+    """Return what the numbers of each axis rest on, where its model does not hold everywhere."""
+    out = []
+    if study.source.get('keep_motion'):
+        out.append('analysed with --keep-motion: the record may hold motion, which is no noise '
+                   'of the sensor')
+    for axis, state in study.states.items():
+        found = cast(NoiseProblem, state.problem).matters(state.fit)
+        where = ', '.join(f'{f.low:.2g}-{f.high:.2g} Hz' for f in found.failures[:4])
+        more = f' and {len(found.failures) - 4} more' if len(found.failures) > 4 else ''
+        if not (where or fails(state)):
+            continue
+        said = f'{axis}: model fails at {where}{more}' if where else \
+            f'{axis}: model and measured curve differ at {found.at_tau:.2g} s'
+        out.append(f'{said}; {_at_one_second(state)}; ' + (
+            'sufficient all the same' if found.sufficient else
+            'N and K written are those whose curve is not below the measured one from '
+            '{:g} to {:g} s'.format(*_span(state, horizon))))
+    return out
+
+
+def _at_one_second(state: State) -> str:
+    """Say how the model's deviation at 1 s compares with the curve's."""
+    evidence = cast(NoiseProblem, state.problem).evidence
+    c = evidence.curve
+    i = int(np.argmin(np.abs(np.log(c.tau))))
+    ratio = np.sqrt(model_curve(evidence, state.model, c.m[i:i + 1])[0]) / c.dev[i]
+    at = f'{c.tau[i]:.2g} s'
+    if abs(ratio - 1) < 0.1:
+        return f'N agrees with the curve at {at} within {max(100 * abs(ratio - 1), 1):.0f} %'
+    return f'the model is {ratio:.2g} times the curve at {at}'
+
+
+def _span(state: State, horizon: float | None) -> tuple[float, float]:
+    """Return the averaging times (s) over which N and K cover the curve."""
+    c = cast(NoiseProblem, state.problem).evidence.curve
+    low = max(HORIZON[0] if horizon is None else 0.0, c.tau[0])
+    high = HORIZON[1] if horizon is None else horizon
+    reach = c.tau[c.edf > 3]
+    return float(low), float(min(high, reach[-1] if len(reach) else c.tau[0]))
+
+
+def covering(state: State, horizon: float | None = None) -> dict[str, float]:
     """
-    Return the (N, K) that cover model and data up to a horizon (s) with the least excess.
+    Return the (N, K) whose curve is not below the measured one, with the least excess.
 
-    What covers is the curve N^2/tau + K^2 tau/3.
+    The curve is N^2/tau + K^2 tau/3. N covers all tau up to some tau_1, K the rest; tau_1 is where
+    the mean log excess is smallest.
 
-    N covers all tau up to some tau_1, K the rest; tau_1 is where the mean log excess is smallest.
+    Parameters
+    ----------
+    state : State
+        Of one axis.
+    horizon : float or None
+        Longest averaging time, s, from the shortest on; the model is covered as well where it
+        holds. None: HORIZON.
 
     """
     evidence = cast(NoiseProblem, state.problem).evidence
     c = evidence.curve
-    some = (c.tau <= horizon) & (c.edf > 3)
+    low, high = _span(state, horizon)
+    some = (c.tau >= low * (1 - 1e-9)) & (c.tau <= high * (1 + 1e-9)) & (c.edf > 3)
     if not some.any():
         some = c.tau <= c.tau[0]
-    tau = c.tau[some]
-    wanted = np.maximum(
-        c.dev[some] ** 2, model_curve(evidence, state.model, c.m[some])
-    )
+    tau, wanted = c.tau[some], c.dev[some] ** 2
+    if not fails(state):
+        wanted = np.maximum(wanted, model_curve(evidence, state.model, c.m[some]))
     best = np.inf, np.nan, np.nan
     for i in range(1, len(tau) + 1):
         n2 = float(np.max(tau[:i] * wanted[:i]))
@@ -125,7 +181,7 @@ def covering(state: State, horizon: float) -> dict[str, float]:
     k = np.sqrt(best[2])
     return {
         'N': float(np.sqrt(best[1])),
-        'K': float(k if k > 0 else 1e-3 * np.sqrt(best[1]) / horizon),
+        'K': float(k if k > 0 else 1e-3 * np.sqrt(best[1]) / high),
     }
 
 

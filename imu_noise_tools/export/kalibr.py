@@ -10,7 +10,7 @@ Source: the wiki of kalibr, IMU-Noise-Model.
 
 from __future__ import annotations
 
-from ._values import left_out, number, value_of
+from ._values import left_out, number, rests_on, value_of
 from ..loop.study import Study
 
 KEYS = (
@@ -36,6 +36,7 @@ def text(
         lines.append(
             f'# Chosen so that the Allan deviation covers model and data up to {horizon:g} s.'
         )
+    lines += [f'# {said}.' for said in rests_on(study, horizon)]
     out = left_out(study)
     if out:
         lines.append('# Not in these two numbers: ' + '; '.join(out) + '.')

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize, nnls
 
+from .curve import bin_weights
 from .evidence import Evidence
 from .kinds import Line, Mean, NoiseEffect, Spectrum
 from ..core import units
@@ -137,16 +138,11 @@ def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:
 
     It holds under a model with power v (b,) in the bins.
 
-    The Allan variance is a weighted sum of periodogram ordinates, weights 2 sin^4(pi f m dt)/(m
-    sin(pi f dt))^2 df (sin^4 replaced by its mean where a bin holds many of its oscillations); a
-    bin of w ordinates has variance 2 v^2/w.
+    A bin of w ordinates has variance 2 v^2/w.
 
     """
-    c, bins = evidence.curve, evidence.whole.bins
-    f, width = bins.f, bins.count / (2 * bins.n * c.dt)
-    m = c.m[:, None].astype(float)
-    wave = np.where(m * c.dt * width < 0.25, np.sin(np.pi * f * m * c.dt) ** 4, 0.375)
-    g = 2 * wave / (m * np.sin(np.pi * f * c.dt)) ** 2 * width
+    bins = evidence.whole.bins
+    g = bin_weights(bins, evidence.curve.m)
     return (g * (2 * v**2 / bins.count)) @ g.T
 
 

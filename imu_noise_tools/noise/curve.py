@@ -11,7 +11,7 @@ from .evidence import Evidence
 from .kinds import Coupling, Defect, Inputs, Line, Mean, model_avar, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.allan import overlapping_variance
-from ..core.spectrum import quadrature_avar
+from ..core.spectrum import Bins, quadrature_avar
 from ..loop.effect import Effect, Model
 
 
@@ -19,6 +19,20 @@ def model_curve(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:
     """Return the Allan variance (k,) of a fitted model at cluster sizes m (k,)."""
     parts = (effect_avar(evidence, model, e, m) for e in model)
     return np.maximum(sum((p for p in parts if p is not None), np.zeros(len(m))), 1e-300)
+
+
+def bin_weights(bins: Bins, m: np.ndarray) -> np.ndarray:
+    """
+    Return what power in each bin adds to the Allan variances at cluster sizes m, (k, b).
+
+    The Allan variance is a weighted sum of periodogram ordinates, weights 2 sin^4(pi f m dt)/(m
+    sin(pi f dt))^2 df (sin^4 replaced by its mean where a bin holds many of its oscillations).
+
+    """
+    f, width = bins.f, bins.count / (2 * bins.n * bins.dt)
+    m = np.asarray(m, float)[:, None]
+    wave = np.where(m * bins.dt * width < 0.25, np.sin(np.pi * f * m * bins.dt) ** 4, 0.375)
+    return 2 * wave / (m * np.sin(np.pi * f * bins.dt)) ** 2 * width
 
 
 def effect_avar(evidence: Evidence, model: Model, effect: Effect, m: np.ndarray):

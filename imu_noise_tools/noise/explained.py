@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import digamma
+from scipy.special import chdtr, chdtrc, digamma, ndtri
 
 from .kinds import Parameter, Response
 from ..core.spectrum import Bins
@@ -27,6 +27,7 @@ from ..core.spectrum import Bins
 AGREES = 4.0  # standard errors within which a band is explained
 NEARLY = 0.02  # or this share of its power
 FAR = 5.0  # standard errors beyond which one bin alone is set aside
+MANY = 200  # coefficients from which the slope inside a band says something
 COST = 0.5 * AGREES**2  # nats that a level of its own costs a band
 OPEN = '(response)'  # label of the response that is left open
 
@@ -134,13 +135,16 @@ class Bands:
 
     Attributes
     ----------
+    edges : ndarray (b + 1,)
+        Edges of the bins, Hz.
     low, high : ndarray (bands,)
-        Their edges, Hz.
+        Edges of the bands, Hz.
 
     """
 
     of: np.ndarray
     count: int
+    edges: np.ndarray = field(repr=False)
     low: np.ndarray = field(repr=False)
     high: np.ndarray = field(repr=False)
 
@@ -152,8 +156,8 @@ class Bands:
         count = int(of[-1]) + 1
         begin = np.searchsorted(of, np.arange(count))
         step = 1 / (2 * bins.n * bins.dt)
-        edges = np.append(bins.first[begin], bins.last[-1]) * step
-        return cls(of, count, edges[:-1], edges[1:])
+        edges = np.append(bins.first, bins.last[-1]) * step
+        return cls(of, count, edges, edges[begin], edges[np.append(begin[1:], len(of))])
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Return sums (bands,) of values (b,)."""
@@ -161,9 +165,25 @@ class Bands:
 
 
 def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return a nearly standard normal pull of x ~ chi^2_w/w (Wilson and Hilferty 1931)."""
-    spread = 2 / (9 * np.maximum(w, 0.5))
-    return (np.cbrt(x) - (1 - spread)) / np.sqrt(spread)
+    """
+    Return the standard normal pull of x ~ chi^2_w/w, (b,).
+
+    By the cube root (Wilson and Hilferty 1931) and, where that says more than 2.5, exactly: of few
+    degrees of freedom its upper tail is a thousand times too thin at 4.
+
+    """
+    w = np.maximum(w, 0.5)
+    spread = 2 / (9 * w)
+    pull = np.asarray((np.cbrt(x) - (1 - spread)) / np.sqrt(spread))
+    far = (np.abs(pull) > 2.5) & (np.abs(pull) < 12)
+    if far.any():
+        some, tail = pull[far], (w * x)[far]
+        n = w[far]
+        p = np.where(some > 0, chdtrc(n, tail), chdtr(n, tail))
+        some = np.where(p > 1e-300, np.sign(some) * -ndtri(np.maximum(p, 1e-300)), some)
+        pull = pull.copy()
+        pull[far] = some
+    return pull
 
 
 @dataclass(frozen=True)
@@ -171,14 +191,14 @@ class Judgement:
     """
     Bands beside a fit: ``kept`` and ``pull`` (bands,), and what each bin counts, ``weight`` (b,).
 
-    ``worth`` is the number of bands kept, those in doubt counting half.
+    ``worth`` (bands,) is 1 for a band that agrees, 1/2 for one that nearly does not.
 
     """
 
     kept: np.ndarray
     pull: np.ndarray
     weight: np.ndarray
-    worth: float
+    worth: np.ndarray
 
 
 def judge(
@@ -211,13 +231,14 @@ def judge(
     square = np.maximum(bands.sum(w * at**2), 1e-9)
     slope = bands.sum(w * at * (ratio - 1))
     steep = np.abs(slope) / np.sqrt(2 * square)
+    steep = np.where(left >= MANY, steep, 0.0)
     steep = steep * (np.abs(slope) * np.sqrt(1 / (square * np.maximum(left, 1e-9))) > nearly)
     kept = enough & ((np.abs(pull) <= AGREES) | (np.abs(mean - 1) <= nearly)) & (steep <= AGREES)
     size = np.abs(pull)
     kept &= ~_crossings(kept, pull)
     # what agrees nearly counts as if it scattered by as much as it is off
     counts = np.where(kept, np.where(size > AGREES, 1 / np.maximum(size, 1) ** 2, 1.0), 0.0)
-    worth = float(np.sum(kept * (1 - 0.5 * np.minimum(size / AGREES, 1) ** 2)))
+    worth = kept * (1 - 0.5 * np.minimum(size / AGREES, 1) ** 2)
     return Judgement(kept, pull, counts[bands.of] * near, worth)
 
 
@@ -254,20 +275,43 @@ def supported(bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray
     return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - COST)))
 
 
-def set_aside(bands: Bands, kept: np.ndarray, part_power, count, v, evidence_power):
-    """Return the stretches (list of SetAside) of neighbouring bands that are not kept."""
-    out = []
-    edge = np.flatnonzero(np.diff(np.concatenate([[True], kept, [True]]).astype(int)))
-    total = float(np.sum(evidence_power * count))
+def stretches(bands: Bands, explained: np.ndarray):
+    """
+    Yield (bins, low Hz, high Hz) of each stretch that is not explained.
+
+    Neighbouring bands of which nothing is explained are one stretch, single bins inside a band
+    that is (lines) another.
+
+    """
+    whole = bands.sum(explained.astype(float)) == 0
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(int)))
     for a, b in zip(edge[::2], edge[1::2]):
-        some = (bands.of >= a) & (bands.of < b)
-        mine = float(np.sum((part_power * count)[some]))
-        out.append(
-            SetAside(
-                float(bands.low[a]),
-                float(bands.high[b - 1]),
-                float(np.sum((evidence_power * count)[some])) / total,
-                mine / float(np.sum((v * count)[some])),
-            )
-        )
-    return tuple(out)
+        yield np.flatnonzero((bands.of >= a) & (bands.of < b)), \
+            float(bands.low[a]), float(bands.high[b - 1])
+    alone = ~explained & ~whole[bands.of]
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], alone, [False]]).astype(int)))
+    for a, b in zip(edge[::2], edge[1::2]):
+        yield np.arange(a, b), float(bands.edges[a]), float(bands.edges[b])
+
+
+def set_aside(bands: Bands, explained, measured, count, v, total) -> tuple[SetAside, ...]:
+    """
+    Return the stretches that are not explained, from low to high frequencies.
+
+    Parameters
+    ----------
+    bands : Bands
+    explained : ndarray (b,) of bool
+    measured, v : ndarray (b,)
+        Power and the model's.
+    count : ndarray (b,)
+        Coefficients in each bin.
+    total : ndarray (b,)
+        Power of the record, lines and all.
+
+    """
+    share, out = total * count / np.sum(total * count), []
+    for at, low, high in stretches(bands, explained):
+        ratio = np.sum((measured * count)[at]) / np.sum((v * count)[at])
+        out.append(SetAside(low, high, float(np.sum(share[at])), float(ratio)))
+    return tuple(sorted(out, key=lambda s: s.low))

@@ -32,6 +32,7 @@ from ..loop.effect import Fit, Model
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
+_HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.7, 0.95))  # or all but these
 _ROUNDS = 12  # of choosing bands and fitting again
 _ORDERS = 4  # terms of the response that may be left open
 _TERM = 1.0  # bands that a term of the response must be worth
@@ -229,11 +230,10 @@ def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
     if basis is not None:
         bands = Bands.on(whole.bins)
         now = judge(bands, power / v, weight)
-        kept = now.kept & (bands.sum(basis.on(whole.bins)) > 0)
-        explained = kept[bands.of] & (basis.on(whole.bins) > 0)
+        explained = (now.weight > 0) & (basis.on(whole.bins) > 0)
         lines = likelihood.evidence.part(likelihood.part_name).lines
         total = power + (np.sum(lines, axis=0) if len(lines) else 0.0)
-        aside = set_aside(bands, kept, power, whole.bins.count, v, total)
+        aside = set_aside(bands, explained, power, whole.bins.count, v, total)
     full = whole.weight
     ml = -0.5 * float(np.sum(full * np.log(v) + power * weight / v))
     return Details(information, v, each, power, weight, ml, slots, basis, explained, aside)
@@ -253,14 +253,14 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     """
     Return the fit made again on the bands that a fit explains; the same where none disagrees.
 
-    Bands are chosen and fitted in turn until they stay, beginning with those of the slow end, and
-    with all; of where that ends, what explains most bands holds.
+    Bands are chosen and fitted in turn until they stay, beginning with those of the slow end, with
+    all, and with all but some in the middle; of where that ends, what explains most bands holds.
 
     """
     thorough, search = search, replace(search, cautious=False)
     bands = Bands.on(plain.likelihood.bins)
     now = _judged(bands, plain)
-    if now.kept.all() and not _lacks(plain):
+    if np.all(now.weight == 1) and not _lacks(plain):
         return plain
     best: tuple[_Found, float] | None = None
     for begin, order in _beginnings(plain, now, hint):
@@ -288,8 +288,9 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
     f = plain.likelihood.bins.f
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
     near = np.abs(gamma_pull(*_ratio(plain))) < FAR
-    return [(np.where(span <= share, 1.0, 0.0) * (near if share == 1 else 1), 0)
-            for share in _SPANS]
+    parts = [span <= share for share in _SPANS[:-1]] + [near]
+    parts += [(span < low) | (span > high) for low, high in _HOLES]
+    return [(part.astype(float), 0) for part in parts]
 
 
 def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
@@ -347,7 +348,8 @@ def _settled(search: _Search, bands: Bands, near: _Found, begin, order: int):
         if found is None or not np.isfinite(found.nll):
             break
         now = _judged(bands, found)
-        worth = now.worth - order * _TERM - 4 * _lacks(found)
+        used = bands.sum(weight) > 0  # what agrees and was not fitted is not yet explained
+        worth = float(now.worth @ used) - order * _TERM - 4 * _lacks(found)
         if best is None or worth > best[1]:
             best = found, worth
         weight = now.weight

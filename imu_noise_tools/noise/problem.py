@@ -15,6 +15,7 @@ from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
 from .kinds import Spectrum
+from .materiality import Materiality, materiality
 from .plan import duration_for, in_words
 from ..core.allan import dominant_shape
 from ..core.errors import UsageError
@@ -52,6 +53,7 @@ class NoiseProblem(Problem):
         self._fits: dict = {}
         self._points: dict = {}
         self._candidates: dict = {}
+        self._matters: dict = {}
 
     @property
     def target(self) -> str:
@@ -107,6 +109,8 @@ class NoiseProblem(Problem):
     def _planned(self, fit):
         """Say how long a record would show each spectral amplitude that is not observable."""
         out = {k: dict(v) for k, v in fit.estimates.items()}
+        if not self.matters(fit).sufficient:
+            return out  # a model that does not hold plans no record
         for e in fit.model.of(Spectrum):
             for name, estimate in out.get(e.label, {}).items():
                 if (
@@ -179,6 +183,30 @@ class NoiseProblem(Problem):
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
 
+    def matters(self, fit: Fit) -> Materiality:
+        """Return what the failures of a fit change in the curve and in the coefficients."""
+        if fit.model not in self._matters:
+            self._matters[fit.model] = materiality(self, fit)
+        return self._matters[fit.model]
+
+    def basis(self, fit: Fit) -> dict:
+        """Return what the numbers of a fit rest on, and whether what they do not matters."""
+        found = self.matters(fit)
+        out: dict = {'sufficient': found.sufficient}
+        if found.failures or not found.sufficient:
+            out['largest_ratio'] = found.largest_ratio
+            out['at_tau'] = found.at_tau
+            out['failures'] = [
+                {'from_hz': f.low, 'to_hz': f.high, 'share': f.share, 'ratio': f.ratio,
+                 'tau': f.tau} for f in found.failures
+            ]
+        if fit.details.set_aside:
+            out['set_aside'] = [
+                {'from_hz': s.low, 'to_hz': s.high, 'share': s.share, 'power_ratio': s.ratio,
+                 'direction': s.direction} for s in fit.details.set_aside
+            ]
+        return out
+
     def advice(self, verdict: str, ranked, failed) -> str:
         """Return which recording would decide, or where to look."""
         if verdict == 'undecidable':
@@ -221,8 +249,10 @@ class NoiseProblem(Problem):
         }
 
     def remarks(self, fit: Fit) -> list[str]:
-        """Return what the curve looks like."""
-        return [dominant_shape(self.evidence.curve)]
+        """Return whether failures matter, and what the curve of a model that holds looks like."""
+        found = self.matters(fit)
+        shape = [dominant_shape(self.evidence.curve)] if found.sufficient else []
+        return [str(found)] * bool(found.failures or not found.sufficient) + shape
 
     def differences(self, other: Problem) -> list[tuple[str, str, str, float]]:
         """Return how the measured power differs from another record's, band by band."""

@@ -92,7 +92,10 @@ def analyse_record(
     )
     rest = (lambda p, what: progress(0.8 + 0.2 * p, what)) if progress else None
     problems = {a: NoiseProblem(e, method=method, bias_at=bias_at) for a, e in evidence.items()}
-    return Study.begin(problems, model, source_of(ready, method), rest)
+    source = source_of(ready, method)
+    if keep_motion:
+        source['keep_motion'] = True
+    return Study.begin(problems, model, source, rest)
 
 
 def _axes(record, axes):

@@ -39,8 +39,9 @@ def plan(
     """
     if folder:
         study = store.load(folder)
-        models = {t: (s.model, cast(NoiseProblem, s.problem).evidence.dt)
-                  for t, s in study.states.items()}
+        problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
+        models = {t: (s.model, problems[t].evidence.dt) for t, s in study.states.items()}
+        holds = {t: problems[t].matters(s.fit).sufficient for t, s in study.states.items()}
     else:
         models = {
             sensor: (
@@ -48,8 +49,14 @@ def plan(
                 1 / rate_hz,
             )
         }
-    rows = []
+        holds = {sensor: True}
+    rows: list[dict] = []
     for target, (model, dt) in models.items():
+        if not holds[target]:
+            rows.append({'target': target, 'parameter': 'all', 'value': None, 'one_hour': '',
+                         'one_hour_relative': None, 'seconds': None,
+                         'record': 'not planned: the model does not hold (imu_noise diagnose)'})
+            continue
         hour = precision(model, 3600.0, dt)
         for (label, name), share in hour.items():
             t = duration_for(model, label, name, dt, wanted)

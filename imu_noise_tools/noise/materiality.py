@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Whether what a model does not explain matters: to the Allan curve, and to the coefficients.
+
+A long record shows disturbances that hold a ten-thousandth of its power. Beside *is it there*
+stands *does it change the numbers that people use*.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .curve import bin_weights, model_curve
+from .explained import Bands, judge, stretches
+from .fit import fit as fit_part
+from .views import unclaimed
+from ..loop.effect import Fit, unfitted
+
+if TYPE_CHECKING:
+    from .problem import NoiseProblem
+
+MATTERS = 0.05  # relative change of the Allan deviation that matters
+SPAN = 0.1  # of the record's length: averaging times up to which curves are compared
+
+
+@dataclass(frozen=True)
+class Failure:
+    """
+    One stretch of the spectrum, ``low`` to ``high`` Hz, that disagrees with the model.
+
+    ``share`` of the record's power that it holds; ``ratio`` of the Allan deviation with it to the
+    model's, where that is farthest from 1, at ``tau`` s.
+
+    """
+
+    low: float
+    high: float
+    share: float
+    ratio: float
+    tau: float
+
+    def __str__(self):
+        """Say where it is and what it does."""
+        return (f'{self.low:.3g} to {self.high:.3g} Hz: {100 * self.share:.2g} % of the power, '
+                f'Allan deviation times {self.ratio:.3g} at {self.tau:.3g} s')
+
+
+@dataclass(frozen=True)
+class Materiality:
+    """
+    What the failures of a model change.
+
+    Parameters
+    ----------
+    sufficient : bool
+        Whether no failure changes the Allan deviation by more than 5 % (tau <= T/10), nor a
+        coefficient by more than its interval.
+    largest_ratio, at_tau : float
+        Of measured to model Allan deviation, as far as failures and not chance cause it, where it
+        is farthest from 1; 1 and nan where nothing fails.
+    failures : tuple of Failure
+        Of the spectrum, from low to high frequencies.
+    moved : tuple of str
+        Coefficients (``white.N``) that would leave their interval if the fit had to follow what
+        it does not explain.
+
+    """
+
+    sufficient: bool
+    largest_ratio: float = 1.0
+    at_tau: float = float('nan')
+    failures: tuple[Failure, ...] = ()
+    moved: tuple[str, ...] = ()
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of the record's power that each failure holds, by its frequencies."""
+        return {f'{f.low:.3g} to {f.high:.3g} Hz': f.share for f in self.failures}
+
+    def __str__(self):
+        """Say it in a sentence."""
+        if not self.failures and self.sufficient:
+            return 'nothing fails that the Allan curve could show'
+        said = f'the Allan deviation is up to {self.largest_ratio:.3g} times the model\'s ' \
+               f'(at {self.at_tau:.3g} s)'
+        if self.moved:
+            said += f', and {", ".join(self.moved)} would leave the interval'
+        return ('sufficient: ' if self.sufficient else 'it matters: ') + said
+
+
+def materiality(problem: NoiseProblem, fit: Fit) -> Materiality:
+    """
+    Return what the failures of a fit change.
+
+    Parameters
+    ----------
+    problem : NoiseProblem
+        One whole axis.
+    fit : Fit
+        Of it.
+
+    """
+    evidence, details = problem.evidence, fit.details
+    bins = evidence.whole.bins
+    measured = details.power + unclaimed(evidence, 'whole', fit.model)
+    bands = Bands.on(bins)
+    judged = judge(bands, measured / details.v, details.weight)
+    off = np.where(judged.weight > 0, 0.0, measured - details.v)
+    c = evidence.curve
+    some = np.flatnonzero(c.tau <= SPAN * evidence.duration)
+    if not len(some) or c.deviation not in ('oadev', 'adev'):
+        some = np.flatnonzero(c.m == c.m[0])
+    gain = bin_weights(bins, c.m[some])
+    model = model_curve(evidence, fit.model, c.m[some])
+    failures = []
+    for at, low, high in stretches(bands, judged.weight > 0):
+        ratio = np.sqrt(np.maximum(1 + gain[:, at] @ off[at] / model, 0))
+        far = int(np.argmax(np.abs(np.log(np.maximum(ratio, 1e-9)))))
+        share = float(np.sum(measured[at] * bins.count[at]) / np.sum(measured * bins.count))
+        failures.append(Failure(low, high, share, float(ratio[far]), float(c.tau[some][far])))
+    ratio = np.sqrt(np.maximum(1 + gain @ off / model, 1e-9))
+    ratio = _farther(ratio, _beyond_chance(c, some, np.sqrt(model)))
+    far = int(np.argmax(np.abs(np.log(ratio))))
+    moved = _moved(problem, fit) if failures else ()
+    sufficient = abs(np.log(ratio[far])) <= np.log1p(MATTERS) and not moved
+    return Materiality(bool(sufficient), float(ratio[far]),
+                       float(c.tau[some][far]) if ratio[far] != 1 else float('nan'),
+                       tuple(failures), moved)
+
+
+def _farther(a, b):
+    return np.where(np.abs(np.log(a)) >= np.abs(np.log(b)), a, b)
+
+
+def _beyond_chance(c, some, model):
+    """Return the ratio of measured to model deviation less what chance allows, at least 1."""
+    if c.deviation not in ('oadev', 'adev'):
+        return np.ones(len(some))
+    spread = 4 / np.sqrt(2 * np.maximum(c.edf[some], 1))
+    ratio = c.dev[some] / model
+    return np.where(ratio > 1, np.maximum(ratio / (1 + spread), 1),
+                    np.minimum(ratio * (1 + spread), 1))
+
+
+def _moved(problem, fit: Fit) -> tuple[str, ...]:
+    """Return which amplitudes leave their interval in a fit that has to follow every bin."""
+    every = fit_part(problem.evidence, unfitted(fit.model), intervals=False, robust=False)
+    out = []
+    for label, found in fit.estimates.items():
+        for name, e in found.items():
+            there = every.estimates.get(label, {}).get(name)
+            if e.ci95 is None or e.fixed or there is None or there.point is None:
+                continue
+            if not e.ci95[0] <= there.point <= e.ci95[1]:
+                out.append(f'{label}.{name}')
+    return tuple(out)

@@ -1,0 +1,224 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A fit that what it cannot explain does not bend; whether that matters; what imu.yaml says of it.
+
+The records are made with the bench's generator, which shares nothing with the package.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+import yaml
+
+from imu_noise_tools import export
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.spectrum import bins_of
+from imu_noise_tools.export._values import covering, HORIZON
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.noise.curve import bin_weights
+from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
+from imu_noise_tools.noise.fit import fit
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.tasks.noise import analyse_record
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
+import robust  # noqa: E402, I100, I201, I202
+
+BASE = ('white', 'flicker', 'random_walk')
+DT, N = 0.02, 90_000
+
+
+def axis_of(y, dt=DT):
+    """Return the evidence of samples of one axis."""
+    record = ImuRecord(np.column_stack([y] * 3), None, np.arange(len(y)) * dt, dt ** -1)
+    return gather(record, ['gyro_x'])['gyro_x']
+
+
+def noise(seed):
+    """Return half an hour of white noise, flicker noise and random walk."""
+    rng = np.random.default_rng(seed)
+    return robust.white(N, DT, rng) + robust.slow_noise(N, DT, rng), rng
+
+
+def record_of(y, dt=DT):
+    """Return a record of three axes alike in kind."""
+    return ImuRecord(np.column_stack(y), None, np.arange(len(y[0])) * dt, 1 / dt)
+
+
+# --- where nothing fails nothing changes ---------------------------------------------------------
+
+def test_nothing_hidden_is_the_plain_fit():
+    for seed in range(4):
+        evidence = axis_of(noise(seed)[0])
+        found, plain = (fit(evidence, model_of('noise', BASE), robust=r) for r in (True, False))
+        assert found.details.explained.all() and found.details.set_aside == ()
+        for label, values in plain.estimates.items():
+            for name, e in values.items():
+                mine = found.estimates[label][name]
+                assert mine.point == pytest.approx(e.point, rel=1e-12)
+                assert mine.ci95 == pytest.approx(e.ci95, rel=1e-12)
+
+
+def test_a_basis_of_everything_is_the_plain_fit():
+    evidence = axis_of(noise(9)[0])
+    plain = fit(evidence, model_of('noise', BASE), robust=False)
+    bins = evidence.whole.bins
+    found = fit(evidence, model_of('noise', BASE), basis=Explained(bins.f, np.ones(len(bins.f))))
+    for label, values in plain.estimates.items():
+        for name, e in values.items():
+            assert found.estimates[label][name].point == pytest.approx(e.point, rel=1e-12)
+
+
+# --- what is hidden does not decide --------------------------------------------------------------
+
+@pytest.mark.parametrize('case', robust.CASES[1:], ids=lambda c: c.__name__)
+def test_what_is_not_in_the_model_does_not_bend_it(case):
+    """N within 12 % of the level at 1 s, B within a factor 1.8; the plain fit is off by more."""
+    y, rng = noise([5, robust.CASES.index(case)])
+    if case in (robust.knocks, robust.on_and_off):
+        pytest.skip('seen in time, not in the spectrum')
+    y, level = case(y, DT, rng)
+    evidence = axis_of(y)
+    found = fit(evidence, model_of('noise', BASE)).estimates
+    assert found['white']['N'].value == pytest.approx(level, rel=0.12)
+    assert found['flicker']['B'].point == pytest.approx(robust.TRUTH['B'], rel=0.8)
+
+
+def test_the_low_pass_of_a_sensor():
+    """Second order at 68 Hz, sampled at 250 Hz: N 0.104 deg/sqrt(h), B 1.2 deg/h."""
+    rng, n, dt = np.random.default_rng(68), 225_000, 1 / 250
+    white, b = np.radians(0.104) / 60, np.radians(1.2) / 3600
+    slow = robust.slow_noise(n, dt, rng) * b / robust.TRUTH['B']
+    y = lfilter(*butter(2, 68 / 125), white / np.sqrt(dt) * rng.standard_normal(n) + slow)
+    evidence = axis_of(y, dt)
+    model = model_of('noise', BASE)
+    found, plain = fit(evidence, model), fit(evidence, model, robust=False)
+    assert plain.estimates['white']['N'].value is None and plain.model['flicker']['B'] > 10 * b
+    assert found.estimates['white']['N'].value == pytest.approx(white, rel=0.02)
+    assert found.model['flicker']['B'] < 3 * b
+    (aside,) = found.details.set_aside
+    assert aside.direction == 'too little' and aside.high == pytest.approx(125)
+    assert any('not explained from' in flag for flag in found.flags)
+
+
+def test_a_half_rests_on_what_the_whole_rests_on():
+    y, rng = noise(11)
+    evidence = axis_of(robust.hump(y, DT, rng)[0])
+    problem = NoiseProblem(evidence)
+    whole = problem.point(model_of('noise', BASE))
+    half = problem.split()[0][0].point(model_of('noise', BASE))
+    assert whole.details.basis is not None and half.details.basis == whole.details.basis
+
+
+# --- the parts -----------------------------------------------------------------------------------
+
+def test_bands_are_half_octaves_that_hold_every_bin_once():
+    bins = bins_of(50_000, 0.01)
+    bands = Bands.on(bins)
+    assert np.all(np.diff(bands.of) >= 0) and bands.of[-1] == bands.count - 1
+    np.testing.assert_allclose(bands.sum(bins.count).sum(), 49_999)
+    assert np.all(bands.high[20:-1] / bands.low[20:-1] < 1.6)
+    np.testing.assert_allclose(bands.low[1:], bands.high[:-1])
+
+
+def test_a_crossing_is_not_an_agreement():
+    """A fit that goes through a falling spectrum agrees in one band's mean only."""
+    bins = bins_of(50_000, 0.01)
+    bands = Bands.on(bins)
+    ratio = np.where(bins.f > 5, 20 / bins.f, 1.0)
+    found = judge(bands, ratio, bins.count.astype(float))
+    assert found.kept[bands.high < 5].all() and not found.kept[bands.low > 5].any()
+    assert not found.weight[bins.f > 8].any()
+
+
+def test_lines_inside_a_band_are_set_aside_alone():
+    bins = bins_of(50_000, 0.01)
+    bands, ratio = Bands.on(bins), np.ones(len(bins.f))
+    ratio[-20] = 50.0
+    found = judge(bands, ratio, bins.count.astype(float))
+    assert found.kept.all() and list(np.flatnonzero(found.weight == 0)) == [len(ratio) - 20]
+    ((at, low, high),) = stretches(bands, found.weight > 0)
+    assert list(at) == [len(ratio) - 20] and low < bins.f[-20] < high
+
+
+def test_supported_bounds_what_a_band_can_cost():
+    rng = np.random.default_rng(0)
+    bins = bins_of(20_000, 0.01)
+    bands, w = Bands.on(bins), bins.count.astype(float)
+    power = rng.chisquare(w) / w
+    true = supported(bands, power, w, np.ones(len(w)))
+    assert true == pytest.approx(-0.5 * np.sum(w * power), abs=3 * COST)
+    for scale in (3.0, 1e6):
+        off = np.where(bands.of == bands.count - 3, scale, 1.0)
+        assert true - 3 * COST < supported(bands, power, w, off) < true
+
+
+def test_bin_weights_add_up_to_the_allan_variance():
+    rng = np.random.default_rng(3)
+    evidence = axis_of(rng.standard_normal(40_000))
+    m = np.array([1, 4, 30])
+    variance = bin_weights(evidence.whole.bins, m) @ evidence.whole.power
+    np.testing.assert_allclose(variance, 1 / m, rtol=0.1)
+
+
+# --- whether it matters, and what is written -----------------------------------------------------
+
+def study_of(case, seed=3):
+    """Return the study of a record whose first axis is disturbed."""
+    y = [noise([seed, k]) for k in range(3)]
+    first = case(*(y[0][0], DT, y[0][1]))[0]
+    return analyse_record(record_of([first, y[1][0], y[2][0]]), keep_motion=True)
+
+
+def strong_hump(y, dt, rng):
+    """A hump ten times above the white noise, around 5 Hz."""
+    b, a = butter(2, (0.15, 0.3), 'band')
+    return y + 4 * lfilter(b, a, robust.white(len(y), dt, rng)), None
+
+
+def faint_line(y, dt, rng):
+    """A line of 2 % of a standard deviation: clear in the spectrum, nothing in the curve."""
+    return y + 0.05 * np.std(np.diff(y)) * np.sin(2 * np.pi * 7 * np.arange(len(y)) * dt), None
+
+
+def test_a_hump_matters_and_is_said_in_every_file():
+    study = study_of(strong_hump)
+    state = study.states['gyro_x']
+    found = state.problem.matters(state.fit)
+    assert not found.sufficient and found.largest_ratio > 1.05
+    assert 0.2 < sum(found.shares.values()) < 1
+    text = export.export(study, 'kalibr')
+    assert '# gyro_x: model fails at' in text and 'times the curve at 1 s' in text
+    assert 'keep-motion' in text and 'gyro_y: model fails' not in text
+    values = covering(state)
+    c = state.problem.evidence.curve
+    some = (c.tau >= HORIZON[0]) & (c.tau <= HORIZON[1]) & (c.edf > 3)
+    written = np.sqrt(values['N'] ** 2 / c.tau + values['K'] ** 2 * c.tau / 3)[some]
+    assert np.all(written >= c.dev[some] * (1 - 1e-9))
+    number = yaml.safe_load(text)['gyroscope_noise_density']
+    assert number == pytest.approx(values['N'], rel=1e-5)
+
+
+def test_what_changes_no_curve_is_sufficient():
+    study = study_of(faint_line)
+    state = study.states['gyro_x']
+    assert len(state.problem.evidence.line_table)           # it is there
+    found = state.problem.matters(state.fit)
+    assert found.sufficient and abs(np.log(found.largest_ratio)) < 0.05
+    assert 'whose curve is not below' not in export.export(study, 'kalibr')
+
+
+def test_nothing_hidden_is_sufficient_and_says_nothing():
+    study = study_of(lambda y, dt, rng: (y, None))
+    for state in study.states.values():
+        found = state.problem.matters(state.fit)
+        assert found.sufficient and found.largest_ratio == 1 and not found.failures
+        assert state.problem.basis(state.fit) == {'sufficient': True}
