@@ -22,14 +22,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.fft import dct
 from scipy.optimize import minimize
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, iirnotch, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 
 DEG = np.pi / 180
 GYRO, ACCEL = (tuple(f'{sensor}_{c}' for c in 'xyz') for sensor in ('gyro', 'accel'))
 # What flicker noise and a random walk can imitate needs twice the evidence.
-IMITABLE = {'ramp', 'temperature', 'transient', 'gauss_markov', 'rts', 'step'}
+IMITABLE = {
+    'drift', 'gauss_markov', 'ramp', 'rts', 'slow_periodic', 'step', 'temperature', 'transient'}
 ENOUGH = 18.0
 
 
@@ -275,6 +276,21 @@ def _ramp(s):
     return sign * s.t, {'R': sign}
 
 
+def _drift(s):
+    """What drifts drifts ever faster, or turns back."""
+    turn, sign = s.span * s.rng.uniform(-0.2, 0.8), s.sign()
+    # written as a rate at the beginning and its change
+    return sign * (s.t - turn) ** 2, {'rate': -2 * sign * turn, 'curvature': 2 * sign}
+
+
+def _slow_periodic(s):
+    """The room's temperature is regulated, or the day goes by."""
+    period, phase = s.span * s.log_uniform(0.12, 1.8), s.rng.uniform(0, 2 * np.pi)
+    # cos(w t + p) = cos p cos w t - sin p sin w t
+    return np.cos(2 * np.pi * s.t / period + phase), \
+        {'period': period, 'cosine': np.cos(phase), 'sine': -np.sin(phase)}
+
+
 def _transient(s):
     tc, sign = s.log_uniform(s.span / 50, s.span / 6), s.sign()
     return sign * np.exp(-s.t / tc), {'amplitude': sign, 'tc': tc}
@@ -418,7 +434,7 @@ def _duplicates(s, strength):
 
 def _low_pass(s, strength):
     """The sensor's own filter; the first tau loses a share strength^2 (at most .9) by it."""
-    form, keep, nyquist = int(s.rng.integers(0, 3)), 1 - min(strength, 0.95) ** 2, 0.5 / s.dt
+    form, keep, nyquist = int(s.rng.integers(0, 4)), 1 - min(strength, 0.95) ** 2, 0.5 / s.dt
     x, one = s.y - s.y[0], allan_variance(s.y, [1])[0]
 
     def filtered(x, share):
@@ -427,6 +443,11 @@ def _low_pass(s, strength):
             return lfilter([1 - p], [1, -p], x), {'cutoff': share * nyquist, 'form': 0.0}
         if form == 1:
             return lfilter(*butter(2, share), x), {'cutoff': share * nyquist, 'form': 1.0}
+        if form == 2:
+            # a fast rate averaged over r intervals and decimated: neighbours share 1 - 1/r
+            r = float(np.clip(0.886 / share, 1.02, 1.98))
+            part = 0.5 - np.sqrt(0.25 - (1 - 1 / r) / (1 + 2 * (1 - 1 / r)))
+            return lfilter([1 - part, part], [1.0], x), {'cutoff': 0.443 / (r * s.dt), 'form': 3.0}
         r = max(2, int(round(0.886 / share)))
         return lfilter(np.ones(r) / r, [1.0], x), {'cutoff': 0.443 / (r * s.dt), 'form': 3.0}
 
@@ -439,6 +460,19 @@ def _low_pass(s, strength):
     ratio = ratio / np.exp(np.average(np.log(ratio), weights=count))
     nats = float(0.5 * np.sum(count * (ratio - np.log(ratio) - 1)))
     return lambda y: filtered(y - y[0], share)[0] + y[0], values, nats
+
+
+def _notch(s, strength):
+    """The driver takes a band out; as wide as makes the first tau lose a share strength^2."""
+    centre, x = s.rng.uniform(0.15, 0.8), s.y - s.y[0]
+    quality = float(np.clip(2 * centre / min(strength, 0.9) ** 2, 1.5, 20))
+    b, a = iirnotch(centre, quality)
+    after = lfilter(b, a, x)
+    _, count, power = _binned(after)
+    ratio = power / _binned(x)[2]
+    nats = float(0.5 * np.sum(count * (ratio - np.log(ratio) - 1)))
+    values = {'frequency': centre * 0.5 / s.dt, 'width': centre * 0.5 / s.dt / quality}
+    return lambda y: lfilter(b, a, y - y[0]) + y[0], values, nats
 
 
 def _louder(s, shape, strength):
@@ -492,10 +526,13 @@ RECIPES: dict[str, Recipe] = {
     'gauss_markov': Recipe(_gauss_markov, scaled=('sigma',)),
     'temperature': Recipe(_temperature, deterministic=True, scaled=('slope',)),
     'ramp': Recipe(_ramp, deterministic=True, scaled=('R',)),
+    'drift': Recipe(_drift, deterministic=True, scaled=('rate', 'curvature')),
+    'slow_periodic': Recipe(_slow_periodic, deterministic=True, scaled=('cosine', 'sine')),
     'transient': Recipe(_transient, deterministic=True, scaled=('amplitude',)),
     'rate_quantization': Recipe(change=_rate_quantization),
     'quantization': Recipe(change=_quantization),
     'low_pass': Recipe(change=_low_pass),
+    'notch': Recipe(change=_notch),
     'duplicates': Recipe(change=_duplicates),
     'spikes': Recipe(_spikes, scaled=('sigma',)),
     'rts': Recipe(_rts, scaled=('step',)),
@@ -514,9 +551,9 @@ KNOWN = tuple(k for k, r in RECIPES.items() if r.known)
 UNKNOWN = tuple(k for k, r in RECIPES.items() if not r.known)
 # What the electronics do to the samples comes after what the sensor feels, in this order.
 # Linear, and the same for all axes of a device: a message that is sent again repeats them all.
-COMMON = ('low_pass', 'duplicates')
+COMMON = ('low_pass', 'notch', 'duplicates')
 LAST = {k: i for i, k in enumerate(
-    ('low_pass', 'quantization', 'rate_quantization', 'duplicates', 'spikes'), 1)}
+    ('low_pass', 'notch', 'quantization', 'rate_quantization', 'duplicates', 'spikes'), 1)}
 
 
 def _spike_nats(added, base, dt) -> float:

@@ -250,7 +250,7 @@ def test_response(effect):
     seen = np.mean([spectrum.power(spectrum.cosine_transform(
         effect.apply(rng.standard_normal(n), given, rng)), DT, b) for _ in range(draws)], axis=0)
     seen = seen / (2 * DT)
-    expected = effect.gain2(b.f, DT)
+    expected = spectrum.expected(lambda f: effect.gain2(f, DT), b)
     some = expected > 1e-4
     error = np.sqrt(2 / (draws * b.count))[some]
     ratio = seen[some] / expected[some]

@@ -14,6 +14,7 @@ from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
+from ..core.disturbed import saturated
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
 from ..core.statistics import grid_step
 from ..core.stillness import finite_mean, still_stretches
@@ -147,7 +148,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         clock_steps=len(clock.steps) if clock else 0,
         not_finite=not_finite,
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
-        saturated={a: k for a, k in each(_saturated).items() if k},
+        saturated={a: k for a, k in each(lambda x: int(saturated(x).sum())).items() if k},
         resolution=each(resolution),
         held=held,
         absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
@@ -190,30 +191,6 @@ def _drift(record: ImuRecord) -> float | None:
         else 0.0
     )
     return float(-slope * 1e6)
-
-
-def _saturated(x: np.ndarray) -> int:
-    """Return how many samples stand at an end of the range in a way that noise does not."""
-    x = x[np.isfinite(x)]
-    if len(x) < 100 or is_constant(x):
-        return 0
-    found = 0
-    for end in (x.min(), x.max()):
-        at = x == end
-        count = int(at.sum())
-        if count < 10 or count < 5e-4 * len(x):
-            continue
-        # Noise thins out towards its end: the next value in is then commoner, and the end comes
-        # alone.
-        inner = x[~at]
-        next_one = inner.min() if end < inner.mean() else inner.max()
-        if (
-            count > 3 * np.sum(x == next_one)
-            and np.sum(at[1:] & at[:-1]) > 0.2 * count
-            and len(np.unique(x[:20_000])) > 8
-        ):
-            found += count
-    return found
 
 
 def resolution(x: np.ndarray) -> Resolution:

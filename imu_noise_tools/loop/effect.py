@@ -178,6 +178,18 @@ class Effect:
         """Return the sum as a model."""
         return Model((self,)) + other
 
+    @classmethod
+    def lineage(cls) -> tuple[str, ...]:
+        """
+        Return its name and those of the effects it derives from, nearest first.
+
+        What is known of an effect by name (a threshold, a rule of reading) holds for those that
+        derive from it.
+
+        """
+        names = [c.__dict__['name'] for c in cls.__mro__ if c.__dict__.get('name')]
+        return tuple(names)
+
     @property
     def fitted(self) -> bool:
         """Whether every parameter has a value."""

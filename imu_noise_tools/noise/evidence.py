@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from .kinds import Defect, Line, measured
 from ..core import allan
@@ -180,6 +181,34 @@ class Evidence:
         upper = float(np.sqrt(np.median(power) / self.duration) * 2.45)
         return Estimate(None, None, (0.0, upper), upper95=upper, point=0.0,
                         note='not observable: no line stands out of the spectrum')
+
+    def bumps(self, most: int, sign: int = 1) -> list[tuple[float, float, float]]:
+        """
+        Return (frequency Hz, width Hz, standard errors) of the clearest peaks, or dips (-1).
+
+        Of the whole record's power in steps of 5 %, beside its running median over 0.8 decades.
+
+        """
+        bins = self.whole.bins
+        f = np.exp(np.arange(np.log(8 / self.duration), np.log(0.5 / self.dt), 0.05))
+        if len(f) < 16:
+            return [(0.1 / self.dt, 0.01 / self.dt, 0.0)]
+        k = np.append(bins.first, bins.n)
+        total = np.concatenate([[0.0], np.cumsum(self.whole.power * bins.count)])
+        at = f * 2 * bins.n * self.dt
+        count = np.diff(at)
+        level = np.log(np.maximum(np.diff(np.interp(at, k, total)) / count, 1e-300))
+        over = sign * (level - median_filter(level, 35, mode='nearest'))
+        clear = over * np.sqrt(np.minimum(count, 1000.0) / 2)
+        out: list[tuple[float, float, float]] = []
+        for i in np.argsort(-clear):
+            middle = float(np.sqrt(f[i] * f[i + 1]))
+            if all(abs(np.log(middle / x)) > 0.3 for x, _, _ in out):
+                wide = int(np.sum(over[max(0, i - 8):i + 9] > 0.5 * over[i]))
+                out.append((middle, middle * 0.05 * max(1, wide), float(clear[i])))
+            if len(out) == most:
+                break
+        return out
 
     def _screens(self, model) -> int:
         """1 where the model holds a defect that is taken out of the samples, else 0."""

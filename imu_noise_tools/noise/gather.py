@@ -217,15 +217,28 @@ def _screened(y, kept, inputs):
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
-    """Return y with straight lines through the stretches that are left out (knocks)."""
+    """
+    Return y with what is left out replaced by what is beside it.
+
+    Mirrored, half from before and half from after, about a line between their means: so the
+    spectrum keeps its level, which a bare line would lower.
+
+    """
     if not record.left_out:
         return y
     y = y.copy()
-    for begin, end, _ in record.left_out:
-        i, j = np.searchsorted(record.t, (begin, end))
-        before, after = y[max(0, i - 50):i], y[j:j + 50]
-        ends = [np.mean(x) if len(x) else np.mean(y) for x in (before, after)]
-        y[i:j] = np.linspace(*ends, j - i)
+    ranges = [np.searchsorted(record.t, (begin, end)) for begin, end, _ in record.left_out]
+    starts = [int(i) for i, _ in ranges[1:]] + [len(y)]
+    for (i, j), following in zip(ranges, starts):
+        before = y[max(0, i - max(50, j - i)):i]
+        after = y[j:max(j, min(j + max(50, j - i), following))]
+        means = [np.mean(x) if len(x) else np.mean(y) for x in (before[-50:], after[:50])]
+        half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
+        mirrored = np.zeros(j - i)
+        first = (before[::-1] - means[0])[:j - i - half]
+        mirrored[:len(first)] = first
+        mirrored[j - i - half:] = (after[:half] - means[1])[::-1]
+        y[i:j] = np.linspace(*means, j - i) + mirrored
     return y
 
 

@@ -64,18 +64,34 @@ def _best_columns(likelihood, model, effect, options, keep=2):
     """
     Return the options whose columns explain most of the slow part.
 
-    They are judged against the smoothed measured spectrum.
+    They are judged against the smoothed measured spectrum, beside what else acts on the mean: a
+    second step must not land on the first.
 
     """
     root = np.sqrt(2 * likelihood.dt / likelihood._fine(smooth(likelihood.power)))
     y = likelihood.slow_rest(model, smooth(likelihood.power)) * root
+
+    def columns(e):
+        rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
+        x = likelihood._slow_transform(e.columns(likelihood.inputs, **rest)) * root[:, None]
+        scale = np.sqrt(np.sum(x**2, axis=0))
+        return x / np.where(scale > 0, scale, 1.0)
+
+    known = [
+        columns(m) for m in model.of(Mean)
+        if m.label != effect.label and all(p.linear or p.name in m.values for p in m.parameters)
+    ]
+    if known:
+        q, r = np.linalg.qr(np.concatenate(known, axis=1))
+        q = q[:, np.abs(np.diag(r)) > 1e-9]
+        y = y - q @ (q.T @ y)
     gains = []
     for o in options:
-        rest = {p.name: o[p.name] for p in o.parameters if not p.linear}
-        x = likelihood._slow_transform(o.columns(likelihood.inputs, **rest)) * root[:, None]
-        scale = np.sqrt(np.sum(x**2, axis=0))
-        q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
-        gains.append(float(np.sum((q.T @ y)[np.abs(np.diag(r)) > 1e-9] ** 2)))
+        x = columns(o)
+        if known:
+            x = x - q @ (q.T @ x)
+        basis, r = np.linalg.qr(x)
+        gains.append(float(np.sum((basis.T @ y)[np.abs(np.diag(r)) > 1e-6] ** 2)))
     return [options[i] for i in np.argsort(gains)[::-1][:keep]]
 
 

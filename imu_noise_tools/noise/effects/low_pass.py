@@ -4,10 +4,15 @@
 """The sensor's own low-pass filter."""
 
 import numpy as np
+from scipy.fft import dct, idct
 
 from ..kinds import Parameter, Response
 
-FORMS = ('first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average')
+FORMS = (
+    'first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages'
+)
+WINDOW = 0.443  # -3 dB frequency of an average times its length
+CASCADE = 0.319  # of two averages of one length, one behind the other
 
 
 class LowPass(Response):
@@ -49,8 +54,10 @@ class LowPass(Response):
         bins, dt = evidence.whole.bins, evidence.dt
         log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
         falls = np.geomspace(0.02, 1.6, 40) * 0.5 / dt
-        # an average is one of a whole number of samples
-        averages = 0.443 / (np.arange(2, 65) * dt)
+        lengths = np.concatenate([np.arange(1.05, 4, 0.05), np.arange(4, 65)])
+        tried = dict.fromkeys(FORMS, falls)
+        tried['moving_average'] = WINDOW / (lengths * dt)
+        tried['two_averages'] = CASCADE / (lengths * dt)  # shorter ones look like one average
 
         def roughness(effect):
             left = log_power - np.log(np.maximum(effect.gain2(bins.f, dt), 1e-12))
@@ -59,11 +66,8 @@ class LowPass(Response):
 
         out = []
         for form in FORMS:
-            tried = [
-                self.with_values(cutoff=float(c), form=form)
-                for c in (averages if form == 'moving_average' else falls)
-            ]
-            out += sorted(tried, key=roughness)[:2]
+            some = [self.with_values(cutoff=float(c), form=form) for c in tried[form]]
+            out += sorted(some, key=roughness)[:2]
         return out
 
     def bounds(self, evidence):
@@ -81,13 +85,11 @@ class LowPass(Response):
             return 1 / (1 + (np.tan(np.pi * np.minimum(f * dt, 0.49999)) / top) ** 4)
         if form == 'butterworth_2_analogue':
             return 1 / (1 + (f / c) ** 4)
-        r = max(0.443 / (c * dt), 1.0)
-        return np.maximum((np.sin(np.pi * f * dt * r) / (r * np.sin(np.pi * f * dt))) ** 2, 1e-9)
+        shape = _average if form == 'moving_average' else _two_averages
+        return np.maximum(shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0)), 1e-9)
 
     def apply(self, x, inputs, rng):
         """Filter through the DCT: the even extension has no transient at the ends."""
-        from scipy.fft import dct, idct
-
         c = dct(x, type=2, norm='ortho')
         k = np.arange(1, len(x))
         c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))
@@ -95,5 +97,42 @@ class LowPass(Response):
 
     @classmethod
     def example(cls):
-        """Return a cutoff at a quarter of Nyquist at 100 Hz."""
+        """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
         return cls({'cutoff': 12.0, 'form': 'first_order'})
+
+
+_LENGTH = {'moving_average': WINDOW, 'two_averages': CASCADE}
+
+
+def _average(x: np.ndarray, r: float) -> np.ndarray:
+    """
+    Return the squared gain at x = f dt of an average over r samples, any number from one on.
+
+    White noise that is averaged over r dt and then sampled has the autocovariance 1 - k/r: the
+    triangles of the whole numbers on either side, mixed.
+
+    """
+    m = np.floor(r)
+    u = r - m
+
+    def whole(m):
+        return (np.sin(np.pi * x * m) / np.sin(np.pi * x)) ** 2
+
+    return ((1 - u) * whole(m) + u * whole(m + 1)) / ((1 - u) * m**2 + u * (m + 1) ** 2)
+
+
+def _two_averages(x: np.ndarray, r: float) -> np.ndarray:
+    """
+    Return the squared gain at x = f dt of two averages over r samples, one behind the other.
+
+    The autocovariance of what is sampled behind them is the cubic B-spline of half-length 2 r;
+    where that is many samples, nothing is folded any more.
+
+    """
+    if r > 32:
+        return _average(x, r) ** 2
+    k = np.arange(1, int(2 * r) + 1)
+    z = k / r
+    spline = np.where(z < 1, 2 / 3 - z**2 + z**3 / 2, (2 - z) ** 3 / 6)
+    waves = 2 * np.cos(2 * np.pi * np.multiply.outer(x, k))
+    return (2 / 3 + waves @ spline) / (2 / 3 + 2 * np.sum(spline))

@@ -4,7 +4,6 @@
 """A narrow band of noise: a resonance, or a line that a wandering speed has broadened."""
 
 import numpy as np
-from scipy.ndimage import median_filter
 from scipy.signal import lfilter, lfiltic
 
 from ..kinds import Parameter, Spectrum
@@ -13,6 +12,7 @@ from ...core import oscillator
 SHARPEST = 0.25  # cells of 1/T: below, it is a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
+CLEAR = 5.0  # standard errors of one of those
 
 
 class Narrowband(Spectrum):
@@ -47,12 +47,12 @@ class Narrowband(Spectrum):
         """Start at the peaks that stand highest above the spectrum around them."""
         if {'frequency', 'width'} <= set(self.values):
             return super().starts(evidence)
-        narrow = [(f, width) for f, width, _ in evidence.humps[:NARROW]]
-        broad = [x for x in _broad(evidence) if all(abs(x[0] - f) > w for f, w in narrow)]
-        return [
-            self.with_values(frequency=float(f), width=float(width))
-            for f, width in (*narrow, *broad[:BROAD])
-        ]
+        narrow = [(float(f), float(width)) for f, width, _ in evidence.humps[:NARROW]]
+        bumps = evidence.bumps(2 * BROAD)
+        broad = [(f, width) for f, width, clear in bumps
+                 if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
+        some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
+        return [self.with_values(frequency=f, width=width) for f, width in some]
 
     def bounds(self, evidence):
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
@@ -114,26 +114,3 @@ class Narrowband(Spectrum):
     def example(cls):
         """Return a resonance of Q 10 at 4 Hz, of 20.6 deg/h rms (1e-4 rad/s)."""
         return cls({'frequency': 4.0, 'width': 0.4, 'rms': 1e-4})
-
-
-def _broad(evidence) -> list[tuple[float, float]]:
-    """Return (frequency, width) of the peaks that the usual bins resolve, the clearest first."""
-    bins = evidence.whole.bins
-    f = np.exp(np.arange(np.log(8 / evidence.duration), np.log(0.5 / evidence.dt), 0.05))
-    if len(f) < 16:
-        return []
-    total = np.concatenate([[0.0], np.cumsum(evidence.whole.power * bins.count)])
-    at = np.interp(f * 2 * bins.n * evidence.dt, np.append(bins.first, bins.n), total)
-    count = np.diff(f) * 2 * bins.n * evidence.dt
-    level = np.log(np.maximum(np.diff(at) / count, 1e-300))
-    excess = level - median_filter(level, 33, mode='nearest')
-    clear = excess * np.sqrt(np.minimum(count, 1000.0) / 2)
-    out = []
-    for i in np.argsort(-clear):
-        if clear[i] < 5 or len(out) == 2 * BROAD:
-            break
-        middle = float(np.sqrt(f[i] * f[i + 1]))
-        if all(abs(np.log(middle / x)) > 0.3 for x, _ in out):
-            wide = np.sum(excess[max(0, i - 8):i + 9] > 0.5 * excess[i])
-            out.append((middle, middle * 0.05 * max(1, int(wide))))
-    return out

@@ -24,6 +24,7 @@ class Ramp(Mean):
         'recording: if the drift then ends it was a warm-up (transient) or temperature.'
     )
     reference = 'IEEE 952 C.1.6'
+    explains = ('ramp',)
     decide = 'record twice as long: a ramp goes on, what settles or wanders does not'
     parameters = (
         Parameter(
@@ -41,5 +42,5 @@ class Ramp(Mean):
 
     @classmethod
     def example(cls):
-        """10 deg/h in an hour."""
+        """Return 9.7 deg/h in an hour."""
         return cls({'R': 1.3e-8})

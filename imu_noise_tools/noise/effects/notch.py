@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A notch filter of the sensor: a band that it takes out."""
+
+import numpy as np
+from scipy.fft import dct, idct
+
+from ..kinds import Parameter, Response
+
+
+class Notch(Response):
+    """Power dips to nothing around one frequency."""
+
+    name = 'notch'
+    symbol = 'f0, width'
+    title = "the sensor's own notch filter"
+    equation = (
+        'gain^2 = (x^2 - x0^2)^2/((x^2 - x0^2)^2 + (x w)^2), x = tan(pi f dt), x0 = '
+        'tan(pi f0 dt), w = tan(pi width dt) (1 + x0^2)'
+    )
+    signature = 'a dip in the PSD, of one frequency, with the level as it was on both sides'
+    hint = (
+        'The sensor or its driver filters a band out, its own drive or a known vibration. '
+        'Harmless below; do not look for signals in that band. Switch the filter off and record '
+        'again where it can be.'
+    )
+    reference = 'Oppenheim and Schafer, Discrete-Time Signal Processing, section 6.4'
+    several = True
+    decide = 'switch the filter off and record again'
+    parameters = (
+        Parameter('frequency', 'Hz', 1e-4, 1e5, title='centre'),
+        Parameter('width', 'Hz', 1e-6, 1e5, title='width between the -3 dB points'),
+    )
+
+    def starts(self, evidence):
+        """Start at the deepest dips."""
+        if self.fitted:
+            return [self]
+        dips = evidence.bumps(2, -1)
+        return [self.with_values(frequency=f, width=width) for f, width, _ in dips]
+
+    def bounds(self, evidence):
+        """Stay near the dip that the start is at."""
+        top = 0.499 / evidence.dt
+        if not self.fitted:
+            return {'frequency': (4 / evidence.duration, top)}
+        f, width = self['frequency'], self['width']
+        reach = min(2 * width, 0.5 * f)
+        return {
+            'frequency': (f - reach, min(f + reach, top)),
+            'width': (1 / evidence.duration, min(2 * f, 0.25 / evidence.dt)),
+        }
+
+    def gain2(self, f, dt):
+        """Return the squared gain."""
+        x = np.tan(np.pi * np.minimum(np.asarray(f, float) * dt, 0.49999))
+        x0 = np.tan(np.pi * min(self['frequency'] * dt, 0.499))
+        w = np.tan(np.pi * min(self['width'] * dt, 0.49)) * (1 + x0**2)
+        return np.maximum((x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2), 1e-9)
+
+    def apply(self, x, inputs, rng):
+        """Filter through the DCT: the even extension has no transient at the ends."""
+        c = dct(x, type=2, norm='ortho')
+        k = np.arange(1, len(x))
+        c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))
+        return idct(c, type=2, norm='ortho')
+
+    @classmethod
+    def example(cls):
+        """Return a notch at 9 Hz, 2 Hz wide."""
+        return cls({'frequency': 9.0, 'width': 2.0})
