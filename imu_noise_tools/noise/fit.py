@@ -105,7 +105,8 @@ class _Search:
         slowest = reddest(likelihood, x0) if self.cautious else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
         found = _revived(likelihood, found, slowest, self.enough)
-        return _Found(likelihood, *found, slowest)
+        x, nll, information = found
+        return _Found(likelihood, x, nll, information, slowest)
 
 
 @dataclass(frozen=True)
@@ -269,7 +270,9 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
             best = ended
     if best is None:
         return plain
-    kept = best[0].likelihood.explained.weight
+    explained = best[0].likelihood.explained
+    assert explained is not None
+    kept = explained.weight
     upward = np.where(np.arange(len(kept)) > np.flatnonzero(kept)[-1], 1.0, kept)
     for order in range(1, _ORDERS + 1) if hint is None else ():
         for begin in (kept, upward):
@@ -366,7 +369,8 @@ def _settled(search: _Search, bands: Bands, near: _Found, begin, order: int):
 
     """
     f = near.likelihood.bins.f
-    weight, seen, best = begin, [], None
+    seen: list[np.ndarray] = []
+    weight, best = begin, None
     found = None
     for _ in range(_ROUNDS):
         if np.sum(weight > 0) < 8 or any(np.array_equal(weight, w) for w in seen):
