@@ -122,6 +122,6 @@ def analyse(args) -> int:
         return 0
     from .. import report
 
-    print(report.text(study, folder, verbose=args.verbose))
+    print(report.text(study, str(folder), verbose=args.verbose))
     print(f'written to {folder}: study.yaml imu.yaml allan.csv allan.png report.html evidence.npz')
     return 0

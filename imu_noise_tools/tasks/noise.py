@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 import csv
 import io
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -217,8 +218,9 @@ def allan_csv(study: Study) -> str:
         ['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model']
     )
     for axis, state in study.states.items():
-        c = state.problem.evidence.curve
-        model = np.sqrt(model_curve(state.problem.evidence, state.model, c.m))
+        evidence = cast(NoiseProblem, state.problem).evidence
+        c = evidence.curve
+        model = np.sqrt(model_curve(evidence, state.model, c.m))
         for row in zip(c.tau, c.count, c.dev, c.lo, c.hi, c.percent_error, c.edf, model):
             writer.writerow(
                 [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])]
