@@ -57,6 +57,10 @@ _SHAPE = {
 class _Dumper(yaml.SafeDumper):
     """Plain YAML whose floats YAML 1.1 reads as numbers."""
 
+    def ignore_aliases(self, data: object) -> bool:
+        """Write what occurs twice twice."""
+        return True
+
 
 def _float(dumper, value):
     text = (
@@ -70,7 +74,6 @@ def _float(dumper, value):
 
 
 _Dumper.add_representer(float, _float)
-_Dumper.ignore_aliases = lambda self, data: True
 
 
 def plain(value):
@@ -237,7 +240,7 @@ def _finding_to_dict(target: str, f: Finding) -> dict:
         'explains': f.explains,
         'parameters': {
             k: estimate_to_dict(v, f.effect.parameter(k), sensor)
-            for k, v in f.estimates.items()
+            for k, v in f.estimates.items() if f.effect is not None
         },
         'evidence': f.evidence,
         'against': f.against,

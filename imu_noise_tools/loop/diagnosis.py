@@ -17,11 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from . import verdict as rules
-from .effect import Finding, Fit, Model, Score, unfitted
+from .effect import Effect, Finding, Fit, Model, Score, unfitted
 from .prediction import fall_of, State
 from ..core.errors import FitError
 
@@ -124,7 +125,7 @@ class _Place:
     """A model on the way, its candidates best first, and the surplus (nats) gained so far."""
 
     model: Model
-    fit: Fit
+    fit: Fit[Any]
     candidates: tuple[Finding, ...]
 
 
@@ -183,7 +184,7 @@ class _Search:
         """Return the base model with a chain's members added, not fitted."""
         model = self.base
         for f in chain:
-            model = model.plus(type(f.effect)())
+            model = model.plus(_new(f))
         return model
 
     def able(self, place: _Place) -> list[Finding]:
@@ -336,7 +337,7 @@ class _Search:
         out, model = [], self.base
         whole = self._failing(self.base, self.base)
         for f, name in zip(chain, self.labels_of(chain)):
-            before, model = model, model.plus(type(f.effect)())
+            before, model = model, model.plus(_new(f))
             sure, rivals = self._odds(before, name)
             explains = None
             if whole > 0:
@@ -408,7 +409,13 @@ class _Search:
 
 def label(model: Model, finding: Finding) -> str:
     """Return the label that a finding would have in a model."""
-    return model.plus(type(finding.effect)()).labels[-1]
+    return model.plus(_new(finding)).labels[-1]
+
+
+def _new(finding: Finding) -> Effect:
+    """Return the effect of a finding, not fitted."""
+    assert finding.effect is not None
+    return type(finding.effect)()
 
 
 def surplus(finding: Finding) -> float:

@@ -17,7 +17,7 @@ from scipy.optimize import minimize, nnls
 
 from .curve import bin_weights
 from .evidence import Evidence
-from .kinds import Line, Mean, Spectrum
+from .kinds import Line, Mean, NoiseEffect, Spectrum
 from ..core import units
 from ..core.errors import UsageError
 from ..loop.effect import Estimate, Fit
@@ -58,7 +58,7 @@ def fit_avar(evidence: Evidence, full: Fit) -> Fit:
     m, tau2 = c.m, c.dev**2
     terms = [
         e
-        for e in full.model
+        for e in full.model.of(NoiseEffect)
         if isinstance(e, (Spectrum, Mean))
         and type(e).avar not in (Mean.avar,)
         and len([p for p in e.parameters if p.amplitude]) == 1

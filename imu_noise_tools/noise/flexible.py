@@ -104,14 +104,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     """
     Say that a flexible form does better than an effect of a model, empty where it does not.
 
-    Parameters
-    ----------
-    fit, without : Fit
-        The model with the effect and without it.
-    label : str
-        Of the effect.
-    claim : float
-        What the effect gains, nats.
+    ``fit`` and ``without`` are the model with the effect and without it; ``claim`` is what the
+    effect gains, nats.
 
     """
     effect = fit.model[label]

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations_with_replacement
+from typing import cast
 
 import numpy as np
 from scipy.fft import idct
 from scipy.special import ndtri
 
 from .evidence import Common, Evidence, Part
-from .kinds import Defect, Inputs
+from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
 from ..core import allan
 from ..core.record import ImuRecord, Memory
@@ -93,7 +94,8 @@ def gather(
     kept, raw, clean = {}, {}, {}
     for axis in axes:
         y = raw[axis] = np.ascontiguousarray(record.column(axis), float)
-        kept[axis] = {name: cls.statistics(y, inputs) for name, cls in registry('noise').items()}
+        kept[axis] = {name: cast('type[NoiseEffect]', cls).statistics(y, inputs)
+                      for name, cls in registry('noise').items()}
         kept[axis] = {k: v for k, v in kept[axis].items() if v}
         without = _bridged(_screened(y, kept[axis], inputs), record)
         clean[axis] = y if without is y else memory.keep(without)
@@ -125,8 +127,9 @@ def gather(
         bins = bins_of(length, dt, fine)
         coefficients, lines = {}, {}
         for axis in axes:
-            c = whole.pop(axis, None)
-            if name != 'whole':
+            if name == 'whole':
+                c = whole.pop(axis)
+            else:
                 c = cosine_transform(clean[axis][begin:begin + length])
             lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt, bins)
             if name == 'whole' and len(lines[axis]):  # what is left is normal only without them
@@ -232,13 +235,13 @@ def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
     for (i, j), following in zip(ranges, starts):
         before = y[max(0, i - max(50, j - i)):i]
         after = y[j:max(j, min(j + max(50, j - i), following))]
-        means = [np.mean(x) if len(x) else np.mean(y) for x in (before[-50:], after[:50])]
+        means = [float(np.mean(x if len(x) else y)) for x in (before[-50:], after[:50])]
         half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
         mirrored = np.zeros(j - i)
         first = (before[::-1] - means[0])[:j - i - half]
         mirrored[:len(first)] = first
         mirrored[j - i - half:] = (after[:half] - means[1])[::-1]
-        y[i:j] = np.linspace(*means, j - i) + mirrored
+        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored
     return y
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.fft import idct
@@ -202,7 +202,7 @@ class Mean(NoiseEffect):
 
     views: ClassVar[tuple[str, ...]] = ('time',)
 
-    def columns(self, inputs: Inputs, **nonlinear: float) -> np.ndarray:
+    def columns(self, inputs: Inputs, *_: Any, **nonlinear: Any) -> np.ndarray:
         """Return (n, p), slowly varying."""
         raise NotImplementedError
 

@@ -74,7 +74,9 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
     They are marked as measured on the samples.
 
     """
-    known = {p.name: p for p in finding.effect.parameters}
+    assert finding.effect is not None
+    effect = finding.effect
+    known = {p.name: p for p in effect.parameters}
     return replace(
         finding,
         estimates={
@@ -82,7 +84,7 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
                 v,
                 unit=units.si(known[k].unit, evidence.sensor),
                 fixed=True,
-                point=float(finding.effect.values[k]),
+                point=float(effect.values[k]),
             )
             for k, v in finding.estimates.items()
         },
