@@ -93,9 +93,8 @@ def gather(
     kept, raw, clean = {}, {}, {}
     for axis in axes:
         y = raw[axis] = np.ascontiguousarray(record.column(axis), float)
-        kept[axis] = {name: cls.statistics(y, inputs) for name, cls in registry('noise').items()}
-        kept[axis] = {k: v for k, v in kept[axis].items() if v}
-        without = _bridged(_screened(y, kept[axis], inputs), record)
+        kept[axis], without = _looked_at(y, inputs)
+        without = _bridged(without, record)
         clean[axis] = y if without is y else memory.keep(without)
         memory.rest()
         step(f'{axis}: samples')
@@ -209,11 +208,25 @@ class _Steps:
             self.progress(min(1.0, self.done / self.total), what)
 
 
-def _screened(y, kept, inputs):
-    for name, cls in registry('noise').items():
-        if issubclass(cls, Defect) and name in kept:
-            y = cls.screen(y, kept[name], inputs)
-    return y
+def _looked_at(y: np.ndarray, inputs: Inputs):
+    """
+    Return what each effect keeps of the samples, and the samples without defects.
+
+    What comes first is taken out before the others look: the samples of a shock are no spikes.
+
+    """
+    kept, known = {}, registry('noise')
+    order = sorted(known, key=lambda k: not (issubclass(known[k], Defect) and known[k].first))
+    look = y
+    for name in order:
+        kept[name] = known[name].statistics(look, inputs)
+        if kept[name] and issubclass(known[name], Defect) and known[name].first:
+            look = known[name].screen(look, kept[name], inputs)
+    kept = {k: v for k, v in kept.items() if v}
+    for name in kept:
+        if issubclass(known[name], Defect) and not known[name].first:
+            look = known[name].screen(look, kept[name], inputs)
+    return kept, look
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:

@@ -326,6 +326,9 @@ class Modulation(NoiseEffect):
 class Defect(NoiseEffect):
     """Acts on samples (spikes, held samples): found in the samples, not in the spectrum."""
 
+    #: whether it is taken out of the samples before anything else is looked for in them
+    first: ClassVar[bool] = False
+
     def find(self, evidence):
         """
         Return a Finding from kept statistics, or None.
