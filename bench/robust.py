@@ -78,11 +78,13 @@ def averaging(y, dt, rng):
 
 
 def folded(y, dt, rng):
-    """Mean over 1.25 ... 3 output intervals at four times the rate, then one in four."""
+    """Mean over 1.25 ... 3 output intervals at four times the rate, then one sample in four."""
     n, k = len(y), int(rng.integers(5, 13))
     fast = TRUTH['N'] / np.sqrt(dt / 4) * rng.standard_normal(4 * n)
     base = slow_noise(n, dt, rng)
-    return base + lfilter(np.ones(k) / k, [1.0], fast)[::4], TRUTH['N']
+    gain = np.abs(np.exp(-0.5j * np.pi * np.outer(range(4), range(k))).sum(axis=1) / k)
+    level = TRUTH['N'] * np.sqrt(np.sum(gain ** 2))     # at zero, with what folds onto it
+    return base + lfilter(np.ones(k) / k, [1.0], fast)[::4], level
 
 
 def three_lines(y, dt, rng):

@@ -194,7 +194,7 @@ def _model(axis, entries):
         raise InputError(
             f'targets.{axis}: parameters must be numbers', 'e.g. white: {N: 8.7e-5}'
         ) from None
-    for e in model:
+    for e in model.of(NoiseEffect):
         for p in e.parameters:
             if p.name not in e.values:
                 if p.discrete or p.linear or p.name in e.neutral:

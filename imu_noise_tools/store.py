@@ -57,6 +57,10 @@ _SHAPE = {
 class _Dumper(yaml.SafeDumper):
     """Plain YAML whose floats YAML 1.1 reads as numbers."""
 
+    def ignore_aliases(self, data: object) -> bool:
+        """Write what occurs twice twice."""
+        return True
+
 
 def _float(dumper, value):
     text = (
@@ -70,7 +74,6 @@ def _float(dumper, value):
 
 
 _Dumper.add_representer(float, _float)
-_Dumper.ignore_aliases = lambda self, data: True
 
 
 def plain(value):
@@ -226,7 +229,7 @@ def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
                     'probability': f.probability,
                     'parameters': {
                         k: estimate_to_dict(v, f.effect.parameter(k), sensor)
-                        for k, v in f.estimates.items()
+                        for k, v in f.estimates.items() if f.effect is not None
                     },
                     'evidence': f.evidence,
                 }

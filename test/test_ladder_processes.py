@@ -97,6 +97,8 @@ def test_the_ladder(domain, tmp_path):
     assert len(ladder) == before + 2 + len(steps['history'])
     assert name in run('history', study)
     run('add', study, 'no_such_effect', status=2)
+    if domain == 'calibration':         # of a gyroscope, and this is an accelerometer
+        run('add', study, 'g_sensitivity', status=1)
 
 
 def test_what_is_exported_of_a_study(tmp_path):

@@ -180,13 +180,13 @@ def test_a_turntable_is_motion():
     assert not np.any((r.t[kept] > 61) & (r.t[kept] < 129)) and len(kept) > 0.6 * r.n
 
 
-def test_a_knock_is_left_out_and_bridged():
+def test_a_shock_is_set_aside():
     """A knock, after which all is as before, does not part the record; it is marked."""
     r = with_gyro(record_of(), lambda t: 3 * np.exp(-((t - 90) / 0.2) ** 2) * np.sin(9 * (t - 90)))
     found = prepare(r)
     assert found.n == r.n and len(found.left_out) == 1
     begin, end, why = found.left_out[0]
-    assert why == 'knock' and 86 < begin < 90 < end < 94
+    assert why == 'shock' and 86 < begin < 90 < end < 94
 
 
 def test_rest_on_real_records(shared_data):

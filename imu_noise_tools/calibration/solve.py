@@ -125,7 +125,8 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     UsageError
         An unknown method, or a model without scale and bias.
     FitError
-        The norm fit does not converge.
+        The norm fit does not converge, or an effect is not one of this sensor or needs what was
+        not recorded.
 
     """
     if method not in METHODS:
@@ -137,6 +138,10 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     free = method == 'norm'
     if not free and not poses.known:
         raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
+    for e in model.of(Regressor):
+        why = e.why_not(poses)
+        if why and (poses.sensor not in e.sensors or not np.isfinite(e.columns(poses)).all()):
+            raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
     system, state, log_det = _iterate(model, poses, free, tilt)
     for e in model.of(Scatter):
         amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale,

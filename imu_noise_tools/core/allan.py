@@ -184,7 +184,9 @@ def curve(
     return AllanCurve(deviation, dt, n, m, count, dev, lo, hi, edf)
 
 
-def _by_allantools(y, deviation, m):
+def _by_allantools(
+    y: np.ndarray, deviation: str, m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     import allantools
 
     tau, dev, _, count = getattr(allantools, deviation)(
@@ -198,7 +200,9 @@ def _by_allantools(y, deviation, m):
     )
 
 
-def interval(dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95):
+def interval(
+    dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95
+) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the bounds (lo, hi) of a deviation.
 
@@ -210,7 +214,7 @@ def interval(dev: np.ndarray, edf: np.ndarray, confidence: float = 0.95):
     return dev * np.sqrt(edf / chdtri(edf, tail)), dev * np.sqrt(edf / chdtri(edf, 1 - tail))
 
 
-def smooth_slope(m, dev, decades: float = 0.5) -> np.ndarray:
+def smooth_slope(m: np.ndarray, dev: np.ndarray, decades: float = 0.5) -> np.ndarray:
     """
     Return the slope of log dev against log m around each point.
 
@@ -229,7 +233,9 @@ def smooth_slope(m, dev, decades: float = 0.5) -> np.ndarray:
     return out
 
 
-def degrees_of_freedom(dev, m, n, overlapping=True) -> np.ndarray:
+def degrees_of_freedom(
+    dev: np.ndarray, m: np.ndarray, n: int, overlapping: bool = True
+) -> np.ndarray:
     """
     Return equivalent degrees of freedom for the power law that the local slope shows.
 

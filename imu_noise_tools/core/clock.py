@@ -216,7 +216,7 @@ def _tick(interval: np.ndarray, period: float) -> float:
 class _Lag:
     """The lag of stamps behind an even clock of a given period, and the steps in it."""
 
-    def __init__(self, t: np.ndarray, period: float):
+    def __init__(self, t: np.ndarray, period: float) -> None:
         self.t, self.period = t, period
         self.n = len(t)
         none = np.zeros(0, np.int64)

@@ -17,12 +17,12 @@ class ImuNoiseError(Exception):
 
     """
 
-    def __init__(self, message, remedy=''):
+    def __init__(self, message: str, remedy: str = '') -> None:
         super().__init__(message, remedy)
         self.message = message
         self.remedy = remedy
 
-    def __str__(self):
+    def __str__(self) -> str:
         """Return both in one line."""
         return f'{self.message}: {self.remedy}' if self.remedy else self.message
 

@@ -20,6 +20,7 @@ import secrets
 import shutil
 import socket
 import tempfile
+from typing import Any
 
 from .errors import InputError
 
@@ -39,7 +40,7 @@ _REMEDY = {
 }
 
 
-def cannot_write(path, error: OSError) -> InputError:
+def cannot_write(path: str | Path, error: OSError) -> InputError:
     """Return the error for a person of what the system said about writing a path."""
     reason = (error.strerror or str(error) or type(error).__name__).lower()
     return InputError(f'{path}: cannot be written ({reason})',
@@ -47,14 +48,14 @@ def cannot_write(path, error: OSError) -> InputError:
 
 
 @contextmanager
-def _mapped(path) -> Iterator[None]:
+def _mapped(path: str | Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
         raise cannot_write(path, error) from error
 
 
-def atomic_write(path, data: str | bytes) -> None:
+def atomic_write(path: str | Path, data: str | bytes) -> None:
     """
     Write a file whole or not at all.
 
@@ -81,7 +82,7 @@ def atomic_write(path, data: str | bytes) -> None:
 
 
 @contextmanager
-def atomic_path(path) -> Iterator[Path]:
+def atomic_path(path: str | Path) -> Iterator[Path]:
     """
     Give a temporary path to write a file to, which becomes ``path`` when the block ends well.
 
@@ -111,7 +112,7 @@ def atomic_path(path) -> Iterator[Path]:
 
 
 @contextmanager
-def _only_of(path, temporary: Path) -> Iterator[None]:
+def _only_of(path: str | Path, temporary: Path) -> Iterator[None]:
     """Map errors of the system that come from writing, and no others."""
     try:
         yield
@@ -122,7 +123,7 @@ def _only_of(path, temporary: Path) -> Iterator[None]:
 
 
 @contextmanager
-def new_folder(path, force: bool = False) -> Iterator[Path]:
+def new_folder(path: str | Path, force: bool = False) -> Iterator[Path]:
     """
     Give a temporary folder that becomes ``path`` when the block ends well.
 
@@ -166,7 +167,7 @@ def new_folder(path, force: bool = False) -> Iterator[Path]:
         raise
 
 
-def plain_yaml(text: str, most_aliases: int = 0):
+def plain_yaml(text: str, most_aliases: int = 0) -> Any:
     """
     Return the plain data of a YAML text: no objects, and no more levels than make sense.
 
@@ -218,7 +219,7 @@ def scratch_folder() -> Path:
     return folder
 
 
-def replace_files(folder, files: Mapping[str, str | bytes]) -> None:
+def replace_files(folder: str | Path, files: Mapping[str, str | bytes]) -> None:
     """
     Rewrite several files of a folder.
 
@@ -312,7 +313,7 @@ def _alive(process: int) -> bool:
     return True
 
 
-def _refuse_what_is_in_the_way(path, target: Path, force: bool) -> None:
+def _refuse_what_is_in_the_way(path: str | Path, target: Path, force: bool) -> None:
     if not target.exists():
         return
     if not target.is_dir():

@@ -35,7 +35,7 @@ def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.n
     """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
     p, _ = _pole(f0, width, dt)
     r, half = abs(p), np.pi * np.asarray(f, float) * dt
-    both = 1.0
+    both = np.ones(np.shape(f))
     for theta in (np.angle(p), -np.angle(p)):
         both = both * ((1 - r) ** 2 + 4 * r * np.sin(half - 0.5 * theta) ** 2)
     return 2 * dt * innovation_variance(sigma, f0, width, dt) / both

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from .errors import UsageError
 
@@ -32,7 +33,7 @@ class Memory:
 
     """
 
-    def empty(self, shape, dtype=float) -> np.ndarray:
+    def empty(self, shape: int | tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
         """Return a new array."""
         return np.empty(shape, dtype)
 

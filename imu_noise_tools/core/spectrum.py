@@ -12,8 +12,10 @@ ends: red noise does not leak as it does in a Fourier periodogram, and no taper 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.fft import dct as _dct
@@ -55,7 +57,7 @@ class Bins:
         """Average values of all coefficients k = 0 ... n-1 over each bin; (n,) -> (b,)."""
         return np.add.reduceat(values[: self.last[-1]], self.first) / self.count
 
-    def index(self, k) -> np.ndarray:
+    def index(self, k: Any) -> np.ndarray:
         """Return the bin that holds coefficient k (1 <= k < n)."""
         return np.searchsorted(self.first, k, side='right') - 1
 
@@ -123,7 +125,7 @@ def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
     return x, weight / weight.sum(axis=1, keepdims=True)
 
 
-def expected(psd, bins: Bins) -> np.ndarray:
+def expected(psd: Callable[[np.ndarray], np.ndarray], bins: Bins) -> np.ndarray:
     """
     Return what ``power`` is expected to be in each bin for a one-sided PSD, (b,).
 
@@ -146,7 +148,9 @@ def expected(psd, bins: Bins) -> np.ndarray:
 
 
 @lru_cache(maxsize=32)
-def _grid(n: int, dt: float, fine: tuple[float, ...]):
+def _grid(
+    n: int, dt: float, fine: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray, slice, tuple[slice, slice]]:
     """
     Return the frequencies that ``expected`` asks for and the window's weights.
 
@@ -216,7 +220,7 @@ def folded(f: float, dt: float) -> float:
     return float(abs((f * dt + 0.5) % 1 - 0.5) / dt)
 
 
-def line_basis(frequency, k: np.ndarray, n: int, dt: float) -> np.ndarray:
+def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float) -> np.ndarray:
     """
     Return the coefficients c_k (k >= 1) of cos(w t) + i sin(w t), t = j dt, w = 2 pi frequency.
 
@@ -245,7 +249,9 @@ def line_coefficients(
     return a * basis.real + b * basis.imag
 
 
-def quadrature_avar(psd, m: np.ndarray, dt: float) -> np.ndarray:
+def quadrature_avar(
+    psd: Callable[[np.ndarray], np.ndarray], m: np.ndarray, dt: float
+) -> np.ndarray:
     """
     Return the Allan variance of a sampled process with this one-sided PSD at cluster sizes m.
 

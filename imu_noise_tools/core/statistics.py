@@ -12,7 +12,7 @@ import numpy as np
 FAR = (101, 149, 211)  # samples: longer than any hold
 
 
-def middle_sigma(x) -> float:
+def middle_sigma(x: np.ndarray) -> float:
     """Return the standard deviation of a normal distribution with the middle nine tenths of x."""
     some = np.abs(x[:: max(1, len(x) // 200_000)])
     count = int(0.9 * len(some))
@@ -22,7 +22,7 @@ def middle_sigma(x) -> float:
     return float(np.sqrt(np.mean(middle**2) / 0.623))  # the variance between -1.645 and 1.645
 
 
-def robust_sigma(y) -> float:
+def robust_sigma(y: np.ndarray) -> float:
     """
     Return the standard deviation of the fast part of y.
 
@@ -38,7 +38,7 @@ def robust_sigma(y) -> float:
     return float(np.std(d)) / np.sqrt(2)
 
 
-def grid_step(y, most: int = 4096) -> tuple[float, int]:
+def grid_step(y: np.ndarray, most: int = 4096) -> tuple[float, int]:
     """
     Return (step, levels): the spacing of the grid that y lies on, 0 where there is none.
 
@@ -78,7 +78,7 @@ class Repeats(NamedTuple):
     held: bool
 
 
-def repeats(y) -> Repeats:
+def repeats(y: np.ndarray) -> Repeats:
     """
     Tell whether more neighbours are equal than rounding makes equal by chance.
 

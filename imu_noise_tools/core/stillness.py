@@ -29,6 +29,8 @@ TURNING = 0.035         # a steady rate that differs so much from the rest's is 
 # a disturbance no longer than this, after which nothing has changed, is a knock
 KNOCK_S = 3.0
 SAME = {'gyro': 0.0087, 'accel': 0.15}
+SHAKEN_S = 3.0          # what shakes has gone round within this time
+TILT = 0.0175           # and has turned the sensor no further, rad
 
 
 def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, int]]:
@@ -49,6 +51,9 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
 
     """
     ends = _at_gaps(record)
+    least = max(2, round(seconds * record.rate_hz))
+    if only_shaken(record):
+        return [(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist()) if b - a >= least]
     unit = max(1, round(UNIT_S * record.rate_hz))
     moving = np.zeros(record.n // unit + 1, bool)
     for sensor in ('gyro', 'accel'):
@@ -63,8 +68,34 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
         found += [
             (max(a, (first + i) * unit), min(b, (first + j) * unit)) for i, j in edges.tolist()
         ]
-    least = max(2, round(seconds * record.rate_hz))
     return _not_turning(record, [(a, b) for a, b in found if b - a >= least])
+
+
+def only_shaken(record: ImuRecord) -> bool:
+    """
+    Tell whether a record is shaken at most, not moved: an idling engine, a fan, knocks.
+
+    Over every three seconds the direction of gravity and the mean rate are the same, and within
+    them the sensor turns by less than a degree.
+
+    """
+    length = max(2, round(SHAKEN_S * record.rate_hz))
+    count = record.n // length
+    if count < 4:
+        return False
+    for sensor, most in SAME.items():
+        data = getattr(record, sensor)
+        for x in () if data is None else data.T:
+            rows = np.asarray(x[:count * length], float).reshape(count, length)
+            means = rows.mean(axis=1)
+            usual = np.median(means)
+            if not np.ptp(means) < most:    # also where something is not finite
+                return False
+            if sensor == 'gyro':
+                angle = np.cumsum(rows - usual, axis=1)
+                if not np.max(np.ptp(angle, axis=1)) < TILT * record.rate_hz:
+                    return False
+    return True
 
 
 def without_knocks(

@@ -69,13 +69,13 @@ def value_of(
             values.append(covering(state, horizon)[parameter])
             continue
         value, note = _resolved(state, parameter)
-        values.append(value)
+        values.append(np.nan if value is None else value)
         if note:
             notes.append(f'{axis}: {note}')
     return Value(tuple(values), tuple(axes), tuple(notes))
 
 
-def _resolved(state: State, parameter: str) -> tuple[float, str]:
+def _resolved(state: State, parameter: str) -> tuple[float | None, str]:
     name = PARAMETERS[parameter]
     estimates, added = state.fit.estimates, ''
     if name not in estimates:
@@ -171,12 +171,12 @@ def covering(state: State, horizon: float | None = None) -> dict[str, float]:
     tau, wanted = c.tau[some], c.dev[some] ** 2
     if not fails(state):
         wanted = np.maximum(wanted, model_curve(evidence, state.model, c.m[some]))
-    best = None
+    best = np.inf, np.nan, np.nan
     for i in range(1, len(tau) + 1):
         n2 = float(np.max(tau[:i] * wanted[:i]))
         k2 = float(np.max(np.append(3 * (wanted[i:] - n2 / tau[i:]) / tau[i:], 0.0)))
         excess = float(np.mean(np.log((n2 / tau + k2 * tau / 3) / wanted)))
-        if best is None or excess < best[0]:
+        if excess < best[0]:
             best = excess, n2, k2
     k = np.sqrt(best[2])
     return {

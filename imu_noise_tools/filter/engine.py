@@ -108,6 +108,8 @@ class Engine:
     ):
         self.axes = axes
         self.counts = Counts()
+        self._clock: Clock              # once the rate is known
+        self._bank: Bank                # once R is known too
         self.history = History(history, axes)
         self._given = design(motion, noise, alpha, values, axes)
         self._rate = rate_hz
@@ -116,9 +118,10 @@ class Engine:
 
     def _begin(self):
         self.design: Design = self._given
-        self._clock = Clock.of(self._rate) if self._rate else None
-        self._ready = self._clock is not None and not self.design.unknown_r
-        self._bank: Bank | None = None
+        self._clocked = bool(self._rate)
+        if self._rate:
+            self._clock = Clock.of(self._rate)
+        self._ready = self._clocked and not self.design.unknown_r
         self._last = None
         self._last_z = np.zeros(self.axes)
         self._answer = None
@@ -184,7 +187,7 @@ class Engine:
         if dt == 0:
             self.counts.duplicates += 1
             return DUPLICATE
-        if self._clock is None:
+        if not self._clocked:
             return 0
         key = self._clock.key(dt)
         if key == RESTART:
@@ -200,7 +203,7 @@ class Engine:
         if self.history.count >= WAIT:
             rate = self._rate or median_rate(t)
             if rate:
-                self._clock = Clock.of(rate)
+                self._clock, self._clocked = Clock.of(rate), True
                 if self.design.unknown_r:
                     self.design = self.design.with_r(quiet_variance(some))
                     self._read_at = 2 * self.history.count

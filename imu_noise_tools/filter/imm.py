@@ -134,7 +134,7 @@ class Bank:
         self.x = [np.zeros(shape) for _ in d]
         self.p = {k: v.copy() for k, v in self.start.items()}
 
-    def restart(self, lanes: np.ndarray):
+    def restart(self, lanes: np.ndarray | slice) -> None:
         """Forget everything in some lanes (mask or index)."""
         self.mu[:, lanes] = self.table.prior[0][:, None]
         for x in self.x:
@@ -220,6 +220,7 @@ class Bank:
         Return (K nu over P H, what shrinks the covariance, log-likelihood): P - Ph Ph^T shrink.
 
         """
+        assert self.mixture is not None
         fraction, factor = self.mixture
         wide = s + r * (factor - 1)
         a, b = nu / s, nu / wide

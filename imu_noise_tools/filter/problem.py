@@ -143,7 +143,7 @@ class FilterProblem(Problem):
                 continue
             if effect.scales and not stated:
                 continue
-            if effect.after and effect.after not in fit.model:
+            if effect.after and not any(effect.after in e.lineage() for e in fit.model):
                 continue
             after = self.fit(unfitted(fit.model).plus(effect()))
             gain = after.log_likelihood - fit.log_likelihood

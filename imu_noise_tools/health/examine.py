@@ -14,12 +14,15 @@ from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
+from ..core.disturbed import saturated
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
 from ..core.statistics import grid_step
 from ..core.stillness import finite_mean, still_stretches
+from ..core.units import G0
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
+GRAVITY_OFF = 0.25      # more than local gravity and a good accelerometer's bias make, m/s^2
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         clock_steps=len(clock.steps) if clock else 0,
         not_finite=not_finite,
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
-        saturated={a: k for a, k in each(_saturated).items() if k},
+        saturated={a: k for a, k in each(lambda x: int(saturated(x).sum())).items() if k},
         resolution=each(resolution),
         held=held,
         absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
@@ -157,9 +160,9 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
         temperature={
-            k: (float(np.min(v)), float(np.max(v)))
+            k: (float(np.nanmin(v)), float(np.nanmax(v)))
             for k, v in record.covariates.items()
-            if k.startswith('temperature') and len(v)
+            if 'temp' in k.lower() and len(v) and np.isfinite(v).any()
         },
         covariates=tuple(record.covariates),
     )
@@ -190,30 +193,6 @@ def _drift(record: ImuRecord) -> float | None:
         else 0.0
     )
     return float(-slope * 1e6)
-
-
-def _saturated(x: np.ndarray) -> int:
-    """Return how many samples stand at an end of the range in a way that noise does not."""
-    x = x[np.isfinite(x)]
-    if len(x) < 100 or is_constant(x):
-        return 0
-    found = 0
-    for end in (x.min(), x.max()):
-        at = x == end
-        count = int(at.sum())
-        if count < 10 or count < 5e-4 * len(x):
-            continue
-        # Noise thins out towards its end: the next value in is then commoner, and the end comes
-        # alone.
-        inner = x[~at]
-        next_one = inner.min() if end < inner.mean() else inner.max()
-        if (
-            count > 3 * np.sum(x == next_one)
-            and np.sum(at[1:] & at[:-1]) > 0.2 * count
-            and len(np.unique(x[:20_000])) > 8
-        ):
-            found += count
-    return found
 
 
 def resolution(x: np.ndarray) -> Resolution:
@@ -304,9 +283,15 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.'
         )
     say += [f'{s[0].upper()}{s[1:]}.' for s in h.units]
+    if h.gravity is not None and not h.units and abs(h.gravity - G0) > GRAVITY_OFF:
+        say.append(
+            f'Gravity reads {h.gravity:.4g} m/s^2, {100 * (h.gravity / G0 - 1):+.2g} % off: '
+            'calibrate the accelerometer (imu_noise calibrate), and check its range setting.'
+        )
     if h.warm_up:
         say.append(
-            f'{", ".join(h.warm_up)} still change at the beginning: let the IMU warm up for '
+            f'{", ".join(h.warm_up)} still {"change" if len(h.warm_up) > 1 else "changes"} at '
+            'the beginning: let the IMU warm up for '
             'half an hour.'
         )
     if not h.temperature:

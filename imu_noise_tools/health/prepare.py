@@ -12,7 +12,7 @@ Whatever is done to the record is counted and said in its warnings.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -20,13 +20,15 @@ import numpy as np
 from .stamps import changed, ordered
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, SampleClock
-from ..core.errors import InputError
-from ..core.record import AXES, ImuRecord, Memory, sensor_of
+from ..core.disturbed import disturbance, disturbances
+from ..core.errors import InputError, UsageError
+from ..core.record import AXES, Disturbance, ImuRecord, Memory, sensor_of
 from ..core.stillness import longest_rest
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
+MOST_SET_ASIDE = 0.05       # share of the time that is set aside by itself
 PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
 RECORDING = (
     'lay the IMU on something solid, at rest and away from people and machines, and record it '
@@ -35,7 +37,12 @@ RECORDING = (
 
 
 def prepare(
-    record: ImuRecord, keep_motion: bool = False, memory: Memory | None = None
+    record: ImuRecord,
+    keep_motion: bool = False,
+    memory: Memory | None = None,
+    *,
+    screen: bool = True,
+    masks: Iterable[tuple[float, float]] = (),
 ) -> ImuRecord:
     """
     Return the part of a record that is analysed, ordered, without gaps and at rest.
@@ -48,13 +55,18 @@ def prepare(
         Analyse all of it, whether it moves or not.
     memory : Memory, optional
         Where long arrays are kept.
+    screen : bool
+        Set disturbed stretches aside where they are short.
+    masks : iterable of (float, float)
+        Stretches to set aside whatever they hold, from and to, s since ``record.start``.
 
     Returns
     -------
     ImuRecord
         Stamps rise, samples are 1/``rate_hz`` apart by their number, ``rate_hz`` is (n - 1)/span,
         all values are finite; ``missing`` counts the interpolated ones, ``stuck`` names axes that
-        never change, ``left_out`` the knocks within.
+        never change, ``disturbances`` what was found disturbed, ``left_out`` what of it (and of
+        the masks) is set aside.
 
     Raises
     ------
@@ -78,6 +90,8 @@ def prepare(
         record = _at_rest(record)
     memory.rest()
     _enough(record)
+    record = _set_aside(record, screen, tuple(masks))
+    memory.rest()
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 
@@ -143,7 +157,7 @@ def _stuck(record: ImuRecord) -> ImuRecord:
 
 
 def _at_rest(record: ImuRecord) -> ImuRecord:
-    """Return the longest stretch at rest, knocks within it marked."""
+    """Return the longest stretch at rest, shocks within it marked."""
     pieces = longest_rest(record)
     a, b = (pieces[0][0], pieces[-1][1]) if pieces else (0, 0)
     whole = a == 0 and b == record.n
@@ -154,18 +168,70 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
             f'{LEAST_REST_S:g} s at rest',
             f'{RECORDING}, or override with --keep-motion',
         )
-    part = record.part(a, b)
-    knocks = tuple(
-        (float(record.t[i[1] - 1]), float(record.t[j[0]]), 'knock')
-        for i, j in zip(pieces, pieces[1:])
+    shocks = tuple(
+        disturbance(record, i[1] - 1, j[0] + 1, 'shock') for i, j in zip(pieces, pieces[1:])
     )
-    part = replace(part, left_out=(*part.left_out, *knocks))
-    if knocks:
-        part = part.warned(f'{len(knocks)} knock(s) are left out of the noise fit')
+    part = replace(record.part(a, b), disturbances=shocks)
     if whole:
         return part
     return part.warned(f'the IMU moves: the longest still stretch is analysed, {span:.4g} s from '
                        f'{part.t[0]:.4g} s on')
+
+
+def _set_aside(
+    record: ImuRecord, screen: bool, masks: tuple[tuple[float, float], ...]
+) -> ImuRecord:
+    """
+    Return the record with what disturbs it named, and set aside where that is little.
+
+    If all of it is too much, the shocks alone; else nothing: what disturbs a record for long is an
+    effect to be found, not a stretch to be left out.
+
+    """
+    known = record.disturbances
+    found = [
+        d for d in disturbances(record)
+        if not any(d.begin < k.end and k.begin < d.end for k in known)
+    ]
+    every = tuple(sorted((*known, *found), key=lambda d: d.begin))
+    record = replace(record, disturbances=every)
+    lasting = [d for d in every if d.kind != 'step']
+    short = [d for d in lasting if d.kind != 'disturbed']
+    most = MOST_SET_ASIDE * record.duration_s
+    chosen = next((c for c in (lasting, short) if _length(c) <= most), []) if screen else []
+    begin, end = float(record.t[0]), float(record.t[-1])
+    masked = [(max(a, begin), min(b, end), 'masked') for a, b in masks if a < end and b > begin]
+    out = _merged([*((d.begin, d.end, d.kind) for d in chosen), *masked])
+    total = sum(b - a for a, b, _ in out)
+    if masked and total > 0.9 * record.duration_s:
+        raise UsageError('--mask leaves too little to analyse', 'mask less')
+    if chosen:
+        record = record.warned(
+            f'{len(chosen)} disturbed stretch(es), {_length(chosen):.3g} s in all, are set aside '
+            'from the noise fit (--no-screen keeps them)'
+        )
+    if len(chosen) < len(lasting):
+        record = record.warned(
+            f'{len(lasting)} disturbed stretch(es), {_length(lasting):.3g} s in all, of which '
+            f'{len(lasting) - len(chosen)} are in the noise fit'
+        )
+    return replace(record, left_out=(*record.left_out, *out))
+
+
+def _length(found: Iterable[Disturbance]) -> float:
+    return sum(d.end - d.begin for d in found)
+
+
+def _merged(stretches: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """Return stretches in order, those that overlap as one."""
+    out: list[tuple[float, float, str]] = []
+    for a, b, why in sorted(stretches):
+        if out and a <= out[-1][1]:
+            before = out.pop()
+            why = before[2] if why in before[2] else f'{before[2]}, {why}'
+            a, b = before[0], max(b, before[1])
+        out.append((a, b, why))
+    return out
 
 
 def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:

@@ -27,6 +27,8 @@ from .domains import DOMAINS, package
 from ..core.errors import InputError, UsageError
 
 Details = TypeVar('Details')     # what a domain keeps of a fit
+Capable = TypeVar('Capable')     # a kind of effect
+Same = TypeVar('Same', bound='Effect')
 _REGISTRY: dict[str, dict[str, type[Effect]]] = {}
 
 
@@ -78,7 +80,7 @@ class Parameter:
         return cls(name, '1', 0, len(names) - 1, log=False, discrete=True, title=title,
                    choices=names)
 
-    def number(self, value) -> float:
+    def number(self, value: Any) -> float:
         """
         Return a value as a number: that of a choice is the index of its name.
 
@@ -126,10 +128,10 @@ class Effect:
     several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
 
-    values: Mapping[str, float] = field(default_factory=dict)   # a choice by name or index
+    values: Mapping[str, Any] = field(default_factory=dict)     # a choice by name or index
     label: str = ''
 
-    def __init_subclass__(cls, **kwargs):
+    def __init_subclass__(cls, **kwargs: Any) -> None:
         """Register the class under its domain and name."""
         super().__init_subclass__(**kwargs)
         if '__slots__' in cls.__dict__:
@@ -149,7 +151,7 @@ class Effect:
                 )
             known[cls.name] = cls
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the names of the values and freeze them."""
         known = {p.name: p for p in self.parameters}
         unknown = sorted(set(self.values) - set(known))
@@ -162,11 +164,11 @@ class Effect:
         object.__setattr__(self, 'values', MappingProxyType(values))
         object.__setattr__(self, 'label', self.label or self.name)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by values (a mapping proxy cannot be pickled)."""
         return type(self), (dict(self.values), self.label)
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         """Hash by label and values."""
         return hash((self.name, self.label, tuple(sorted(self.values.items()))))
 
@@ -177,6 +179,18 @@ class Effect:
     def __add__(self, other: Effect | Model) -> Model:
         """Return the sum as a model."""
         return Model((self,)) + other
+
+    @classmethod
+    def lineage(cls) -> tuple[str, ...]:
+        """
+        Return its name and those of the effects it derives from, nearest first.
+
+        What is known of an effect by name (a threshold, a rule of reading) holds for those that
+        derive from it.
+
+        """
+        names = [c.__dict__['name'] for c in cls.__mro__ if c.__dict__.get('name')]
+        return tuple(names)
 
     @property
     def fitted(self) -> bool:
@@ -199,7 +213,7 @@ class Effect:
         """Return the values as people read them, choices by name."""
         return {k: self.parameter(k).written(v) for k, v in self.values.items()}
 
-    def with_values(self, **values: Any) -> Effect:
+    def with_values(self: Same, **values: float | str) -> Same:
         """Return a copy with these values in place of, or beside, the old ones."""
         return type(self)({**self.values, **values}, self.label)
 
@@ -223,7 +237,7 @@ class Effect:
 class Model:
     """A sum of effects with labels that are unique: ``sinusoid``, ``sinusoid.2``."""
 
-    def __init__(self, effects=()):
+    def __init__(self, effects: Iterable[Any] = ()) -> None:
         found: list[Effect] = []
         for e in effects:
             found.append(self._labelled(e, found))
@@ -284,15 +298,15 @@ class Model:
         """Iterate over the effects."""
         return iter(self.effects)
 
-    def __len__(self):
+    def __len__(self) -> int:
         """Return how many effects there are."""
         return len(self.effects)
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         """Compare effects and values."""
         return isinstance(other, Model) and self.effects == other.effects
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         """Hash by the effects."""
         return hash(self.effects)
 
@@ -303,7 +317,7 @@ class Model:
                 return e
         raise KeyError(label)
 
-    def __contains__(self, label: str):
+    def __contains__(self, label: str) -> bool:
         """Tell whether an effect of this label is in it."""
         return label in self.labels
 
@@ -312,11 +326,11 @@ class Model:
         """Labels in order."""
         return [e.label for e in self.effects]
 
-    def of(self, kind: type) -> list:
+    def of(self, kind: type[Capable]) -> list[Capable]:
         """Return the effects that have a capability."""
         return [e for e in self.effects if isinstance(e, kind)]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         """Read like the physics."""
         return ' + '.join(self.labels) or '(nothing)'
 
@@ -354,7 +368,7 @@ def find_effect(domain: str, name: str) -> type[Effect]:
     return known[plain]
 
 
-def model_of(domain: str, names) -> Model:
+def model_of(domain: str, names: Iterable[str]) -> Model:
     """
     Return the model, not yet fitted, of these names.
 
@@ -364,7 +378,7 @@ def model_of(domain: str, names) -> Model:
     return Model(find_effect(domain, n)() for n in names)
 
 
-def load_effects(path) -> list[str]:
+def load_effects(path: str | Path) -> list[str]:
     """
     Run a user's Python file, so that the effects in it register; return their names.
 
@@ -491,7 +505,7 @@ class Score:
         return self.excess <= 2 * self.std
 
     @classmethod
-    def of(cls, views) -> Score:
+    def of(cls, views: Iterable[View]) -> Score:
         """Average views with equal weights."""
         said = [v for v in views if np.isfinite(v.excess)]
         views = {v.name: v for v in said if not v.muted}

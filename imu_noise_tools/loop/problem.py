@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -35,22 +35,22 @@ class Problem(ABC):
         """Return pairs (to fit, to score) that share no data."""
 
     @abstractmethod
-    def fit(self, model: Model) -> Fit:
+    def fit(self, model: Model) -> Fit[Any]:
         """Fit a model."""
 
     @abstractmethod
-    def score(self, fit: Fit) -> Score:
+    def score(self, fit: Fit[Any]) -> Score:
         """Score a fit made elsewhere on this data."""
 
     @abstractmethod
-    def omnibus(self, fit: Fit) -> list[Finding]:
+    def omnibus(self, fit: Fit[Any]) -> list[Finding]:
         """Return tests that fail when anything at all is missing, each with its p-value."""
 
     @abstractmethod
-    def candidates(self, fit: Fit) -> list[Finding]:
+    def candidates(self, fit: Fit[Any]) -> list[Finding]:
         """Return what could be added to the model, best gain first."""
 
-    def point(self, model: Model) -> Fit:
+    def point(self, model: Model) -> Fit[Any]:
         """Fit a model without intervals, where that is cheaper."""
         return self.fit(model)
 
@@ -69,7 +69,7 @@ class Problem(ABC):
                 found.setdefault(view.name, []).append(view)
         return Score.of(_merged(views) for views in found.values())
 
-    def basis(self, fit: Fit) -> dict:
+    def basis(self, fit: Fit[Any]) -> dict[str, Any]:
         """Return what the values of a fit rest on, and what they leave, as plain data."""
         return {}
 
@@ -77,11 +77,11 @@ class Problem(ABC):
         """Return what to do next, in a sentence or two."""
         return ''
 
-    def summary(self, fit: Fit) -> dict[str, float]:
+    def summary(self, fit: Fit[Any]) -> dict[str, float]:
         """Return what else describes a fit, as numbers by name."""
         return {}
 
-    def remarks(self, fit: Fit) -> list[str]:
+    def remarks(self, fit: Fit[Any]) -> list[str]:
         """Return what else is to be said of a fit to people, a sentence each."""
         return []
 

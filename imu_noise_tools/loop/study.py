@@ -11,14 +11,17 @@ or filters, no files.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from .diagnosis import diagnose, Diagnosis
 from .effect import find_effect, Model, Score, unfitted
 from .prediction import fall_in_words, fall_of, State
 from .problem import Problem
 from ..core.errors import UsageError
+
+Progress = Callable[[float | None, str], None]      # (share done, what)
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,10 @@ class Study:
         self,
         domain: str,
         states: Mapping[str, State],
-        source: Mapping | None = None,
+        source: Mapping[str, Any] | None = None,
         history: Iterable[Step] = (),
         diagnosis: Mapping[str, Diagnosis] | None = None,
-    ):
+    ) -> None:
         self.domain = domain
         self.states = dict(states)
         self.source = dict(source or {})
@@ -79,7 +82,8 @@ class Study:
 
     @classmethod
     def begin(
-        cls, problems: Mapping[str, Problem], model: Model, source=None, progress=None
+        cls, problems: Mapping[str, Problem], model: Model,
+        source: Mapping[str, Any] | None = None, progress: Progress | None = None,
     ) -> Study:
         """Fit the same model to every target."""
         study = cls(next(iter(problems.values())).domain, {}, source)
@@ -104,7 +108,10 @@ class Study:
                 raise UsageError(f'the study has no {t}', f'it has {", ".join(self.states)}')
         return list(targets)
 
-    def _step(self, target, added=None, removed=None, before: State | None = None) -> Step:
+    def _step(
+        self, target: str, added: str | None = None, removed: str | None = None,
+        before: State | None = None,
+    ) -> Step:
         state = self.states[target]
         fall, verdict = None, 'start'
         if before is not None:
@@ -126,11 +133,13 @@ class Study:
             verdict,
         )
 
-    def compare(self, targets=None) -> dict[str, Score]:
+    def compare(self, targets: Iterable[str] | None = None) -> dict[str, Score]:
         """Return, for each target, the error on data not fitted, view by view."""
         return {t: self.states[t].error for t in self.chosen(targets)}
 
-    def diagnose(self, targets=None, progress=None) -> dict[str, Diagnosis]:
+    def diagnose(
+        self, targets: Iterable[str] | None = None, progress: Progress | None = None
+    ) -> dict[str, Diagnosis]:
         """Find out what is missing from each target's model."""
         names = self.chosen(targets)
         for i, t in enumerate(names):
@@ -139,7 +148,9 @@ class Study:
                 progress((i + 1) / len(names), f'{t}: {self.diagnosis[t].verdict}')
         return {t: self.diagnosis[t] for t in names}
 
-    def add(self, effects: Iterable[str] | None = None, targets=None) -> list[Step]:
+    def add(
+        self, effects: Iterable[str] | None = None, targets: Iterable[str] | None = None
+    ) -> list[Step]:
         """
         Put effects into the model of the targets.
 
@@ -172,7 +183,7 @@ class Study:
         self._forget(plan)
         return steps
 
-    def remove(self, label: str, targets=None) -> list[Step]:
+    def remove(self, label: str, targets: Iterable[str] | None = None) -> list[Step]:
         """
         Take an effect out of the model of each target that has it.
 
@@ -192,7 +203,7 @@ class Study:
         self._forget(names)
         return steps
 
-    def undo(self, targets=None) -> list[Step]:
+    def undo(self, targets: Iterable[str] | None = None) -> list[Step]:
         """Take out what each target's last rung put in; an empty list where nothing was added."""
         steps = []
         for t in self.chosen(targets):
@@ -202,7 +213,10 @@ class Study:
                 steps += self.remove(extra[-1], [t])
         return steps
 
-    def complete(self, targets=None, most: int = 8, progress=None) -> list[Step]:
+    def complete(
+        self, targets: Iterable[str] | None = None, most: int = 8,
+        progress: Progress | None = None,
+    ) -> list[Step]:
         """Diagnose and add until nothing more is found in any target; return all rungs."""
         steps = []
         for t in self.chosen(targets):
@@ -216,6 +230,6 @@ class Study:
             self.diagnose([t])
         return steps
 
-    def _forget(self, targets):
+    def _forget(self, targets: Iterable[str]) -> None:
         for t in targets:
             self.diagnosis.pop(t, None)

@@ -17,7 +17,7 @@ from scipy.optimize import minimize, nnls
 
 from .curve import bin_weights
 from .evidence import Evidence
-from .kinds import Line, Mean, Spectrum
+from .kinds import Line, Mean, NoiseEffect, Spectrum
 from ..core import units
 from ..core.errors import UsageError
 from ..loop.effect import Estimate, Fit
@@ -58,7 +58,7 @@ def fit_avar(evidence: Evidence, full: Fit) -> Fit:
     m, tau2 = c.m, c.dev**2
     terms = [
         e
-        for e in full.model
+        for e in full.model.of(NoiseEffect)
         if isinstance(e, (Spectrum, Mean))
         and type(e).avar not in (Mean.avar,)
         and len([p for p in e.parameters if p.amplitude]) == 1
@@ -177,20 +177,21 @@ def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
         list(full.flags),
     )
     for e in full.model:
-        if e.name not in READINGS:
+        known = next((n for n in e.lineage() if n in READINGS), '')
+        if not known:
             continue
-        name, wanted, at, divisor = READINGS[e.name]
+        name, wanted, at, divisor = READINGS[known]
         unit = units.si(_templates(e)[name], evidence.sensor)
         some = (
             np.flatnonzero(c.tau < 1)
-            if e.name == 'white' and np.sum(c.tau < 1) > 2
+            if known == 'white' and np.sum(c.tau < 1) > 2
             else np.arange(len(c.tau))
         )
         i = some[int(np.argmin(np.abs(slope[some] - wanted)))]
-        if e.name == 'flicker':
+        if known == 'flicker':
             i = _bias_point(c, slope, bias_at, i)
         value = float(c.dev[i] * (at / c.tau[i]) ** wanted / divisor)
-        there = abs(slope[i] - wanted) <= NEAR or (e.name == 'flicker' and bias_at != 'flat')
+        there = abs(slope[i] - wanted) <= NEAR or (known == 'flicker' and bias_at != 'flat')
         ratio = value / c.dev[i]
         if there:
             std = value / np.sqrt(2 * c.edf[i])

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -215,7 +216,8 @@ class Evidence:
         return int(
             model is not None
             and any(
-                type(e).screen.__func__ is not Defect.screen.__func__ for e in model.of(Defect)
+                getattr(type(e).screen, '__func__') is not getattr(Defect.screen, '__func__')
+                for e in model.of(Defect)
             )
         )
 
@@ -332,11 +334,12 @@ def _below(flat, prefix):
 
 def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
-    parts = {
+    parts: dict[str, Any] = {
         p: Part(
             int(flat[f'{p}/n']),
             dt,
-            *(flat[f'{p}/{k}'] for k in ('power', 'lines')),
+            flat[f'{p}/power'],
+            flat[f'{p}/lines'],
             tuple(flat[f'{p}/fine'].tolist()),
         )
         for p in PARTS

@@ -135,6 +135,8 @@ class Bands:
 
     Attributes
     ----------
+    size : ndarray (bands,)
+        Coefficients in each band.
     edges : ndarray (b + 1,)
         Edges of the bins, Hz.
     low, high : ndarray (bands,)
@@ -144,6 +146,7 @@ class Bands:
 
     of: np.ndarray
     count: int
+    size: np.ndarray = field(repr=False)
     edges: np.ndarray = field(repr=False)
     low: np.ndarray = field(repr=False)
     high: np.ndarray = field(repr=False)
@@ -157,7 +160,22 @@ class Bands:
         begin = np.searchsorted(of, np.arange(count))
         step = 1 / (2 * bins.n * bins.dt)
         edges = np.append(bins.first, bins.last[-1]) * step
-        return cls(of, count, edges, edges[begin], edges[np.append(begin[1:], len(of))])
+        size = np.bincount(of, bins.count, count)
+        return cls(of, count, size, edges, edges[begin], edges[np.append(begin[1:], len(of))])
+
+    def beside(self, weight: np.ndarray) -> np.ndarray:
+        """
+        Return which bands (bands,) of many coefficients have a neighbour that counts nothing.
+
+        None where fewer than three times as many would be left.
+
+        """
+        out = self.sum(weight) == 0
+        near = np.zeros(self.count, bool)
+        near[1:] |= out[:-1]
+        near[:-1] |= out[1:]
+        near &= ~out & (self.size >= MANY)
+        return near if np.sum(~out & ~near) >= 3 * np.sum(near) else np.zeros(self.count, bool)
 
     def sum(self, values: np.ndarray) -> np.ndarray:
         """Return sums (bands,) of values (b,)."""

@@ -35,6 +35,7 @@ _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.7, 0.95))  # or all but these
 _ROUNDS = 12  # of choosing bands and fitting again
 _ORDERS = 4  # terms of the response that may be left open
+_MOST_TERMS, _TERM_NATS = 8, 1.0  # in the end, and what one must gain at least to ask for another
 _TERM = 1.0  # bands that a term of the response must be worth
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
@@ -104,7 +105,8 @@ class _Search:
         slowest = reddest(likelihood, x0) if self.cautious else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
         found = _revived(likelihood, found, slowest, self.enough)
-        return _Found(likelihood, *found, slowest)
+        x, nll, information = found
+        return _Found(likelihood, x, nll, information, slowest)
 
 
 @dataclass(frozen=True)
@@ -268,14 +270,57 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
             best = ended
     if best is None:
         return plain
-    kept = best[0].likelihood.explained.weight
+    explained = best[0].likelihood.explained
+    assert explained is not None
+    kept = explained.weight
     upward = np.where(np.arange(len(kept)) > np.flatnonzero(kept)[-1], 1.0, kept)
     for order in range(1, _ORDERS + 1) if hint is None else ():
         for begin in (kept, upward):
             ended = _settled(search, bands, best[0], begin, order)
             if ended is not None and ended[1] > best[1] + 1e-6:
                 best = ended
-    return thorough.from_point(best[0].likelihood, best[0].x)
+    return _on_the_safe_side(thorough, bands, best[0])
+
+
+def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
+    """
+    Return the fit made again with a margin for what was too little to be seen.
+
+    What is set aside does not end where a band still agrees. Where it reaches to the fast end, a
+    response is left open with a term more than the bands ask for, so that what it cannot follow
+    stays below its scatter; else the neighbours are left out too.
+
+    """
+    basis = found.likelihood.explained
+    if not basis.order and bands.sum(basis.weight)[-1] > 0:
+        margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
+        likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))
+        return _finite(search.from_point(likelihood, found.x), search, found)
+    for order in range(basis.order + 1, _MOST_TERMS + 1):
+        likelihood = _with_basis(found.likelihood, replace(basis, order=order))
+        more = search.from_point(likelihood, np.append(found.x, 0.0))
+        if not np.isfinite(more.nll):
+            break
+        gain, found = found.nll - more.nll, more
+        if gain < _TERM_NATS and order > basis.order + 1:
+            break
+    return found
+
+
+def _finite(found: _Found, search: _Search, otherwise: _Found) -> _Found:
+    """Return a minimum, or another one where it is none."""
+    if np.isfinite(found.nll):
+        return found
+    return search.from_point(otherwise.likelihood, otherwise.x)
+
+
+def _with_basis(likelihood: Likelihood, basis: Explained) -> Likelihood:
+    """Return the same likelihood on another basis."""
+    model = likelihood.model
+    return Likelihood(
+        likelihood.evidence, likelihood.part_name,
+        model.minus(OPEN) if OPEN in model else model, likelihood.mean, basis,
+    )
 
 
 def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
@@ -323,19 +368,16 @@ def _settled(search: _Search, bands: Bands, near: _Found, begin, order: int):
     None where no fit is finite.
 
     """
-    from_ = near.likelihood
-    base = from_.model.minus(OPEN) if OPEN in from_.model else from_.model
-    weight, seen, best = begin, [], None
+    f = near.likelihood.bins.f
+    seen: list[np.ndarray] = []
+    weight, best = begin, None
     found = None
     for _ in range(_ROUNDS):
         if np.sum(weight > 0) < 8 or any(np.array_equal(weight, w) for w in seen):
             break
         seen.append(weight)
-        top = float(from_.bins.f[np.flatnonzero(weight)[-1]])
-        likelihood = Likelihood(
-            from_.evidence, from_.part_name, base, from_.mean,
-            Explained(from_.bins.f, weight, order, top),
-        )
+        top = float(f[np.flatnonzero(weight)[-1]])
+        likelihood = _with_basis(near.likelihood, Explained(f, weight, order, top))
         if found is None:
             begin = [*starts(likelihood, near.likelihood.with_search(near.x))]
             found = search.from_starts(likelihood, begin, 2)

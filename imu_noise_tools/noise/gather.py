@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations_with_replacement
+from typing import cast
 
 import numpy as np
 from scipy.fft import idct
 from scipy.special import ndtri
 
 from .evidence import Common, Evidence, Part
-from .kinds import Defect, Inputs
+from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
 from ..core import allan
 from ..core.record import ImuRecord, Memory
@@ -124,8 +125,9 @@ def gather(
         bins = bins_of(length, dt, fine)
         coefficients, lines = {}, {}
         for axis in axes:
-            c = whole.pop(axis, None)
-            if name != 'whole':
+            if name == 'whole':
+                c = whole.pop(axis)
+            else:
                 c = cosine_transform(clean[axis][begin:begin + length])
             lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt, bins)
             if name == 'whole' and len(lines[axis]):  # what is left is normal only without them
@@ -215,30 +217,46 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     What comes first is taken out before the others look: the samples of a shock are no spikes.
 
     """
-    kept, known = {}, registry('noise')
-    order = sorted(known, key=lambda k: not (issubclass(known[k], Defect) and known[k].first))
-    look = y
-    for name in order:
-        kept[name] = known[name].statistics(look, inputs)
-        if kept[name] and issubclass(known[name], Defect) and known[name].first:
-            look = known[name].screen(look, kept[name], inputs)
-    kept = {k: v for k, v in kept.items() if v}
-    for name in kept:
-        if issubclass(known[name], Defect) and not known[name].first:
-            look = known[name].screen(look, kept[name], inputs)
+    kept = {}
+    known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
+    look, late = y, []
+    for name, cls in sorted(known.items(), key=lambda x: not x[1].first):
+        found = cls.statistics(look, inputs)
+        if not found:
+            continue
+        kept[name] = found
+        if issubclass(cls, Defect) and cls.first:
+            look = cls.screen(look, found, inputs)
+        elif issubclass(cls, Defect):
+            late.append(cls)
+    for cls in late:
+        look = cls.screen(look, kept[cls.name], inputs)
     return kept, look
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
-    """Return y with straight lines through the stretches that are left out (knocks)."""
+    """
+    Return y with what is left out replaced by what is beside it.
+
+    Mirrored, half from before and half from after, about a line between their means: so the
+    spectrum keeps its level, which a bare line would lower.
+
+    """
     if not record.left_out:
         return y
     y = y.copy()
-    for begin, end, _ in record.left_out:
-        i, j = np.searchsorted(record.t, (begin, end))
-        before, after = y[max(0, i - 50):i], y[j:j + 50]
-        ends = [np.mean(x) if len(x) else np.mean(y) for x in (before, after)]
-        y[i:j] = np.linspace(*ends, j - i)
+    ranges = [np.searchsorted(record.t, (begin, end)) for begin, end, _ in record.left_out]
+    starts = [int(i) for i, _ in ranges[1:]] + [len(y)]
+    for (i, j), following in zip(ranges, starts):
+        before = y[max(0, i - max(50, j - i)):i]
+        after = y[j:max(j, min(j + max(50, j - i), following))]
+        means = [float(np.mean(x if len(x) else y)) for x in (before[-50:], after[:50])]
+        half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
+        mirrored = np.zeros(j - i)
+        first = (before[::-1] - means[0])[:j - i - half]
+        mirrored[:len(first)] = first
+        mirrored[j - i - half:] = (after[:half] - means[1])[::-1]
+        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored
     return y
 
 

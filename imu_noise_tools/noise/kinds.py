@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.fft import idct
@@ -75,6 +75,8 @@ class NoiseEffect(Effect):
     mutes: tuple[str, ...] = ()
     #: features of the samples that it accounts for: one effect in the model is enough for each
     explains: ClassVar[tuple[str, ...]] = ()
+    #: whether it is taken out of the samples before anything else is looked for in them
+    first: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
     #: what a record must hold for it to apply
@@ -116,6 +118,12 @@ class NoiseEffect(Effect):
                 spread = np.linspace(p.lower, p.upper, 5)[1:-1]
             grid = [{**g, p.name: float(s)} for g in grid for s in spread]
         return [self.with_values(**g) for g in grid]
+
+    def idle(self, parameter: Parameter) -> float:
+        """Return the value of a parameter with which it leaves a record as it is."""
+        p = parameter
+        return self.neutral.get(
+            p.name, 0.0 if p.amplitude or not p.log else float(np.sqrt(p.lower * p.upper)))
 
     def bounds(self, evidence) -> dict[str, tuple[float, float]]:
         """
@@ -196,7 +204,7 @@ class Mean(NoiseEffect):
 
     views: ClassVar[tuple[str, ...]] = ('time',)
 
-    def columns(self, inputs: Inputs, **nonlinear: float) -> np.ndarray:
+    def columns(self, inputs: Inputs, *_: Any, **nonlinear: Any) -> np.ndarray:
         """Return (n, p), slowly varying."""
         raise NotImplementedError
 
@@ -228,26 +236,64 @@ class Line(NoiseEffect):
     #: whether it takes its rows before those that take one each
     family: ClassVar[bool] = False
 
+    @classmethod
+    def _frequency(cls) -> str:
+        return next(p.name for p in cls.parameters if p.unit == 'Hz')
+
+    @classmethod
+    def _amplitude(cls) -> str:
+        return next(p.name for p in cls.parameters if p.amplitude)
+
     def lines(self) -> list[tuple[float, float]]:
-        """Return (frequency Hz, amplitude) of each line it consists of."""
-        raise NotImplementedError
+        """
+        Return (frequency Hz, amplitude) of each line it consists of.
+
+        By default one: of the first parameter in Hz, and the first that is an amplitude.
+
+        """
+        return [(self[self._frequency()], self[self._amplitude()])]
 
     def rows(self, evidence, free: list[int]) -> list[int]:
         """
         Return which of the free rows of the line table (strongest first) it would hold.
 
-        None where there is nothing of the kind. Values that it has say which are meant.
+        None where there is nothing of the kind. Values that it has say which are meant: by default
+        the row near its frequency, else the strongest.
 
         """
-        raise NotImplementedError
+        wanted = self.values.get(self._frequency())
+        width = max(2 / evidence.duration, 1e-3 * (wanted or 0))
+        near = [i for i in free if wanted and abs(evidence.line_table[i, 0] - wanted) < width]
+        return (near or free)[:1]
 
     def read(self, evidence, rows: list[int]) -> dict[str, Estimate]:
-        """Return an estimate of each parameter, units left out, from its rows or from none."""
-        raise NotImplementedError
+        """
+        Return an estimate of each parameter, units left out, from its rows or from none.
+
+        By default amplitude and frequency of the one row, an upper limit where there is none;
+        other parameters keep the value they have, or a neutral one.
+
+        """
+        found = {p.name: Estimate(None, None, None, note='not read from the lines',
+                                  point=self.values.get(p.name, self.idle(p)))
+                 for p in self.parameters}
+        if rows:
+            line = evidence.line(rows[0])
+            found.update({self._amplitude(): line.amplitude, self._frequency(): line.frequency})
+        else:
+            found[self._amplitude()] = evidence.no_line()
+            found[self._frequency()] = Estimate(None, None, None, point=0.25 / evidence.dt,
+                                                note='no line')
+        return found
 
     def in_words(self, evidence, rows: list[int]) -> str:
-        """Say what these rows are evidence of."""
-        raise NotImplementedError
+        """Say what these rows are evidence of: where a line is, and how far it stands out."""
+        frequency, _, _, z = evidence.line_table[rows[0]]
+        rpm = f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
+        return (
+            f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around '
+            f'it, coherent through the record{rpm}'
+        )
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Omega0^2 sin^4(pi f m dt) / (m sin(pi f dt))^2: the sampled form of IEEE 952 C.1.7."""
@@ -326,8 +372,6 @@ class Modulation(NoiseEffect):
 class Defect(NoiseEffect):
     """Acts on samples (spikes, held samples): found in the samples, not in the spectrum."""
 
-    #: whether it is taken out of the samples before anything else is looked for in them
-    first: ClassVar[bool] = False
 
     def find(self, evidence):
         """

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.fft import dct
 
 from .evidence import Evidence
-from .explained import Explained, OPEN
+from .explained import Explained, OpenResponse
 from .kinds import (
     binned_behind,
     Coupling,
@@ -27,6 +27,7 @@ from .kinds import (
     Mean,
     MEASURED,
     model_crowd,
+    NoiseEffect,
     Response,
     Spectrum,
 )
@@ -111,7 +112,7 @@ class Likelihood:
         self.means, self.couplings = model.of(Mean), model.of(Coupling)
         self.slots = [
             Slot(e.label, p, e.bounds(evidence).get(p.name))
-            for e in model.effects
+            for e in model.of(NoiseEffect)
             if not isinstance(e, MEASURED)
             for p in e.parameters
             if not (p.linear or p.discrete) and not (mean and isinstance(e, Mean))
@@ -357,7 +358,7 @@ class Likelihood:
         out = np.zeros((len(v), len(x)))
         for j, slot in enumerate(self.slots):
             effect = self.model[slot.label]
-            if slot.label == OPEN:
+            if isinstance(effect, OpenResponse):
                 out[:, j] = effect.terms(self.bins.f)[:, effect.parameters.index(slot.parameter)]
                 continue
             if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from .evidence import Evidence
 from .kinds import Line, MEASURED, Response, Spectrum
 from .null import DEFAULT, PENALTY
 from ..core import units
-from ..loop.effect import Estimate, Finding
+from ..loop.effect import Estimate, find_effect, Finding
 
 
 def with_measured(evidence, model):
@@ -39,7 +37,8 @@ def penalty(name: str) -> float:
     Nothing is hidden in these records.
 
     """
-    return PENALTY.get(name, DEFAULT)
+    known = [n for n in find_effect('noise', name).lineage() if n in PENALTY]
+    return PENALTY[known[0]] if known else DEFAULT
 
 
 def measure(evidence: Evidence, effect, claimed: set[int]):
@@ -51,12 +50,7 @@ def measure(evidence: Evidence, effect, claimed: set[int]):
             and finding.gain < penalty(effect.name):
         finding = None  # chance finds as much where there is nothing
     if finding is None or finding.effect is None:
-        values = {
-            p.name: effect.neutral.get(
-                p.name, 0.0 if p.amplitude or not p.log else float(np.sqrt(p.lower * p.upper))
-            )
-            for p in effect.parameters
-        }
+        values = {p.name: effect.idle(p) for p in effect.parameters}
         found = {
             p.name: Estimate(
                 None,
@@ -80,7 +74,9 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
     They are marked as measured on the samples.
 
     """
-    known = {p.name: p for p in finding.effect.parameters}
+    assert finding.effect is not None
+    effect = finding.effect
+    known = {p.name: p for p in effect.parameters}
     return replace(
         finding,
         estimates={
@@ -88,7 +84,7 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
                 v,
                 unit=units.si(known[k].unit, evidence.sensor),
                 fixed=True,
-                point=float(finding.effect.values[k]),
+                point=float(effect.values[k]),
             )
             for k, v in finding.estimates.items()
         },

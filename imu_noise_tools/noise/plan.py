@@ -10,6 +10,8 @@ The Cramer-Rao bound, and its inverse.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from .kinds import model_psd, Spectrum
@@ -52,7 +54,7 @@ def precision(model: Model, duration: float, dt: float) -> dict[tuple[str, str],
             model.with_effect(model[label].with_values(**{name: model[label][name] * k}))
             for k in (np.exp(h), np.exp(-h))
         )
-        up, down = (expected(lambda f, m=m: model_psd(m, f, dt), bins) for m in moved)
+        up, down = (expected(partial(model_psd, m, dt=dt), bins) for m in moved)
         columns.append((up - down) / (2 * h) / base)
     if not columns:
         return {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from .kinds import Defect, Mean, MEASURED, model_gain2, Spectrum
+from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
 from ..loop.effect import Model
@@ -24,7 +24,7 @@ def starts(likelihood: Likelihood, given: Model | None):
     """
     model = likelihood.model
     grid = [model]
-    for e in model.effects:
+    for e in model.of(NoiseEffect):
         if isinstance(e, MEASURED):
             continue
         shapes = [p.name for p in e.parameters if not p.amplitude and not p.linear]
@@ -186,7 +186,7 @@ def reddest(likelihood, x):
     for e in spectra:
         s = model[e.label].psd(pair, likelihood.dt)
         rise[e.label] = np.log(s[0]) - np.log(s[1])
-    label = max(rise, key=rise.get)
+    label = max(rise, key=lambda label: rise[label])
     for j, slot in enumerate(likelihood.slots):
         if slot.label == label and slot.parameter.amplitude:
             return j

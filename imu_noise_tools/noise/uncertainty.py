@@ -92,7 +92,7 @@ def _linear_estimates(likelihood, linear):
 def plain_estimates(likelihood, x, information, linear):
     """Return values with the standard deviations of the information, without intervals."""
     out = _linear_estimates(likelihood, linear)
-    std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0)) if len(x) else []
+    std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0)) if len(x) else np.zeros(0)
     for slot, at, s in zip(likelihood.slots, x, std):
         if slot.label == OPEN:
             continue

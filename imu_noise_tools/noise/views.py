@@ -21,7 +21,17 @@ import numpy as np
 from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
-from .kinds import Coupling, Defect, Inputs, Mean, model_crowd, model_psd, Modulation, Spectrum
+from .kinds import (
+    Coupling,
+    Defect,
+    Inputs,
+    Mean,
+    model_crowd,
+    model_psd,
+    Modulation,
+    NoiseEffect,
+    Spectrum,
+)
 from .likelihood import Likelihood
 from ..core.spectrum import bins_of, expected
 from ..loop.effect import Fit, Model, View
@@ -72,12 +82,12 @@ def _nothing(name, unit):
 
 def hidden_by(fit: Fit, view: str) -> bool:
     """Tell whether an effect that is there, and not in the model's name only, hides a view."""
-    return any(view in e.hides and _there(fit, e) for e in fit.model)
+    return any(view in e.hides and _there(fit, e) for e in fit.model.of(NoiseEffect))
 
 
 def muted_by(fit: Fit, view: str) -> bool:
     """Tell whether an effect that is there mutes a view."""
-    return any(view in e.mutes and _there(fit, e) for e in fit.model)
+    return any(view in e.mutes and _there(fit, e) for e in fit.model.of(NoiseEffect))
 
 
 def _there(fit: Fit, effect) -> bool:

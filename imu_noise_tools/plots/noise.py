@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
 from .panels import allan, distribution, in_time, psd, pulls, series, shade, suspected, TAU
@@ -99,11 +101,12 @@ def _key(figure):
     from matplotlib.lines import Line2D
     circle = {'marker': 'o', 'markerfacecolor': 'white', 'linestyle': 'none'}
     dashes = {'linestyle': '--', 'linewidth': 1.1}
-    entries = [('measured, with 95 % band', {'color': MEASURED, 'linewidth': 1.6}),
-               ('model', {'color': MODEL, 'linewidth': 1.5}),
-               ('one effect (in parentheses: not observable)', {'color': MEASURED, **dashes}),
-               ('where a coefficient is read', {'color': MEASURED, **circle}),
-               ('measured and model differ: |pull| > 2', {'color': '#e9a9a1', 'linewidth': 7})]
+    entries: list[tuple[str, dict[str, Any]]] = [
+        ('measured, with 95 % band', {'color': MEASURED, 'linewidth': 1.6}),
+        ('model', {'color': MODEL, 'linewidth': 1.5}),
+        ('one effect (in parentheses: not observable)', {'color': MEASURED, **dashes}),
+        ('where a coefficient is read', {'color': MEASURED, **circle}),
+        ('measured and model differ: |pull| > 2', {'color': '#e9a9a1', 'linewidth': 7})]
     figure.legend(handles=[Line2D([], [], label=name, **how) for name, how in entries],
                   loc='upper center', ncol=5 if figure.get_figwidth() > 11 else 3, fontsize=SMALL,
                   frameon=False, handlelength=1.8, borderaxespad=0.2)

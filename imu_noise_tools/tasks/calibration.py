@@ -107,7 +107,8 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
 
 def _faces(records, g, seconds):
     """Return the accelerometer's poses; a record named after its face has to agree."""
-    parts, notes = [], []
+    parts: list = []
+    notes: list[str] = []
     for r in records:
         poses, said = core.positions(r, g, seconds)
         parts.append(poses)

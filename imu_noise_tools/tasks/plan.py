@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from .. import store
 from ..loop.effect import find_effect, Model
 from ..noise.plan import duration_for, in_words, precision
+from ..noise.problem import NoiseProblem
 
 _EFFECTS = {'N': 'white', 'B': 'flicker', 'K': 'random_walk'}
 
@@ -36,8 +39,9 @@ def plan(
     """
     if folder:
         study = store.load(folder)
-        models = {t: (s.model, s.problem.evidence.dt) for t, s in study.states.items()}
-        holds = {t: s.problem.matters(s.fit).sufficient for t, s in study.states.items()}
+        problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
+        models = {t: (s.model, problems[t].evidence.dt) for t, s in study.states.items()}
+        holds = {t: problems[t].matters(s.fit).sufficient for t, s in study.states.items()}
     else:
         models = {
             sensor: (
@@ -46,7 +50,7 @@ def plan(
             )
         }
         holds = {sensor: True}
-    rows = []
+    rows: list[dict] = []
     for target, (model, dt) in models.items():
         if not holds[target]:
             rows.append({'target': target, 'parameter': 'all', 'value': None, 'one_hour': '',

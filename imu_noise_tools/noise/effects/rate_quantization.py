@@ -48,7 +48,7 @@ class RateQuantization(Spectrum, Defect):
     mutes = ('distribution', 'variance')  # samples on a coarse grid are not normal
 
     @property
-    def hides(self):
+    def hides(self) -> tuple[str, ...]:     # type: ignore[override]
         """Where the noise does not span half a step, power moves with the mean."""
         return () if self['white'] else ('variance',)
 

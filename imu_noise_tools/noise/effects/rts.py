@@ -83,8 +83,9 @@ class Rts(Spectrum):
         loud = np.prod([m.variance(t.ravel()) for m in fit.model.of(Modulation)]
                        or [np.ones(z.size)], axis=0).reshape(z.shape)
         loud = loud / np.mean(loud)
-        gaussian = _gauss_markov(z, loud, *grid, width)
-        levels = max(_two_levels(z, loud, *grid, width, share) for share in _SHARES)
+        step, tau, noise = grid
+        gaussian = _gauss_markov(z, loud, step, tau, noise, width)
+        levels = max(_two_levels(z, loud, step, tau, noise, width, s) for s in _SHARES)
         return float(levels - gaussian - np.log(len(_SHARES)))
 
     def _without_drift(self, evidence, fit):

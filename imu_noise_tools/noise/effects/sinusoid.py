@@ -4,7 +4,6 @@
 """A sinusoid: vibration, mains, an alias."""
 
 from ..kinds import Line, Parameter
-from ...loop.effect import Estimate
 
 
 class Sinusoid(Line):
@@ -28,36 +27,6 @@ class Sinusoid(Line):
         Parameter('amplitude', '{rate}', 1e-12, 1e3, amplitude=True, title='amplitude'),
         Parameter('frequency', 'Hz', 1e-6, 1e5, title='frequency'),
     )
-
-    def lines(self):
-        """Return the one line."""
-        return [(self['frequency'], self['amplitude'])]
-
-    def rows(self, evidence, free):
-        """Take the strongest free row, or the one near a frequency that is given."""
-        wanted = self.values.get('frequency')
-        width = max(2 / evidence.duration, 1e-3 * (wanted or 0))
-        near = [i for i in free if wanted and abs(evidence.line_table[i, 0] - wanted) < width]
-        return (near or free)[:1]
-
-    def read(self, evidence, rows):
-        """Return amplitude and frequency of the row; an upper limit where there is none."""
-        if not rows:
-            return {
-                'amplitude': evidence.no_line(),
-                'frequency': Estimate(None, None, None, point=0.25 / evidence.dt, note='no line'),
-            }
-        line = evidence.line(rows[0])
-        return {'amplitude': line.amplitude, 'frequency': line.frequency}
-
-    def in_words(self, evidence, rows):
-        """Say where it is and how far it stands out."""
-        frequency, _, _, z = evidence.line_table[rows[0]]
-        rpm = f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
-        return (
-            f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around '
-            f'it, coherent through the record{rpm}'
-        )
 
     @classmethod
     def example(cls):

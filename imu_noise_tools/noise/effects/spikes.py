@@ -119,13 +119,10 @@ class Spikes(Defect):
         found = _gain(kept) if kept else None
         if found is None:
             return None
-        gain, spread, wide = found
+        gain, spread, seen = found
         size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
         k = len(size)
-        # spikes too small to be told from noise are missing: scale by the share beyond the
-        # threshold
-        beyond = np.exp(log_ndtr(-float(kept['threshold']) * sigma / wide))
-        seen = max(2 * float(np.mean(beyond)), 0.05)
+        # spikes too small to be told from noise are missing: scale by the share that is seen
         duration = n * float(kept['dt'])
         rate = k / duration / seen
         std = np.sqrt(k) / duration / seen
@@ -160,7 +157,7 @@ class Spikes(Defect):
 
 def _gain(kept):
     """
-    Return (nats, standard deviation of the spikes, of spike and noise together at each).
+    Return (nats, standard deviation of the spikes, share of them beyond the threshold).
 
     None where there are none, or too many.
 
@@ -169,19 +166,20 @@ def _gain(kept):
     k = len(size)
     if not 0 < k <= 0.05 * n:
         return None
-    wide = _wide(size / sigma, float(kept['threshold']))
+    wide, seen = _wide(size / sigma, float(kept['threshold']))
     spread = float(np.sqrt(wide**2 - 1) * np.sqrt(np.mean(sigma**2)))
     wide = np.hypot(sigma, spread)
     gain = np.sum(
         0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)
     ) - k * (np.log(n / k) + 1)
-    return float(gain), spread, wide
+    return float(gain), spread, seen
 
 
-def _wide(size: np.ndarray, threshold: float) -> float:
+def _wide(size: np.ndarray, threshold: float) -> tuple[float, float]:
     """
-    Return the standard deviation of spike and noise together, that of the noise being 1.
+    Return (standard deviation of spike and noise together, share of spikes that are seen).
 
+    In units of the noise.
     The mean square of those beyond the threshold is that of a normal distribution cut off there,
     w^2 (1 + z phi(z)/Phi(-z)), z = threshold/w; it is all there is where far fewer lie just beyond
     the threshold than of such a distribution.
@@ -195,7 +193,9 @@ def _wide(size: np.ndarray, threshold: float) -> float:
     share = -np.expm1(log_ndtr(-1.3 * threshold / wide) - log_ndtr(-threshold / wide))
     near = np.sum(np.abs(size) < 1.3 * threshold)
     few = near < len(size) * share - 3 * np.sqrt(len(size) * share * (1 - share))
-    return float(np.sqrt(square)) if few else wide
+    if few:
+        return float(np.sqrt(square)), 1.0
+    return wide, float(max(2 * np.exp(log_ndtr(-threshold / wide)), 0.05))
 
 
 def _against_neighbours(y):
