@@ -372,7 +372,6 @@ class Modulation(NoiseEffect):
 class Defect(NoiseEffect):
     """Acts on samples (spikes, held samples): found in the samples, not in the spectrum."""
 
-
     def find(self, evidence):
         """
         Return a Finding from kept statistics, or None.
