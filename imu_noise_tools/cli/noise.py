@@ -89,6 +89,7 @@ def _record_options(c) -> None:
         choices=('m/s^2', 'g', 'mg'),
         help='unit of the accelerometer data (default: m/s^2)',
     )
+    common.selection_options(c)
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
 
 
@@ -99,6 +100,7 @@ def analyse(args) -> int:
 
     if args.points < 2:
         raise UsageError(f'--points {args.points} is too few', 'give two or more')
+    selection = common.selection_of(args)
     common.load_own_effects(args)
     deviation = (
         args.deviation or {'standard': 'adev', 'overlapping': 'oadev', None: 'oadev'}[args.curve]
@@ -123,6 +125,7 @@ def analyse(args) -> int:
             points=args.points,
             octaves=args.octaves,
             keep_motion=args.keep_motion,
+            selection=selection,
         )
     common.warn(study.source.get('warnings', ()))
     if args.json:

@@ -118,10 +118,8 @@ class _Gathering:
     def samples(self, axis: str, **curve) -> None:
         """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
         y = self.raw[axis] = np.ascontiguousarray(self.record.column(axis), float)
-        found = {name: cast('type[NoiseEffect]', cls).statistics(y, self.inputs)
-                 for name, cls in registry('noise').items()}
-        self.kept[axis] = {k: v for k, v in found.items() if v}
-        without = _bridged(_screened(y, self.kept[axis], self.inputs), self.record)
+        self.kept[axis], without = _looked_at(y, self.inputs)
+        without = _bridged(without, self.record)
         self.clean[axis] = y if without is y else self.memory.keep(without)
         self.memory.rest()
         self.step(f'{axis}: samples')
@@ -242,11 +240,28 @@ class _Steps:
             self.progress(min(1.0, self.done / self.total), what)
 
 
-def _screened(y, kept, inputs):
-    for name, cls in registry('noise').items():
-        if issubclass(cls, Defect) and name in kept:
-            y = cls.screen(y, kept[name], inputs)
-    return y
+def _looked_at(y: np.ndarray, inputs: Inputs):
+    """
+    Return what each effect keeps of the samples, and the samples without defects.
+
+    What comes first is taken out before the others look: the samples of a shock are no spikes.
+
+    """
+    kept = {}
+    known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
+    look, late = y, []
+    for name, cls in sorted(known.items(), key=lambda x: not x[1].first):
+        found = cls.statistics(look, inputs)
+        if not found:
+            continue
+        kept[name] = found
+        if issubclass(cls, Defect) and cls.first:
+            look = cls.screen(look, found, inputs)
+        elif issubclass(cls, Defect):
+            late.append(cls)
+    for cls in late:
+        look = cls.screen(look, kept[cls.name], inputs)
+    return kept, look
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
