@@ -400,25 +400,18 @@ class Likelihood:
             able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
             if not able.any():
                 break
-            g, f = gradient[able], information[np.ix_(able, able)]
-            scale = np.maximum(np.diag(f), 1e-9)
-            moved = False
-            while damping < 1e9:
-                step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
-                trial = x.copy()
-                trial[able] += np.clip(step, -2.0, 2.0)
-                trial = np.clip(trial, lower, upper)
+            for damping, moved in _moves(x, able, gradient, information, damping):
+                trial = np.clip(moved, lower, upper)
                 result = self.value(trial, penalty, reddest)
                 if np.isfinite(result[0]) and result[0] <= best:
-                    gain = best - result[0]
-                    x, (best, linear, v, each) = trial, result
-                    damping = max(damping / 10, 1e-9)
-                    moved = True
                     break
-                damping *= 10
-            if not moved or gain < enough:
+            else:
                 break
-            damping = min(damping, 1.0)
+            gain = best - result[0]
+            x, (best, linear, v, each) = trial, result
+            if gain < enough:
+                break
+            damping = min(max(damping / 10, 1e-9), 1.0)
         return x, best, self._derivatives(x, linear, v, each, penalty, reddest)[1]
 
     def _derivatives(self, x, linear, v, each, penalty, reddest):
@@ -440,3 +433,15 @@ class Likelihood:
 
     def _mean_slots(self):
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
+
+
+def _moves(x, able, gradient, information, damping):
+    """Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move."""
+    g, f = gradient[able], information[np.ix_(able, able)]
+    scale = np.maximum(np.diag(f), 1e-9)
+    while damping < 1e9:
+        step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
+        moved = x.copy()
+        moved[able] += np.clip(step, -2.0, 2.0)
+        yield damping, moved
+        damping *= 10
