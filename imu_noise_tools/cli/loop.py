@@ -58,6 +58,7 @@ def _register_changes(commands) -> None:
     c.add_argument(
         'effects', metavar='EFFECT', nargs='*', help='names; none: the best of the diagnosis'
     )
+    c.add_argument('--all', action='store_true', help='all that was found, not the first')
     c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
@@ -196,7 +197,7 @@ def add(args) -> int:
         find_effect(store.read(args.dir)['domain'], name)
 
     def work(study):
-        steps = study.add(args.effects or None, args.axis)
+        steps = study.add(args.effects or None, args.axis, everything=args.all)
         study.diagnose(list(dict.fromkeys(s.target for s in steps)))
         return steps
 

@@ -171,7 +171,7 @@ class Likelihood:
 
     def _less_known(self, power, slow):
         """Return the bins' power less the mean that is known, of slow coefficients (q,)."""
-        return np.maximum(self._replaced(power, self.weight, slow, slow - self._known), 1e-300)
+        return np.maximum(self._replaced(power, slow, slow - self._known), 1e-300)
 
     def cross_less_known(self, channel: str) -> np.ndarray:
         """Return the cross-power (b,) with a channel less that of the mean that is known."""
@@ -189,14 +189,14 @@ class Likelihood:
         i = self._inside
         return np.add.reduceat(slow[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
 
-    def _replaced(self, power, weight, before, after):
+    def _replaced(self, power, before, after):
         """Return the bins' power with slow coefficients (q,) replaced by others."""
         i = self._inside
         if i == 0:
             return power
         change = self._summed(2 * self.dt * (after**2 - before**2))
         out = power.copy()
-        out[:i] += change / np.maximum(weight[:i], 1e-9)
+        out[:i] += change / self.bins.count[:i]
         return out
 
     def _decoupled(self, beta, channels):
@@ -258,7 +258,7 @@ class Likelihood:
             beta = (vt.T @ ((u.T @ cw) / s)) / scale
             covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
             leverage = np.sum(u**2, axis=1)
-            total = self._replaced(power, weight, slow, slow - x @ beta) * weight
+            total = self._replaced(power, slow, slow - x @ beta) * weight
             weight = weight.copy()
             i = self._inside
             if i:
