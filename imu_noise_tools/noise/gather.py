@@ -94,10 +94,8 @@ def gather(
     kept, raw, clean = {}, {}, {}
     for axis in axes:
         y = raw[axis] = np.ascontiguousarray(record.column(axis), float)
-        kept[axis] = {name: cast('type[NoiseEffect]', cls).statistics(y, inputs)
-                      for name, cls in registry('noise').items()}
-        kept[axis] = {k: v for k, v in kept[axis].items() if v}
-        without = _bridged(_screened(y, kept[axis], inputs), record)
+        kept[axis], without = _looked_at(y, inputs)
+        without = _bridged(without, record)
         clean[axis] = y if without is y else memory.keep(without)
         memory.rest()
         step(f'{axis}: samples')
@@ -212,11 +210,28 @@ class _Steps:
             self.progress(min(1.0, self.done / self.total), what)
 
 
-def _screened(y, kept, inputs):
-    for name, cls in registry('noise').items():
-        if issubclass(cls, Defect) and name in kept:
-            y = cls.screen(y, kept[name], inputs)
-    return y
+def _looked_at(y: np.ndarray, inputs: Inputs):
+    """
+    Return what each effect keeps of the samples, and the samples without defects.
+
+    What comes first is taken out before the others look: the samples of a shock are no spikes.
+
+    """
+    kept = {}
+    known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
+    look, late = y, []
+    for name, cls in sorted(known.items(), key=lambda x: not x[1].first):
+        found = cls.statistics(look, inputs)
+        if not found:
+            continue
+        kept[name] = found
+        if issubclass(cls, Defect) and cls.first:
+            look = cls.screen(look, found, inputs)
+        elif issubclass(cls, Defect):
+            late.append(cls)
+    for cls in late:
+        look = cls.screen(look, kept[cls.name], inputs)
+    return kept, look
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
