@@ -73,7 +73,8 @@ STUDIES = {'noise': (noise_study, 'sinusoid', 'gyro_x'),
            'filter': (filter_study, 'angular_acceleration', 'gyro_x')}
 
 
-@pytest.mark.parametrize('domain', STUDIES)
+@pytest.mark.parametrize('domain', [
+    'noise', 'calibration', pytest.param('filter', marks=pytest.mark.thorough)])
 def test_the_ladder(domain, tmp_path):
     make, name, target = STUDIES[domain]
     study = make(tmp_path)
