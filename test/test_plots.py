@@ -95,6 +95,7 @@ def test_effects_sum_to_the_model_behind_a_response():
     np.testing.assert_allclose(sum(each[:-1]), model_avar(model, m, DT), rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_pulls_of_a_true_model_are_standard_normal():
     """At every tau: no systematic offset, never wider than chance, and beyond 2 in 5 % or less."""
     model, rng = Model(BASE), np.random.default_rng(1)
@@ -235,7 +236,8 @@ def test_failing_pulls_are_shaded_and_named(study, verdict, label):
     found = curves.curves(study.states['gyro_y'])
     ranked = (Finding('sinusoid', 90.0, penalty=5.0), Finding('gauss_markov', 60.0, penalty=5.0),
               Finding('ramp', 1.0, penalty=5.0))
-    diagnosis = verdict and Diagnosis(verdict, ranked)
+    named = ranked[:1] if verdict == 'missing' else ()
+    diagnosis = verdict and Diagnosis(verdict, ranked, found=named)
     ax = panels.pulls(an_axes(), found.tau, found.pull, panels.suspected(diagnosis))
     assert texts(ax) == ([label] if label else [])
     red = [p for p in ax.patches if to_hex(p.get_facecolor()) == style.FAIL]

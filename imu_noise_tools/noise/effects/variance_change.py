@@ -190,7 +190,7 @@ class VarianceChange(Modulation):
 
     @classmethod
     def example(cls):
-        """Return noise of 2.5 times the variance from 100 s on."""
+        """Return a variance that is 2.5 times as large from 100 s on."""
         return cls({**cls.neutral, 'factor': 2.5, 'time': 100.0})
 
 
