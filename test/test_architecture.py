@@ -6,11 +6,15 @@
 from __future__ import annotations
 
 import ast
+import inspect
 from pathlib import Path
 import subprocess
 import sys
 
 import pytest
+
+from imu_noise_tools.loop.domains import DOMAINS
+from imu_noise_tools.loop.effect import registry
 
 PACKAGE = Path(__file__).resolve().parents[1] / 'imu_noise_tools'
 
@@ -175,6 +179,129 @@ def test_the_loop_knows_no_problem(sources):
     some = [s for s in sources if s.layer == 'loop']
     known = {name[1] for s in some for _, name, _ in s.imports() if name[0] == 'imu_noise_tools'}
     assert len(some) >= 5 and known <= {'core', 'loop'}
+
+
+def module_of(name) -> tuple[str, ...] | None:
+    """Return the module of the package that an imported name is of, or None."""
+    for parts in (name, name[:-1]):
+        path = PACKAGE.parent.joinpath(*parts)
+        if path.with_suffix('.py').is_file():
+            return tuple(parts)
+        if (path / '__init__.py').is_file():
+            return (*parts, '__init__')
+    return None
+
+
+def graph(sources) -> dict[tuple, set[tuple]]:
+    """Return the modules that each module imports, in functions too."""
+    out = {}
+    for s in sources:
+        me = ('imu_noise_tools', *s.path.relative_to(PACKAGE).with_suffix('').parts)
+        found = {module_of(n) for _, n, _ in s.imports() if n[0] == 'imu_noise_tools'}
+        out[me] = {m for m in found if m is not None} - {me}
+    return out
+
+
+def circles(edges) -> list[list]:
+    """Return the sets of modules that lead to each other (Tarjan's components of two and more)."""
+    index, low, stack, out = {}, {}, [], []
+
+    def visit(v):
+        index[v] = low[v] = len(index)
+        stack.append(v)
+        for w in edges.get(v, ()):
+            if w not in index:
+                visit(w)
+                low[v] = min(low[v], low[w])
+            elif w in stack:
+                low[v] = min(low[v], index[w])
+        if low[v] == index[v]:
+            at = stack.index(v)
+            found, stack[at:] = stack[at:], []
+            if len(found) > 1:
+                out.append(sorted('.'.join(x[1:]) for x in found))
+
+    for v in edges:
+        if v not in index:
+            visit(v)
+    return out
+
+
+def test_circles_are_seen():
+    assert circles({1: {2}, 2: {3}, 3: set()}) == []
+    a, b, c = (('p', x) for x in 'abc')
+    assert circles({a: {b}, b: {c}, c: {a}}) == [['a', 'b', 'c']]
+
+
+def test_no_module_leads_back_to_itself(sources):
+    """Not through a function either."""
+    assert circles(graph(sources)) == []
+
+
+def test_rooms_import_the_package_at_their_top(sources):
+    """An import in a function hides a circle, or that a thing is somewhere else than it should."""
+    rooms = ('core', 'loop', 'noise', 'calibration', 'filter')
+    assert not [s.at(line) for s in sources if s.layer in rooms
+                for line, name, top in s.imports() if name[0] == 'imu_noise_tools' and not top]
+
+
+def test_nothing_is_imported_for_its_side_effect(sources):
+    wrong = [s.at(i) for s in sources
+             for i, line in enumerate(s.path.read_text(encoding='utf-8').splitlines(), 1)
+             if 'F401' in line]
+    assert not wrong
+
+
+def test_the_loop_asks_for_no_member_by_its_name(sources):
+    assert not [s.at(n.lineno) for s in sources if s.layer == 'loop' for n in ast.walk(s.tree)
+                if isinstance(n, ast.Call) and getattr(n.func, 'id', '') in ('getattr', 'hasattr')]
+
+
+# Where a string that is the name of an effect may stand outside the file of that effect, and why.
+NAMED = {
+    'noise/effects/drift.py': 'a feature of the mean that a ramp explains as well',
+    'noise/null.py': 'thresholds, drawn effect by effect',
+    'noise/classic.py': 'the seed\'s rules of reading a curve: Q N B K R',
+    'export/_values.py': 'N, B and K, which exports map to what others read',
+    'tasks/plan.py': 'N, B and K given on the command line',
+    'tasks/noise.py': 'the base model',
+    'filter/problem.py': 'the base model',
+    'filter/design.py': 'the base noise',
+    'filter/engine.py': 'the base noise',
+    'tasks/filter.py': 'the base noise',
+    'cli/filter.py': 'the base noise',
+    'nodes/filter.py': 'the base noise',
+    'calibration/solve.py': 'the base model: S and b',
+    'calibration/linear.py': 'the base model: S and b',
+    'calibration/correction.py': 'the base model: S and b',
+    'calibration/solution.py': 'the base model: S and b',
+    'tasks/demo.py': 'what the demonstration hides',
+}
+# Names of effects that are words for other things as well.
+WORDS = {'white', 'step', 'bias', 'scale', 'temperature', 'duplicates', 'constant_rate', 'shock',
+         'tilt', 'drift'}
+
+
+def test_an_effect_is_named_in_its_own_file_alone(sources):
+    """Nothing goes by an effect's name: what it can do, it says."""
+    home = {}
+    for domain in DOMAINS:
+        for name, cls in registry(domain).items():
+            home.setdefault(name, set()).add(Path(inspect.getfile(cls)))
+    wrong, used = [], set()
+    for s in sources:
+        docs = {id(n.value) for n in ast.walk(s.tree) if isinstance(n, ast.Expr)}
+        for n in ast.walk(s.tree):
+            name = n.value if isinstance(n, ast.Constant) and id(n) not in docs else None
+            if not isinstance(name, str) or s.path in home.get(name, (s.path,)):
+                continue
+            where = s.path.relative_to(PACKAGE).as_posix()
+            if where in NAMED:
+                used.add(where)
+            elif name not in WORDS:
+                wrong.append(f'{s.at(n.lineno)} names {name}')
+    assert not wrong
+    assert used == set(NAMED), 'no exception that nothing needs'
 
 
 def test_only_its_own_file_names_a_noise_effect(sources):

@@ -32,6 +32,29 @@ def output_options(command, json_of: str) -> None:
     )
 
 
+def selection_options(command) -> None:
+    """Add the options that choose a part of a record."""
+    command.add_argument(
+        '--start', default='', metavar='T', help='leave out what is before, s or per cent (10%%)'
+    )
+    command.add_argument(
+        '--duration', default='', metavar='T', help='how much of it, s or per cent'
+    )
+    command.add_argument(
+        '--mask', default='', metavar='T0-T1,…', help='set these stretches aside, s'
+    )
+    command.add_argument(
+        '--no-screen', action='store_true', help='set no disturbed stretches aside by yourself'
+    )
+
+
+def selection_of(args):
+    """Return the part of the record that was asked for."""
+    from ..health import Selection
+
+    return Selection.of(args.start, args.duration, args.mask, not args.no_screen)
+
+
 def load_own_effects(args) -> None:
     """Register a user's own effects."""
     if args.effects_from:

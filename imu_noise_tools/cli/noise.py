@@ -76,6 +76,7 @@ def register(commands) -> None:
         choices=('m/s^2', 'g', 'mg'),
         help='unit of the accelerometer data (default: m/s^2)',
     )
+    common.selection_options(c)
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
     c.add_argument('--force', action='store_true', help='replace a study that is there')
     common.output_options(c, 'study.yaml')
@@ -89,6 +90,7 @@ def analyse(args) -> int:
 
     if args.points < 2:
         raise UsageError(f'--points {args.points} is too few', 'give two or more')
+    selection = common.selection_of(args)
     common.load_own_effects(args)
     deviation = (
         args.deviation or {'standard': 'adev', 'overlapping': 'oadev', None: 'oadev'}[args.curve]
@@ -113,6 +115,7 @@ def analyse(args) -> int:
             points=args.points,
             octaves=args.octaves,
             keep_motion=args.keep_motion,
+            selection=selection,
         )
     common.warn(study.source.get('warnings', ()))
     if args.json:

@@ -94,6 +94,25 @@ def changes(found, first, second) -> str:
     )
 
 
+def disturbed(found) -> list[str]:
+    """Return the disturbed stretches of a record: when, what, how large, set aside or not."""
+    unit = {'gyro': 'rad/s', 'accel': 'm/s^2'}
+    rows = []
+    for d in found.disturbances:
+        sizes = []
+        for sensor in ('gyro', 'accel'):
+            most = max((v for a, v in d.size.items() if a.startswith(sensor)), default=None)
+            sizes.append('' if most is None else f'{most:.3g} {unit[sensor]}')
+        aside = any(a <= d.end and d.begin <= b for a, b, _ in found.left_out)
+        rows.append((
+            f'{d.begin:.6g}', f'{d.end - d.begin:.3g}', d.kind, *sizes,
+            'yes' if aside else 'no', ' '.join(d.axes),
+        ))
+    return table(
+        rows, ('from, s', 'for, s', 'disturbed by', 'gyro', 'accel', 'set aside', 'axes')
+    ).split('\n')
+
+
 def inspection(found) -> str:
     """Return a bag's topics and the health of its record."""
     h = found.health
@@ -153,6 +172,8 @@ def inspection(found) -> str:
         or 'none',
     )
     line('can be analysed', found.analysed)
+    if found.disturbances:
+        out += ['', *disturbed(found)]
     if h.advice:
         out += ['', 'advice'] + [
             w

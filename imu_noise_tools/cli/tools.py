@@ -27,6 +27,7 @@ def register(commands) -> None:
     c = commands.add_parser('inspect', help='topics, rate, stamps, health of a bag, with advice')
     c.add_argument('bag', metavar='BAG')
     c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.selection_options(c)
     common.output_options(c, 'what was found')
     c.set_defaults(func=inspect)
 
@@ -75,9 +76,13 @@ def inspect(args) -> int:
     from dataclasses import asdict
     from ..tasks.inspect import inspect as task
 
+    selection = common.selection_of(args)
     with common.progress_line(args) as progress:
         found = task(
-            args.bag, args.topic, progress=(lambda p: progress(p, 'reading')) if progress else None
+            args.bag,
+            args.topic,
+            selection=selection,
+            progress=(lambda p: progress(p, 'reading')) if progress else None,
         )
     common.warn(found.warnings)
     if args.json:
@@ -87,6 +92,8 @@ def inspect(args) -> int:
                 'topics': [asdict(t) for t in found.topics],
                 'topic': found.topic,
                 'health': asdict(found.health),
+                'disturbances': [asdict(d) for d in found.disturbances],
+                'left_out': found.left_out,
             }
         )
         return 0

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from .examine import examine, Health, Resolution, resolution
 from .prepare import prepare
+from .selection import Selection
 from ..core.stillness import still_stretches
 
-__all__ = ['examine', 'Health', 'prepare', 'Resolution', 'resolution', 'still_stretches']
+__all__ = ['examine', 'Health', 'prepare', 'Resolution', 'resolution', 'Selection',
+           'still_stretches']

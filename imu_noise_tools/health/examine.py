@@ -18,9 +18,11 @@ from ..core.disturbed import saturated
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
 from ..core.statistics import grid_step
 from ..core.stillness import finite_mean, still_stretches
+from ..core.units import G0
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
+GRAVITY_OFF = 0.25      # more than local gravity and a good accelerometer's bias make, m/s^2
 
 
 @dataclass(frozen=True)
@@ -158,9 +160,9 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
         temperature={
-            k: (float(np.min(v)), float(np.max(v)))
+            k: (float(np.nanmin(v)), float(np.nanmax(v)))
             for k, v in record.covariates.items()
-            if k.startswith('temperature') and len(v)
+            if 'temp' in k.lower() and len(v) and np.isfinite(v).any()
         },
         covariates=tuple(record.covariates),
     )
@@ -281,9 +283,15 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.'
         )
     say += [f'{s[0].upper()}{s[1:]}.' for s in h.units]
+    if h.gravity is not None and not h.units and abs(h.gravity - G0) > GRAVITY_OFF:
+        say.append(
+            f'Gravity reads {h.gravity:.4g} m/s^2, {100 * (h.gravity / G0 - 1):+.2g} % off: '
+            'calibrate the accelerometer (imu_noise calibrate), and check its range setting.'
+        )
     if h.warm_up:
         say.append(
-            f'{", ".join(h.warm_up)} still change at the beginning: let the IMU warm up for '
+            f'{", ".join(h.warm_up)} still {"change" if len(h.warm_up) > 1 else "changes"} at '
+            'the beginning: let the IMU warm up for '
             'half an hour.'
         )
     if not h.temperature:

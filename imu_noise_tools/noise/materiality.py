@@ -12,18 +12,15 @@ stands *does it change the numbers that people use*.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .curve import bin_weights, model_curve
+from .evidence import Evidence
 from .explained import Bands, judge, stretches
 from .fit import fit as fit_part
 from .views import unclaimed
 from ..loop.effect import Fit, unfitted
-
-if TYPE_CHECKING:
-    from .problem import NoiseProblem
 
 MATTERS = 0.05  # relative change of the Allan deviation that matters
 SPAN = 0.1  # of the record's length: averaging times up to which curves are compared
@@ -94,19 +91,19 @@ class Materiality:
         return ('sufficient: ' if self.sufficient else 'it matters: ') + said
 
 
-def materiality(problem: NoiseProblem, fit: Fit) -> Materiality:
+def materiality(evidence: Evidence, fit: Fit) -> Materiality:
     """
     Return what the failures of a fit change.
 
     Parameters
     ----------
-    problem : NoiseProblem
-        One whole axis.
+    evidence : Evidence
+        Of one axis.
     fit : Fit
         Of it.
 
     """
-    evidence, details = problem.evidence, fit.details
+    details = fit.details
     bins = evidence.whole.bins
     measured = details.power + unclaimed(evidence, 'whole', fit.model)
     bands = Bands.on(bins)
@@ -127,7 +124,7 @@ def materiality(problem: NoiseProblem, fit: Fit) -> Materiality:
     ratio = np.sqrt(np.maximum(1 + gain @ off / model, 1e-9))
     ratio = _farther(ratio, _beyond_chance(c, some, np.sqrt(model)))
     far = int(np.argmax(np.abs(np.log(ratio))))
-    moved = _moved(problem, fit) if failures else ()
+    moved = _moved(evidence, fit) if failures else ()
     sufficient = abs(np.log(ratio[far])) <= np.log1p(MATTERS) and not moved
     return Materiality(bool(sufficient), float(ratio[far]),
                        float(c.tau[some][far]) if ratio[far] != 1 else float('nan'),
@@ -148,9 +145,9 @@ def _beyond_chance(c, some, model):
                     np.minimum(ratio * (1 + spread), 1))
 
 
-def _moved(problem, fit: Fit) -> tuple[str, ...]:
+def _moved(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
     """Return which amplitudes leave their interval in a fit that has to follow every bin."""
-    every = fit_part(problem.evidence, unfitted(fit.model), intervals=False, robust=False)
+    every = fit_part(evidence, unfitted(fit.model), intervals=False, robust=False)
     out = []
     for label, found in fit.estimates.items():
         for name, e in found.items():

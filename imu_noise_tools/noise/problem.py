@@ -186,7 +186,7 @@ class NoiseProblem(Problem):
     def matters(self, fit: Fit) -> Materiality:
         """Return what the failures of a fit change in the curve and in the coefficients."""
         if fit.model not in self._matters:
-            self._matters[fit.model] = materiality(self, fit)
+            self._matters[fit.model] = materiality(self.evidence, fit)
         return self._matters[fit.model]
 
     def basis(self, fit: Fit) -> dict:

@@ -267,7 +267,8 @@ def series(ax, state: State, left_out=(), xlabel: bool = True):
         known = sum(m.mean(inputs) for m in means)
         ax.plot(e.slow_t / scale, (known - np.mean(known)) / factor, color=MODEL, linewidth=1.4)
     for begin, end, *_ in left_out:
-        ax.axvspan(begin / scale, end / scale, color=FAINT, alpha=0.3, linewidth=0)
+        # the edge shows what is shorter than a pixel
+        ax.axvspan(begin / scale, end / scale, color=FAINT, alpha=0.3, linewidth=1.0)
     ax.set_xlim(0, e.duration / scale)
     return ax
 

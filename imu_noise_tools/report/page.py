@@ -90,8 +90,7 @@ def _measured(study: Study, shown) -> str:
     if known:
         out.append(table((), ((badge(a, 'faint'), escape(b)) for a, b in known)))
     said = [*(study.source.get('warnings') or ()), *(study.source.get('notes') or ())]
-    for begin, end, *why in study.source.get('left_out') or ():
-        said.append(f'left out: {begin:.6g} s to {end:.6g} s, {" ".join(str(w) for w in why)}')
+    said += words.disturbed_in_words(study.source)
     if said:
         out.append(f'<div class="warn">{bullets(escape(str(w)) for w in said)}</div>')
     if 'series' in shown:

@@ -14,6 +14,7 @@ from ..loop.prediction import State
 from ..loop.study import Step, Study
 
 WIDTH = 100
+MOST_DISTURBED = 5      # stretches that are listed without -v
 
 
 def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:
@@ -114,6 +115,11 @@ def _head(study, verbose):
     if verbose:
         lines += [f'  {key}: {value}' for key, value in known]
     lines += [f'  warning: {w}' for w in study.source.get('warnings') or ()]
+    disturbed = words.disturbed_in_words(study.source)
+    most = len(disturbed) if verbose else MOST_DISTURBED
+    lines += [f'  {line}' for line in disturbed[:most]]
+    if len(disturbed) > most:
+        lines.append(f'  and {len(disturbed) - most} more (-v shows all)')
     return '\n'.join(lines)
 
 

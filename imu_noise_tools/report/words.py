@@ -59,6 +59,9 @@ class Row:
     note: str
 
 
+SAID_APART = ('warnings', 'notes', 'left_out', 'disturbances')     # in sentences of their own
+
+
 def significant(value: float, std: float | None = None, least: int = 3) -> str:
     """Return a number to two digits of its standard deviation; to ``least`` digits without one."""
     if not math.isfinite(value):
@@ -218,11 +221,41 @@ def summary_in_words(summary: Mapping[str, float]) -> list[str]:
     return out + [f'{k.replace("_", " ")}: {v:.4g}' for k, v in rest.items()]
 
 
+def disturbed_in_words(source: Mapping) -> list[str]:
+    """
+    Return a sentence on each disturbed stretch of a record, and on each that was masked.
+
+    When, what, its largest deviation, on which axes, and whether it is set aside from the fit.
+
+    """
+    left = source.get('left_out') or ()
+    said = []
+    for d in source.get('disturbances') or ():
+        sizes = []
+        for sensor, unit in (('gyro', 'rad/s'), ('accel', 'm/s^2')):
+            most = [v for a, v in d['size'].items() if a.startswith(sensor)]
+            sizes += [f'up to {max(most):.3g} {unit}'] if most else []
+        aside = any(a <= d['end'] and d['begin'] <= b for a, b, *_ in left)
+        when = (
+            f'at {d["begin"]:.6g} s' if d['end'] <= d['begin']
+            else f'from {d["begin"]:.6g} s to {d["end"]:.6g} s'
+        )
+        said.append(
+            f'{d["kind"]} {when}, {", ".join(sizes)} ({", ".join(d["size"])}): '
+            + ('set aside' if aside else 'not set aside')
+        )
+    said += [
+        f'left out: {a:.6g} s to {b:.6g} s, {why}' for a, b, why in left
+        if not said or 'masked' in str(why)
+    ]
+    return said
+
+
 def source_rows(source: Mapping) -> list[tuple[str, str]]:
     """Return what was measured, as (what, value), without warnings and stretches left out."""
     out = []
     for key, value in source.items():
-        if key in ('warnings', 'notes', 'left_out') or value is None or value in ('', [], {}):
+        if key in SAID_APART or value is None or value in ('', [], {}):
             continue
         out.append((_SOURCE.get(key, str(key).replace('_', ' ')), _source_value(key, value)))
     return out

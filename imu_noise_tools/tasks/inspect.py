@@ -9,35 +9,39 @@ from dataclasses import dataclass
 
 from ..bag import open_record, Scratch, TopicInfo, topics
 from ..core.errors import InputError
-from ..core.record import Memory
-from ..health import examine, Health, prepare
+from ..core.record import Disturbance
+from ..health import examine, Health, prepare, Selection
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """Topics of a bag, the record's topic, its health, and warnings of reading."""
+    """
+    Topics of a bag, the record's topic, its health, and warnings of reading.
+
+    ``analysed`` is a line on what of it can be analysed; ``disturbances`` lists what disturbs that
+    part, ``left_out`` what of it is set aside. Times are those of the record, its start being 0.
+
+    """
 
     topics: tuple[TopicInfo, ...]
     topic: str
     health: Health
     warnings: tuple[str, ...]
     analysed: str
+    disturbances: tuple[Disturbance, ...] = ()
+    left_out: tuple[tuple[float, float, str], ...] = ()
 
 
-def inspect(bag, topic=None, progress=None) -> Inspection:
-    """Return what a bag holds; raises what reading it raises."""
+def inspect(bag, topic=None, selection: Selection | None = None, progress=None) -> Inspection:
+    """Return what a bag, or a part of its record, holds; raises what reading it raises."""
     memory = Scratch()
-    record = open_record(bag, topic, progress=progress, memory=memory)
-    return Inspection(
-        tuple(topics(bag)), record.topic, examine(record, memory), record.warnings,
-        _analysed(record, memory)
-    )
-
-
-def _analysed(record, memory: Memory) -> str:
-    """Return one line on what of a record can be analysed, or why nothing can."""
+    selection = selection or Selection()
+    record = selection.part(open_record(bag, topic, progress=progress, memory=memory))
+    health = examine(record, memory)
+    known = tuple(topics(bag)), record.topic, health, record.warnings
     try:
-        part = prepare(record, memory=memory)
+        part = prepare(record, memory=memory, screen=selection.screen, masks=selection.masks)
     except InputError as error:
-        return error.message
-    return f'{part.n} samples, {part.duration_s:.4g} s at rest'
+        return Inspection(*known, error.message)
+    line = f'{part.n} samples, {part.duration_s:.4g} s at rest'
+    return Inspection(*known, line, part.disturbances, part.left_out)

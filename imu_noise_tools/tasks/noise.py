@@ -17,7 +17,7 @@ from .. import export, report, store
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
-from ..health import prepare
+from ..health import prepare, Selection
 from ..loop.effect import model_of
 from ..loop.study import Study
 from ..noise.curve import model_curve
@@ -39,6 +39,7 @@ def analyse_record(
     points: int = 100,
     octaves: bool = False,
     keep_motion: bool = False,
+    selection: Selection | None = None,
     progress: Progress | None = None,
     memory: Memory | None = None,
 ) -> Study:
@@ -57,6 +58,8 @@ def analyse_record(
         The curve (:func:`imu_noise_tools.core.allan.curve`).
     keep_motion : bool
         Analyse everything, still or not.
+    selection : Selection or None
+        Which part of the record, what is set aside of it; None for all, screened.
     progress : callable or None
         Called with (share done or None, what).
     memory : Memory or None
@@ -77,7 +80,14 @@ def analyse_record(
         raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
     for a in axes or ():
         sensor_of(a)
-    ready = prepare(record, keep_motion=keep_motion, memory=memory)
+    selection = selection or Selection()
+    ready = prepare(
+        selection.part(record),
+        keep_motion=keep_motion,
+        memory=memory,
+        screen=selection.screen,
+        masks=selection.masks,
+    )
     del record
     chosen = _axes(ready, axes)
     half = (lambda p, what: progress(0.8 * p, what)) if progress else None
@@ -119,19 +129,22 @@ def _axes(record, axes):
 
 def source_of(record: ImuRecord, method: str) -> dict:
     """Return where a prepared record came from, for study.yaml."""
+    begin = float(record.t[0])
     return {
         'path': record.path,
         'topic': record.topic,
         'samples': record.n,
         'rate_hz': record.rate_hz,
         'duration_s': record.duration_s,
-        'start': record.start + float(record.t[0]),
+        'start': record.start + begin,
         'frame_id': record.frame_id,
         'method': method,
         'covariates': list(record.covariates),
         'warnings': list(record.warnings),
-        'left_out': [
-            [a - float(record.t[0]), b - float(record.t[0]), why] for a, b, why in record.left_out
+        'left_out': [[a - begin, b - begin, why] for a, b, why in record.left_out],
+        'disturbances': [
+            {'begin': d.begin - begin, 'end': d.end - begin, 'kind': d.kind, 'size': dict(d.size)}
+            for d in record.disturbances
         ],
     }
 

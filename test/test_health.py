@@ -1,0 +1,372 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The clock behind stamps, disturbed stretches, and the choice of a part of a record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import json
+
+import numpy as np
+import pytest
+
+from imu_noise_tools.bag import open_record
+from imu_noise_tools.cli.main import main
+from imu_noise_tools.core.clock import fit_clock
+from imu_noise_tools.core.errors import InputError, UsageError
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.statistics import grid_step
+from imu_noise_tools.health import examine, prepare, resolution, Selection, still_stretches
+
+SEEDS = range(3)
+
+
+# -- stamps: one small mechanism a family; the 49 of bench/stamps.py are others
+
+def read_late(t, period, parse=2e-4):
+    """Return stamps given when a loop that wakes every so often empties a buffer."""
+    turn = np.ceil(t / period)
+    first = np.searchsorted(turn, turn)
+    return np.maximum.accumulate(turn * period + parse * (np.arange(len(t)) - first))
+
+
+FAMILIES = {
+    'even': lambda t, rng: t,
+    'jitter': lambda t, rng: np.maximum.accumulate(t + 1e-3 * rng.standard_normal(len(t))),
+    'delays': lambda t, rng: np.maximum.accumulate(t + rng.exponential(1e-3, len(t))),
+    'bursts': lambda t, rng: read_late(t, 0.053),
+    'milliseconds': lambda t, rng: np.floor(1e3 * t) / 1e3,
+    'ticks of 10 ms': lambda t, rng: np.floor(1e2 * t) / 1e2,
+    'drift': lambda t, rng: t + 1e-6 * t * (t - t[-1]) + 1e-5 * rng.standard_normal(len(t)),
+}
+
+
+@pytest.mark.parametrize('name', FAMILIES)
+@pytest.mark.parametrize('seed', SEEDS)
+def test_stamps_without_losses(name, seed):
+    """However stamps are put on, nothing is lost where nothing was, and the rate is right."""
+    rng = np.random.default_rng(seed)
+    rate = rng.uniform(110, 140)
+    t = FAMILIES[name](np.arange(40_000) / rate, rng)
+    found = fit_clock(t)
+    assert found.missing == 0 and len(found.gaps) == 0
+    assert found.rate_hz == pytest.approx(rate, rel=1e-5)
+
+
+@pytest.mark.parametrize('name', FAMILIES)
+@pytest.mark.parametrize('seed', SEEDS)
+def test_losses_are_counted_in_any_stamps(name, seed):
+    """Runs of 20 lost samples are counted exactly and lie where they were lost."""
+    rng = np.random.default_rng([1, seed])
+    rate = rng.uniform(110, 140)
+    n = 40_000
+    there = np.ones(n, bool)
+    starts = np.array([7000, 18_000, 30_500]) + rng.integers(0, 2000, 3)
+    for k in starts:
+        there[k:k + 20] = False
+    found = fit_clock(FAMILIES[name](np.arange(n)[there] / rate, rng))
+    assert found.lost.tolist() == [20, 20, 20]
+    assert np.max(np.abs(found.place(there.sum())[found.gaps] - (starts - 1))) <= 10
+    assert found.rate_hz == pytest.approx(rate, rel=1e-5)
+
+
+@pytest.mark.parametrize('share', [0.001, 0.01, 0.1])
+def test_single_losses_keep_their_place(share):
+    """Lone lost samples are interpolated at their place: the others stay where they were."""
+    rng = np.random.default_rng(int(1000 * share))
+    r = quiet(rng, 200, 100)
+    there = np.r_[True, rng.random(r.n - 2) > share, True]
+    some = replace(r, t=r.t[there], gyro=r.gyro[there], accel=r.accel[there])
+    found = prepare(some)
+    assert found.n == r.n and found.missing == int(np.sum(~there))
+    np.testing.assert_array_equal(found.gyro[there], r.gyro[there])
+    assert found.rate_hz == pytest.approx(100, rel=1e-9)
+
+
+def test_a_stalled_thread_loses_nothing():
+    """A delay of any length that is caught up is no loss and no pause."""
+    rng = np.random.default_rng(0)
+    t = np.arange(30_000) / 100
+    for begin in (20.0, 111.0, 222.0):
+        late = (t >= begin) & (t < begin + 1.5)
+        t = np.where(late, begin + 1.5 + 1e-4 * np.cumsum(late), t)
+    t = np.maximum.accumulate(t + 1e-5 * rng.standard_normal(len(t)))
+    found = fit_clock(t)
+    assert found.missing == 0 and len(found.pauses()) == 0
+
+
+def test_a_clock_that_is_set_loses_nothing():
+    """A step that is no whole number of intervals is the clock's, and said."""
+    t = np.arange(20_000) / 100
+    found = fit_clock(t + 0.0345 * (t > 90))
+    assert found.missing == 0 and found.steps[:, 1] == pytest.approx(0.0345, abs=1e-6)
+    assert 'clock was set' in found.doubts()[0]
+    assert found.rate_hz == pytest.approx(100, rel=1e-9)
+
+
+def test_the_beat_of_ticks_is_no_loss():
+    """Stamps in milliseconds at 1 kHz skip one whenever the clocks have slipped by one."""
+    rng = np.random.default_rng(3)
+    k = np.arange(300_000)
+    there = np.ones(len(k), bool)
+    t = np.floor(1e3 * k / (1000 * (1 - 6e-5))) / 1e3
+    assert np.sum(np.diff(t) > 1.5e-3) > 10
+    assert fit_clock(t).missing == 0
+    there[rng.choice(k[1000:-1000], 12, replace=False)] = False
+    exact = np.floor(1e3 * k[there] / 1000 + 1e-9) / 1e3
+    assert fit_clock(exact).missing == 12
+
+
+def test_rough_stamps_say_what_they_cannot_show():
+    """Where stamps scatter by more than an interval, single losses are not claimed."""
+    rng = np.random.default_rng(5)
+    t = np.sort(np.arange(30_000) / 100 + rng.gamma(2, 0.03, 30_000))
+    found = fit_clock(t)
+    assert found.missing == 0 and found.resolvable >= 1
+    assert found.rate_hz == pytest.approx(100, rel=1e-4)
+
+
+def test_real_stamps(shared_data):
+    """A buffered stream is even; a log with real gaps has lost what it has lost."""
+    def clock(name):
+        return fit_clock(open_record(shared_data / 'records' / f'{name}.npz').t)
+
+    found = clock('mpu6050_buffered_655s')
+    assert found.missing == 0 and found.pattern == 'bursts'
+    assert found.rate_hz == pytest.approx(99.3, abs=0.1)
+    # counted by hand from the intervals: 8, 15, 7, 7, 5 + 2 and 5 + 2
+    assert clock('px4_auavx21').missing == 51
+    for name in ('xsens_mti_multipos', 'yei_jitter_motion'):
+        assert clock(name).missing == 0
+
+
+def test_labels_are_said_to_be_labels(tmp_path):
+    """Without stamps the rate is what somebody wrote down."""
+    rng = np.random.default_rng(0)
+    r = quiet(rng, 100, 50)
+    np.savez(tmp_path / 'a.npz', gyro=r.gyro, accel=r.accel, rate_hz=50.0)
+    assert any('only what the file says' in w for w in open_record(tmp_path / 'a.npz').warnings)
+    np.savez(tmp_path / 'b.npz', gyro=r.gyro, accel=r.accel,
+             t=r.t + 1e-5 * rng.standard_normal(r.n))
+    record = open_record(tmp_path / 'b.npz')
+    assert not record.warnings and examine(record).stamps == 'even'
+    assert examine(open_record(tmp_path / 'a.npz')).stamps == 'computed'
+
+
+def test_the_table_of_topics_has_the_rate_of_the_stamps(tmp_path, capsys):
+    """An .npz with stamps is listed at their rate."""
+    r = quiet(np.random.default_rng(0), 100, 50)
+    np.savez(tmp_path / 'a.npz', gyro=r.gyro, accel=r.accel, t=r.t * 50 / 47, rate_hz=50.0)
+    assert main(['inspect', str(tmp_path / 'a.npz'), '--json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['topics'][0]['rate_hz'] == pytest.approx(47, rel=1e-6)
+
+
+def test_two_clocks_are_told_by_name():
+    """Header stamps and times of receiving each have their look."""
+    rng = np.random.default_rng(0)
+    r = quiet(rng, 300, 100)
+    measured = r.t + 1e-5 * rng.standard_normal(r.n)
+    h = examine(replace(r, t=measured, receive_t=read_late(r.t, 0.06)))
+    assert (h.stamps, h.received) == ('even', 'bursts')
+
+
+# -- disturbed stretches
+
+def quiet(rng, seconds, rate, gyro=1e-3, accel=1e-2) -> ImuRecord:
+    """Return white noise about a bias and gravity."""
+    n = round(seconds * rate)
+    return ImuRecord(gyro * rng.standard_normal((n, 3)) + [0.01, -0.02, 0.0],
+                     accel * rng.standard_normal((n, 3)) + [0.1, 0.2, 9.8],
+                     np.arange(n) / rate, float(rate))
+
+
+def knocked(record, times, size=1.0, gyro=0.05) -> ImuRecord:
+    """Return the record with knocks that ring down within a fifth of a second."""
+    a, w = record.accel.copy(), record.gyro.copy()
+    for at in times:
+        t = np.clip(record.t - at, 0, None)
+        ring = np.exp(-t / 0.1) * np.sin(2 * np.pi * 11 * t)
+        a += np.outer(ring, size * np.array([1.0, 0.6, 0.8]))
+        w += np.outer(ring, gyro * np.array([0.5, 1.0, 0.3]))
+    return replace(record, accel=a, gyro=w)
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+@pytest.mark.parametrize('rate', [50, 100, 400])
+def test_knocks_are_found_and_set_aside(seed, rate):
+    """Four knocks of 1 m/s^2: listed with time and size, set aside, and nothing else."""
+    times = (100.3, 222.2, 301.1, 444.4)
+    r = prepare(knocked(quiet(np.random.default_rng(seed), 600, rate), times))
+    assert [d.kind for d in r.disturbances] == ['shock'] * 4
+    for d, at in zip(r.disturbances, times):
+        assert at - 1 < d.begin <= at + 0.1 < d.end < at + 2
+        assert 0.5 < d.size['accel_x'] < 1.2 and 'gyro_y' in d.axes
+    assert [why for *_, why in r.left_out] == ['shock'] * 4
+    assert any('set aside' in w for w in r.warnings)
+    kept = prepare(knocked(quiet(np.random.default_rng(seed), 600, rate), times), screen=False)
+    assert len(kept.disturbances) == 4 and kept.left_out == ()
+
+
+def test_what_lasts_is_listed_and_kept():
+    """A motor that runs for a quarter of the time is listed at most, never left out."""
+    r = quiet(np.random.default_rng(0), 600, 100)
+    hum = 0.2 * np.sin(2 * np.pi * 23 * r.t) * ((r.t > 200) & (r.t < 350))
+    found = prepare(replace(r, accel=r.accel + hum[:, None], gyro=r.gyro + 0.1 * hum[:, None]))
+    assert found.left_out == ()
+    hum = hum * (r.t < 215)
+    found = prepare(replace(r, accel=r.accel + hum[:, None], gyro=r.gyro + 0.1 * hum[:, None]))
+    (begin, end, why), = found.left_out
+    assert why == 'disturbed' and begin < 200.1 and end > 214.9 and end - begin < 25
+
+
+def test_a_step_is_listed_and_kept():
+    """A step of one axis is seen, and is for the loop to explain."""
+    r = quiet(np.random.default_rng(0), 600, 100)
+    found = prepare(replace(r, gyro=r.gyro + np.outer(r.t > 300, [0.01, 0, 0])))
+    step, = found.disturbances
+    assert step.kind == 'step' and step.begin == pytest.approx(300, abs=1)
+    assert step.size == {'gyro_x': pytest.approx(0.01, rel=0.1)} and found.left_out == ()
+
+
+def own_noise(name, rng, n):
+    """Return what a sensor does by itself, in standard deviations of its white noise, (n, 6)."""
+    x = rng.standard_normal((n, 6))
+    if name == 'random walk':
+        return x + np.cumsum(rng.standard_normal((n, 6)), axis=0) / 30
+    if name == 'coarse':
+        return np.round(x / 4 + rng.uniform(-0.4, 0.4, 6)) * 4
+    if name == 'vibration':
+        return x + 20 * np.sin(0.9 * np.arange(n))[:, None]
+    if name == 'popcorn':
+        x[:, 1] += 5 * (np.cumsum(rng.random(n) < 5e-4) % 2)
+        return x
+    if name == 'spikes':
+        return x + 15 * (rng.random((n, 6)) < 5e-3)
+    return x + np.linspace(0, 100, n)[:, None] ** 1.2      # a drift
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+@pytest.mark.parametrize(
+    'name', ['random walk', 'coarse', 'vibration', 'popcorn', 'spikes', 'drift']
+)
+def test_noise_is_no_disturbance(name, seed):
+    """What a sensor does by itself, however strong, is not set aside."""
+    rng = np.random.default_rng(seed)
+    r = quiet(rng, 400, 100)
+    x = own_noise(name, rng, r.n)
+    r = replace(r, gyro=1e-3 * x[:, :3], accel=1e-2 * x[:, 3:] + [0, 0, 9.8])
+    found = prepare(r, keep_motion=True)
+    assert found.left_out == () and found.disturbances == ()
+
+
+def test_shaken_is_not_moved():
+    """An engine that idles shakes strongly and slowly enough; the sensor still rests."""
+    r = quiet(np.random.default_rng(0), 80, 100)
+    shake = 3 * np.sin(2 * np.pi * 32.5 * r.t) + 0.4 * np.sin(2 * np.pi * 2.3 * r.t)
+    turn = 0.03 * np.sin(2 * np.pi * 2.3 * r.t)
+    shaken = replace(r, accel=r.accel + shake[:, None], gyro=r.gyro + turn[:, None])
+    assert still_stretches(shaken) == [(0, r.n)] and prepare(shaken).n == r.n
+    slowly = 0.3 * np.sin(2 * np.pi * 0.1 * r.t)
+    with pytest.raises(InputError, match='moves'):
+        prepare(replace(r, gyro=r.gyro + slowly[:, None]))
+
+
+def test_real_disturbances(shared_data):
+    """The shock on the desk is found, the idling truck is analysed, quiet records are quiet."""
+    def ready(name):
+        return prepare(open_record(shared_data / 'records' / f'{name}.npz'))
+
+    desk = ready('vn100_desk_756s')
+    (begin, end, _), = desk.left_out
+    assert begin < 742 and 744.5 < end < 748
+    truck = ready('truck_idle_xsens_45s')
+    assert truck.duration_s == pytest.approx(45, abs=0.5)
+    for name in ('mpu6050_static_449s', 'adis16405_run2', 'mpu6050_buffered_655s'):
+        assert ready(name).disturbances == ()
+    assert ready('px4_auavx21').t[0] > 5       # what is handled first is not analysed
+
+
+# -- choosing a part
+
+def test_start_and_duration():
+    """A part is chosen by seconds or per cent; times stay those of the record."""
+    r = quiet(np.random.default_rng(0), 200, 100)
+    part = Selection.of('10%', '50%').part(r)
+    assert part.t[0] == pytest.approx(20, abs=0.02)
+    assert part.duration_s == pytest.approx(100, abs=1)
+    part = Selection.of('30', '').part(r)
+    assert part.t[0] == pytest.approx(30, abs=0.02) and part.t[-1] == r.t[-1]
+    assert Selection().part(r) is r
+
+
+def test_masks_are_set_aside():
+    """What is masked is left out whatever it holds, in the times of the record."""
+    r = quiet(np.random.default_rng(0), 200, 100)
+    chosen = Selection.of('20', '', '10-25,50-60.5')
+    found = prepare(chosen.part(r), masks=chosen.masks)
+    first, second = found.left_out
+    assert first[:2] == pytest.approx((20, 25)) and second[:2] == pytest.approx((50, 60.5))
+    with pytest.raises(UsageError, match='too little'):
+        prepare(r, masks=((0, 199),))
+
+
+@pytest.mark.parametrize('options', [
+    ['--start', 'soon'], ['--start', '-3'], ['--start', '1e9'], ['--start', 'nan'],
+    ['--duration', '0'], ['--duration', '130%'], ['--mask', '5-2'], ['--mask', '7'],
+    ['--mask', '1-2,'], ['--mask', '0-1e9'],
+])
+@pytest.mark.parametrize('command', ['analyse', 'inspect'])
+def test_wrong_choices_are_wrong_usage(options, command, tmp_path, capsys):
+    """One line on standard error, exit status 2, nothing written."""
+    r = quiet(np.random.default_rng(0), 100, 50)
+    np.savez(tmp_path / 'a.npz', gyro=r.gyro, accel=r.accel, t=r.t)
+    option, value = options
+    assert main([command, str(tmp_path / 'a.npz'), f'{option}={value}']) == 2
+    said = capsys.readouterr()
+    assert said.err.count('\n') == 1 and option in said.err and said.out == ''
+    assert [p.name for p in tmp_path.iterdir()] == ['a.npz']
+
+
+def test_the_study_says_what_is_left_out(tmp_path, capsys):
+    """The list of disturbed stretches is in study.yaml, on the terminal and on the page."""
+    r = knocked(quiet(np.random.default_rng(0), 120, 50), (40.0, 90.0))
+    np.savez(tmp_path / 'a.npz', gyro=r.gyro, accel=r.accel, t=r.t)
+    arguments = [str(tmp_path / 'a.npz'), '-o', str(tmp_path / 's'), '--axes', 'gyro_x']
+    assert main(['analyse', *arguments, '--json']) == 0
+    source = json.loads(capsys.readouterr().out)['source']
+    assert [d['kind'] for d in source['disturbances']] == ['shock', 'shock']
+    assert len(source['left_out']) == 2 and source['disturbances'][0]['size']['accel_x'] > 0.5
+    page = (tmp_path / 's' / 'report.html').read_text()
+    assert 'shock from 39' in page or 'shock from 40' in page
+    assert main(['analyse', *arguments, '--no-screen', '--force']) == 0
+    assert 'not set aside' in capsys.readouterr().out
+
+
+# -- the rest of what inspect says
+
+def test_one_step_of_the_grid():
+    """Spikes on a coarse output do not hide its step, for health as for the fit."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        x = np.round(rng.standard_normal(30_000) / 0.4) * 0.4
+        x += (rng.random(len(x)) < 1e-3) * 7 * rng.standard_normal(len(x))
+        assert resolution(x).step == pytest.approx(0.4, rel=1e-6) == grid_step(x)[0]
+
+
+def test_gravity_that_is_off_is_remarked():
+    """Nine metres per second squared are no gravity; a good sensor is not blamed."""
+    r = quiet(np.random.default_rng(0), 100, 50)
+    off = replace(r, accel=r.accel - [0, 0, 0.8])
+    assert any('Gravity reads 9' in a for a in examine(off).advice)
+    assert not any('Gravity' in a for a in examine(r).advice)
+
+
+@pytest.mark.parametrize('name', ['temperature', 'imu_temp', 'temperature_2'])
+def test_no_advice_to_record_what_was_recorded(name):
+    """A temperature by any of its names is one."""
+    r = quiet(np.random.default_rng(0), 100, 50)
+    with_it = replace(r, covariates={name: 30 + 0.0 * r.t})
+    assert not any('no temperature' in a for a in examine(with_it).advice)
+    assert any('no temperature' in a for a in examine(r).advice)
