@@ -32,8 +32,7 @@ sys.path[:0] = [str(TOP), str(TOP / 'test')]
 import hidden  # noqa: E402
 
 from imu_noise_tools.core.errors import ImuNoiseError  # noqa: E402
-from imu_noise_tools.loop.diagnosis import VERDICTS  # noqa: E402
-from imu_noise_tools.loop.prediction import FALL  # noqa: E402
+from imu_noise_tools.loop.verdict import FALL, VERDICTS  # noqa: E402
 from imu_noise_tools.tasks.noise import analyse_record  # noqa: E402
 
 

@@ -25,7 +25,7 @@ import yaml
 from .core import units
 from .core.errors import ImuNoiseError, InputError
 from .core.files import plain_yaml
-from .loop.diagnosis import Diagnosis
+from .loop.diagnosis import Diagnosis, Remaining
 from .loop.domains import DOMAINS, package
 from .loop.effect import Estimate, find_effect, Finding, Model, Parameter
 from .loop.study import assess, Step, Study
@@ -217,30 +217,50 @@ def step_to_dict(s: Step) -> dict:
 
 def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
     """Return one diagnosis."""
-    sensor = target.partition('_')[0]
     return plain(
         {
             'verdict': d.verdict,
-            'ranked': [
-                {
-                    'effect': f.name,
-                    'gain': f.gain,
-                    'penalty': f.penalty,
-                    'probability': f.probability,
-                    'parameters': {
-                        k: estimate_to_dict(v, f.effect.parameter(k), sensor)
-                        for k, v in f.estimates.items() if f.effect is not None
-                    },
-                    'evidence': f.evidence,
-                }
-                for f in d.ranked
-            ],
-            'failed': [
-                {'test': f.name, 'p_value': f.p_value, 'evidence': f.evidence} for f in d.failed
-            ],
+            'found': [_finding_to_dict(target, f) for f in d.found],
+            'remaining': _remaining_to_dict(target, d.remaining),
+            'sufficient': d.sufficient,
+            'ranked': [_finding_to_dict(target, f) for f in d.ranked],
+            'failed': [_test_to_dict(f) for f in d.failed],
             'advice': d.advice,
         }
     )
+
+
+def _finding_to_dict(target: str, f: Finding) -> dict:
+    sensor = target.partition('_')[0]
+    return {
+        'effect': f.name,
+        'gain': f.gain,
+        'penalty': f.penalty,
+        'probability': f.probability,
+        'explains': f.explains,
+        'parameters': {
+            k: estimate_to_dict(v, f.effect.parameter(k), sensor)
+            for k, v in f.estimates.items() if f.effect is not None
+        },
+        'evidence': f.evidence,
+        'against': f.against,
+    }
+
+
+def _test_to_dict(f: Finding) -> dict:
+    return {'test': f.name, 'p_value': f.p_value, 'evidence': f.evidence}
+
+
+def _remaining_to_dict(target: str, left: Remaining | None) -> dict | None:
+    if left is None:
+        return None
+    return {
+        'failed': [_test_to_dict(f) for f in left.failed],
+        'share': left.share,
+        'largest_ratio': left.largest_ratio,
+        'sufficient': left.sufficient,
+        'nearest': left.nearest and _finding_to_dict(target, left.nearest),
+    }
 
 
 def history_of(data: Mapping) -> list[Step]:
@@ -276,28 +296,26 @@ def _diagnosis_of(domain, d) -> Diagnosis:
             e.get('point', e.get('value')),
         )
 
-    ranked = []
-    for f in d.get('ranked', ()):
+    def finding(f):
         known = find_effect(domain, f['effect'])
         found = {k: estimate(known.parameter(k), v) for k, v in f.get('parameters', {}).items()}
         effect = known({k: v.point for k, v in found.items() if v.point is not None})
-        ranked.append(
-            Finding(
-                f['effect'],
-                f['gain'],
-                effect,
-                found,
-                f.get('penalty', 0.0),
-                '',
-                f.get('evidence', ''),
-                f.get('probability'),
-            )
-        )
-    failed = tuple(
-        Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'], evidence=f['evidence'])
-        for f in d.get('failed', ())
-    )
-    return Diagnosis(d['verdict'], tuple(ranked), failed, d.get('advice', ''))
+        return Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '',
+                       f.get('evidence', ''), f.get('probability'),
+                       explains=f.get('explains'), against=f.get('against', ''))
+
+    def tests(some):
+        return tuple(Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'],
+                             evidence=f['evidence']) for f in some or ())
+
+    left = d.get('remaining')
+    if left is not None:
+        near = left.get('nearest')
+        left = Remaining(tests(left.get('failed')), left.get('share'), left.get('largest_ratio'),
+                         left.get('sufficient'), finding(near) if near else None)
+    return Diagnosis(d['verdict'], tuple(map(finding, d.get('ranked', ()))),
+                     tests(d.get('failed')), d.get('advice', ''),
+                     tuple(map(finding, d.get('found', ()))), left, d.get('sufficient'))
 
 
 def study_files(study: Study) -> dict[str, bytes | str]:

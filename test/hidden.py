@@ -324,10 +324,30 @@ def _step(s):
 
 
 def _spikes(s):
-    at = s.rng.integers(0, s.n, s.rng.poisson(s.log_uniform(0.01, 0.3) * s.span) + 3)
+    form = s.rng.choice(['rare', 'often', 'bursts', 'heavy'])
+    count = s.rng.poisson(s.log_uniform(0.01, 0.3) * s.span) + 3
+    if form == 'often':
+        count = max(3, int(s.log_uniform(1e-3, 0.02) * s.n))
+    at = s.rng.integers(0, s.n, count)
+    if form == 'bursts':                    # a bus that is disturbed for a few samples
+        at = (at[:, None] + np.arange(s.rng.integers(2, 6))).ravel() % s.n
+    at = np.unique(at)
     out = np.zeros(s.n)
-    out[at] = s.rng.standard_normal(len(at))
+    out[at] = s.rng.standard_t(3, len(at)) if form == 'heavy' else s.rng.standard_normal(len(at))
+    out /= np.std(out[at])
     return out, {'rate': len(at) / s.span, 'sigma': 1.0}
+
+
+def _shock(s):
+    """Something is put down now and then: the mount rings and comes to rest."""
+    rate, tc = s.log_uniform(2, 12) / s.span, s.log_uniform(max(0.3, 12 * s.dt), 2.0)
+    out, count = np.zeros(s.n), max(1, s.rng.poisson(rate * s.span))
+    for i in s.rng.integers(0, int(0.98 * s.n), count):
+        x, k = 1.0, i
+        while x > 1e-3 and k < s.n:         # a step at a time
+            out[k] += x * s.rng.standard_normal()
+            x, k = x * (1 - s.dt / tc), k + 1
+    return out, {'rate': count / s.span, 'size': 1.0, 'decay': tc}
 
 
 def _accel_coupling(s):
@@ -535,6 +555,7 @@ RECIPES: dict[str, Recipe] = {
     'notch': Recipe(change=_notch),
     'duplicates': Recipe(change=_duplicates),
     'spikes': Recipe(_spikes, scaled=('sigma',)),
+    'shock': Recipe(_shock, scaled=('size',)),
     'rts': Recipe(_rts, scaled=('step',)),
     'accel_coupling': Recipe(_accel_coupling, deterministic=True,
                              scaled=('gain_x', 'gain_y', 'gain_z')),
@@ -592,7 +613,7 @@ def _hide(s: Scene, name: str, strength: float) -> tuple[Hidden, Deed]:
     added = scale * unit
     s.axes[s.target] = before + added
     values = {k: v * scale if k in recipe.scaled else v for k, v in values.items()}
-    nats = _spike_nats(added, base, s.dt) if name == 'spikes' else \
+    nats = _spike_nats(added, base, s.dt) if name in ('spikes', 'shock') else \
         nats_of(added, base, s.dt, recipe.deterministic)
     return Hidden(name, values, strength, nats, recipe.known), \
         Deed(name, added, lambda y: y + added)
@@ -664,7 +685,7 @@ def draw(rng: np.random.Generator, effects=(), *, strength=(1.0, 10.0), hours=1.
                 bystanders[a] = name
     if len(deeds) > 1:
         hidden = [replace(h, beside=nats_beside(i, deeds, plain, base[target], dt))
-                  if deeds[i].added is not None and h.name != 'spikes' else h
+                  if deeds[i].added is not None and h.name not in ('spikes', 'shock') else h
                   for i, h in enumerate(hidden)]
     gyro, felt = (np.column_stack([s.axes[a] for a in some]) if some[0] in s.axes else None
                   for some in (GYRO, ACCEL))

@@ -175,6 +175,33 @@ def test_no_bare_except(sources):
                 if isinstance(n, ast.ExceptHandler) and n.type is None]
 
 
+def size(function) -> tuple[int, int]:
+    """Return the lines of a function without its docstring, and the names that it binds."""
+    own = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda, ast.ListComp, ast.SetComp,
+           ast.DictComp, ast.GeneratorExp)
+    inner = {id(n) for f in ast.walk(function) if f is not function and isinstance(f, own)
+             for n in ast.walk(f)}
+    names = {a.arg for a in ast.walk(function.args) if isinstance(a, ast.arg)}
+    names |= {n.id for n in ast.walk(function) if isinstance(n, ast.Name)
+              and isinstance(n.ctx, ast.Store) and id(n) not in inner}
+    first = function.body[0]
+    said = first.end_lineno - first.lineno + 1 if ast.get_docstring(function) else 0
+    return function.end_lineno - function.lineno + 1 - said, len(names)
+
+
+def test_size_counts_what_it_should():
+    text = 'def f(a, *, b):\n    """Say\n\n    it."""\n    c = [d for d in a]\n    return c\n'
+    assert size(ast.parse(text).body[0]) == (3, 3)
+
+
+def test_functions_are_short(sources):
+    """A function of more than 60 lines or 25 names is several functions."""
+    long = {f'{s.at(f.lineno)} {f.name}': found for s in sources for f in ast.walk(s.tree)
+            if isinstance(f, (ast.FunctionDef, ast.AsyncFunctionDef))
+            and ((found := size(f))[0] > 60 or found[1] > 25)}
+    assert not long, '(lines, names)'
+
+
 def test_the_loop_knows_no_problem(sources):
     some = [s for s in sources if s.layer == 'loop']
     known = {name[1] for s in some for _, name, _ in s.imports() if name[0] == 'imu_noise_tools'}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import hidden
-from imu_noise_tools.loop.prediction import FALL
+from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.tasks.noise import analyse_record
 
 AXIS = 'gyro_x'
@@ -40,7 +40,9 @@ def test_what_is_hidden_is_named_and_added(name):
     first = study.diagnosis[AXIS].ranked[0]
     assert first.probability >= 0.9 and first.gain > first.penalty and first.evidence
     (step,) = study.add(None, [AXIS])
-    assert step.added == name and step.fall > FALL and step.verdict.startswith('falls')
+    assert step.added == name and step.fall > FALL
+    # where the base model bends to hide it (a drift in K), the error was within chance before
+    assert step.verdict.startswith('falls') or step.verdict == 'within chance, predicts better'
     error = study.states[AXIS].error
     assert error.excess < 3 * error.std
 

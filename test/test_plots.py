@@ -235,7 +235,8 @@ def test_failing_pulls_are_shaded_and_named(study, verdict, label):
     found = curves.curves(study.states['gyro_y'])
     ranked = (Finding('sinusoid', 90.0, penalty=5.0), Finding('gauss_markov', 60.0, penalty=5.0),
               Finding('ramp', 1.0, penalty=5.0))
-    diagnosis = verdict and Diagnosis(verdict, ranked)
+    named = ranked[:1] if verdict == 'missing' else ()
+    diagnosis = verdict and Diagnosis(verdict, ranked, found=named)
     ax = panels.pulls(an_axes(), found.tau, found.pull, panels.suspected(diagnosis))
     assert texts(ax) == ([label] if label else [])
     red = [p for p in ax.patches if to_hex(p.get_facecolor()) == style.FAIL]

@@ -14,7 +14,7 @@ import pytest
 import hidden
 from imu_noise_tools.core.errors import FitError, UsageError
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop import diagnosis, effect, prediction
+from imu_noise_tools.loop import diagnosis, effect, prediction, verdict
 from imu_noise_tools.loop.effect import (
     Effect,
     Estimate,
@@ -65,7 +65,7 @@ def test_the_ladder_falls_to_chance_and_stays():
     for t in s.targets:
         start, a, b, c = [h for h in s.history if h.target == t]
         assert start.held_out > a.held_out > b.held_out
-        assert a.fall > 100 and b.fall > prediction.FALL and c.fall < prediction.FALL
+        assert a.fall > 100 and b.fall > verdict.FALL and c.fall < verdict.FALL
         assert b.verdict == 'falls to chance' and c.verdict == 'does not fall'
         assert b.held_out <= 2 * b.held_out_std
         assert abs(c.held_out - b.held_out) < b.held_out_std
@@ -120,7 +120,7 @@ def test_remove_goes_back():
 def test_removing_what_is_there_makes_it_worse():
     s = begin('white', 'flicker', 'random_walk')
     for x in s.remove('random_walk'):
-        assert x.verdict == 'rises' and x.fall < -prediction.FALL
+        assert x.verdict == 'rises' and x.fall < -verdict.FALL
         assert 'random_walk' not in x.effects
 
 
@@ -389,15 +389,6 @@ def test_holm():
     assert failed(0.0, 0.04) == [0.0, 0.04]
 
 
-def test_probabilities():
-    found = diagnosis.with_probabilities([Finding('a', 10, penalty=2), Finding('b', 5, penalty=2)])
-    assert [f.name for f in found] == ['a', 'b']
-    assert found[0].probability == pytest.approx(np.exp(8) / (np.exp(8) + np.exp(3) + 1))
-    assert diagnosis.with_probabilities([]) == []
-    huge = diagnosis.with_probabilities([Finding('a', 1e6), Finding('b', 1e6 - 1)])
-    assert huge[0].probability == pytest.approx(1 / (1 + np.exp(-1)))
-
-
 def test_fall_is_judged_in_the_views_of_the_effect():
     def score(f, t):
         return Score.of([View('frequency', np.zeros(10), np.zeros(10), f, 0.1),
@@ -409,20 +400,6 @@ def test_fall_is_judged_in_the_views_of_the_effect():
     before, after = score(1.0, 2.0), score(0.5, 0.0)
     assert prediction.fall_of(before, after, [Timely()]) == pytest.approx(10)
     assert prediction.fall_of(before, after, [Constant()]) == pytest.approx(15)
-
-
-def test_pairs_lend_their_probability_to_both():
-    """Alone a is beaten by c; with b beside it is far ahead of what c has beside it."""
-    found = [Finding('a', 10.0), Finding('b', 1.0), Finding('c', 12.0)]
-    plain = {f.name: f.probability for f in diagnosis.with_probabilities(found)}
-    assert plain['c'] > 0.8 > 0.2 > plain['a']
-    beside = {'a': {'b': 30.0}, 'c': {'b': 5.0}}
-    ranked = diagnosis.with_probabilities(found, beside)
-    pairs = {f.name: f.probability for f in ranked}
-    assert pairs['a'] == pytest.approx(1, abs=1e-6) == pairs['b'] and pairs['c'] < 1e-6
-    assert [f.name for f in ranked] == ['a', 'b', 'c']
-    weight = np.exp([0, 10, 1, 12, 40, 17])                 # nothing, a, b, c, a + b, c + b
-    assert pairs['c'] == pytest.approx((weight[3] + weight[5]) / weight.sum())
 
 
 def test_a_muted_view_is_heard_only_as_a_change_where_it_is_named():
@@ -453,5 +430,5 @@ def test_what_stands_in_the_shadow_of_the_unknown_is_not_named():
                                        Finding('elsewhere', size, view='elsewhere', p_value=0.0)]
         return s.diagnose()['points']
     gain = with_shadow(0.0).ranked[0].gain
-    assert with_shadow(0.5 * diagnosis.SHADOW * gain).verdict == 'missing'
-    assert with_shadow(2.0 * diagnosis.SHADOW * gain).verdict == 'unknown'
+    assert with_shadow(0.5 * verdict.SHADOW * gain).verdict == 'missing'
+    assert with_shadow(2.0 * verdict.SHADOW * gain).verdict == 'unknown'

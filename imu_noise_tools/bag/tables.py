@@ -100,25 +100,7 @@ def _record(
     n = lengths.pop()
     labelled = _number(arrays.pop('rate_hz', None))
     origin = _number(arrays.pop('start', None)) or 0.0
-    t = arrays.pop('t', None)
-    if t is not None and t.shape != (n,):
-        raise InputError(f'{path}: t has the shape {t.shape}, not ({n},)', NPZ_ARRAYS)
-    t = None if t is None else np.array(t, float)
-    if t is not None and n and not np.any(t):
-        said.append('all stamps are zero; the rate was used')
-        t = None
-    if t is not None and not np.isfinite(t).any():
-        t = None
-    rate = rate_hz or (None if t is None else regular_rate(t)) or labelled
-    if rate is None or not np.isfinite(rate) or rate <= 0:
-        raise InputError(
-            f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
-        )
-    if t is None and not rate_hz:
-        said.append(
-            f'no stamps: {rate:.6g} Hz is only what the file says; such labels are off by up to '
-            '20 %, and every coefficient with them'
-        )
+    t, rate = _stamps(path, arrays.pop('t', None), n, rate_hz, labelled, said)
     start = 0.0
     if t is None or rate_hz:
         t = np.arange(n) / rate
@@ -138,6 +120,32 @@ def _record(
         labelled_rate_hz=labelled,
         warnings=tuple(said),
     )
+
+
+def _stamps(
+    path: Path, t: np.ndarray | None, n: int, rate_hz: float | None, labelled: float | None,
+    said: list[str],
+) -> tuple[np.ndarray | None, float]:
+    """Return the stamps where they say something, and the rate: given, theirs, or as labelled."""
+    if t is not None and t.shape != (n,):
+        raise InputError(f'{path}: t has the shape {t.shape}, not ({n},)', NPZ_ARRAYS)
+    t = None if t is None else np.array(t, float)
+    if t is not None and n and not np.any(t):
+        said.append('all stamps are zero; the rate was used')
+        t = None
+    if t is not None and not np.isfinite(t).any():
+        t = None
+    rate = rate_hz or (None if t is None else regular_rate(t)) or labelled
+    if rate is None or not np.isfinite(rate) or rate <= 0:
+        raise InputError(
+            f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
+        )
+    if t is None and not rate_hz:
+        said.append(
+            f'no stamps: {rate:.6g} Hz is only what the file says; such labels are off by up to '
+            '20 %, and every coefficient with them'
+        )
+    return t, rate
 
 
 def _number(array: np.ndarray | None) -> float | None:

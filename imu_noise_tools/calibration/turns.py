@@ -101,31 +101,13 @@ def _by_angle(record, angle, seconds):
         raise InputError('no rest found: it moves all the time', 'a turn goes from rest to rest')
     quiet = np.mean([record.gyro[a:b].std(0) for a, b in still], axis=0)
     margin = round(0.2 * record.rate_hz)
-    outputs, std, inputs, amount, force, temperature, time, names, notes = ([] for _ in range(9))
+    turns, notes = [], []
     for (_, a), (b, _) in zip(still[:-1], still[1:]):
-        a, b = max(0, a - margin), min(record.n, b + margin)
-        dt = np.diff(record.t[a:b + 1], append=record.t[min(b, record.n - 1)] + record.dt)[:b - a]
-        total = (record.gyro[a:b] * dt[:, None]).sum(0)
-        duration = float(dt.sum())
-        face, off = nearest_face(total)
-        size = np.linalg.norm(total)
-        if size < 0.3 * angle:
-            continue
-        if off > _CONE_DEG or not 0.6 < size / angle < 1.6 or _tips(record, a, b, margin):
-            notes.append(f'a movement at {record.t[a]:.0f} s ({np.degrees(size):.0f} deg, '
-                         f'{off:.0f} deg from {face}) '
-                         f'is no turn of {np.degrees(angle):.0f} deg about one axis: handling')
-            continue
-        outputs.append(total)
-        # noise of the integral, and half a sample of uncertainty where the turn begins and ends
-        std.append(quiet * np.sqrt(duration * record.dt))
-        inputs.append(angle * DIRECTIONS[face])
-        amount.append(duration)
-        force.append(np.full(3, np.nan) if record.accel is None else _up(record, a, b, margin))
-        t = record.covariates.get('temperature')
-        temperature.append(np.nan if t is None else t[a:b].mean())
-        time.append(record.t[a:b].mean())
-        names.append(f'turn {face}')
+        turn = _turn(record, angle, max(0, a - margin), min(record.n, b + margin), margin)
+        if isinstance(turn, str):
+            notes.append(turn)
+        elif turn is not None:
+            turns.append(turn)
     found = _rests(record, seconds)
     resting = _means(record, [(r.begin, r.end) for r in found], np.zeros((3, len(found))),
                      ['rest'] * len(found), found)
@@ -134,12 +116,37 @@ def _by_angle(record, angle, seconds):
                        span,
                        resting.force, resting.temperature, resting.reference_temperature,
                        resting.time, resting.names)
-    if not outputs:
+    if not turns:
         return resting, notes
+    outputs, inputs, amount, force, temperature, time, names = zip(*turns)
+    # noise of the integral, and half a sample of uncertainty where the turn begins and ends
+    std = [quiet * np.sqrt(duration * record.dt) for duration in amount]
     turning = Poses.of('gyro', np.array(outputs).T, np.array(std).T, angle, np.array(inputs).T,
-                       amount,
-                       np.array(force).T, temperature, resting.reference_temperature, time, names)
+                       list(amount), np.array(force).T, list(temperature),
+                       resting.reference_temperature, list(time), list(names))
     return joined([turning, resting]), notes
+
+
+def _turn(record, angle, a, b, margin):
+    """
+    Return one turn: output, input, duration, up, temperature, time and name.
+
+    Handling is a sentence instead, and what hardly moves None.
+
+    """
+    dt = np.diff(record.t[a:b + 1], append=record.t[min(b, record.n - 1)] + record.dt)[:b - a]
+    total = (record.gyro[a:b] * dt[:, None]).sum(0)
+    face, off = nearest_face(total)
+    size = np.linalg.norm(total)
+    if size < 0.3 * angle:
+        return None
+    if off > _CONE_DEG or not 0.6 < size / angle < 1.6 or _tips(record, a, b, margin):
+        return (f'a movement at {record.t[a]:.0f} s ({np.degrees(size):.0f} deg, {off:.0f} deg '
+                f'from {face}) is no turn of {np.degrees(angle):.0f} deg about one axis: handling')
+    up = np.full(3, np.nan) if record.accel is None else _up(record, a, b, margin)
+    t = record.covariates.get('temperature')
+    return (total, angle * DIRECTIONS[face], float(dt.sum()), up,
+            np.nan if t is None else t[a:b].mean(), record.t[a:b].mean(), f'turn {face}')
 
 
 def _rests(record, seconds):

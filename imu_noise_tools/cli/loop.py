@@ -37,11 +37,28 @@ def register(commands) -> None:
     common.output_options(c, 'the diagnosis')
     c.set_defaults(func=diagnose)
 
+    _register_changes(commands)
+    c = commands.add_parser('history', help='the ladder of models tried, with the error of each')
+    c.add_argument('dir', metavar='DIR', help='a study')
+    common.output_options(c, 'the history')
+    c.set_defaults(func=history)
+
+    c = commands.add_parser('effects', help='what is known: equation, units, signature, reference')
+    c.add_argument('name', metavar='NAME', nargs='?', help='one effect')
+    common.output_options(c, 'names, parameters and units')
+    c.set_defaults(func=effects)
+
+    _register_export(commands)
+
+
+def _register_changes(commands) -> None:
+    """Add ``add`` and ``remove``."""
     c = commands.add_parser('add', help='put an effect into the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
     c.add_argument(
         'effects', metavar='EFFECT', nargs='*', help='names; none: the best of the diagnosis'
     )
+    c.add_argument('--all', action='store_true', help='all that was found, not the first')
     c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
@@ -57,16 +74,9 @@ def register(commands) -> None:
     common.output_options(c, 'the new rungs of the ladder and the targets')
     c.set_defaults(func=remove)
 
-    c = commands.add_parser('history', help='the ladder of models tried, with the error of each')
-    c.add_argument('dir', metavar='DIR', help='a study')
-    common.output_options(c, 'the history')
-    c.set_defaults(func=history)
 
-    c = commands.add_parser('effects', help='what is known: equation, units, signature, reference')
-    c.add_argument('name', metavar='NAME', nargs='?', help='one effect')
-    common.output_options(c, 'names, parameters and units')
-    c.set_defaults(func=effects)
-
+def _register_export(commands) -> None:
+    """Add ``export``."""
     c = commands.add_parser('export', help='the numbers in the file another program reads')
     c.add_argument('dir', metavar='DIR', help='a noise study')
     c.add_argument('--format', required=True, metavar='F', help='e.g. kalibr')
@@ -187,7 +197,7 @@ def add(args) -> int:
         find_effect(store.read(args.dir)['domain'], name)
 
     def work(study):
-        steps = study.add(args.effects or None, args.axis)
+        steps = study.add(args.effects or None, args.axis, everything=args.all)
         study.diagnose(list(dict.fromkeys(s.target for s in steps)))
         return steps
 

@@ -23,6 +23,15 @@ def register(commands) -> None:
         '-o', '--output', metavar='DIR', help='where the study goes (default: BAG.study)'
     )
     c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    _model_options(c)
+    _record_options(c)
+    c.add_argument('--force', action='store_true', help='replace a study that is there')
+    common.output_options(c, 'study.yaml')
+    c.set_defaults(func=analyse)
+
+
+def _model_options(c) -> None:
+    """Add what is fitted, and how."""
     c.add_argument(
         '--axes', type=common.names, metavar='A,…', help='e.g. gyro_x,gyro_y (default: all)'
     )
@@ -58,6 +67,10 @@ def register(commands) -> None:
         '--points', type=int, default=100, metavar='P', help='points of the curve (default: 100)'
     )
     g.add_argument('--octaves', action='store_true', help='one point an octave')
+
+
+def _record_options(c) -> None:
+    """Add how the recording is to be read."""
     c.add_argument(
         '--rate-hz', type=float, metavar='R', help='sample rate, in place of the stamps'
     )
@@ -78,9 +91,6 @@ def register(commands) -> None:
     )
     common.selection_options(c)
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
-    c.add_argument('--force', action='store_true', help='replace a study that is there')
-    common.output_options(c, 'study.yaml')
-    c.set_defaults(func=analyse)
 
 
 def analyse(args) -> int:

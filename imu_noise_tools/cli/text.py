@@ -116,22 +116,9 @@ def disturbed(found) -> list[str]:
 def inspection(found) -> str:
     """Return a bag's topics and the health of its record."""
     h = found.health
-    out = [
-        table(
-            [
-                (
-                    t.name,
-                    t.type,
-                    t.samples,
-                    '' if t.rate_hz is None else f'{t.rate_hz:.4g}',
-                    t.role,
-                )
-                for t in found.topics
-            ],
-            ('topic', 'type', 'messages', 'Hz', 'used as'),
-        ),
-        '',
-    ]
+    topics = [(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role)
+              for t in found.topics]
+    out = [table(topics, ('topic', 'type', 'messages', 'Hz', 'used as')), '']
 
     def line(name, value):
         out.append(f'{name:22s}{value}')

@@ -149,18 +149,8 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     flat = z.ndim == 1
     z, x = (z[:, None], np.reshape(x, (-1, 1))) if flat else (z, x)
     n, axes = z.shape
-    space, a, k, b = steady.space, steady.closed, steady.gain, min(BLOCK, len(z)) or 1
-    powers = _powers(a, b)
-    rate_of = (
-        space.rate @ powers[1:]
-    )  # (b, d): rate after j samples, from the state before the block
-    seen = space.h @ space.phi
-    nu_of = -(seen @ powers[:-1])
-    response = space.rate @ powers[:-1] @ k                   # after a unit sample, by lag
-    nu_response = np.concatenate([[1.0], nu_of[:b - 1] @ k])
-    lag = np.subtract.outer(np.arange(b), np.arange(b))
-    lower = lag >= 0
-    t_rate, t_nu = (np.where(lower, v[np.maximum(lag, 0)], 0.0) for v in (response, nu_response))
+    space, k, b = steady.space, steady.gain, min(BLOCK, len(z)) or 1
+    powers = _powers(steady.closed, b)
     drive = (powers[b - 1::-1] @ k).T  # (d, b): the block's samples to the state at its end
     full = n // b
     # one row a block and axis, so that each step is one large matrix product
@@ -168,20 +158,40 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
     pushed = (zb @ drive.T).reshape(full, axes, -1).transpose(0, 2, 1)
     states = np.empty((full + 1, space.size, axes))
     states[0] = x
-    last = powers[b]
     for i in range(full):
-        states[i + 1] = last @ states[i] + pushed[i]
+        states[i + 1] = powers[b] @ states[i] + pushed[i]
     before = states[:-1].transpose(0, 2, 1).reshape(full * axes, -1)
     rate, nu = np.empty_like(z), np.empty_like(z)
-    for out, of_state, of_samples in ((rate, rate_of, t_rate), (nu, nu_of, t_nu)):
+    for out, (of_state, of_samples) in zip((rate, nu), _responses(steady, powers)):
         found = before @ of_state.T + zb @ of_samples.T
         out[:full * b] = found.reshape(full, axes, b).transpose(0, 2, 1).reshape(-1, axes)
     x = states[full]
     for j in range(full * b, n):
         nu[j] = z[j] - space.h @ space.phi @ x
-        x = a @ x + np.outer(k, z[j])
+        x = steady.closed @ x + np.outer(k, z[j])
         rate[j] = space.rate @ x
     return (rate[:, 0], nu[:, 0], x[:, 0]) if flat else (rate, nu, x)
+
+
+def _responses(
+    steady: Steady, powers: np.ndarray
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """
+    Return what a block of b samples makes of state and samples: (of_state, of_samples) twice.
+
+    First of the rate, then of the innovations; (b, d) from the state before the block, and (b, b)
+    from its samples.
+
+    """
+    space, k = steady.space, steady.gain
+    rate_of = space.rate @ powers[1:]
+    nu_of = -(space.h @ space.phi @ powers[:-1])
+    response = space.rate @ powers[:-1] @ k                     # after a unit sample, by lag
+    nu_response = np.concatenate([[1.0], nu_of[:-1] @ k])
+    lag = np.subtract.outer(np.arange(len(rate_of)), np.arange(len(rate_of)))
+    of_rate, of_nu = (np.where(lag >= 0, v[np.maximum(lag, 0)], 0.0)
+                      for v in (response, nu_response))
+    return (rate_of, of_rate), (nu_of, of_nu)
 
 
 @dataclass(frozen=True)

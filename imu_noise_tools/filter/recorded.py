@@ -96,17 +96,7 @@ def filter_record(
         'restarts': int((keys == RESTART).sum()) - 1,
     }
     work, todo = kept[~twice], keys[~twice]
-    odd = np.count_nonzero((todo != 0) & (todo != RESTART))
-    starts = np.count_nonzero(todo == RESTART)
-    straight = design.linear and odd <= IRREGULAR * len(todo) and starts <= 1 + 1e-4 * len(todo)
-    steady = (
-        [
-            kalman.steady_state(state_space(m, clock.interval), design.alpha)
-            for m in design.models()
-        ]
-        if straight
-        else [None]
-    )
+    steady = _steady_states(todo, design, clock)
     if all(steady):
         parts = _by_steady_state(work, todo, design, clock, steady)
     else:
@@ -119,6 +109,16 @@ def filter_record(
         out.append(whole)
     rate, variance, score = out
     return Filtered(rate, variance, score, finite, design, clock, counts)
+
+
+def _steady_states(keys: np.ndarray, design: Design, clock: Clock) -> list:
+    """Return the steady state of each axis; [None] where there is none, or no time for it."""
+    odd = np.count_nonzero((keys != 0) & (keys != RESTART))
+    starts = np.count_nonzero(keys == RESTART)
+    if not design.linear or odd > IRREGULAR * len(keys) or starts > 1 + 1e-4 * len(keys):
+        return [None]
+    return [kalman.steady_state(state_space(m, clock.interval), design.alpha)
+            for m in design.models()]
 
 
 def _by_steady_state(z, keys, design, clock, steady):
@@ -157,48 +157,50 @@ def _by_chunks(z, keys, design, clock, progress):
     n, axes = z.shape
     warm = int(round(WARM_UP / clock.interval))
     size = max(-(-n // LANES), 4 * warm if n > 8 * warm else n)
-    chunks = -(-n // size)
-    first = np.arange(chunks) * size
-    begin = np.maximum(first - warm, 0)
-    kinds, which = np.unique(np.where(keys == RESTART, 0, keys), return_inverse=True)
-    table = Coefficients([design.modes(clock.span(int(k))) for k in kinds], design.alpha)
-    usual = int(np.searchsorted(kinds, 0)) if 0 in kinds else 0
-    bank = Bank(table, chunks * axes)
-    common = [table.at(i).tiled(chunks) for i in range(len(kinds))]
-    restart = keys == RESTART
-    any_restart = restart.any()
-    rate, variance, score = np.empty_like(z), np.empty_like(z), np.empty_like(z)
-    steps = int(np.max(np.minimum(first + size, n) - begin))
-    regular = np.all(which == usual)
+    first = np.arange(-(-n // size)) * size
+    begin, end = np.maximum(first - warm, 0), np.minimum(first + size, n)
+    lanes = _Lanes(keys, design, clock, len(first), axes)
+    out = np.empty_like(z), np.empty_like(z), np.empty_like(z)
+    steps = int(np.max(end - begin))
     for k in range(steps):
         at = np.minimum(begin + k, n - 1)
-        if regular:
-            e = common[usual]
-        else:
-            now = which[at]
-            e = common[now[0]] if np.all(now == now[0]) else table.at(now)
-        if k == 0:
+        answers = lanes.step(z[at].ravel(), at, first=k == 0)
+        valid = (begin + k >= first) & (begin + k < end)
+        if valid.any():
+            which = slice(None) if valid.all() else np.repeat(valid, axes)
+            for into, x in zip(out, answers):
+                into[at[valid]] = x[which].reshape(-1, axes)
+        if progress and k % 1000 == 0:
+            progress(k / steps)
+    return out
+
+
+class _Lanes:
+    """A bank that filters several chunks at once; ``keys`` are those of the whole record."""
+
+    def __init__(self, keys, design: Design, clock: Clock, chunks: int, axes: int):
+        kinds, self.which = np.unique(np.where(keys == RESTART, 0, keys), return_inverse=True)
+        self.table = Coefficients([design.modes(clock.span(int(k))) for k in kinds], design.alpha)
+        self.common = [self.table.at(i).tiled(chunks) for i in range(len(kinds))]
+        self.regular = len(kinds) == 1
+        self.restart = keys == RESTART
+        self.restarts = bool(self.restart.any())
+        self.axes = axes
+        self.bank = Bank(self.table, chunks * axes)
+
+    def step(self, samples, at, first: bool):
+        """Return (rate, variance, score) of one sample a lane, at these places of the record."""
+        bank = self.bank
+        now = self.which[at]
+        same = self.regular or np.all(now == now[0])
+        e = self.common[now[0]] if same else self.table.at(now)
+        if first:
             bank.restart(slice(None))
-            bank.prior = bank.mu
         else:
             bank.mix(e)
             bank.predict(e)
-            if any_restart and restart[at].any():
-                bank.restart(np.repeat(restart[at], axes))
-            bank.prior = bank.mu
-        samples = z[at].ravel()
+            if self.restarts and self.restart[at].any():
+                bank.restart(np.repeat(self.restart[at], self.axes))
+        bank.prior = bank.mu
         nu, s, _ = bank.update(samples, e)
-        x, var = bank.rate()
-        valid = (begin + k >= first) & (begin + k < np.minimum(first + size, n))
-        if valid.all():
-            into, lanes = at, slice(None)
-        else:
-            into, lanes = at[valid], np.repeat(valid, axes)
-            if not len(into):
-                continue
-        rate[into] = x[lanes].reshape(-1, axes)
-        variance[into] = var[lanes].reshape(-1, axes)
-        score[into] = bank.score(nu, s, e)[lanes].reshape(-1, axes)
-        if progress and k % 1000 == 0:
-            progress(k / steps)
-    return rate, variance, score
+        return *bank.rate(), bank.score(nu, s, e)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,6 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     stamps = examine_stamps(record)
     tidy = ordered(record, memory)
     clock = fit_clock(tidy.t)
-    received = _receive_clock(record)
     there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
 
     def each(what: Callable) -> dict:
@@ -121,7 +121,6 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     units = tuple(wrong_units(rest)) if still else ()
     accel = finite_mean(rest.accel) if still and rest.accel is not None else None
     median = median_rate(tidy.t)
-    longest_gap = max((tidy.t[clock.gaps + 1] - tidy.t[clock.gaps]), default=0.0) if clock else 0.0
     drift = _drift(tidy)
     memory.rest()
     not_finite = record.n - int(finite(record).sum())
@@ -131,23 +130,13 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     found = Health(
         samples=record.n,
         duration_s=tidy.duration_s,
-        rate_hz=clock.rate_hz if clock else None,
         median_rate_hz=median,
         mean_rate_hz=(tidy.n - 1) / tidy.duration_s if tidy.duration_s > 0 else None,
         labelled_rate_hz=record.labelled_rate_hz,
-        receive_rate_hz=received.rate_hz if received else None,
         clock_drift_ppm=drift,
-        gaps=len(clock.gaps) if clock else 0,
-        missing=clock.missing if clock else 0,
-        longest_gap_s=float(longest_gap),
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward,
-        jitter_s=clock.jitter_s if clock else None,
-        stamps=clock.pattern if clock else '',
-        received=received.pattern if received else '',
-        tick_s=clock.tick_s if clock else 0.0,
-        resolvable=clock.resolvable if clock else 0,
-        clock_steps=len(clock.steps) if clock else 0,
+        **_clock_fields(tidy, clock, _receive_clock(record)),
         not_finite=not_finite,
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
         saturated={a: k for a, k in each(lambda x: int(saturated(x).sum())).items() if k},
@@ -167,6 +156,26 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         covariates=tuple(record.covariates),
     )
     return _with_advice(record, found)
+
+
+def _clock_fields(
+    record: ImuRecord, clock: SampleClock | None, received: SampleClock | None
+) -> dict[str, Any]:
+    """Return what the stamps say, with what stands for it where they say nothing."""
+    gaps = np.zeros(0) if clock is None else record.t[clock.gaps + 1] - record.t[clock.gaps]
+    return {
+        'rate_hz': clock.rate_hz if clock else None,
+        'receive_rate_hz': received.rate_hz if received else None,
+        'gaps': len(gaps),
+        'missing': clock.missing if clock else 0,
+        'longest_gap_s': float(np.max(gaps, initial=0.0)),
+        'jitter_s': clock.jitter_s if clock else None,
+        'stamps': clock.pattern if clock else '',
+        'received': received.pattern if received else '',
+        'tick_s': clock.tick_s if clock else 0.0,
+        'resolvable': clock.resolvable if clock else 0,
+        'clock_steps': len(clock.steps) if clock else 0,
+    }
 
 
 def _receive_clock(record: ImuRecord) -> SampleClock | None:
@@ -228,6 +237,39 @@ def _warms_up(x: np.ndarray) -> bool:
 
 def _with_advice(record: ImuRecord, h: Health) -> Health:
     """Return the report with sentences on what to do."""
+    say = _length_advice(h)
+    if h.gaps:
+        say.append(
+            f'{h.missing} samples were lost in {h.gaps} gaps (the longest of '
+            f'{h.longest_gap_s:.3g} s): record fewer '
+            'topics, to a faster disk, or with a larger queue.'
+        )
+    if h.duplicates or h.backward:
+        say.append(
+            f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
+            'the clock.'
+        )
+    say += [*_stamp_advice(h), *_sample_advice(h)]
+    if h.warm_up:
+        say.append(
+            f'{", ".join(h.warm_up)} still {"change" if len(h.warm_up) > 1 else "changes"} at '
+            'the beginning: let the IMU warm up for half an hour.'
+        )
+    if not h.temperature:
+        say.append(
+            'There is no temperature topic: record one along, drifts are mostly temperature.'
+        )
+    for name, (low, high) in h.temperature.items():
+        if high - low > 2:
+            say.append(
+                f'{name} went from {low:.4g} to {high:.4g} degrees C: its effect can be told '
+                'apart.'
+            )
+    return Health(**{**h.__dict__, 'advice': tuple(say)})
+
+
+def _length_advice(h: Health) -> list[str]:
+    """Return sentences on how long it lasts and rests."""
     say = []
     if h.samples < LEAST_SAMPLES:
         say.append(f'{h.samples} samples are too few to analyse: {RECORDING}.')
@@ -248,18 +290,12 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             'more, '
             'random walk several.'
         )
-    if h.gaps:
-        say.append(
-            f'{h.missing} samples were lost in {h.gaps} gaps (the longest of '
-            f'{h.longest_gap_s:.3g} s): record fewer '
-            'topics, to a faster disk, or with a larger queue.'
-        )
-    if h.duplicates or h.backward:
-        say.append(
-            f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
-            'the clock.'
-        )
-    say += _stamp_advice(h)
+    return say
+
+
+def _sample_advice(h: Health) -> list[str]:
+    """Return sentences on the values of the samples."""
+    say = []
     if h.clock_drift_ppm is not None and abs(h.clock_drift_ppm) > 500:
         say.append(
             f"The sensor's clock is off by {h.clock_drift_ppm:.3g} ppm from the computer's."
@@ -288,23 +324,7 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'Gravity reads {h.gravity:.4g} m/s^2, {100 * (h.gravity / G0 - 1):+.2g} % off: '
             'calibrate the accelerometer (imu_noise calibrate), and check its range setting.'
         )
-    if h.warm_up:
-        say.append(
-            f'{", ".join(h.warm_up)} still {"change" if len(h.warm_up) > 1 else "changes"} at '
-            'the beginning: let the IMU warm up for '
-            'half an hour.'
-        )
-    if not h.temperature:
-        say.append(
-            'There is no temperature topic: record one along, drifts are mostly temperature.'
-        )
-    for name, (low, high) in h.temperature.items():
-        if high - low > 2:
-            say.append(
-                f'{name} went from {low:.4g} to {high:.4g} degrees C: its effect can be told '
-                'apart.'
-            )
-    return Health(**{**h.__dict__, 'advice': tuple(say)})
+    return say
 
 
 def _stamp_advice(h: Health) -> list[str]:

@@ -2,30 +2,61 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What is missing from a model: the verdict, the candidates and their probabilities.
+What is missing from a model, and what then still fails.
 
-Several effects may be missing at once. One that is there may gain next to nothing while another
-hides it, and leave what it explains unhealed; so each candidate is also judged beside those that
-stand out once it is in the model.
+Several effects may be missing at once, and what explains a part is worth finding though the rest
+goes on failing. The search goes forward: the most probable candidate into the model, refitted, and
+on from there until nothing is gained beyond chance; where a rival is explained away by what was
+chosen, a chain that begins with the rival is followed as well. Then backward: each member must
+lower the deviance on data not fitted beside all the others, heal what it claims to heal, be as
+good as a flexible form in its place, and not stand in the shadow of what nothing explains.
 
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from .effect import Finding, Model, Score, unfitted
-from .prediction import FALL, fall_of, State
+from . import verdict as rules
+from .effect import Effect, Finding, Fit, Model, Score, unfitted
+from .prediction import fall_of, State
 from ..core.errors import FitError
 
-VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
-SURE = 0.9  # probability from which one effect is named
-OMNIBUS_LEVEL = 0.005  # family-wise, by Holm
-TRIED = 4  # candidates that are judged on data not fitted
-SHADOW = 10.0  # times as much that fails elsewhere makes a finding a side of something else
+CHAINS = 3  # chains that are followed, rivals' included
+LONGEST = 12  # members of a chain
+ROUNDS = 4  # times the search begins anew without what was refuted
+LISTED = 8  # candidates that are listed
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """
+    What still fails with all that is found in the model.
+
+    Attributes
+    ----------
+    failed : tuple of Finding
+        The tests, each with where it fails.
+    share : float or None
+        Of the record's power that the model does not account for.
+    largest_ratio : float or None
+        Of measured to model Allan deviation, beyond what chance allows.
+    sufficient : bool or None
+        Whether it does not matter all the same.
+    nearest : Finding or None
+        The candidate that comes nearest; its ``against`` says what speaks against it.
+
+    """
+
+    failed: tuple[Finding, ...]
+    share: float | None = None
+    largest_ratio: float | None = None
+    sufficient: bool | None = None
+    nearest: Finding | None = None
 
 
 @dataclass(frozen=True)
@@ -33,7 +64,22 @@ class Diagnosis:
     """
     What is missing from one target's model.
 
-    A verdict, the ranked candidates, what failed, and what to do.
+    Attributes
+    ----------
+    verdict : str
+        ``missing``, ``complete``, ``unknown`` or ``undecidable``.
+    ranked : tuple of Finding
+        Candidates, those found first; what speaks against one is in its ``against``.
+    failed : tuple of Finding
+        The tests that fail with the model as it is.
+    advice : str
+        What to do next.
+    found : tuple of Finding
+        What is missing, in the order to add it.
+    remaining : Remaining or None
+        What then still fails; None where nothing does.
+    sufficient : bool or None
+        Whether what remains does not matter; None where that is not known.
 
     """
 
@@ -41,231 +87,357 @@ class Diagnosis:
     ranked: tuple[Finding, ...] = ()
     failed: tuple[Finding, ...] = ()
     advice: str = ''
+    found: tuple[Finding, ...] = ()
+    remaining: Remaining | None = None
+    sufficient: bool | None = None
 
 
 def diagnose(state: State) -> Diagnosis:
     """
     Return the verdict on one target.
 
-    *missing*: the best candidate has probability >= 0.9, lowers the error on data not fitted, and
-    leaves no failure that it should have healed; *complete*: nothing fails and no candidate stands
-    out; *unknown*: something fails and no candidate explains it; *undecidable*: otherwise.
+    *missing*: something is found; *complete*: nothing fails and no candidate stands out;
+    *unknown*: something fails and no candidate explains it; *undecidable*: otherwise.
 
     """
-    problem, fit = state.problem, state.fit
-    search = _Search(state, problem.candidates(fit))
-    failed = failures(problem.omnibus(fit))
-    verdict = 'complete' if not failed else 'unknown'
-    if search.able():
-        found = search.confirmed(failed)
-        if found:
-            verdict = 'missing' if (search.ranked[0].probability or 0) >= SURE else 'undecidable'
-        elif not failed:
-            verdict = 'undecidable'
-    advice = problem.advice(verdict, search.ranked, failed)
-    return Diagnosis(verdict, tuple(search.ranked[:5]), tuple(failed), advice)
+    search = _Search(state)
+    chain = search.settled()
+    found = [f for f in chain if not f.against]
+    failed = failures(search.tests(state.model)) or beyond_chance(state.error)
+    # what was confirmed but shares its probability is in the model when the rest is judged
+    left = search.remaining(search.model_of(chain))
+    rivals = [f for f in chain if f.against]
+    if not rivals and not failed and left is None:
+        rivals = [f for f in search.refuted.values() if f.against.startswith(_DOUBT)]
+    said = rules.word(len(found), len(rivals), len(failed) + (left is not None))
+    ranked = search.ranking(chain)
+    telling = left.failed if left and not found else failed
+    advice = state.problem.advice(said, ranked, list(telling))
+    enough = True if left is None else left.sufficient
+    return Diagnosis(said, tuple(ranked), tuple(failed), advice, tuple(found), left, enough)
+
+
+_DOUBT = 'data not fitted do not confirm it'
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A model on the way, its candidates best first, and the surplus (nats) gained so far."""
+
+    model: Model
+    fit: Fit[Any]
+    candidates: tuple[Finding, ...]
 
 
 class _Search:
-    """The candidates of one target, what stands out beside each, and which are refuted."""
+    """The chains of candidates of one target, and what was refuted on the way."""
 
-    def __init__(self, state: State, findings: list[Finding]):
+    def __init__(self, state: State):
         self.state, self.problem = state, state.problem
-        self.findings = [f for f in findings if f.effect is not None]
-        self.refuted: set[str] = set()
-        self._beside: dict[str, list[Finding]] = {}
-        self._tested: dict[Model, list[Finding]] = {}
-        self._scored: dict[Model, Score | None] = {}
-        self.ranked = with_probabilities(self.findings)
-        able = self.able()
-        if len(able) > 1:
-            for f in able[:TRIED - 1]:
-                self.beside(f)
-            self._rank()
+        self.base = unfitted(state.model)
+        self.refuted: dict[str, Finding] = {}
+        self._places: dict[frozenset[str], _Place | None] = {}
+        self._tested: dict[frozenset[str], list[Finding]] = {}
+        self._scored: dict[frozenset[str], Score | None] = {}
+        self.scores: dict[frozenset[str], float] = {}
 
-    def able(self) -> list[Finding]:
-        """Return what stands out, alone or beside another, best first."""
-        return [f for f in self.ranked if f.name not in self.refuted
-                and (f.gain > f.penalty or (f.probability or 0) >= SURE)]
+    # --- models -----------------------------------------------------------------------------
 
-    def beside(self, finding: Finding) -> list[Finding]:
-        """
-        Return what stands out once a candidate is in the model, best first.
-
-        Nothing where the problem says that looking again costs more than it tells.
-
-        """
-        if not self.problem.looks_again:
-            return []
-        if finding.name not in self._beside:
+    def place(self, model: Model) -> _Place | None:
+        """Return a model fitted, with its candidates; None where the record cannot hold it."""
+        key = frozenset(model.labels)
+        if key not in self._places:
             try:
-                fit = self.problem.point(self.with_effects(finding))
-                found = self.problem.candidates(fit)
-            except FitError:  # the record cannot hold both
-                found = []
-            self._beside[finding.name] = sorted(
-                (f for f in found if f.gain > f.penalty), key=lambda f: f.penalty - f.gain)
-        return self._beside[finding.name]
+                here = self.state.fit if model == self.base else self.problem.point(model)
+                looks = model == self.base or self.problem.looks_again
+                found = self.problem.candidates(here) if looks else []
+                self._places[key] = _Place(model, here, tuple(
+                    sorted((f for f in found if f.effect is not None), key=lambda f: -surplus(f))))
+            except FitError:
+                self._places[key] = None
+        return self._places[key]
 
-    def with_effects(self, *findings: Finding) -> Model:
-        """Return the model with candidates added, not fitted: one model for any order of them."""
-        model = unfitted(self.state.model)
-        for f in sorted(findings, key=lambda f: f.name):
-            model = model.plus(type(f.effect)())
+    def tests(self, model: Model) -> list[Finding]:
+        """Return the tests of a model; none where the record cannot hold it."""
+        model = unfitted(model)
+        key = frozenset(model.labels)
+        if key not in self._tested:
+            try:
+                here = self.state.fit if model == self.base else self.problem.point(model)
+                self._tested[key] = self.problem.omnibus(here)
+            except FitError:
+                self._tested[key] = []
+        return self._tested[key]
+
+    def error(self, model: Model) -> Score | None:
+        """Return the error on data not fitted of a model, None where none is had."""
+        key = frozenset(model.labels)
+        if key not in self._scored:
+            try:
+                self._scored[key] = (self.state.error if model == self.base
+                                     else self.problem.held_out(model))
+            except FitError:
+                self._scored[key] = None
+        return self._scored[key]
+
+    def model_of(self, chain: Iterable[Finding]) -> Model:
+        """Return the base model with a chain's members added, not fitted."""
+        model = self.base
+        for f in chain:
+            model = model.plus(_new(f))
         return model
 
-    def _rank(self) -> None:
-        left = [f for f in self.findings if f.name not in self.refuted]
-        beside = {k: {g.name: g.gain - g.penalty for g in v if g.name not in self.refuted}
-                  for k, v in self._beside.items() if k not in self.refuted}
-        out = [replace(f, probability=0.0) for f in self.findings if f.name in self.refuted]
-        self.ranked = [*with_probabilities(left, beside), *out]
+    def able(self, place: _Place) -> list[Finding]:
+        """Return what stands out at a place, best first, each labelled as it would be there."""
+        out = []
+        for f in place.candidates:
+            if f.gain > f.penalty and not f.against and label(place.model, f) not in self.refuted:
+                out.append(f)
+        return out
 
-    def confirmed(self, failed: list[Finding]) -> bool:
-        """
-        Tell whether a candidate holds on data not fitted; then it leads the ranking.
+    # --- forward ----------------------------------------------------------------------------
 
-        One that raises the error, leaves the failure that it claims to explain, or stands in the
-        shadow of what nothing explains, is out of the race; one whose fall chance could explain
-        stays in it, without being named.
-
-        """
-        tried: set[str] = set()
-        while len(tried) < TRIED:
-            f = next((f for f in self.able() if f.name not in tried), None)
-            if f is None:
+    def chain(self, begin: Iterable[Finding] = ()) -> list[Finding]:
+        """Return the chain that follows the most probable candidate from a beginning on."""
+        members = list(begin)
+        while len(members) < LONGEST:
+            place = self.place(self.model_of(members))
+            if place is None:
+                return members[:-1]
+            self._note(members, place)
+            able = self.able(place)
+            if not able:
                 break
-            tried.add(f.name)
-            fall, healed = self.confirm(f, failed)
-            if fall > FALL and healed and not self.overshadowed(f, failed):
-                self.ranked.sort(key=lambda g: g.name != f.name)
-                return True
-            if not (healed and 0 <= fall <= FALL):
-                self.refuted.add(f.name)
-                self._rank()
-        return False
+            members.append(able[0])
+        return members
 
-    def confirm(self, finding: Finding, failed: list[Finding]) -> tuple[float, bool]:
+    def _note(self, members: list[Finding], place: _Place) -> None:
+        """Keep the surplus of the set reached, and of each set one candidate further on."""
+        total = float(sum(surplus(f) for f in members))
+        here = frozenset(place.model.labels)
+        self.scores[here] = max(total, self.scores.get(here, -np.inf))
+        for f in place.candidates:
+            if f.against or label(place.model, f) in self.refuted:
+                continue
+            more = here | {label(place.model, f)}
+            self.scores[more] = max(total + surplus(f), self.scores.get(more, -np.inf))
+
+    def forward(self) -> list[Finding]:
+        """Return the best of the chains: the main one, and those that begin with a rival."""
+        self.scores = {}
+        main = self.chain()
+        chains = [main]
+        begun = [(surplus(rival) - surplus(main[i]), [*main[:i], rival])
+                 for i in range(len(main)) for rival in self._rivals(main, i)[:2]]
+        begun.sort(key=lambda z: -z[0])
+        whole = frozenset(self.model_of(main).labels)
+        for _, begin in begun[:CHAINS - 1]:
+            other = self.chain(begin)
+            # a rival with all of the main chain beside it: from there it was seen to gain nothing
+            if not whole < frozenset(self.model_of(other).labels):
+                chains.append(other)
+        self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
+                       or len(k) == len(whole) + 1}
+        return max(chains, key=lambda c: sum(surplus(f) for f in c))
+
+    def _rivals(self, chain: list[Finding], i: int) -> list[Finding]:
+        """Return what stood out at a place of a chain and is explained away by what was chosen."""
+        place, after = (self.place(self.model_of(chain[:k])) for k in (i, i + 1))
+        if place is None or after is None or not after.candidates:
+            return []
+        still = {f.name for f in self.able(after)} | {f.name for f in chain[i:]}
+        return [f for f in self.able(place) if f.name not in still]
+
+    # --- backward ---------------------------------------------------------------------------
+
+    def settled(self) -> list[Finding]:
         """
-        Return by how much a candidate lowers the error, and whether it heals its view.
+        Return the chain that holds, each member with its probability at its place.
 
-        The error is that on data not fitted.
-
-        """
-        alone = self._error(finding)
-        fall = -np.inf if alone is None else fall_of(self.state.error, alone, [finding.effect])
-        if fall <= FALL:
-            # the nearer a model comes, the more sticks out what is missing as well: look with it
-            for other in self._company(finding):
-                before, after = self._error(other), self._error(other, finding)
-                if before is not None and after is not None:
-                    fall = max(fall, fall_of(before, after, [finding.effect]))
-                if fall > FALL:
-                    break
-        fails = finding.view in {f.name for f in failed}
-        return fall, not fails or fall <= FALL or self.heals(finding)
-
-    def _company(self, finding: Finding) -> list[Finding]:
-        """Return three that may be missing as well, those that stand out beside it first."""
-        some = {f.name: f for f in (*self.beside(finding), *self.able())
-                if f.name not in self.refuted}
-        return [f for f in some.values() if f.name != finding.name or f.effect.several][:3]
-
-    def heals(self, finding: Finding) -> bool:
-        """
-        Tell whether a finding's view holds under a model with it, or with one or two others more.
-
-        Several may be hidden at once, several of the same kind (lines) too.
-
-        """
-        if self._holds(finding):
-            return True
-        company = self._company(finding)
-        some = [[f] for f in company]
-        if finding.effect.several and finding.name not in {f.name for f in company}:
-            some.insert(0, [finding])
-        return any(self._holds(finding, *more) for more in (*some, company[:2]))
-
-    def overshadowed(self, finding: Finding, failed: list[Finding]) -> bool:
-        """
-        Tell whether far more fails elsewhere than a finding explains, and nothing explains that.
-
-        What is unknown may well show in two views, and in one of them look like what is known.
+        A member that shares its probability with rivals stays, with what speaks against it.
 
         """
-        most = SHADOW * finding.gain
-        elsewhere = [f for f in failed if f.view != finding.view]
-        if sum(f.gain for f in elsewhere) <= most:
-            return False
-        company = self._company(finding)
-        for some in ([], *([f] for f in company), company):
-            tests = self._tests(finding, *some)
-            left = failures(tests) if tests else elsewhere
-            if sum(f.gain for f in left if f.view != finding.view) <= most:
-                return False
-        return True
+        chain: list[Finding] = []
+        for _ in range(ROUNDS):
+            chain = self.with_odds(self.forward())
+            refuted = self.backward(chain)
+            if not refuted:
+                return chain
+            chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
+            self.refuted.update(refuted)
+        return chain                    # each held beside the others when it was last looked at
 
-    def _holds(self, finding: Finding, *others: Finding) -> bool:
-        tests = self._tests(finding, *others)
-        # an effect that hides a view does not heal it
-        seen = finding.view in {f.name for f in tests}
-        return seen and finding.view not in {f.name for f in failures(tests)}
+    def backward(self, chain: list[Finding]) -> dict[str, Finding]:
+        """Return the members by label, with what speaks against each, that do not hold."""
+        labels, model = self.labels_of(chain), self.model_of(chain)
+        members = dict(zip(labels, chain))
+        out: dict[str, Finding] = {}
+        while members:
+            said = {k: self._unconfirmed(model, k, f) for k, f in members.items()}
+            worst = min(said, key=lambda k: said[k][0])
+            if not said[worst][1]:
+                break
+            out[worst] = replace(members.pop(worst), against=said[worst][1])
+            model = model.minus(worst)
+        for k, f in members.items():
+            against = self._unhealed(model, k, f) or self._shaped(model, k, f) \
+                or self._shadowed(model, f)
+            if against:
+                out[k] = replace(f, against=against)
+        return out
 
-    def _tests(self, *findings: Finding) -> list[Finding]:
-        """Return the tests of the model with these; none where the record cannot hold them."""
-        model = self.with_effects(*findings)
-        if model not in self._tested:
-            try:
-                self._tested[model] = self.problem.omnibus(self.problem.point(model))
-            except FitError:
-                self._tested[model] = []
-        return self._tested[model]
+    def labels_of(self, chain: Iterable[Finding]) -> list[str]:
+        """Return the labels of a chain's members."""
+        return self.model_of(chain).labels[len(self.base):]
 
-    def _error(self, *findings: Finding) -> Score | None:
-        """Return the error on data not fitted of the model with these, None where none is had."""
-        model = self.with_effects(*findings)
-        if model not in self._scored:
-            try:
-                self._scored[model] = self.problem.held_out(model)
-            except FitError:
-                self._scored[model] = None
-        return self._scored[model]
+    def _unconfirmed(self, model: Model, name: str, finding: Finding) -> tuple[float, str]:
+        """Return by how much a member lowers the error beside the others, and what if not."""
+        after, before = self.error(model), self.error(model.minus(name))
+        if after is None or before is None:
+            return -np.inf, 'a part of the record cannot hold it'
+        fall = fall_of(before, after, [finding.effect])
+        if fall > rules.FALL:
+            return fall, ''
+        if fall >= 0:
+            return fall, (f'{_DOUBT}: their deviance falls by {fall:.1f}, chance reaches '
+                          f'{rules.FALL:.0f}')
+        return fall, f'it raises the deviance of data not fitted by {-fall:.1f}'
+
+    def _unhealed(self, model: Model, name: str, finding: Finding) -> str:
+        """Say that the view a member claims to heal does not gain what it claims."""
+        without, with_it = self.tests(model.minus(name)), self.tests(model)
+        if finding.view not in {f.view for f in failures(without)}:
+            return ''
+        if finding.view not in {f.view for f in with_it}:
+            return f'it hides the view {finding.view} and does not heal it'
+        before, after = (sum(max(f.gain, 0.0) for f in tests if f.view == finding.view)
+                         for tests in (without, with_it))
+        claim = min(finding.gain, before)
+        if before - after >= rules.HEALED * claim:
+            return ''
+        return (f'it claims {claim:.0f} nats of what fails in {finding.view} and heals '
+                f'{max(before - after, 0):.0f}')
+
+    def _shaped(self, model: Model, name: str, finding: Finding) -> str:
+        """Say that a flexible form does better in a member's place."""
+        return self.problem.shape(self.problem.point(model), name, finding.gain)
+
+    def _shadowed(self, model: Model, finding: Finding) -> str:
+        """Say that far more fails elsewhere than a finding explains, and nothing explains that."""
+        left = sum(f.gain for f in failures(self.tests(model)) if f.view != finding.view)
+        if left <= rules.SHADOW * finding.gain:
+            return ''
+        return (f'it explains {finding.gain:.0f} nats, and {left:.0f} that fail elsewhere nothing '
+                'does')
+
+    # --- what is said -----------------------------------------------------------------------
+
+    def with_odds(self, chain: list[Finding]) -> list[Finding]:
+        """Return a chain with probabilities, shares explained, and rivals where they matter."""
+        out, model = [], self.base
+        whole = self._failing(self.base, self.base)
+        for f, name in zip(chain, self.labels_of(chain)):
+            before, model = model, model.plus(_new(f))
+            sure, rivals = self._odds(before, name)
+            explains = None
+            if whole > 0:
+                fall = self._failing(before, self.base) - self._failing(model, self.base)
+                explains = float(np.clip(fall / whole, 0, 1))
+            against = '' if sure >= rules.SURE else \
+                f'this record cannot tell it from {" or ".join(rivals) or "nothing"}'
+            out.append(replace(f, probability=sure, explains=explains, against=against))
+        return out
+
+    def _failing(self, model: Model, base: Model) -> float:
+        """Return what fails in the views that fail under the base model, nats."""
+        views = {f.view for f in failures(self.tests(base))}
+        return float(sum(max(f.gain, 0.0) for f in self.tests(model) if f.view in views))
+
+    def _odds(self, before: Model, name: str) -> tuple[float, list[str]]:
+        """Return a member's probability at its place, and the rivals that take the rest."""
+        here = frozenset(before.labels)
+        some = {k - here: v for k, v in self.scores.items() if k >= here}
+        top = max(some.values())
+        weight = {k: float(np.exp(max(v - top, -700.0))) for k, v in some.items()}
+        total = sum(weight.values())
+        with_it = sum(v for k, v in weight.items() if name in k)
+        others: dict[str, float] = {}
+        for k, v in weight.items():
+            if name not in k:
+                for x in k:
+                    others[x] = others.get(x, 0.0) + v
+        rivals = [x for x in sorted(others, key=lambda x: -others[x]) if others[x] > 0.02 * total]
+        return with_it / total, rivals[:3]
+
+    def remaining(self, model: Model) -> Remaining | None:
+        """Return what fails with a model; None where nothing does."""
+        failed = failures(self.tests(model))
+        error = None if failed else self.error(model)
+        failed = failed or (beyond_chance(error) if error is not None else [])
+        if not failed:
+            return None
+        place = self.place(model)
+        weighed = (None, None, None) if place is None else self.problem.materiality(place.fit)
+        near = [*self.refuted.values(), *(place.candidates if place else ())]
+        near = [f for f in near if f.gain > f.penalty]
+        nearest = max(near, key=surplus, default=None)
+        return Remaining(tuple(failed), *weighed, nearest)
+
+    def ranking(self, chain: list[Finding]) -> list[Finding]:
+        """
+        Return the candidates: the chain, what was refuted, and the rest by probability.
+
+        Each name is listed once, but for what was found more than once.
+
+        """
+        found = [f for f in chain if not f.against]
+        refuted = [f if f.against.startswith(_DOUBT) else replace(f, probability=0.0)
+                   for f in sorted(self.refuted.values(), key=lambda f: -surplus(f))]
+        first = self.place(self.base)
+        other = [replace(f, probability=self._odds(self.base, label(self.base, f))[0])
+                 for f in (first.candidates if first is not None else ())
+                 if label(self.base, f) not in self.refuted]
+        rest = sorted([*(f for f in chain if f.against), *refuted, *other],
+                      key=lambda f: -(f.probability or 0.0))
+        out, seen = found, {f.name for f in found}
+        for f in rest:
+            if f.name not in seen:
+                out.append(f)
+                seen.add(f.name)
+        return out[:LISTED]
 
 
-def with_probabilities(
-    findings: Iterable[Finding], beside: Mapping[str, Mapping[str, float]] | None = None
-) -> list[Finding]:
+def label(model: Model, finding: Finding) -> str:
+    """Return the label that a finding would have in a model."""
+    return model.plus(_new(finding)).labels[-1]
+
+
+def _new(finding: Finding) -> Effect:
+    """Return the effect of a finding, not fitted."""
+    assert finding.effect is not None
+    return type(finding.effect)()
+
+
+def surplus(finding: Finding) -> float:
     """
-    Return findings, best first, with the probabilities that they are missing.
+    Return what a finding gains beyond chance, nats.
 
-    Nothing, each alone and each pair have equal priors and the weight exp(gain - penalty), summed
-    over a pair; a finding has those of all that hold it. ``beside`` maps a name to the surplus
-    (gain - penalty, nats) of others once that one is in the model.
+    A form with more to choose must be that much better: of nested names with equal gain the
+    simpler one holds.
 
     """
-    found = list(findings)
-    if not found:
-        return []
-    surplus = {f.name: f.gain - f.penalty for f in found}
-    sets: dict[tuple[str, ...], float] = {(): 0.0, **{(k,): v for k, v in surplus.items()}}
-    for first, others in (beside or {}).items():
-        for second, more in others.items():
-            pair = tuple(sorted((first, second)))
-            sets[pair] = max(surplus[first] + more, sets.get(pair, -np.inf))
-    values = np.array(list(sets.values()))
-    weight = np.exp(np.clip(values - values.max(), -700, 0))
-    weight /= weight.sum()
-    out = [replace(f, probability=float(sum(w for w, s in zip(weight, sets) if f.name in s)))
-           for f in found]
-    return sorted(out, key=lambda f: (f.probability < SURE, f.penalty - f.gain))
+    return finding.gain - finding.penalty - rules.PRICE * finding.shapes
 
 
-def failures(findings: Iterable[Finding], level: float = OMNIBUS_LEVEL) -> list[Finding]:
+def beyond_chance(error: Score) -> list[Finding]:
+    """Return what of an error on data not fitted chance does not explain, as tests that fail."""
+    return [Finding(k, 0.5 * max(v.excess, 0.0) * len(v.pull), view=k,
+                    p_value=rules.tail(v.excess, v.std), evidence='on data not fitted')
+            for k, v in ((k, error.views[k]) for k in error.failing)]
+
+
+def failures(findings: Iterable[Finding], level: float = rules.LEVEL) -> list[Finding]:
     """Return the tests that fail at a family-wise level (Holm 1979)."""
-    tests = sorted(findings, key=lambda f: f.p_value)
-    out = []
-    for i, f in enumerate(tests):
-        if f.p_value > level / (len(tests) - i):
-            break
-        out.append(f)
-    return out
+    tests = list(findings)
+    values = [1.0 if f.p_value is None else f.p_value for f in tests]
+    return [tests[i] for i in rules.failing(values, level)]

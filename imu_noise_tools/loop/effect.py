@@ -23,6 +23,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from . import verdict
 from .domains import DOMAINS, package
 from ..core.errors import InputError, UsageError
 
@@ -501,8 +502,22 @@ class Score:
 
     @property
     def within_chance(self) -> bool:
-        """Whether a true model could score as much."""
-        return self.excess <= 2 * self.std
+        """Whether a true model could score as much, in all and in each view."""
+        return verdict.within_chance(self.excess, self.std) and not self.failing
+
+    @property
+    def side(self) -> str:
+        """Say whether the error is within, at the edge of, or beyond chance."""
+        return verdict.side(self.within_chance, bool(self.failing))
+
+    @property
+    def failing(self) -> list[str]:
+        """Names of the views that fail, the surest first; the surest where only their sum does."""
+        each = {k: (v.excess, v.std) for k, v in self.views.items()}
+        found = verdict.views_failing(each)
+        if not found and each and verdict.tail(self.excess, self.std) < verdict.LEVEL:
+            found = [min(each, key=lambda k: verdict.tail(*each[k]))]
+        return found
 
     @classmethod
     def of(cls, views: Iterable[View]) -> Score:
@@ -527,7 +542,9 @@ class Finding:
     One candidate of a diagnosis, or one test that failed (then ``effect`` is None).
 
     ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
-    give.
+    give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
+    against it, empty where nothing does. ``shapes`` counts the parameters that were searched for
+    besides the amplitude and that the penalty does not price.
 
     """
 
@@ -540,3 +557,6 @@ class Finding:
     evidence: str = ''
     probability: float | None = None
     p_value: float | None = None
+    explains: float | None = None
+    against: str = ''
+    shapes: int = 0

@@ -10,16 +10,13 @@ Knows only what a :class:`~imu_noise_tools.loop.problem.Problem` is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-import numpy as np
-
-from .effect import Fit, Model, Score
+from . import verdict
+from .effect import Effect, Fit, Model, Score
 from .problem import Problem
-
-# deviance (three nats) by which an error on data not fitted must fall to be more than chance
-FALL = 6.0
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,7 @@ class State:
     """One target with its model, fit and error."""
 
     problem: Problem
-    fit: Fit
+    fit: Fit[Any]
     error: Score
     summary: Mapping[str, float] = field(default_factory=dict)
 
@@ -37,12 +34,12 @@ class State:
         return self.fit.model
 
 
-def deviance(score: Score, names=()) -> float:
+def deviance(score: Score, names: Collection[str] = ()) -> float:
     """Return the total deviance over views; over all of them where none is named."""
     return float(sum(v.deviance for k, v in score.views.items() if not names or k in names))
 
 
-def fall_of(before: Score, after: Score, effects) -> float:
+def fall_of(before: Score, after: Score, effects: Iterable[Effect]) -> float:
     """
     Return by how much the deviance on data not fitted fell.
 
@@ -52,6 +49,7 @@ def fall_of(before: Score, after: Score, effects) -> float:
     above zero; one that is muted under both, where an effect names it.
 
     """
+    effects = list(effects)
     named = {name for e in effects for name in e.views}
     names = named if all(e.views for e in effects) else set(before.views) | set(after.views)
     both = set(before.views) & set(after.views) & names
@@ -67,10 +65,4 @@ def fall_of(before: Score, after: Score, effects) -> float:
 
 def fall_in_words(before: Score, after: Score, fall: float) -> str:
     """Say whether an error on data not fitted has fallen."""
-    if not np.isfinite(fall):
-        return 'not to be compared'
-    if fall > FALL:
-        return 'falls to chance' if after.within_chance else 'falls'
-    if fall < -FALL and not after.within_chance:
-        return 'rises'
-    return 'does not fall'
+    return verdict.change(before.excess, after.excess, fall, after.within_chance)

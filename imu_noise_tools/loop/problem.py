@@ -69,6 +69,26 @@ class Problem(ABC):
                 found.setdefault(view.name, []).append(view)
         return Score.of(_merged(views) for views in found.values())
 
+    def shape(self, fit: Fit[Any], label: str, claim: float) -> str:
+        """
+        Say that a form without a name does better than an effect of the model.
+
+        ``claim`` is what the effect gains, nats; empty where its form is as good.
+
+        """
+        return ''
+
+    def materiality(self, fit: Fit[Any]) -> tuple[float | None, float | None, bool | None]:
+        """
+        Return what a model leaves: its share of the power, what it does, and whether it matters.
+
+        The second is the largest ratio of measured to model Allan deviation beyond what chance
+        allows, the last whether the model is sufficient all the same; None where a domain has no
+        such thing.
+
+        """
+        return None, None, None
+
     def basis(self, fit: Fit[Any]) -> dict[str, Any]:
         """Return what the values of a fit rest on, and what they leave, as plain data."""
         return {}

@@ -149,12 +149,14 @@ class Study:
         return {t: self.diagnosis[t] for t in names}
 
     def add(
-        self, effects: Iterable[str] | None = None, targets: Iterable[str] | None = None
+        self, effects: Iterable[str] | None = None, targets: Iterable[str] | None = None,
+        everything: bool = False
     ) -> list[Step]:
         """
         Put effects into the model of the targets.
 
-        Without names, the best of the diagnosis for each target it names.
+        Without names, the first that the diagnosis found for each target, with ``everything`` all
+        that it found.
 
         Returns the rungs added to the ladder (none where nothing is missing).
 
@@ -169,8 +171,9 @@ class Study:
             for t in self.chosen(targets):
                 if t not in self.diagnosis:
                     self.diagnose([t])
-                if self.diagnosis[t].verdict == 'missing':
-                    plan[t] = [self.diagnosis[t].ranked[0].name]
+                found = [f.name for f in self.diagnosis[t].found]
+                if found:
+                    plan[t] = found if everything else found[:1]
         steps = []
         for t, names in plan.items():
             before = self.states[t]
@@ -214,21 +217,39 @@ class Study:
         return steps
 
     def complete(
-        self, targets: Iterable[str] | None = None, most: int = 8,
+        self, targets: Iterable[str] | None = None, most: int = 12,
         progress: Progress | None = None,
     ) -> list[Step]:
-        """Diagnose and add until nothing more is found in any target; return all rungs."""
+        """
+        Diagnose and add until nothing more is found in any target; return all rungs.
+
+        A rung that raises the deviance of data not fitted is taken back, and ends the ladder.
+
+        """
         steps = []
         for t in self.chosen(targets):
             for _ in range(most):
                 self.diagnose([t])
                 if progress:
                     progress(None, f'{t}: {self.diagnosis[t].verdict}')
-                if self.diagnosis[t].verdict != 'missing':
+                if not self.diagnosis[t].found:
                     break
-                steps += self.add(None, [t])
+                before = self.states[t]
+                (step,) = self.add(None, [t])
+                steps.append(step)
+                if step.fall is not None and step.fall < 0:
+                    steps.append(self._taken_back(t, before, step))
+                    break
             self.diagnose([t])
         return steps
+
+    def _taken_back(self, target: str, state: State, step: Step) -> Step:
+        """Return to the state before a rung; append the rung that says so."""
+        label = next(x for x in step.effects if x not in state.model)
+        after, self.states[target] = self.states[target], state
+        self.history.append(self._step(target, removed=label, before=after))
+        self._forget([target])
+        return self.history[-1]
 
     def _forget(self, targets: Iterable[str]) -> None:
         for t in targets:

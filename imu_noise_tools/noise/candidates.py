@@ -14,12 +14,14 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence
+from .explained import Bands, supported
 from .fit import fit as fit_part
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
+CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
@@ -44,7 +46,7 @@ def candidates(problem, fit: Fit) -> list[Finding]:
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
-        finding = _one(evidence, fit, cls())
+        finding = _one(problem, fit, cls())
         if finding is None or not np.isfinite(finding.gain):
             continue
         if not views.hidden_by(fit, finding.view):  # nothing could confirm it
@@ -52,7 +54,8 @@ def candidates(problem, fit: Fit) -> list[Finding]:
     return sorted(found, key=lambda f: f.penalty - f.gain)
 
 
-def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
+def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
+    evidence: Evidence = problem.evidence
     if isinstance(effect, Line):
         return _line(evidence, fit, effect)
     if isinstance(effect, MEASURED):
@@ -60,13 +63,14 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if not effect.starts(evidence):
         return None
     more = _refitted(evidence, fit, effect)
+    problem.begin_from(more)
     label = more.model.labels[-1]
     bonus = more.model[label].bonus(evidence, more)
     where = _where(evidence, fit, more, effect)
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
-    gain = more.details.ml - fit.details.ml + bonus
+    gain = _gained(evidence, fit, more) + bonus
     if isinstance(effect, Coupling):
         gain = gain / model_crowd(fit.model)
     return Finding(
@@ -77,7 +81,37 @@ def _one(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> Finding | None:
         penalty(effect.name) + _unlikely(more),
         _view_of(effect),
         where,
+        against=_at_bound(evidence, more.model[label]),
+        shapes=sum(not (p.amplitude or p.discrete) for p in effect.parameters),
     )
+
+
+def _at_bound(evidence: Evidence, effect) -> str:
+    """Say that a shape lies at its bound: that is no estimate, another effect is meant."""
+    narrower = effect.bounds(evidence)
+    for p in effect.parameters:
+        if p.amplitude or p.linear or p.discrete:
+            continue
+        low, high = narrower.get(p.name, (p.lower, p.upper))
+        low, high = max(low, p.lower), min(high, p.upper)
+        slack = 0.01 * (np.log(high / low) if p.log else high - low)
+        at = [np.log(effect[p.name] / x) if p.log else effect[p.name] - x for x in (low, high)]
+        if min(abs(x) for x in at) < slack:
+            return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
+    return ''
+
+
+def _gained(evidence: Evidence, before: Fit, after: Fit) -> float:
+    """
+    Return the gain in likelihood, nats, of which no band counts more than CAP.
+
+    What neither model explains has levels of its own: to come somewhat nearer to it is no gain.
+
+    """
+    bands = Bands.on(evidence.whole.bins)
+    return float(np.subtract(*(
+        supported(bands, x.details.power, x.details.weight, x.details.v, CAP)
+        for x in (after, before))))
 
 
 def _unlikely(fit: Fit) -> float:
@@ -128,7 +162,7 @@ def _measured(evidence, fit, effect):
     gain = finding.gain
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
-        gain += more.details.ml - fit.details.ml
+        gain += _gained(evidence, fit, more)
     return Finding(
         effect.name,
         float(gain),

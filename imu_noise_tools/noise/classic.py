@@ -20,7 +20,7 @@ from .evidence import Evidence
 from .kinds import Line, Mean, NoiseEffect, Spectrum
 from ..core import units
 from ..core.errors import UsageError
-from ..loop.effect import Estimate, Fit
+from ..loop.effect import Estimate, Fit, Model
 
 FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
 # name: parameter, slope, tau at which the line of that slope is read, and what the reading is
@@ -54,82 +54,73 @@ def fit_avar(evidence: Evidence, full: Fit) -> Fit:
         a curve.
 
     """
-    c = evidence.curve
-    m, tau2 = c.m, c.dev**2
-    terms = [
-        e
-        for e in full.model.of(NoiseEffect)
-        if isinstance(e, (Spectrum, Mean))
-        and type(e).avar not in (Mean.avar,)
-        and len([p for p in e.parameters if p.amplitude]) == 1
-    ]
-    rest = sum((e.avar(m, c.dt) for e in full.model.of(Line)), np.zeros(len(m)))
-    shapes = [(e.label, p.name) for e in terms for p in e.parameters if not p.amplitude]
-    amplitude = {e.label: next(p.name for p in e.parameters if p.amplitude) for e in terms}
-
-    def columns(x):
-        out = []
-        for e in terms:
-            values = {
-                amplitude[e.label]: 1.0,
-                **{n: float(np.exp(v)) for (label, n), v in zip(shapes, x) if label == e.label},
-            }
-            out.append(e.with_values(**values).avar(m, c.dt))
-        return np.array(out).T
-
-    def solve(x):
-        a, level = columns(x), tau2
-        for _ in range(4):
-            w = np.sqrt(c.edf / 2) / level
-            scale = np.maximum(np.max(a * w[:, None], axis=0), 1e-300)
-            s, norm = nnls(a * w[:, None] / scale, np.maximum(tau2 - rest, 0) * w)
-            level = np.maximum(a @ (s / scale) + rest, 1e-6 * tau2)
-        return s / scale, norm, a, w
-
-    x = np.array([np.log(full.model[label][n]) for label, n in shapes])
+    terms = _CurveTerms(evidence, full.model)
+    x = np.array([np.log(full.model[label][n]) for label, n in terms.shapes])
     if len(x):
-        x = minimize(lambda z: solve(z)[1], x, method='Nelder-Mead', options={'maxiter': 200}).x
-    square, _, a, w = solve(x)
+        x = minimize(lambda z: terms.solve(z)[1], x, method='Nelder-Mead',
+                     options={'maxiter': 200}).x
+    square, _, a, w = terms.solve(x)
     gain = np.linalg.pinv(a * w[:, None]) * w  # squares = gain @ measured variances
     covariance = gain @ curve_covariance(evidence, full.details.v) @ gain.T
     fitted, estimates = full.model, {k: dict(v) for k, v in full.estimates.items()}
-    for k, e in enumerate(terms):
-        name = amplitude[e.label]
-        value = float(np.sqrt(square[k]))
-        spread = float(np.sqrt(max(covariance[k, k], 0)))
-        unit = units.si(_templates(e)[name], evidence.sensor)
-        upper = float(np.sqrt(square[k] + 1.645 * spread))
-        if square[k] - 1.96 * spread <= 0:
-            estimates[e.label][name] = Estimate(
-                None,
-                None,
-                (0.0, float(np.sqrt(square[k] + 1.96 * spread))),
-                unit,
-                upper95=upper,
-                point=value,
-                note='not observable in the Allan curve',
-            )
-        else:
-            ends = np.sqrt(np.maximum(square[k] + np.array([-1.96, 1.96]) * spread, 0))
-            estimates[e.label][name] = Estimate(
-                value, spread / (2 * value), (float(ends[0]), float(ends[1])), unit, point=value
-            )
-        values = {
-            name: max(value, _floor(e, name)),
-            **{n: float(np.exp(v)) for (label, n), v in zip(shapes, x) if label == e.label},
-        }
-        for n, v in values.items():
-            if n != name:
-                estimates[e.label][n] = Estimate(
-                    v,
-                    None,
-                    None,
-                    units.si(_templates(e)[n], evidence.sensor),
-                    point=v,
-                    note='from the Allan curve, without an interval',
-                )
-        fitted = fitted.with_effect(fitted[e.label].with_values(**values))
+    for k, e in enumerate(terms.effects):
+        name, found, own = terms.amplitude[e.label], terms.values(e, x), estimates[e.label]
+        of = {p: units.si(unit, evidence.sensor) for p, unit in _templates(e).items()}
+        own[name] = _from_square(square[k], float(np.sqrt(max(covariance[k, k], 0))), of[name])
+        for n, v in found.items():
+            own[n] = Estimate(v, None, None, of[n], point=v,
+                              note='from the Allan curve, without an interval')
+        found[name] = max(float(np.sqrt(square[k])), _floor(e, name))
+        fitted = fitted.with_effect(fitted[e.label].with_values(**found))
     return Fit(fitted, estimates, full.log_likelihood, full.flags, full.details)
+
+
+class _CurveTerms:
+    """The effects of a model that show in an Allan curve by one amplitude each."""
+
+    def __init__(self, evidence: Evidence, model: Model):
+        self.curve = c = evidence.curve
+        self.effects = [
+            e
+            for e in model.of(NoiseEffect)
+            if isinstance(e, (Spectrum, Mean))
+            and type(e).avar not in (Mean.avar,)
+            and len([p for p in e.parameters if p.amplitude]) == 1
+        ]
+        self.rest = sum((e.avar(c.m, c.dt) for e in model.of(Line)), np.zeros(len(c.m)))
+        self.shapes = [(e.label, p.name) for e in self.effects for p in e.parameters
+                       if not p.amplitude]
+        self.amplitude = {e.label: next(p.name for p in e.parameters if p.amplitude)
+                          for e in self.effects}
+
+    def values(self, effect: NoiseEffect, x: np.ndarray) -> dict[str, float]:
+        """Return the values of an effect's shapes."""
+        return {n: float(np.exp(v)) for (label, n), v in zip(self.shapes, x)
+                if label == effect.label}
+
+    def solve(self, x: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+        """Return squared amplitudes, what they leave, columns and weights for shapes (logs)."""
+        c, tau2 = self.curve, self.curve.dev ** 2
+        a = np.array([
+            e.with_values(**{self.amplitude[e.label]: 1.0}, **self.values(e, x)).avar(c.m, c.dt)
+            for e in self.effects]).T
+        level = tau2
+        for _ in range(4):
+            w = np.sqrt(c.edf / 2) / level
+            scale = np.maximum(np.max(a * w[:, None], axis=0), 1e-300)
+            s, norm = nnls(a * w[:, None] / scale, np.maximum(tau2 - self.rest, 0) * w)
+            level = np.maximum(a @ (s / scale) + self.rest, 1e-6 * tau2)
+        return s / scale, norm, a, w
+
+
+def _from_square(square: float, spread: float, unit: str) -> Estimate:
+    """Return an amplitude from its square and the standard deviation of that."""
+    value = float(np.sqrt(square))
+    low, high = (float(np.sqrt(max(square + k * spread, 0))) for k in (-1.96, 1.96))
+    if low > 0:
+        return Estimate(value, spread / (2 * value), (low, high), unit, point=value)
+    return Estimate(None, None, (0.0, high), unit, upper95=float(np.sqrt(square + 1.645 * spread)),
+                    point=value, note='not observable in the Allan curve')
 
 
 def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:

@@ -268,14 +268,17 @@ def _crossings(kept, pull):
     return out
 
 
-def supported(bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray) -> float:
+def supported(
+    bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray, cost: float = COST
+) -> float:
     """
     Return ln L of a spectrum v (b,) where each band may have levels of its own at a cost.
 
     A band counts what the model makes of it, or what levels fitted to each of its bins make of it
-    less COST and less what they gain by chance, sum_b w (ln(w/2) - psi(w/2))/2, whichever is more.
-    So models are compared by what they explain: to explain one more band is worth up to COST,
-    however badly it was missed, and no model is better for bending to what it does not explain.
+    less a cost and less what they gain by chance, sum_b w (ln(w/2) - psi(w/2))/2, whichever is
+    more. So models are compared by what they explain: to explain one more band is worth up to
+    that cost, however badly it was missed, and no model is better for bending to what it does not
+    explain.
 
     Parameters
     ----------
@@ -284,13 +287,15 @@ def supported(bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray
         Measured power and degrees of freedom of each bin.
     v : ndarray (b,)
         The model's power.
+    cost : float
+        Nats a band.
 
     """
     w = np.maximum(weight, 0.5)
     own = -0.5 * weight * (np.log(v) + power / v)
     free = -0.5 * weight * (np.log(np.maximum(power, 1e-300)) + 1)
     chance = 0.5 * w * (np.log(w / 2) - digamma(w / 2))
-    return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - COST)))
+    return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - cost)))
 
 
 def stretches(bands: Bands, explained: np.ndarray):

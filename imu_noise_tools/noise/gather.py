@@ -82,78 +82,106 @@ def gather(
         Where arrays as long as the record are kept.
 
     """
-    step = _Steps(progress, 4 * len(axes) + 2)
-    memory = memory or Memory()
-    dt, n = record.dt, record.n
-    half = n // 2 if n < 1 << 15 else smooth_length(n // 2)
-    used = 2 * half
-    covariates = _covariates(record, axes, memory)
-    t = memory.keep(np.arange(n) * dt)
-    inputs = Inputs(t, dt, covariates, {a: record.column(a) for a in record.axes})
-    own: dict[str, dict] = {a: {} for a in axes}
-    kept, raw, clean = {}, {}, {}
+    work = _Gathering(record, axes, progress, memory or Memory())
     for axis in axes:
-        y = raw[axis] = np.ascontiguousarray(record.column(axis), float)
-        kept[axis] = {name: cast('type[NoiseEffect]', cls).statistics(y, inputs)
-                      for name, cls in registry('noise').items()}
-        kept[axis] = {k: v for k, v in kept[axis].items() if v}
-        without = _bridged(_screened(y, kept[axis], inputs), record)
-        clean[axis] = y if without is y else memory.keep(without)
-        memory.rest()
-        step(f'{axis}: samples')
-        own[axis]['curve'] = allan.curve(
-            y, dt, deviation=deviation, points=points, octaves=octaves
-        )
-        step(f'{axis}: Allan curve')
-        own[axis]['resolution'] = grid_step(y)[0]
-        own[axis].update(_power_of_looks(_looks(y, clean[axis], used), dt))
-        own[axis]['envelope'] = _envelope(y, dt)
-        memory.rest()
-    cross: dict[tuple[str, str, str], np.ndarray] = {}
-    low: dict[tuple[str, str], np.ndarray] = {}
-    whole = {}
-    for axis in axes:
-        c = cosine_transform(clean[axis][:used])
-        reference = reference_spectrum(c, dt)
-        looks = _looks(raw[axis], clean[axis], used)
-        own[axis]['cells'] = _cells(looks, own[axis]['resolution'], c, reference, dt)
-        step(f'{axis}: distribution')
-        own[axis]['line_table'], own[axis]['humps'] = find_peaks(c, reference, dt)
-        whole[axis] = memory.keep(c)
-        memory.rest()
-        step(f'{axis}: spectrum')
-    fine = fine_edges(np.concatenate([own[axis]['humps'] for axis in axes]))
-    for name, begin, length in (('whole', 0, used), ('first', 0, half), ('second', half, half)):
-        bins = bins_of(length, dt, fine)
+        work.samples(axis, deviation=deviation, points=points, octaves=octaves)
+    whole = {axis: work.spectrum(axis) for axis in axes}
+    work.part('whole', 0, work.used, whole)
+    work.part('first', 0, work.half)
+    work.part('second', work.half, work.half)
+    work.step('halves and cross-spectra')
+    common = work.common()
+    return {a: Evidence(a, record.dt, work.used, common=common, statistics=work.kept[a],
+                        **work.own[a]) for a in axes}
+
+
+class _Gathering:
+    """What is gathered of all axes, step by step; what is long lies where ``memory`` says."""
+
+    def __init__(self, record: ImuRecord, axes, progress, memory: Memory):
+        self.record, self.axes, self.memory = record, axes, memory
+        self.step = _Steps(progress, 4 * len(axes) + 2)
+        self.dt, n = record.dt, record.n
+        self.half = n // 2 if n < 1 << 15 else smooth_length(n // 2)
+        self.used = 2 * self.half
+        self.covariates = _covariates(record, axes, memory)
+        self.t = memory.keep(np.arange(n) * self.dt)
+        self.inputs = Inputs(self.t, self.dt, self.covariates,
+                             {a: record.column(a) for a in record.axes})
+        self.own: dict[str, dict] = {a: {} for a in axes}
+        self.kept: dict[str, dict] = {}
+        self.raw: dict[str, np.ndarray] = {}
+        self.clean: dict[str, np.ndarray] = {}
+        self.cross: dict[tuple[str, str, str], np.ndarray] = {}
+        self.low: dict[tuple[str, str], np.ndarray] = {}
+
+    def samples(self, axis: str, **curve) -> None:
+        """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
+        y = self.raw[axis] = np.ascontiguousarray(self.record.column(axis), float)
+        self.kept[axis], without = _looked_at(y, self.inputs)
+        without = _bridged(without, self.record)
+        self.clean[axis] = y if without is y else self.memory.keep(without)
+        self.memory.rest()
+        self.step(f'{axis}: samples')
+        own = self.own[axis]
+        own['curve'] = allan.curve(y, self.dt, **curve)
+        self.step(f'{axis}: Allan curve')
+        own['resolution'] = grid_step(y)[0]
+        own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
+        own['envelope'] = _envelope(y, self.dt)
+        self.memory.rest()
+
+    def spectrum(self, axis: str) -> np.ndarray:
+        """Return the coefficients of an axis; find its lines, and how its samples spread."""
+        own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
+        reference = reference_spectrum(c, self.dt)
+        looks = _looks(self.raw[axis], self.clean[axis], self.used)
+        own['cells'] = _cells(looks, own['resolution'], c, reference, self.dt)
+        self.step(f'{axis}: distribution')
+        own['line_table'], own['humps'] = find_peaks(c, reference, self.dt)
+        kept = self.memory.keep(c)
+        self.memory.rest()
+        self.step(f'{axis}: spectrum')
+        return kept
+
+    def part(self, name: str, begin: int, length: int,
+             whole: dict[str, np.ndarray] | None = None) -> None:
+        """Bin the spectra of a part of the record, and of all pairs; ``whole`` is used up."""
+        fine = fine_edges(np.concatenate([self.own[axis]['humps'] for axis in self.axes]))
+        bins = bins_of(length, self.dt, fine)
         coefficients, lines = {}, {}
-        for axis in axes:
-            if name == 'whole':
+        for axis in self.axes:
+            own = self.own[axis]
+            if whole is not None:
                 c = whole.pop(axis)
             else:
-                c = cosine_transform(clean[axis][begin:begin + length])
-            lines[axis] = take_lines_out(c, own[axis]['line_table'], begin, dt, bins)
-            if name == 'whole' and len(lines[axis]):  # what is left is normal only without them
-                cells = _cells_without_lines(c, own[axis]['resolution'], dt)
-                own[axis]['cells'] = np.vstack([own[axis]['cells'], cells])
-            coefficients[axis] = c if name == 'whole' else memory.keep(c)
-            memory.rest()
-        for other, values in covariates.items():
-            coefficients[other] = memory.keep(cosine_transform(values[begin:begin + length]))
-            memory.rest()
-        binned = _cross_powers(coefficients, bins, memory)
-        cross.update({(a, b, name): power for (a, b), power in binned.items()})
-        for axis in axes:
-            own[axis][name] = Part(length, dt, binned[axis, axis], lines[axis], fine)
-        low.update({(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()})
-        memory.rest()
-    step('halves and cross-spectra')
-    slow_length = max(1, used // SLOW)
-    slow = {}
-    for name, values in {'t': t, **clean, **covariates}.items():
-        slow[name] = _block_means(values[:used], slow_length)
-        memory.rest()
-    common = Common(slow_length, slow.pop('t'), slow, cross, low)
-    return {a: Evidence(a, dt, used, common=common, statistics=kept[a], **own[a]) for a in axes}
+                c = cosine_transform(self.clean[axis][begin:begin + length])
+            lines[axis] = take_lines_out(c, own['line_table'], begin, self.dt, bins)
+            # what is left is normal only without them
+            if whole is not None and len(lines[axis]):
+                cells = _cells_without_lines(c, own['resolution'], self.dt)
+                own['cells'] = np.vstack([own['cells'], cells])
+            coefficients[axis] = c if whole is not None else self.memory.keep(c)
+            self.memory.rest()
+        for other, values in self.covariates.items():
+            c = cosine_transform(values[begin:begin + length])
+            coefficients[other] = self.memory.keep(c)
+            self.memory.rest()
+        binned = _cross_powers(coefficients, bins, self.memory)
+        self.cross |= {(a, b, name): power for (a, b), power in binned.items()}
+        for axis in self.axes:
+            self.own[axis][name] = Part(length, self.dt, binned[axis, axis], lines[axis], fine)
+        self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
+        self.memory.rest()
+
+    def common(self) -> Common:
+        """Return what all axes share: slow means, cross-spectra, the lowest coefficients."""
+        length = max(1, self.used // SLOW)
+        slow = {}
+        for name, values in {'t': self.t, **self.clean, **self.covariates}.items():
+            slow[name] = _block_means(values[:self.used], length)
+            self.memory.rest()
+        return Common(length, slow.pop('t'), slow, self.cross, self.low)
 
 
 def _looks(y: np.ndarray, clean: np.ndarray, used: int) -> list[np.ndarray]:
@@ -212,11 +240,28 @@ class _Steps:
             self.progress(min(1.0, self.done / self.total), what)
 
 
-def _screened(y, kept, inputs):
-    for name, cls in registry('noise').items():
-        if issubclass(cls, Defect) and name in kept:
-            y = cls.screen(y, kept[name], inputs)
-    return y
+def _looked_at(y: np.ndarray, inputs: Inputs):
+    """
+    Return what each effect keeps of the samples, and the samples without defects.
+
+    What comes first is taken out before the others look: the samples of a shock are no spikes.
+
+    """
+    kept = {}
+    known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
+    look, late = y, []
+    for name, cls in sorted(known.items(), key=lambda x: not x[1].first):
+        found = cls.statistics(look, inputs)
+        if not found:
+            continue
+        kept[name] = found
+        if issubclass(cls, Defect) and cls.first:
+            look = cls.screen(look, found, inputs)
+        elif issubclass(cls, Defect):
+            late.append(cls)
+    for cls in late:
+        look = cls.screen(look, kept[cls.name], inputs)
+    return kept, look
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:

@@ -75,6 +75,8 @@ class NoiseEffect(Effect):
     mutes: tuple[str, ...] = ()
     #: features of the samples that it accounts for: one effect in the model is enough for each
     explains: ClassVar[tuple[str, ...]] = ()
+    #: whether it is taken out of the samples before anything else is looked for in them
+    first: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
     #: what a record must hold for it to apply

@@ -171,7 +171,7 @@ class Likelihood:
 
     def _less_known(self, power, slow):
         """Return the bins' power less the mean that is known, of slow coefficients (q,)."""
-        return np.maximum(self._replaced(power, self.weight, slow, slow - self._known), 1e-300)
+        return np.maximum(self._replaced(power, slow, slow - self._known), 1e-300)
 
     def cross_less_known(self, channel: str) -> np.ndarray:
         """Return the cross-power (b,) with a channel less that of the mean that is known."""
@@ -189,14 +189,14 @@ class Likelihood:
         i = self._inside
         return np.add.reduceat(slow[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
 
-    def _replaced(self, power, weight, before, after):
+    def _replaced(self, power, before, after):
         """Return the bins' power with slow coefficients (q,) replaced by others."""
         i = self._inside
         if i == 0:
             return power
         change = self._summed(2 * self.dt * (after**2 - before**2))
         out = power.copy()
-        out[:i] += change / np.maximum(weight[:i], 1e-9)
+        out[:i] += change / self.bins.count[:i]
         return out
 
     def _decoupled(self, beta, channels):
@@ -258,7 +258,7 @@ class Likelihood:
             beta = (vt.T @ ((u.T @ cw) / s)) / scale
             covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
             leverage = np.sum(u**2, axis=1)
-            total = self._replaced(power, weight, slow, slow - x @ beta) * weight
+            total = self._replaced(power, slow, slow - x @ beta) * weight
             weight = weight.copy()
             i = self._inside
             if i:
@@ -400,25 +400,18 @@ class Likelihood:
             able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
             if not able.any():
                 break
-            g, f = gradient[able], information[np.ix_(able, able)]
-            scale = np.maximum(np.diag(f), 1e-9)
-            moved = False
-            while damping < 1e9:
-                step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
-                trial = x.copy()
-                trial[able] += np.clip(step, -2.0, 2.0)
-                trial = np.clip(trial, lower, upper)
+            for damping, moved in _moves(x, able, gradient, information, damping):
+                trial = np.clip(moved, lower, upper)
                 result = self.value(trial, penalty, reddest)
                 if np.isfinite(result[0]) and result[0] <= best:
-                    gain = best - result[0]
-                    x, (best, linear, v, each) = trial, result
-                    damping = max(damping / 10, 1e-9)
-                    moved = True
                     break
-                damping *= 10
-            if not moved or gain < enough:
+            else:
                 break
-            damping = min(damping, 1.0)
+            gain = best - result[0]
+            x, (best, linear, v, each) = trial, result
+            if gain < enough:
+                break
+            damping = min(max(damping / 10, 1e-9), 1.0)
         return x, best, self._derivatives(x, linear, v, each, penalty, reddest)[1]
 
     def _derivatives(self, x, linear, v, each, penalty, reddest):
@@ -440,3 +433,15 @@ class Likelihood:
 
     def _mean_slots(self):
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
+
+
+def _moves(x, able, gradient, information, damping):
+    """Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move."""
+    g, f = gradient[able], information[np.ix_(able, able)]
+    scale = np.maximum(np.diag(f), 1e-9)
+    while damping < 1e9:
+        step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
+        moved = x.copy()
+        moved[able] += np.clip(step, -2.0, 2.0)
+        yield damping, moved
+        damping *= 10

@@ -21,8 +21,8 @@ from .explained import Bands, judge, stretches
 from .fit import fit as fit_part
 from .views import unclaimed
 from ..loop.effect import Fit, unfitted
+from ..loop.verdict import sufficient as sufficient_ratio
 
-MATTERS = 0.05  # relative change of the Allan deviation that matters
 SPAN = 0.1  # of the record's length: averaging times up to which curves are compared
 
 
@@ -125,7 +125,7 @@ def materiality(evidence: Evidence, fit: Fit) -> Materiality:
     ratio = _farther(ratio, _beyond_chance(c, some, np.sqrt(model)))
     far = int(np.argmax(np.abs(np.log(ratio))))
     moved = _moved(evidence, fit) if failures else ()
-    sufficient = abs(np.log(ratio[far])) <= np.log1p(MATTERS) and not moved
+    sufficient = sufficient_ratio(ratio[far]) and not moved
     return Materiality(bool(sufficient), float(ratio[far]),
                        float(c.tau[some][far]) if ratio[far] != 1 else float('nan'),
                        tuple(failures), moved)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import classic, views
+from . import classic, flexible, views
 from .candidates import candidates
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
@@ -53,6 +53,7 @@ class NoiseProblem(Problem):
         self._fits: dict = {}
         self._points: dict = {}
         self._candidates: dict = {}
+        self._begun: dict[tuple[str, ...], Fit] = {}
         self._matters: dict = {}
 
     @property
@@ -81,6 +82,10 @@ class NoiseProblem(Problem):
             self._fits[model] = replace(found, estimates=self._planned(found))
         return self._fits[model]
 
+    def begin_from(self, fit: Fit) -> None:
+        """Keep a fit, from which a later one of the same effects begins."""
+        self._begun[tuple(fit.model.labels)] = fit
+
     def point(self, model: Model) -> Fit:
         """Fit a model without the intervals of its values, which cost most of the time."""
         if self.part in ('odd', 'even'):
@@ -89,8 +94,10 @@ class NoiseProblem(Problem):
             return self._fits[model]
         if model not in self._points:
             if self.part == 'whole':
+                begun = self._begun.get(tuple(model.labels))
+                near = {'start': begun.model, 'hint': begun.details.hint} if begun else {}
                 self._points[model] = self._by_method(
-                    fit_part(self.evidence, model, intervals=False, cautious=True)
+                    fit_part(self.evidence, model, intervals=False, cautious=True, **near)
                 )
             else:
                 whole = self.whole.point(model)
@@ -154,7 +161,7 @@ class NoiseProblem(Problem):
 
         """
         e = self.evidence
-        out = []
+        out = [flexible.smooth_misfit(e, fit)]
         for view in (
             views.frequency(e, 'whole', fit, fitted_here=True),
             views.time(e, fit),
@@ -183,6 +190,16 @@ class NoiseProblem(Problem):
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
 
+    def shape(self, fit: Fit, label: str, claim: float) -> str:
+        """Say that a flexible form does better than an effect of the model, which gains claim."""
+        without = self.point(unfitted(fit.model.minus(label)))
+        return flexible.shape(self.evidence, fit, without, label, claim)
+
+    def materiality(self, fit: Fit) -> tuple[float, float, bool]:
+        """Return the share of power that a model leaves, the largest ratio, and if it suffices."""
+        found = self.matters(fit)
+        return sum(f.share for f in found.failures), found.largest_ratio, found.sufficient
+
     def matters(self, fit: Fit) -> Materiality:
         """Return what the failures of a fit change in the curve and in the coefficients."""
         if fit.model not in self._matters:
@@ -210,18 +227,13 @@ class NoiseProblem(Problem):
     def advice(self, verdict: str, ranked, failed) -> str:
         """Return which recording would decide, or where to look."""
         if verdict == 'undecidable':
-            able = [f for f in ranked if f.gain > f.penalty][:3] or list(ranked[:1])
+            able = [f for f in ranked if f.gain > f.penalty and f.effect][:3] or list(ranked[:1])
             said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able)
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
             where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
-            near = next((f for f in ranked if f.gain > f.penalty), None)
-            nearest = (
-                f' Nearest comes {near.name} ({near.evidence}), but data it was not fitted to do '
-                'not confirm it, or it leaves what fails.'
-                if near
-                else ''
-            )
+            near = next((f for f in ranked if f.gain > f.penalty and f.against), None)
+            nearest = f' Nearest comes {near.name}, but {near.against}.' if near else ''
             return (
                 f'No known effect explains it ({where}).{nearest} Look at what was going on '
                 'then, or at that frequency.'

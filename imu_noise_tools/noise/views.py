@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, digamma, ndtr, ndtri, polygamma
+from scipy.special import digamma, ndtr, ndtri, polygamma
 
 from .evidence import claimed_lines, Evidence
 from .kinds import (
@@ -35,6 +35,7 @@ from .kinds import (
 from .likelihood import Likelihood
 from ..core.spectrum import bins_of, expected
 from ..loop.effect import Fit, Model, View
+from ..loop.verdict import tail
 
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
@@ -122,14 +123,10 @@ def frequency(
     v, _ = likelihood.spectra(fit.model)
     if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
         v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
-    x = (
-        np.maximum(
-            power
-            + unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1),
-            1e-300,
-        )
-        / v
-    )
+    lines = unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1)
+    x = np.maximum(power + lines, 1e-300) / v
+    # a bin whose one coefficient a line took with it says nothing more
+    x = np.where((likelihood.weight > 0) | (lines != 0), x, 1.0)
     # coefficients of noise whose variance changes are not independent: fewer count
     weight = np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, fit.model), weight)
     excess, variance = gamma_excess(x, weight)
@@ -338,18 +335,16 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
 _HANN_SKEW = 8 / 3 * 0.1315
 
 
-def _hann_degrees(count):
+def _hann_degrees(s: np.ndarray) -> float:
     """
-    Return the degrees of freedom of a sum of Hann-windowed periodogram ordinates.
+    Return the degrees of freedom of a weighted sum of Hann-windowed periodogram ordinates.
 
-    Neighbouring ordinates have correlations 4/9 and 1/36.
+    ``s`` (k,) are their expectations; neighbouring ordinates have correlations 4/9 and 1/36.
 
     """
-    return (
-        2
-        * count**2
-        / (count + 2 * np.maximum(count - 1, 0) * 4 / 9 + 2 * np.maximum(count - 2, 0) / 36)
-    )
+    both = np.sum(s * s) + 2 * sum(
+        share * np.sum(s[lag:] * s[:-lag]) for lag, share in ((1, 4 / 9), (2, 1 / 36)))
+    return float(2 * np.sum(s) ** 2 / both)
 
 
 def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 10):
@@ -365,11 +360,18 @@ def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
     level = np.mean(p, axis=0)
     count = evidence.block_count.astype(float)
-    parts = np.array_split(np.arange(len(level)), groups)
-    x = np.column_stack(
-        [(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts if len(i)]
-    )
-    w = np.array([_hann_degrees(count[i].sum()) for i in parts if len(i)])
+    parts = [i for i in np.array_split(np.arange(len(level)), groups) if len(i)]
+    x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts])
+    # within a band that falls steeply few ordinates hold most of the power
+    first = 3
+    ends = first + np.cumsum(evidence.block_count)
+    f = np.arange(first, ends[-1]) / (evidence.n // blocks * evidence.dt)
+    bins = evidence.whole.bins
+    seen = np.log(np.maximum(evidence.whole.power, 1e-300))
+    s = np.exp(np.interp(np.log(f), np.log(bins.f), seen))
+    band = np.repeat(np.arange(len(level)), evidence.block_count)
+    s = s / (np.bincount(band, s) / count)[band]
+    w = np.array([_hann_degrees(s[(band >= i[0]) & (band <= i[-1])]) for i in parts])
     return t, x, w
 
 
@@ -555,12 +557,7 @@ def p_value(view: View) -> float:
     By a scaled chi-squared of the same mean and scatter.
 
     """
-    if not np.isfinite(view.excess) or not view.std > 0:
-        return 1.0
-    count = len(view.pull)
-    # mean 1, scatter std: chi^2_k/k has variance 2/k
-    k = 2 / view.std**2
-    return float(chdtrc(k, max(k * (1 + view.excess), 0.0))) if count else 1.0
+    return tail(view.excess, view.std) if len(view.pull) else 1.0
 
 
 def lines_left(evidence: Evidence, model: Model) -> list[int]:

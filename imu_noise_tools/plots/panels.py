@@ -55,10 +55,11 @@ def suspected(diagnosis: Diagnosis | None) -> str:
     """Return what a diagnosis suspects, in a few words for a picture; empty for nothing."""
     if diagnosis is None or diagnosis.verdict == 'complete':
         return ''
-    if diagnosis.verdict == 'missing' and diagnosis.ranked:
-        return diagnosis.ranked[0].name
+    if diagnosis.found:
+        return diagnosis.found[0].name
     if diagnosis.verdict == 'undecidable':
-        rivals = [f.name for f in diagnosis.ranked if f.gain > f.penalty][:2]
+        able = [f for f in diagnosis.ranked if f.gain > f.penalty and f.probability != 0]
+        rivals = [f.name for f in able[:2]]
         return ' or '.join(rivals) + '?' if rivals else ''
     return 'something unknown'
 

@@ -162,8 +162,11 @@ def _diagnosis(target: str, d: Diagnosis) -> str:
             ('candidate', 'probability', 'gain, nats', 'by chance', 'it would be', 'evidence'),
             ((_bold(f.name), '' if f.probability is None else f'{f.probability:.2g}',
               f'{f.gain:.1f}', f'{f.penalty:.1f}', escape(words.parameters_of(f, target)),
-              escape(f.evidence)) for f in d.ranked)))
+              escape(f'{f.evidence}; against it: {f.against}' if f.against else f.evidence))
+             for f in d.ranked)))
     out.append(bullets(escape(words.failed_in_words(f)) for f in d.failed))
+    if d.remaining is not None:
+        out.append(f'<p>{escape(words.remaining_in_words(d))}</p>')
     best = d.ranked[0].effect if d.ranked and d.verdict in ('missing', 'undecidable') else None
     if best is not None:
         out.append(f'<p>{_bold(best.name)}, {escape(best.title)}. Signature: '

@@ -157,14 +157,15 @@ def _coefficients(state: State, target: str) -> list[str]:
 def _evidence(d: Diagnosis, target: str, verbose: bool) -> list[str]:
     """Return what a verdict rests on, and the advice."""
     lines = []
-    best = d.ranked[:1] if d.verdict == 'missing' else ()
-    for f in d.ranked if verbose else best:
+    for f in d.ranked if verbose else d.found:
         gain = f'gains {f.gain:.1f} nats, by chance {f.penalty:.1f}' if verbose else ''
-        said = '; '.join(s for s in (words.parameters_of(f, target), f.evidence, gain) if s)
-        lines += _wrapped(f'{f.name}: {said}')
-    if d.verdict == 'unknown':
-        lines += [f'    {words.failed_in_words(f)}' for f in d.failed]
-    hint = ''.join(f.effect.hint for f in best if f.effect is not None)
+        said = words.finding_in_words(f, target) if f in d.found else '; '.join(
+            s for s in (f.name, words.parameters_of(f, target), f.evidence) if s)
+        against = f'against it: {f.against}' if f.against else ''
+        lines += _wrapped('; '.join(s for s in (said, gain, against) if s))
+    if d.remaining is not None:
+        lines += _wrapped(words.remaining_in_words(d))
+    hint = d.found[0].effect.hint if d.found and d.found[0].effect is not None else ''
     if hint:
         lines += _wrapped(hint)
     if d.advice and not (hint and hint in d.advice):

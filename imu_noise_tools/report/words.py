@@ -20,10 +20,9 @@ from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
 from ..loop.study import Step, Study
+from ..loop.verdict import CHANCE
 
 ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
-CHANCE = 2.0         # standard deviations up to which it is within chance
-DOUBT = 3.0          # standard deviations from which one view alone is said to fail
 STRIKING = 3.0       # standard errors from which one place is named
 
 # name of a view: (what it looks at, what it means when it fails)
@@ -34,6 +33,7 @@ VIEWS = {
                  'the noise level is higher at some times than at others'),
     'distribution': ('distribution of the samples',
                      'the samples do not spread as Gaussian noise does'),
+    'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
     'poses': ('poses left out', 'poses are not where the other poses put them'),
 }
@@ -120,14 +120,12 @@ def error_in_words(error: Score) -> str:
     """Return the held-out deviance beside what chance allows."""
     if not math.isfinite(error.excess):
         return 'not known: nothing was left to predict'
-    side = 'within' if error.within_chance else 'beyond'
-    return f'{error.excess:.2g}, {side} chance (up to {CHANCE * error.std:.2g})'
+    return f'{error.excess:.2g}, {error.side} (up to {CHANCE * error.std:.2g})'
 
 
 def failing(error: Score) -> list[View]:
-    """Return the views that exceed chance by themselves, worst first."""
-    return sorted((v for v in error.views.values() if v.std > 0 and v.excess > DOUBT * v.std),
-                  key=lambda v: -v.excess / v.std)
+    """Return the views that fail by themselves, the surest first."""
+    return [error.views[k] for k in error.failing]
 
 
 def places_in_words(view: View, most: int = 3) -> str:
@@ -200,14 +198,38 @@ def duration(seconds: float) -> str:
 
 def diagnosis_in_words(d: Diagnosis) -> str:
     """Return the verdict in one line."""
-    if d.verdict == 'missing' and d.ranked:
-        best = d.ranked[0]
-        sure = '' if best.probability is None else f', probability {best.probability:.2g}'
-        return f'missing: {best.name}{sure}'
-    rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty)
+    if d.found:
+        names = ', then '.join(dict.fromkeys(f.name for f in d.found))
+        p = d.found[0].probability
+        return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}')
+    rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty and f.probability != 0)
     if d.verdict == 'undecidable' and rivals:
         return f'undecidable: {rivals}'
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
+
+
+def finding_in_words(f: Finding, target: str) -> str:
+    """Return what was found, how sure it is, what it explains, its values and the evidence."""
+    sure = '' if f.probability is None else f'probability {f.probability:.2f}'
+    part = '' if f.explains is None else f'explains {100 * f.explains:.0f} % of what fails'
+    said = '; '.join(s for s in (parameters_of(f, target), sure, part, f.evidence) if s)
+    return f'{f.name}: {said}' if said else f.name
+
+
+def remaining_in_words(d: Diagnosis) -> str:
+    """Return what still fails with all that is found, and whether it matters; '' for nothing."""
+    left = d.remaining
+    if left is None:
+        return ''
+    where = '; '.join(f'{title_of(f.name)} ({f.evidence})' for f in left.failed)
+    said = f'{"then" if d.found else "it"} still fails in: {where}.'
+    if left.share is not None and left.largest_ratio is not None:
+        said += (f' That is {100 * left.share:.2g} % of the power, and the Allan deviation is off '
+                 f'by a factor of up to {left.largest_ratio:.3g}'
+                 f'{": sufficient all the same" if d.sufficient else ""}.')
+    if left.nearest is not None and left.nearest.against:
+        said += f' Nearest comes {left.nearest.name}, but {left.nearest.against}.'
+    return said
 
 
 def summary_in_words(summary: Mapping[str, float]) -> list[str]:
@@ -282,8 +304,8 @@ def next_steps(study: Study, folder: str = 'DIR') -> list[tuple[str, str]]:
         return [(f'imu_noise diagnose {where}', 'finds out what is missing, if anything')]
     missing: dict[str, list[str]] = {}
     for t, d in study.diagnosis.items():
-        if d.verdict == 'missing' and d.ranked:
-            missing.setdefault(d.ranked[0].name, []).append(t)
+        if d.found:
+            missing.setdefault(d.found[0].name, []).append(t)
     if missing:
         what = ', '.join(f'{name} ({" ".join(some)})' for name, some in missing.items())
         return [(f'imu_noise add {where}', f'puts in {what} and fits again')]

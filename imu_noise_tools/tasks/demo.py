@@ -126,34 +126,11 @@ def _nodes(folder: Path, study, say) -> bool | None:
         ROS_DOMAIN_ID=str(random.SystemRandom().randint(2, 100)),
         ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
     )
-
-    def start(node, log, *parameters):
-        command = [
-            sys.executable,
-            '-m',
-            f'imu_noise_tools.nodes.{node}',
-            '--ros-args',
-            '-r',
-            '__ns:=/demo',
-        ]
-        for p in parameters:
-            command += ['-p', p]
-        with open(folder / log, 'w') as text:
-            started.append(
-                subprocess.Popen(
-                    command, env=env, stdout=text, stderr=subprocess.STDOUT, start_new_session=True
-                )
-            )
-
     try:
-        start('analyser', 'analyser.log', 'input:=buffer', f'output_dir:={folder / "analyser"}')
-        start(
-            'bag_reader',
-            'bag_reader.log',
-            f'bag:={folder / "bag"}',
-            'publish:=buffer',
-            'wait_for_subscribers:=60.0',
-        )
+        started.append(_start('analyser', folder, env, 'input:=buffer',
+                              f'output_dir:={folder / "analyser"}'))
+        started.append(_start('bag_reader', folder, env, f'bag:={folder / "bag"}',
+                              'publish:=buffer', 'wait_for_subscribers:=60.0'))
         equal = _same_as(study, _ask(env, 'analyse', say))
         _ask(env, 'save', say)
     except ImuNoiseError as error:
@@ -178,6 +155,16 @@ def _nodes(folder: Path, study, say) -> bool | None:
             )
         )
     return equal
+
+
+def _start(node: str, folder: Path, env: dict, *parameters: str) -> subprocess.Popen:
+    """Start a node; what it says goes into a log of its name."""
+    command = [sys.executable, '-m', f'imu_noise_tools.nodes.{node}', '--ros-args',
+               '-r', '__ns:=/demo', *(word for p in parameters for word in ('-p', p))]
+    with open(folder / f'{node}.log', 'w') as text:
+        return subprocess.Popen(
+            command, env=env, stdout=text, stderr=subprocess.STDOUT, start_new_session=True
+        )
 
 
 def _ask(env, service, say, patience=120.0):

@@ -145,32 +145,20 @@ def filter_bag(
     together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
-        made.update(
-            _filtered(
-                record,
-                model,
-                motion,
-                noise,
-                alpha,
-                values,
-                rate_hz,
-                None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what),
-            )
-        )
+        within = None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what)
+        made.update(_filtered(record, model, motion, noise, alpha, values, rate_hz, within))
         if made['study'] is not None:
             new = together.enter_context(files.new_folder(folder, force=force))
             for name, data in outputs(made['study'], folder).items():
                 files.atomic_write(Path(new) / name, data)
         return made['changed']
 
-    share = (
-        None
-        if progress is None
-        else lambda p: progress(
-            0.3 * p / 0.4 if p < 0.4 else 0.7 + 0.3 * (p - 0.4) / 0.6,
-            'reading' if p < 0.4 else 'writing',
-        )
-    )
+    def share(p: float) -> None:
+        if progress and p < 0.4:
+            progress(0.3 * p / 0.4, 'reading')
+        elif progress:
+            progress(0.7 + 0.3 * (p - 0.4) / 0.6, 'writing')
+
     if not force and folder.exists():
         raise InputError(
             f'{folder}: is there already', 'use --force to replace it, or another name'
@@ -180,14 +168,8 @@ def filter_bag(
             bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
         )
     study = made['study']
-    return Done(
-        written,
-        None if study is None else folder,
-        made['filtered'],
-        study,
-        made['figures'],
-        made['notes'],
-    )
+    return Done(written, None if study is None else folder, made['filtered'], study,
+                made['figures'], made['notes'])
 
 
 def outputs(study: Study, folder=None) -> dict[str, str | bytes]:

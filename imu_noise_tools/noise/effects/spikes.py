@@ -12,6 +12,7 @@ from ..kinds import Defect, Parameter
 from ...core.statistics import grid_step, middle_sigma, repeats
 from ...loop.effect import Estimate, Finding
 
+LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
@@ -118,13 +119,10 @@ class Spikes(Defect):
         found = _gain(kept) if kept else None
         if found is None:
             return None
-        gain, spread, wide = found
+        gain, spread, seen = found
         size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
         k = len(size)
-        # spikes too small to be told from noise are missing: scale by the share beyond the
-        # threshold
-        beyond = np.exp(log_ndtr(-float(kept['threshold']) * sigma / wide))
-        seen = max(2 * float(np.mean(beyond)), 0.05)
+        # spikes too small to be told from noise are missing: scale by the share that is seen
         duration = n * float(kept['dt'])
         rate = k / duration / seen
         std = np.sqrt(k) / duration / seen
@@ -159,7 +157,7 @@ class Spikes(Defect):
 
 def _gain(kept):
     """
-    Return (nats, standard deviation of the spikes, of spike and noise together at each).
+    Return (nats, standard deviation of the spikes, share of them beyond the threshold).
 
     None where there are none, or too many.
 
@@ -168,12 +166,36 @@ def _gain(kept):
     k = len(size)
     if not 0 < k <= 0.05 * n:
         return None
-    spread = float(np.sqrt(max(np.mean(size**2 - sigma**2), np.mean(sigma**2))))
+    wide, seen = _wide(size / sigma, float(kept['threshold']))
+    spread = float(np.sqrt(wide**2 - 1) * np.sqrt(np.mean(sigma**2)))
     wide = np.hypot(sigma, spread)
     gain = np.sum(
         0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)
     ) - k * (np.log(n / k) + 1)
-    return float(gain), spread, wide
+    return float(gain), spread, seen
+
+
+def _wide(size: np.ndarray, threshold: float) -> tuple[float, float]:
+    """
+    Return (standard deviation of spike and noise together, share of spikes that are seen).
+
+    In units of the noise.
+    The mean square of those beyond the threshold is that of a normal distribution cut off there,
+    w^2 (1 + z phi(z)/Phi(-z)), z = threshold/w; it is all there is where far fewer lie just beyond
+    the threshold than of such a distribution.
+
+    """
+    square = float(np.mean(size**2))
+    w = np.geomspace(LEAST, max(2 * np.sqrt(square), 2 * LEAST), 400)
+    z = threshold / w
+    seen = w**2 * (1 + z * np.exp(-0.5 * z * z - log_ndtr(-z)) / np.sqrt(2 * np.pi))
+    wide = float(np.interp(square, seen, w))
+    share = -np.expm1(log_ndtr(-1.3 * threshold / wide) - log_ndtr(-threshold / wide))
+    near = np.sum(np.abs(size) < 1.3 * threshold)
+    few = near < len(size) * share - 3 * np.sqrt(len(size) * share * (1 - share))
+    if few:
+        return float(np.sqrt(square)), 1.0
+    return wide, float(max(2 * np.exp(log_ndtr(-threshold / wide)), 0.05))
 
 
 def _against_neighbours(y):

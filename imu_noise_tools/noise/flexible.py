@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A rival without a name: how much better a free smooth form would do than a model.
+
+In every comparison of named effects one takes part that is no effect: over ln f a broken line of
+the level of the spectrum, in time a few slow cosines of the mean or of the variance. Where it
+does much better, no name holds: the form is something else.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import chdtrc
+
+from . import views
+from .evidence import Evidence
+from .kinds import Mean, Modulation, Response, Spectrum
+from .likelihood import Likelihood
+from ..loop.effect import Finding, Fit
+from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE
+
+KNOTS = 8  # free levels of the smooth form
+FELT = 0.02  # of ln power: from which an effect is felt in a bin
+
+
+def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray, knots: int = KNOTS) -> float:
+    """
+    Return by how many nats a broken line in u betters x = measured/model power (b,).
+
+    Each x is chi^2_w/w about its level; -ln L = 1/2 sum w (s + x e^-s), s the line's ln level, by
+    Fisher scoring with step control.
+
+    """
+    if len(x) < 2 * knots or not u[-1] > u[0]:
+        return 0.0
+    at = np.linspace(u[0], u[-1], knots)
+    basis = np.maximum(1 - np.abs(u[:, None] - at) / (at[1] - at[0]), 0)
+    w = np.maximum(w, 1e-9)
+
+    def cost(a):
+        s = np.clip(basis @ a, -60, 60)
+        return 0.5 * float(np.sum(w * (s + x * np.exp(-s))))
+
+    # a start that no single bin far off can spoil
+    a = np.zeros(knots)
+    for j in range(knots):
+        share = w * basis[:, j]
+        a[j] = np.log(max(np.sum(share * x) / max(np.sum(share), 1e-300), 1e-12))
+    first = cost(np.zeros(knots))
+    best = cost(a)
+    if best > first:
+        a, best = np.zeros(knots), first
+    information = 0.5 * (basis * w[:, None]).T @ basis + 1e-6 * np.eye(knots)
+    for _ in range(60):
+        left = x * np.exp(-np.clip(basis @ a, -60, 60))
+        step = np.linalg.solve(information, 0.5 * basis.T @ (w * (left - 1)))
+        step = np.clip(step, -2, 2)
+        scale = 1.0
+        while scale > 1e-4 and cost(a + scale * step) > best:
+            scale /= 2
+        trial = cost(a + scale * step)
+        if trial > best - 1e-4:
+            break
+        a, best = a + scale * step, trial
+    return first - best
+
+
+def spectrum_left(evidence: Evidence, fit: Fit):
+    """Return (f, x, w): measured over model power in the bins, and what each counts."""
+    view = Likelihood(evidence, 'whole', fit.model, fit)
+    power = view.without_couplings(fit.model) if view.couplings else view.power
+    v, _ = view.spectra(fit.model)
+    return view.bins.f, power / v, view.weight
+
+
+def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
+    """
+    Return the directed test of smooth misfit: the gain of the flexible form over the spectrum.
+
+    The total over hundreds of bins is blind to a bend that each of them shows a little.
+
+    """
+    f, x, w = spectrum_left(evidence, fit)
+    gain = smooth_gain(x, w, np.log(f))
+    used = min(len([s for s in (fit.details.slots if fit.details else ())]), KNOTS // 2)
+    where = _where(f, x, w)
+    return Finding('shape', gain, view='frequency',
+                   p_value=float(chdtrc(KNOTS - used, 2 * max(gain, 0.0))),
+                   evidence=f'a smooth form fits the spectrum better by {gain:.1f} nats{where}')
+
+
+def _where(f, x, w):
+    parts = np.array_split(np.arange(len(f)), 12)
+    pull = [np.sum(w[i] * (x[i] - 1)) / np.sqrt(2 * max(np.sum(w[i]), 1e-9)) for i in parts]
+    k = int(np.argmax(np.abs(pull)))
+    side = 'too little' if pull[k] < 0 else 'too much'
+    return f', {side} power at {f[parts[k][0]]:.3g} to {f[parts[k][-1]]:.3g} Hz'
+
+
+def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) -> str:
+    """
+    Say that a flexible form does better than an effect of a model, empty where it does not.
+
+    ``fit`` and ``without`` are the model with the effect and without it; ``claim`` is what the
+    effect gains, nats.
+
+    """
+    effect = fit.model[label]
+    if isinstance(effect, (Spectrum, Response)):
+        f, x, w = spectrum_left(evidence, fit)
+        felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
+        if felt.sum() < 2 * KNOTS:
+            felt = np.ones(len(f), bool)
+        i, j = np.flatnonzero(felt)[[0, -1]]
+        gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
+        where = f'between {f[i]:.3g} and {f[j]:.3g} Hz'
+    elif isinstance(effect, Mean):
+        gain = _mean_gain(evidence, fit)
+        where = 'in time'
+    elif isinstance(effect, Modulation):
+        gain = _variance_gain(evidence, fit)
+        where = 'in time'
+    else:
+        return ''
+    if gain <= max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+        return ''
+    return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
+
+
+def _mean_gain(evidence: Evidence, fit: Fit) -> float:
+    """Return what slow cosines of the mean gain over a model, nats, given its red noise."""
+    means = views.block_means(evidence, fit)
+    k = len(means.y)
+    j = (np.arange(k) + 0.5) / k
+    slow = np.cos(np.pi * np.outer(j, np.arange(1, KNOTS + 1)))
+    spread = means.covariance + 1e-12 * np.eye(k) * np.trace(means.covariance) / k
+    root = np.linalg.cholesky(spread)
+    solved = np.linalg.solve(root, np.column_stack([means.y, means.columns, slow]))
+    p = means.columns.shape[1]
+    y, known, more = solved[:, 0], solved[:, 1:p + 1], solved[:, 1:]
+
+    def rest(x):
+        u, s, _ = np.linalg.svd(x, full_matrices=False)
+        u = u[:, s > 1e-8 * s[0]]
+        return float(np.sum((y - u @ (u.T @ y)) ** 2))
+
+    return 0.5 * (rest(known) - rest(more))
+
+
+def _variance_gain(evidence: Evidence, fit: Fit) -> float:
+    """Return what a smooth level in time gains over a model's modulation, nats."""
+    t, x, w = views.power_in_time(evidence, fit.model)
+    x = x / views.modulated(fit.model, t, x, w)
+    w = views.rough_degrees(x, w)
+    total = x @ w / w.sum()
+    return smooth_gain(total, np.full(len(t), float(w.sum())), t)
