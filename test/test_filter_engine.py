@@ -83,7 +83,7 @@ def test_live_and_recorded_give_the_same_numbers_on_a_bad_stream(name):
     assert got.counts == {'samples': 1500, 'refused': 1, 'duplicates': 2, 'restarts': 2}
 
 
-@pytest.mark.parametrize('name', ['auto', 'seed'])
+@pytest.mark.parametrize('name', [pytest.param('auto', marks=pytest.mark.thorough), 'seed'])
 def test_chunks_and_steady_state_are_the_recursion(name):
     t, z, _ = rocking(60000, seed=2)
     chosen = design(values=KNOWN, **SETTINGS[name])
@@ -305,6 +305,7 @@ def test_a_vibration_line_is_taken_away_and_motion_is_not():
     assert np.all(evaluate.rms((with_line - truth)[1000:]) < 0.6 * SIGMA)
 
 
+@pytest.mark.thorough
 def test_variance_is_honest_in_every_motion():
     for amplitude in (0.0, 15.0, 150.0):
         t, z, truth = rocking(20000, amplitude=amplitude)

@@ -74,19 +74,9 @@ def study_of(z, stated=None):
     )
 
 
-@pytest.mark.parametrize(
-    'kind',
-    [
-        'harmonic',
-        'angular_acceleration',
-        'singer',
-        'sinusoid',
-        'gauss_markov',
-        'noise_level',
-        'outliers',
-        'rate_step',
-    ],
-)
+@pytest.mark.parametrize('kind', ['harmonic', 'noise_level', *(
+    pytest.param(kind, marks=pytest.mark.thorough) for kind in (
+        'angular_acceleration', 'singer', 'sinusoid', 'gauss_markov', 'outliers', 'rate_step'))])
 def test_the_missing_effect_is_named_added_and_the_error_falls(kind):
     study = study_of(record(kind))
     found = study.diagnose()['gyro_x']

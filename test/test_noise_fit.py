@@ -69,6 +69,7 @@ def mems_fits():
 
 # --- what comes out ------------------------------------------------------------------------------
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('label', 'name', 'spread'), [
     ('white', 'N', 0.003), ('flicker', 'B', 0.2), ('random_walk', 'K', 0.7)])
 def test_base_model(label, name, spread):
@@ -89,6 +90,7 @@ def test_standard_deviations_are_those_of_the_draws():
         assert 0.7 < np.std(pull) < 1.4
 
 
+@pytest.mark.thorough
 def test_no_number_is_made_up():
     """Where K is far below what an hour shows, it is null, with a limit that holds."""
     quiet = {**MEMS, 'K': 2e-8}
@@ -102,6 +104,7 @@ def test_no_number_is_made_up():
     assert np.median([e.upper95 for e in null]) < 3 * MEMS['K']
 
 
+@pytest.mark.thorough
 def test_upper_limits_hold():
     """At a K that an hour shows now and then, at least 95 % of limits and lower ends are right."""
     edge = {**MEMS, 'K': 4e-7}
@@ -138,6 +141,7 @@ def test_the_seed_example():
         assert all(e.std < precision * truth for e in some)
 
 
+@pytest.mark.thorough
 def test_ramp_in_red_noise():
     """Its standard deviation knows of the random walk under it."""
     base = {**MEMS, 'K': 3e-6}
@@ -148,6 +152,7 @@ def test_ramp_in_red_noise():
     assert 0.6 < np.std(pull) < 1.5 and abs(np.mean(pull)) < 0.7
 
 
+@pytest.mark.thorough
 def test_gauss_markov():
     def noise(rng):
         n, dt = 36_000, 0.1
@@ -174,6 +179,7 @@ def test_angle_quantization():
     assert np.std(pulls) < 2.5
 
 
+@pytest.mark.thorough
 def test_sinusoids():
     """Two of them, each found with its frequency, amplitude and honest errors."""
     rng, pulls = np.random.default_rng(8), []

@@ -31,7 +31,11 @@ def first_verdict(seed, effects, strength=5.0):
     return truth.hidden[AXIS], study, said
 
 
-@pytest.mark.parametrize('name', hidden.KNOWN)
+EVERY_DAY = ('sinusoid', 'gauss_markov', 'temperature', 'duplicates', 'spikes')
+
+
+@pytest.mark.parametrize('name', [
+    n if n in EVERY_DAY else pytest.param(n, marks=pytest.mark.thorough) for n in hidden.KNOWN])
 def test_what_is_hidden_is_named_and_added(name):
     """Five times as strong as the noise: named at once; added, the error falls to chance."""
     strength = STRENGTH.get(name, 5.0)
@@ -63,6 +67,7 @@ def test_nothing_hidden_is_complete():
     assert verdicts.count('complete') >= 9, verdicts
 
 
+@pytest.mark.thorough
 def test_what_nothing_explains_is_never_given_a_name():
     """A resonance, a chirp, a line that comes and goes: unknown, and where it fails."""
     for k, name in enumerate(('resonance', 'chirp', 'intermittent_line')):
@@ -71,6 +76,7 @@ def test_what_nothing_explains_is_never_given_a_name():
         assert study.diagnosis[AXIS].failed and study.diagnosis[AXIS].advice
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('pair', [
     ('sinusoid', 'gauss_markov'), ('low_pass', 'ramp'),
     ('gauss_markov', 'quantization'),       # alone, neither heals; rate_quantization would
@@ -94,6 +100,7 @@ def test_adding_what_is_not_there_does_not_lower_the_error():
         study.remove(name, [AXIS])
 
 
+@pytest.mark.thorough
 def test_on_draws_never_seen(fresh_seed):
     """
     Three effects drawn anew each time; a right verdict on two of them at least.

@@ -95,6 +95,7 @@ def test_effects_sum_to_the_model_behind_a_response():
     np.testing.assert_allclose(sum(each[:-1]), model_avar(model, m, DT), rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_pulls_of_a_true_model_are_standard_normal():
     """At every tau: no systematic offset, never wider than chance, and beyond 2 in 5 % or less."""
     model, rng = Model(BASE), np.random.default_rng(1)

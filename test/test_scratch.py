@@ -142,6 +142,7 @@ def left(place) -> set[str]:
     return {p.name for p in place.iterdir()} - {'tmp', 'x.mcap', 'moving'}
 
 
+@pytest.mark.thorough
 def test_nothing_left_after_success_and_error(place):
     """A study, or nothing."""
     bad_input.make_one('moving', place)
@@ -161,6 +162,7 @@ def test_nothing_left_after_ctrl_c(where, place):
     assert left(place) == set()
 
 
+@pytest.mark.thorough
 def test_nothing_left_after_kill(place):
     """A killed process leaves no array behind, and its half study goes at the next start."""
     process = start(place, 'analyse', 'x.mcap', stop='_cross_powers')
@@ -174,6 +176,7 @@ def test_nothing_left_after_kill(place):
     assert left(place) == {'x.mcap.study'}
 
 
+@pytest.mark.thorough
 def test_what_a_killed_process_unpacked_goes_at_the_next_start(place):
     """A compressed file is unpacked to a folder that names its process."""
     raw = (place / 'x.mcap').read_bytes()

@@ -55,5 +55,5 @@ class AccelCoupling(Coupling):
 
     @classmethod
     def example(cls):
-        """0.1 deg/s a g on x."""
+        """Return a g-sensitivity of 0.1 deg/s/g (1.8e-4 rad/s for each m/s^2) on x."""
         return cls({'gain_x': 1.8e-4, 'gain_y': 0.0, 'gain_z': 0.0, 'rectification': 0.0})

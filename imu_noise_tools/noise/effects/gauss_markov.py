@@ -78,5 +78,5 @@ class GaussMarkov(Spectrum):
 
     @classmethod
     def example(cls):
-        """Return a bump at 20 s."""
+        """Return one whose Allan deviation peaks at 19 s, of 8.3 deg/h (4e-5 rad/s)."""
         return cls({'sigma': 4e-5, 'tc': 10.0})

@@ -83,5 +83,5 @@ class Quantization(Spectrum):
 
     @classmethod
     def example(cls):
-        """One arc second."""
+        """Return a quantization of the angle of one arc second (4.8e-6 rad)."""
         return cls({'Q': 4.8e-6})

@@ -94,5 +94,5 @@ class RateQuantization(Spectrum, Defect):
 
     @classmethod
     def example(cls):
-        """0.05 deg/s."""
+        """Return a resolution of 0.05 deg/s (8.7e-4 rad/s)."""
         return cls({'step': 8.7e-4, 'white': 1.0})

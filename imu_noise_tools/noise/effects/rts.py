@@ -133,7 +133,7 @@ class Rts(Spectrum):
 
     @classmethod
     def example(cls):
-        """10 deg/h, a few seconds."""
+        """Return levels 412 deg/h (0.002 rad/s) apart, each held for 8 s on average."""
         return cls({'step': 2e-3, 'tau': 8.0})
 
 

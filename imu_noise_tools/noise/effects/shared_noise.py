@@ -58,5 +58,5 @@ class SharedNoise(Coupling):
 
     @classmethod
     def example(cls):
-        """Half of gyro_y."""
+        """Return half of what gyro_y shows."""
         return cls({'gain': 0.5, 'source': 'gyro_y'})

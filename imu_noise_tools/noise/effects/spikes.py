@@ -151,7 +151,7 @@ class Spikes(Defect):
 
     @classmethod
     def example(cls):
-        """One in twenty seconds."""
+        """Return one spike in twenty seconds, of 2.9 deg/s (0.05 rad/s) rms."""
         return cls({'rate': 0.05, 'sigma': 0.05})
 
 

@@ -71,5 +71,5 @@ class Step(Mean):
 
     @classmethod
     def example(cls):
-        """20 deg/h after ten minutes."""
+        """Return a step of 20.6 deg/h (1e-4 rad/s) after 100 s."""
         return cls({'size': 1e-4, 'time': 100.0})

@@ -78,5 +78,5 @@ class Temperature(Mean):
 
     @classmethod
     def example(cls):
-        """0.01 deg/s a degree."""
+        """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
         return cls({'slope': 1.7e-4, 'curvature': 0.0, 'lag': 0.0})

@@ -54,5 +54,5 @@ class Transient(Mean):
 
     @classmethod
     def example(cls):
-        """20 deg/h gone in five minutes."""
+        """Return 20.6 deg/h (1e-4 rad/s) that falls to 1/e in five minutes."""
         return cls({'amplitude': 1e-4, 'tc': 300.0})

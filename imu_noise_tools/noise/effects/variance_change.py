@@ -157,5 +157,5 @@ class VarianceChange(Modulation):
 
     @classmethod
     def example(cls):
-        """Doubles half-way through."""
+        """Return a variance that is 2.5 times as large from 100 s on."""
         return cls({'factor': 2.5, 'time': 100.0, 'period': 0.0})
