@@ -13,6 +13,8 @@ count: the third largest deviation of a frame tells its level.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
@@ -179,7 +181,9 @@ def disturbance(
     )
 
 
-def _steps(record, axes, middle, found, length: int) -> list[Disturbance]:
+def _steps(
+    record: ImuRecord, axes: Any, middle: Any, found: Any, length: int
+) -> list[Disturbance]:
     """Return sharp steps of the mean that stay; none of an axis that steps often."""
     out = []
     wide = max(4, round(5 * record.rate_hz / length))
