@@ -25,6 +25,7 @@ SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose leve
 SURE = 12.0             # scatters of the levels that a loss has to be
 LEAST_BLOCKS = 16
 STEP = 0.5              # a lag that changes by so much of an interval is looked at
+FEW = 3                 # levels that are needed on each side
 NEAR = 8                # levels on each side of a step that tell its size
 DRIFT = 0.01            # more than a clock wanders, relative
 EVEN = 1e-9             # relative scatter of intervals that only arithmetic gives
@@ -164,10 +165,13 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
         return None
     period, interval = 1 / rate, np.diff(t)
     tick = _tick(interval, period)
-    clock = _Lag(t, _near(interval, period)).followed(tick)
+    beats = tick > 0.5 * period and _beats(interval, tick)
+    if not beats:
+        period = _near(interval, period)
+    clock = _Lag(t, period, beats).followed(tick)
     if clock.scale > 1 or len(clock.gaps):
         # once more with the better period: a wrong one tilts what is compared across a step
-        clock = _Lag(t, clock.period).followed(tick)
+        clock = _Lag(t, clock.period, beats).followed(tick)
     jitter = clock.jitter()
     # rough stamps of a stream that begins with a delay look as if their clock had been set
     steps = clock.steps[:len(clock.steps) if clock.resolvable == 1 else 0]
@@ -175,6 +179,15 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
         1 / clock.period, clock.gaps, clock.lost, steps, clock.resolvable, jitter, tick,
         _pattern(interval, clock.period, jitter, tick),
     )
+
+
+def _beats(interval: np.ndarray, tick: float) -> bool:
+    """Tell whether stamps skip ticks at short and even distances: no losses, but a slower rate."""
+    late = np.flatnonzero(interval > np.median(interval) + 0.5 * tick)
+    if len(late) < 20:
+        return False
+    low, middle, high = np.quantile(np.diff(late), (0.1, 0.5, 0.9))
+    return bool(high - low <= 0.3 * middle + 1 and middle < 0.01 * len(interval))
 
 
 def _near(interval: np.ndarray, period: float) -> float:
@@ -216,8 +229,8 @@ def _tick(interval: np.ndarray, period: float) -> float:
 class _Lag:
     """The lag of stamps behind an even clock of a given period, and the steps in it."""
 
-    def __init__(self, t: np.ndarray, period: float) -> None:
-        self.t, self.period = t, period
+    def __init__(self, t: np.ndarray, period: float, beats: bool = False) -> None:
+        self.t, self.period, self.beats = t, period, beats
         self.n = len(t)
         none = np.zeros(0, np.int64)
         self.gaps, self.lost, self.steps = none, none, np.zeros((0, 2))
@@ -227,7 +240,7 @@ class _Lag:
     def followed(self, tick: float) -> _Lag:
         """Find the steps and fit the period."""
         interval = np.diff(self.t)
-        if _scatter(interval - self.period) < GOOD * self.period:
+        if not self.beats and _scatter(interval - self.period) < GOOD * self.period:
             self._by_sample(interval)
         else:
             self._by_level()
@@ -275,7 +288,10 @@ class _Lag:
         where, size = self._clusters(levels, noise)
         x = size / self.period
         whole = np.round(x)
-        loss = whole >= self.resolvable
+        # near an end too few levels tell a loss from a delay
+        count = len(levels)
+        inside = (where[:, 0] >= FEW - 1) & (where[:, 1] <= count - FEW) | (x > NEAR)
+        loss = (whole >= self.resolvable) & inside
         clock = ~loss & (np.abs(x) > max(STEP, self.resolvable - 1))
         at = np.array([self._found(lag, a, b) for a, b in where.tolist()], np.int64)
         self.gaps, self.lost = at[loss], whole[loss].astype(np.int64)
@@ -341,8 +357,12 @@ class _Lag:
         """
         if tick < 0.5 * self.period:
             return
-        size = self.steps[:, 1]
-        self.steps = self.steps[np.abs(np.abs(size) - tick) > 0.2 * tick]
+        size = np.abs(self.steps[:, 1])
+        slip = np.flatnonzero(size < 1.5 * max(tick, self.period))
+        beat = slip[_regular(self.steps[slip, 0], self.n)]
+        other = np.abs(size - tick) > 0.2 * tick
+        other[beat] = False
+        self.steps = self.steps[other]
         if not len(self.gaps) or self.scale == 1 and self._repeats(interval):
             return
         slip = self.lost * self.period < 1.5 * max(tick, self.period)
@@ -429,7 +449,7 @@ def _regular(at: np.ndarray, n: int) -> np.ndarray:
     best = none
     for skip in (1, 2, 3):
         for distance in np.unique(at[skip:] - at[:-skip])[:400].tolist():
-            slack = 0.01 * distance + 2
+            slack = 0.003 * distance + 2
             chance = len(at) * (1 - np.exp(-2 * (2 * slack + 1) * len(at) / n))
             if chance > 0.3 * len(at):
                 continue
@@ -438,7 +458,7 @@ def _regular(at: np.ndarray, n: int) -> np.ndarray:
                 near = np.minimum(np.searchsorted(at, at + way - slack), len(at) - 1)
                 member |= np.abs(at[near] - at - way) <= slack
             found = np.sum(member)
-            if found > max(np.sum(best), 5, 0.8 * (n / distance - 1), chance + 5 * chance**0.5):
+            if found > max(np.sum(best), 5, 0.8 * (n / distance - 1), chance + 8 * chance**0.5):
                 best = member
     return best
 

@@ -13,8 +13,6 @@ count: the third largest deviation of a frame tells its level.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
@@ -30,7 +28,7 @@ CHANCE = 1e-3           # expected number of coincidences that is believed to be
 LONG_S = 4.0            # weaker disturbances are looked for in windows of this length
 LEAST_WINDOWS = 10
 LOUDER = 1.6            # and are louder by this factor
-SURE = 8.0              # and by so many robust standard deviations of the log level
+SURE = 6.0              # and by so many robust standard deviations of the log level
 SHOCK_S = 3.0           # what is shorter is a shock
 PAUSE_S = 1.0           # what is nearer than this is one disturbance
 JUMP = 10.0             # a step is so many robust standard deviations of what levels change by
@@ -127,7 +125,7 @@ def _louder(ratio: np.ndarray, width: int) -> np.ndarray:
     level = np.log(np.maximum(np.median(rows, axis=2), 1e-3))
     middle = np.median(level, axis=1, keepdims=True)
     spread = np.maximum(
-        np.quantile(np.abs(level - middle), 0.8, axis=1, keepdims=True) / 1.2816, 0.02
+        np.quantile(np.abs(level - middle), 0.7, axis=1, keepdims=True) / 1.0364, 0.02
     )
     loud = (level - middle > SURE * spread) & (level - middle > np.log(LOUDER))
     loud &= loud.sum(axis=0) >= 2
@@ -182,7 +180,11 @@ def disturbance(
 
 
 def _steps(
-    record: ImuRecord, axes: Any, middle: Any, found: Any, length: int
+    record: ImuRecord,
+    axes: list[str],
+    middle: np.ndarray,
+    found: list[tuple[int, int]],
+    length: int,
 ) -> list[Disturbance]:
     """Return sharp steps of the mean that stay; none of an axis that steps often."""
     out = []

@@ -184,8 +184,8 @@ def _set_aside(
     """
     Return the record with what disturbs it named, and set aside where that is little.
 
-    If all of it is too much, the shocks alone; else nothing: what disturbs a record for long is an
-    effect to be found, not a stretch to be left out.
+    The shortest first, as long as all is little: what disturbs a record for long is an effect to
+    be found, not a stretch to be left out.
 
     """
     known = record.disturbances
@@ -195,10 +195,11 @@ def _set_aside(
     ]
     every = tuple(sorted((*known, *found), key=lambda d: d.begin))
     record = replace(record, disturbances=every)
-    lasting = [d for d in every if d.kind != 'step']
-    short = [d for d in lasting if d.kind != 'disturbed']
+    lasting = sorted((d for d in every if d.kind != 'step'), key=lambda d: d.end - d.begin)
     most = MOST_SET_ASIDE * record.duration_s
-    chosen = next((c for c in (lasting, short) if _length(c) <= most), []) if screen else []
+    chosen = [
+        d for k, d in enumerate(lasting) if screen and _length(lasting[:k + 1]) <= most
+    ]
     begin, end = float(record.t[0]), float(record.t[-1])
     masked = [(max(a, begin), min(b, end), 'masked') for a, b in masks if a < end and b > begin]
     out = _merged([*((d.begin, d.end, d.kind) for d in chosen), *masked])
