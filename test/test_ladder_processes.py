@@ -102,6 +102,65 @@ def test_the_ladder(domain, tmp_path):
         run('add', study, 'g_sensitivity', status=1)
 
 
+OWN = '''
+import numpy as np
+from imu_noise_tools.loop.effect import Estimate, Finding, Parameter
+from imu_noise_tools.noise import Defect
+
+
+class Alternating(Defect):
+    """Every other sample is off by as much as the one before, the other way."""
+
+    name = 'alternating'
+    symbol, title, equation, signature = 'size', 'alternating', 'y + (-1)^k size', 'even and odd'
+    parameters = (Parameter('size', '{rate}', 1e-9, 1.0, amplitude=True, title='size'),)
+    views = ('frequency',)
+
+    @classmethod
+    def statistics(cls, y, inputs):
+        return {'odd': np.array([np.mean(y[::2]) - np.mean(y[1::2]), np.var(y) / len(y)])}
+
+    def find(self, evidence):
+        kept = evidence.kept(self.name)
+        if not kept:
+            return None
+        size, variance = abs(float(kept['odd'][0])) / 2, float(kept['odd'][1])
+        return Finding(self.name, size ** 2 / variance / 2, self.with_values(size=size),
+                       {'size': Estimate(size, variance ** 0.5, None)}, view='frequency',
+                       evidence='even and odd samples differ')
+'''
+
+
+def test_an_effect_of_ones_own_looks_at_the_recording(tmp_path):
+    """Given after the analysis, it has seen no sample: with the recording it has."""
+    gyro = 1e-3 * np.random.default_rng(1).standard_normal((5_000, 3))
+    gyro[:, 0] += 3e-4 * (-1.0) ** np.arange(5_000)
+    np.savez(tmp_path / 'still.npz', gyro=gyro, t=np.arange(5_000) * 0.01)
+    study = tmp_path / 'study'
+    run('analyse', tmp_path / 'still.npz', '-o', study, '--axes', 'gyro_x', '--effects', 'white')
+    own = tmp_path / 'own.py'
+    own.write_text(OWN)
+
+    def seen(*options):
+        said = json.loads(run('diagnose', study, '--json', '--effects-from', own, *options))
+        return [f['effect'] for d in said['diagnosis'].values() for f in d['ranked']]
+
+    assert 'alternating' not in seen()
+    assert 'alternating' in seen('--bag', tmp_path / 'still.npz')
+    assert 'alternating' in seen(), 'what it saw is kept'
+    steps = json.loads(run('add', study, 'alternating', '--effects-from', own, '--json'))
+    assert {s['added'] for s in steps['history']} == {'alternating'}
+    for command in ('compare', 'history'):
+        run(command, study, '--effects-from', own)
+    run('compare', study, status=1)     # it is in the model, and nobody says what it is
+    run('export', study, '--effects-from', own, '--format', 'kalibr', '-o', tmp_path / 'imu.yaml')
+    run('remove', study, 'alternating', '--effects-from', own)
+    run('compare', study)
+    np.savez(tmp_path / 'other.npz', gyro=2e-3 * np.random.default_rng(0).standard_normal(
+        (9000, 3)), t=np.arange(9000) * 0.01)
+    run('diagnose', study, '--bag', tmp_path / 'other.npz', status=1)
+
+
 def test_what_is_exported_of_a_study(tmp_path):
     study = noise_study(tmp_path)
     run('export', study, '--format', 'kalibr', '-o', tmp_path / 'imu.yaml')

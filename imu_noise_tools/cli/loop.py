@@ -27,7 +27,8 @@ def register(commands) -> None:
     c.add_argument(
         '--bag',
         metavar='BAG',
-        help='the recording, for effects of your own that look at the samples',
+        help='the recording, for effects of your own that look at the samples and were not given '
+        'when it was analysed',
     )
     c.add_argument(
         '--until-complete',
@@ -144,12 +145,14 @@ def diagnose(args) -> int:
     """Run ``diagnose``."""
     from .. import store
     from ..report import terminal
-    from ..tasks import loop as tasks
+    from ..tasks import loop as tasks, noise
 
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
 
         def work(study):
+            if args.bag:
+                noise.look_again(study, args.bag, progress)
             return (
                 study.complete(progress=progress)
                 if args.until_complete

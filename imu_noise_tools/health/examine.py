@@ -240,8 +240,8 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
     say = _length_advice(h)
     if h.gaps:
         say.append(
-            f'{h.missing} samples were lost in {h.gaps} gaps (the longest of '
-            f'{h.longest_gap_s:.3g} s): record fewer '
+            f'{_count(h.missing, "sample")} {"was" if h.missing == 1 else "were"} lost in '
+            f'{_count(h.gaps, "gap")} (the longest of {h.longest_gap_s:.3g} s): record fewer '
             'topics, to a faster disk, or with a larger queue.'
         )
     if h.duplicates or h.backward:
@@ -350,6 +350,10 @@ def _stamp_advice(h: Health) -> list[str]:
     if h.clock_steps:
         say.append(f'The clock of the stamps was set {h.clock_steps} time(s) within the record.')
     return say
+
+
+def _count(n: int, what: str) -> str:
+    return f'{n} {what}' if n == 1 else f'{n} {what}s'
 
 
 def _duration(seconds: float) -> str:

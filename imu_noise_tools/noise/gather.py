@@ -247,21 +247,16 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     What comes first is taken out before the others look: the samples of a shock are no spikes.
 
     """
-    kept = {}
+    kept: dict[str, dict] = {}
     known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
-    look, late = y, []
-    for name, cls in sorted(known.items(), key=lambda x: not x[1].first):
-        found = cls.statistics(look, inputs)
-        if not found:
-            continue
-        kept[name] = found
-        if issubclass(cls, Defect) and cls.first:
-            look = cls.screen(look, found, inputs)
-        elif issubclass(cls, Defect):
-            late.append(cls)
-    for cls in late:
-        look = cls.screen(look, kept[cls.name], inputs)
-    return kept, look
+    for first in (True, False):
+        some = {name: cls for name, cls in known.items() if cls.first == first}
+        found = {name: cls.statistics(y, inputs) for name, cls in some.items()}
+        kept.update({name: f for name, f in found.items() if f})
+        for name, cls in some.items():
+            if issubclass(cls, Defect) and name in kept:
+                y = cls.screen(y, kept[name], inputs)
+    return kept, y
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:

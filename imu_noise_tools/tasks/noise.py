@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 import csv
+from dataclasses import replace
 import io
 from pathlib import Path
 from typing import cast
@@ -14,12 +15,13 @@ from typing import cast
 import numpy as np
 
 from .. import export, report, store
+from ..bag import open_record, Scratch
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare, Selection
 from ..loop.effect import model_of
-from ..loop.study import Study
+from ..loop.study import assess, Study
 from ..noise.curve import model_curve
 from ..noise.gather import gather
 from ..noise.problem import METHODS, NoiseProblem
@@ -171,8 +173,6 @@ def analyse(
     InputError where the folder holds a study already and ``force`` is not given.
 
     """
-    from ..bag import open_record, Scratch
-
     folder = Path(out) if out is not None else default_folder(bag)
     model_of(
         'noise', options.get('effects', DEFAULT_EFFECTS)
@@ -196,6 +196,43 @@ def analyse(
         for name, data in outputs(study, folder).items():
             files.atomic_write(Path(new) / name, data)
     return study, folder
+
+
+def look_again(study: Study, bag, progress: Progress | None = None) -> None:
+    """
+    Draw a study's evidence anew from its recording, with what effects known since then look at.
+
+    An effect of one's own that looks at the samples keeps what it saw when a record is analysed;
+    where it is given for the first time afterwards, the samples are asked for.
+
+    Raises
+    ------
+    UsageError
+        The study is not of noise: the others keep all that there is.
+    InputError
+        The recording is not the one of the study, or not as it was read then.
+
+    """
+    if study.domain != NoiseProblem.domain:
+        raise UsageError(f'--bag is not for a {study.domain} study', 'it keeps all samples itself')
+    source, memory = study.source, Scratch()
+    record = open_record(bag, source.get('topic') or None, memory=memory)
+    ready = prepare(record, keep_motion=bool(source.get('keep_motion')), memory=memory)
+    problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
+    before = {t: p.evidence for t, p in problems.items()}
+    missing = [t for t in before if t not in ready.axes]
+    kind = next(iter(before.values())).curve.deviation
+    found = gather(ready, list(before), deviation=kind, progress=progress,
+                   memory=memory) if not missing else {}
+    for target, old in before.items():
+        new = found.get(target)
+        if new is None or new.n != old.n or not np.isclose(new.curve.dev[0], old.curve.dev[0]):
+            raise InputError(
+                f'{bag}: not the recording of this study, or not read as it was then ({target})',
+                'analyse it again, with --effects-from and --force')
+        p = problems[target]
+        p = NoiseProblem(replace(new, curve=old.curve), method=p.method, bias_at=p.bias_at)
+        study.states[target] = assess(p, study.states[target].model)
 
 
 def default_folder(bag) -> Path:
