@@ -4,12 +4,12 @@
 """
 Read N, B and K off the Allan curves of the shared records, in a few lines that use no package.
 
-    python bench/real_records.py [--data ../shared/data] [--json FILE]
+    python bench/real_records.py [--data ../shared/data] [--json BEFORE AFTER]
 
 N is the overlapping Allan deviation at 1 s, B its minimum over 0.664 (tau <= T/10), K the
 deviation over sqrt(tau/3) at T/10 where it has risen by a half above the minimum. With ``--json``
-the readings stand beside those of ``imu_noise analyse --json`` in FILE (axis by axis), so that any
-version of the package can be compared.
+the readings stand beside what ``imu_noise analyse --json`` said, kept as NAME.json in each of the
+folders, so that any versions of the package can be compared.
 """
 
 from __future__ import annotations
@@ -46,28 +46,37 @@ def main():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--data', type=Path,
                         default=Path(__file__).resolve().parents[2] / 'shared' / 'data')
-    parser.add_argument('--json', type=Path, help='folder of analyse --json outputs, NAME.json')
+    parser.add_argument('--json', type=Path, nargs='*', default=(), help='folders of NAME.json')
     args = parser.parse_args()
-    print('| record, axis | N at 1 s | B of the floor | K | N | B | K | set aside |\n'
-          '|---|---|---|---|---|---|---|---|')
+    print('| record, axis | N at 1 s | B of the floor | K |' + ' N | B | K |' * len(args.json)
+          + ' set aside | sufficient |\n|' + '---|' * (6 + 3 * len(args.json)))
     for name in NAMES:
         with np.load(args.data / 'records' / f'{name}.npz') as data:
             rate = float(data['rate_hz']) if 'rate_hz' in data else \
                 (len(data['t']) - 1) / np.ptp(data['t'])
             axes = {f'{s}_{c}': data[s][:, i].astype(float) for s in ('gyro', 'accel')
                     if s in data for i, c in enumerate('xyz')}
-        file = args.json / f'{name}.json' if args.json else None
-        said = json.loads(file.read_text())['targets'] if file and file.is_file() else {}
         for axis, y in axes.items():
-            found = ['', '', '', '']
-            if axis in said:
-                effects = said[axis]['effects']
-                found = [shown(effects[e][k]) for e, k in
-                         (('white', 'N'), ('flicker', 'B'), ('random_walk', 'K'))]
-                found.append('; '.join(f'{s["from_hz"]:.3g}-{s["to_hz"]:.3g} Hz'
-                                       for s in said[axis].get('set_aside', ())[:6]))
             read = ' | '.join(f'{v:.3g}' for v in readings(y[np.isfinite(y)], 1 / rate))
-            print(f'| {name}, {axis} | {read} | ' + ' | '.join(found) + ' |', flush=True)
+            said = ' | '.join(x for folder in args.json for x in values(folder, name, axis))
+            print(f'| {name}, {axis} | {read} | {said} |', flush=True)
+
+
+def values(folder, name, axis):
+    """Return N, B, K of an analysis, and of one that says so what was set aside."""
+    file = folder / f'{name}.json'
+    text = file.read_text() if file.is_file() else ''
+    found = json.loads(text or '{}').get('targets', {}).get(axis)
+    if not found:
+        return ['-'] * 3
+    out = [shown(found['effects'][e][k])
+           for e, k in (('white', 'N'), ('flicker', 'B'), ('random_walk', 'K'))]
+    if 'sufficient' in found:
+        aside = found.get('set_aside', ())
+        out.append('; '.join(f'{s["from_hz"]:.3g}-{s["to_hz"]:.3g} Hz' for s in aside[:4])
+                   + (f' and {len(aside) - 4} more' if len(aside) > 4 else ''))
+        out.append('yes' if found['sufficient'] else 'no')
+    return out
 
 
 def shown(e):

@@ -27,6 +27,7 @@ TOP = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TOP)]
 
 from imu_noise_tools.core.record import ImuRecord  # noqa: E402
+from imu_noise_tools.health import prepare  # noqa: E402
 from imu_noise_tools.loop.effect import model_of  # noqa: E402
 from imu_noise_tools.noise.fit import fit  # noqa: E402
 from imu_noise_tools.noise.gather import gather  # noqa: E402
@@ -173,7 +174,8 @@ def run(case, records, n, dt, seed):
         rng = np.random.default_rng([seed, CASES.index(case), i])
         clean = [white(n, dt, rng) + slow_noise(n, dt, rng) for _ in AXES]
         dirty = [case(y, dt, rng) for y in clean]
-        both = [gather(ImuRecord(np.column_stack(y), None, np.arange(n) * dt, 1 / dt), AXES)
+        both = [gather(prepare(ImuRecord(np.column_stack(y), None, np.arange(n) * dt, 1 / dt),
+                               keep_motion=True), AXES)
                 for y in ([y for y, _ in dirty], clean)]
         for axis, (_, level) in zip(AXES, dirty):
             begin = time.process_time()

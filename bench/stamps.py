@@ -202,11 +202,6 @@ def collector(d):
     return in_order(np.where(np.mod(t, 2.0) < 0.06, t - np.mod(t, 2.0) + 0.06, t))
 
 
-def swapped(d):
-    t = d.arrived() + 20e-6 * d.rng.standard_normal(d.there.sum())
-    return t
-
-
 def scheduler_slip(d):
     n = len(d.there)
     d.taken = px4(n)

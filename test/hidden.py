@@ -504,12 +504,16 @@ def _louder(s, shape, strength):
 
 
 def _variance_change(s, strength):
-    """The white noise grows once, or drifts, or swings; its mean variance by 1 + strength^2."""
-    kind = s.rng.choice(['step', 'drift', 'period'])
-    values = {'time': 0.0, 'period': 0.0}
+    """White noise steps, is loud for a while, drifts or swings: mean variance 1 + strength^2."""
+    kind = s.rng.choice(['step', 'stretch', 'drift', 'period'])
+    values = {'time': 0.0, 'period': 0.0, 'duration': 0.0}
     if kind == 'step':
         values['time'] = s.span * s.rng.uniform(0.2, 0.8)
         shape = (s.t >= values['time']).astype(float)
+    elif kind == 'stretch':
+        values['time'], values['duration'] = s.span * s.rng.uniform((0.1, 0.1), (0.6, 0.3))
+        since = s.t - values['time']
+        shape = ((since >= 0) & (since < values['duration'])).astype(float)
     elif kind == 'drift':
         shape = s.t / s.span
     else:

@@ -33,6 +33,7 @@ GOOD = 0.1              # stamps that scatter by less of an interval are followe
 WHOLE = 0.3             # a step this near to a whole number of intervals is a loss
 MANY = 200              # of so many lost in a row the exact number matters no more
 LEVELS = 512            # of which the rate is fitted
+MANY_STEPS = 500_000    # tell a first rate well enough
 LONG_GAP_S = 1.0        # a gap of so long (and of ten samples) is a pause of the stream
 
 
@@ -144,7 +145,8 @@ def regular_rate(t: np.ndarray) -> float | None:
     m = min(100, (len(t) - 1) // 2)
     if m < 1:
         return None
-    step = (t[m:] - t[:-m]) / m
+    some = len(t) // MANY_STEPS | 1     # odd, so as not to beat with a buffer
+    step = (t[m::some] - t[:len(t) - m:some]) / m
     step = step[step > 0]
     if not len(step):
         return None
@@ -192,7 +194,7 @@ def _beats(interval: np.ndarray, tick: float) -> bool:
 
 def _near(interval: np.ndarray, period: float) -> float:
     """Return the mean of the intervals near a period, if most are: losses do not count in it."""
-    off = interval - period
+    off = interval[::len(interval) // MANY_STEPS | 1] - period
     usual = off[np.abs(off) < STEP * period]
     change = float(np.mean(usual)) if len(usual) > 0.5 * len(off) else 0.0
     return period + change if abs(change) < 0.15 * period else period
@@ -240,7 +242,8 @@ class _Lag:
     def followed(self, tick: float) -> _Lag:
         """Find the steps and fit the period."""
         interval = np.diff(self.t)
-        if not self.beats and _scatter(interval - self.period) < GOOD * self.period:
+        some = interval[::len(interval) // MANY_STEPS | 1]
+        if not self.beats and _scatter(some - self.period) < GOOD * self.period:
             self._by_sample(interval)
         else:
             self._by_level()

@@ -208,15 +208,20 @@ def _set_aside(
         raise UsageError('--mask leaves too little to analyse', 'mask less')
     if chosen:
         record = record.warned(
-            f'{len(chosen)} disturbed stretch(es), {_length(chosen):.3g} s in all, are set aside '
-            'from the noise fit (--no-screen keeps them)'
+            f'{_stretches(chosen)} set aside from the noise fit (--no-screen keeps it in)'
         )
     if len(chosen) < len(lasting):
         record = record.warned(
-            f'{len(lasting)} disturbed stretch(es), {_length(lasting):.3g} s in all, of which '
-            f'{len(lasting) - len(chosen)} are in the noise fit'
+            f'{_stretches([d for d in lasting if d not in chosen])} left in the noise fit'
         )
     return replace(record, left_out=(*record.left_out, *out))
+
+
+def _stretches(found: list[Disturbance]) -> str:
+    """Return how many stretches there are, and how long: the beginning of a sentence."""
+    many = 'stretch of' if len(found) == 1 else 'stretches of together'
+    verb = 'is' if len(found) == 1 else 'are'
+    return f'{len(found)} disturbed {many} {_length(found):.3g} s {verb}'
 
 
 def _length(found: Iterable[Disturbance]) -> float:

@@ -293,7 +293,7 @@ class _Search:
     def _unconfirmed(self, model: Model, name: str, finding: Finding) -> tuple[float, str]:
         """Return by how much a member lowers the error beside the others, and what if not."""
         after, before = self.error(model), self.error(model.minus(name))
-        if after is None or before is None:
+        if after is None or before is None or finding.effect is None:
             return -np.inf, 'a part of the record cannot hold it'
         fall = fall_of(before, after, [finding.effect])
         if fall > rules.FALL:

@@ -10,6 +10,8 @@ Every registered effect is tried, with the log-likelihood it gains.
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from . import views
@@ -39,9 +41,10 @@ def candidates(problem, fit: Fit) -> list[Finding]:
     evidence: Evidence = problem.evidence
     if problem.method != 'likelihood':
         fit = fit_part(evidence, unfitted(fit.model), intervals=False)
-    explained = {x for e in fit.model for x in e.explains}
+    explained = {x for e in fit.model.of(NoiseEffect) for x in e.explains}
     found = []
-    for name, cls in registry('noise').items():
+    for name, known in registry('noise').items():
+        cls = cast('type[NoiseEffect]', known)
         if name in fit.model and not cls.several:
             continue
         if cls.explains and set(cls.explains) <= explained:
@@ -109,9 +112,9 @@ def _gained(evidence: Evidence, before: Fit, after: Fit) -> float:
 
     """
     bands = Bands.on(evidence.whole.bins)
-    return float(np.subtract(*(
-        supported(bands, x.details.power, x.details.weight, x.details.v, CAP)
-        for x in (after, before))))
+    new, old = (supported(bands, x.details.power, x.details.weight, x.details.v, CAP)
+                for x in (after, before))
+    return float(new - old)
 
 
 def _unlikely(fit: Fit) -> float:
@@ -190,12 +193,12 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
         ]
         return f'the mean of the record follows it: {", ".join(parts)}'
     if isinstance(effect, Coupling):
-        fitted = after.model[after.model.labels[-1]]
+        fitted = cast(Coupling, after.model[after.model.labels[-1]])
         estimates = after.estimates[fitted.label]
         parts = [
             f'{k} {e.point:.3g} +- {e.std:.2g}'
             for k, e in estimates.items()
-            if e.std and abs(e.point) > 2 * e.std
+            if e.std and e.point is not None and abs(e.point) > 2 * e.std
         ]
         return (
             f'coherent with {", ".join(fitted.channels(evidence))}: '

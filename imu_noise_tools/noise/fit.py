@@ -292,6 +292,7 @@ def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
 
     """
     basis = found.likelihood.explained
+    assert basis is not None
     if not basis.order and bands.sum(basis.weight)[-1] > 0:
         margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
         likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))

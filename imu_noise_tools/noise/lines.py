@@ -303,18 +303,19 @@ def _humps(search: _Search) -> np.ndarray:
     total = np.concatenate([[0.0], np.cumsum(ratio[:2 * length].reshape(-1, 2).sum(axis=1))])
     found, width = [], 4
     while width <= max(n // 64, 8):
-        half = width // 2
-        x = (total[half:] - total[:-half])[::max(1, half // 4)] / width
-        at = np.arange(length + 1 - half)[::max(1, half // 4)] * 2 + half + 1
-        nats = np.where(x > 1, 0.5 * width * (x - 1 - np.log(np.maximum(x, 1e-300))), 0.0)
+        half, step = width // 2, max(1, width // 4)
+        x = (total[half::step] - total[:-half:step]) / width
+        # ln x < x - 1: what is lower than this has too few nats
+        some = np.flatnonzero(x > 1 + np.sqrt(2 * line_penalty(n) / width))
+        x, at = x[some], some * step * 2 + half + 1
+        nats = 0.5 * width * (x - 1 - np.log(x))
         nats[(at < 16) | (at > n - 16)] = 0.0
-        some = np.flatnonzero(nats > line_penalty(n))
-        some = some[np.argsort(-nats[some])[:1000]]
-        found += [(nats[i], int(at[i]), width, x[i]) for i in some]
+        best = np.argsort(-nats)[:1000]
+        found += [(nats[i], int(at[i]), width) for i in best if nats[i] > line_penalty(n)]
         width *= 2
     out: list[tuple[float, float, float]] = []
     taken: list[tuple[int, int]] = []
-    for gain, k, width, _ in sorted(found, reverse=True):
+    for gain, k, width in sorted(found, reverse=True):
         if len(out) == MOST_HUMPS:
             break
         if all(k + width < low or k - width > high for low, high in taken):
@@ -390,16 +391,17 @@ def take_lines_out(c, table, begin, dt, bins):
     """
     n = len(c)
     out = np.zeros((len(table), len(bins.first)))
-    for i, (frequency, a, b, _) in enumerate(table):
+    for i, (frequency, a, b, z) in enumerate(table):
         angle = 2 * np.pi * frequency * dt * begin
         a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
         centre = int(2 * n * dt * frequency)
-        low, high = max(1, centre - (1 << 15)), min(n, centre + (1 << 15))
-        low, high = bins.first[bins.index(low)], bins.last[bins.index(high - 1)]
+        reach = min(1 << 15, 64 + int(40 * z))  # beyond, it is a hundredth of the noise
+        low, high = max(1, centre - reach), min(n, centre + reach)
         k = np.arange(low, high)
         line = line_coefficients(frequency, a, b, k, n, dt)
         added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
         c[low:high] -= line
         i0, i1 = bins.index(low), bins.index(high - 1) + 1
-        out[i, i0:i1] = np.add.reduceat(added, bins.first[i0:i1] - low) / bins.count[i0:i1]
+        starts = np.maximum(bins.first[i0:i1] - low, 0)
+        out[i, i0:i1] = np.add.reduceat(added, starts) / bins.count[i0:i1]
     return out

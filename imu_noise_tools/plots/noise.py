@@ -9,7 +9,9 @@ from typing import Any
 
 from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
-from .panels import allan, distribution, in_time, psd, pulls, series, shade, suspected, TAU
+from .panels import (
+    allan, distribution, HATCHED, in_time, psd, pulls, series, shade, suspected, TAU
+)
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from ..core import units
 from ..loop.diagnosis import Diagnosis
@@ -96,9 +98,10 @@ def _together(ax, study, row):
     ax.legend(fontsize=SMALL, frameon=False, loc='upper right')
 
 
-def _key(figure):
+def _key(figure, hatched=False):
     """Say once what the lines of all panels are."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
     circle = {'marker': 'o', 'markerfacecolor': 'white', 'linestyle': 'none'}
     dashes = {'linestyle': '--', 'linewidth': 1.1}
     entries: list[tuple[str, dict[str, Any]]] = [
@@ -107,8 +110,11 @@ def _key(figure):
         ('one effect (in parentheses: not observable)', {'color': MEASURED, **dashes}),
         ('where a coefficient is read', {'color': MEASURED, **circle}),
         ('measured and model differ: |pull| > 2', {'color': '#e9a9a1', 'linewidth': 7})]
-    figure.legend(handles=[Line2D([], [], label=name, **how) for name, how in entries],
-                  loc='upper center', ncol=5 if figure.get_figwidth() > 11 else 3, fontsize=SMALL,
+    handles: list = [Line2D([], [], label=name, **how) for name, how in entries]
+    if hatched:
+        handles.append(Patch(label='not explained: the fit does not rest on it', **HATCHED))
+    figure.legend(handles=handles, loc='upper center',
+                  ncol=len(handles) if figure.get_figwidth() > 11 else 3, fontsize=SMALL,
                   frameon=False, handlelength=1.8, borderaxespad=0.2)
 
 
@@ -141,7 +147,7 @@ def target_figure(state: State, diagnosis: Diagnosis | None = None, left_out=())
     series(figure.add_subplot(below[0]), state, left_out)
     in_time(figure.add_subplot(below[1]), state)
     distribution(figure.add_subplot(below[2]), state)
-    _key(figure)
+    _key(figure, bool(getattr(state.fit.details, 'set_aside', ())))
     return figure
 
 

@@ -186,6 +186,10 @@ def shade(ax, x, marked):
     return ax
 
 
+HATCHED = {'facecolor': 'none', 'edgecolor': '#b9b9b9', 'hatch': '////', 'linewidth': 0.0,
+           'zorder': 0}
+
+
 def psd(ax, state: State):
     """Draw the measured noise density with its 95 % band, the model, each effect, lines found."""
     e = evidence_of(state)
@@ -213,7 +217,14 @@ def psd(ax, state: State):
     label_lines(ax, lines, [(mid, level)])
     for i in views.lines_left(e, state.model)[:3]:
         _name_line(ax, e, e.line_table[i, 0], total)
+    hatch(ax, state)
     return ax
+
+
+def hatch(ax, state: State):
+    """Hatch the stretches of the spectrum that the fit does not rest on."""
+    for s in getattr(state.fit.details, 'set_aside', ()):
+        ax.axvspan(s.low, s.high, **HATCHED)
 
 
 def _name_line(ax, e, at, density):
