@@ -4,53 +4,91 @@
 """
 Gains that candidates reach where nothing is hidden: writes imu_noise_tools/noise/null.py.
 
-    python bench/null.py [--records 200] [--write]
+    python bench/null.py [--records 120] [--seconds 600] [--write]
 
-Records of several durations and rates with white, flicker and random-walk noise, a wandering
-temperature and an accelerometer beside them. The penalty of a candidate is the gain that one
-record in a thousand exceeds: an exponential tail is fitted to the largest tenth, for a thousandth
-is beyond what a few hundred records show directly.
+Records of several durations and rates with a wandering temperature and an accelerometer beside
+them; their noise is white, flicker and random walk, or lacks one of the last two, and the model is
+what is in them. The penalty of a candidate is the gain that one axis in a thousand exceeds: an
+exponential tail is fitted to the largest tenth, for a thousandth is beyond what a few hundred axes
+show directly. What was drawn is kept beside the system's temporary files under a hash of the code
+that it rests on: called again, it goes on from there. ``--write`` writes the table with that hash;
+a test fails when the code is another.
 
 """
 
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
+import ast
+import hashlib
+import json
 from pathlib import Path
 import sys
+import tempfile
+import time
 
 import numpy as np
 
 TOP = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TOP), str(TOP / 'test')]
 
-from hidden import draw  # noqa: E402
-from imu_noise_tools.loop.effect import model_of  # noqa: E402
+from hidden import draw, draw_sensor  # noqa: E402
+from imu_noise_tools.loop.diagnosis import failures  # noqa: E402
+from imu_noise_tools.loop.effect import model_of, registry  # noqa: E402
 from imu_noise_tools.noise.candidates import candidates  # noqa: E402
 from imu_noise_tools.noise.gather import gather  # noqa: E402
+from imu_noise_tools.noise.kinds import Line  # noqa: E402
 from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
 
-CELLS = ((1.0, 50.0), (0.5, 100.0), (2.0, 50.0), (6.0, 10.0), (0.1, 100.0))  # hours, Hz
+CELLS = ((0.25, 50.0), (0.5, 50.0), (0.1, 100.0), (3.0, 10.0), (0.5, 100.0))  # hours, Hz
+BASES = (  # model, and what the sensor lacks
+    (('white', 'flicker', 'random_walk'), ''),
+    (('white', 'flicker', 'random_walk'), ''),
+    (('white', 'flicker'), 'K'),
+    (('white', 'random_walk'), 'B'),
+)
 LEVEL = 1e-3
 LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
+# what gains are computed by
+SOURCES = ('candidates', 'evidence', 'explained', 'fit', 'gather', 'kinds', 'likelihood', 'lines',
+           'measured', 'starts', 'views', 'effects/*')
 
 
-def one(seed: int) -> list[tuple[str, float]]:
-    """Return (name, gain) of every candidate on the gyroscope axes of one record."""
+def source_hash() -> str:
+    """Return a hash of the code that the table rests on; its prose does not count."""
+    total = hashlib.sha256()
+    noise = TOP / 'imu_noise_tools' / 'noise'
+    for path in sorted({p for name in SOURCES for p in noise.glob(f'{name}.py')}):
+        tree = ast.parse(path.read_text(encoding='utf-8'))
+        for node in ast.walk(tree):
+            body = getattr(node, 'body', None)
+            if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(
+                    body[0].value, ast.Constant) and isinstance(body[0].value.value, str):
+                body[0].value.value = ''
+        total.update(path.name.encode() + ast.dump(tree).encode())
+    return total.hexdigest()[:16]
+
+
+def one(seed: int) -> dict:
+    """Return gains of every candidate, an axis each, and tests that failed, of one record."""
     rng = np.random.default_rng([20, seed])
     hours, rate = CELLS[seed % len(CELLS)]
-    record, _ = draw(rng, (), hours=hours, rate_hz=rate, accel=True)
+    names, lacking = BASES[seed // len(CELLS) % len(BASES)]
+    sensor = dict(draw_sensor(rng))
+    if lacking:
+        sensor[lacking] = 0.0
+    record, _ = draw(rng, (), hours=hours, rate_hz=rate, accel=True, sensor=sensor)
     wander = np.cumsum(rng.standard_normal(record.n)) * 0.5 / np.sqrt(record.n)
     record.covariates['temperature'] = (
         25 + wander + rng.uniform(-3, 3) * np.exp(-record.t / rng.uniform(100, 2000))
     )
-    out = []
-    model = model_of('noise', ('white', 'flicker', 'random_walk'))
-    for axis, e in gather(record, ('gyro_x', 'gyro_y', 'gyro_z')).items():
+    out: dict = {'seed': seed, 'model': '+'.join(names), 'gains': [], 'failed': []}
+    for e in gather(record, ('gyro_x', 'gyro_y', 'gyro_z')).values():
         problem = NoiseProblem(e)
-        out += [(f.name, f.gain) for f in candidates(problem, problem.fit(model))]
-        out.append(('axes', 1.0))
+        fit = problem.point(model_of('noise', names))
+        out['gains'].append({f.name: float(f.gain) for f in candidates(problem, fit)
+                             if not f.against})
+        out['failed'].append([f.name for f in failures(problem.omnibus(fit))])
     return out
 
 
@@ -67,47 +105,76 @@ def threshold(gains: np.ndarray, total: int) -> float:
     return max(start + scale * float(np.log(0.1 / LEVEL)), LEAST)
 
 
+def table(rows: list[dict]) -> dict[str, float]:
+    """Return the penalty of every effect: the largest over the models that it was tried on."""
+    priced = [k for k, c in registry('noise').items() if not issubclass(c, Line)]
+    out = {}
+    for name in sorted(priced):
+        found = [LEAST]
+        for model in sorted({r['model'] for r in rows}):
+            axes = [g for r in rows if r['model'] == model for g in r['gains']]
+            gains = np.array([g[name] for g in axes if name in g])
+            if len(gains):
+                found.append(threshold(gains, len(axes)))
+                print(f'{name:18s} {model:28s} {len(gains):4d} axes, 90 % '
+                      f'{np.quantile(gains, 0.9):6.2f}, largest {gains.max():6.2f}, '
+                      f'thousandth {found[-1]:6.2f}')
+        out[name] = round(max(found), 2)
+    return out
+
+
+def gathered(records: int, seconds: float) -> list[dict]:
+    """Return the rows of so many records, from where an earlier call ended, in so much time."""
+    kept = Path(tempfile.gettempdir()) / f'imu_noise_null_{source_hash()}.jsonl'
+    rows = [json.loads(x) for x in kept.read_text().splitlines()] if kept.exists() else []
+    known, begun = {r['seed'] for r in rows}, time.process_time()
+    with kept.open('a', encoding='utf-8') as out:
+        for seed in range(records):
+            if seed in known:
+                continue
+            if time.process_time() - begun > seconds:
+                print(f'\nstopped after {seconds:.0f} CPU s; call again to go on', file=sys.stderr)
+                break
+            rows.append(one(seed))
+            out.write(json.dumps(rows[-1]) + '\n')
+            out.flush()
+            print(f'\r{len(rows)} of {records} records', end='', file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    return rows
+
+
 def main():
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--records', type=int, default=200)
+    parser.add_argument('--records', type=int, default=120)
+    parser.add_argument('--seconds', type=float, default=600.0, help='CPU time of this call')
     parser.add_argument('--write', action='store_true')
-    parser.add_argument('--jobs', type=int, default=1)
     args = parser.parse_args()
-    found: dict[str, list[float]] = {}
-    with ProcessPoolExecutor(args.jobs) as pool:
-        for k, rows in enumerate(pool.map(one, range(args.records)), 1):
-            print(f'\r{k} of {args.records}', end='', file=sys.stderr, flush=True)
-            for name, gain in rows:
-                found.setdefault(name, []).append(gain)
-    total = len(found.pop('axes'))
-    table = {}
-    found.pop('sinusoid', None)  # what chance reaches there depends on the length: line_penalty
-    for name, gains in sorted(found.items()):
-        table[name] = round(threshold(np.array(gains), total), 2)
-        print(
-            f'{name:20s} {len(gains):5d}  90 % {np.quantile(gains, 0.9):6.2f}  '
-            f'99 % {np.quantile(gains, 0.99):6.2f}  largest {max(gains):6.2f}  '
-            f'penalty {table[name]:6.2f}'
-        )
+    rows = gathered(args.records, args.seconds)
+    axes = sum(len(r['gains']) for r in rows)
+    failed = [x for r in rows for x in r['failed']]
+    print(f'{axes} axes; a test fails on {sum(map(bool, failed))}: {sorted(sum(failed, []))}')
+    penalties = table(rows)
     if args.write:
         lines = [
             '"""',
             'Gain in nats that a candidate exceeds by chance in one axis of a thousand.',
             '',
-            'Written by bench/null.py.',
+            'Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.',
             '',
             '"""',
             '',
-            f'AXES = {total}',
-            'DEFAULT = 10.0',
+            f'AXES = {axes}',
+            f'SOURCES = {source_hash()!r}',
+            'DEFAULT = 10.0  # of an effect that is not of the package',
             'PENALTY = {',
-            *(f'    {k!r}: {v},' for k, v in table.items()),
+            *(f'    {k!r}: {v},' for k, v in penalties.items()),
             '}',
         ]
         path = TOP / 'imu_noise_tools' / 'noise' / 'null.py'
         head = [x for x in path.read_text().splitlines() if x.startswith('#')]   # the licence
-        path.write_text('\n'.join([*head, *([''] if head else []), *lines]) + '\n')
+        text = '\n'.join([*head, *([''] if head else []), *lines])
+        path.write_text(f'{text}\n')
 
 
 if __name__ == '__main__':

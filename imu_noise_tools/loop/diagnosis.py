@@ -27,6 +27,7 @@ from .prediction import fall_of, State
 from ..core.errors import FitError
 
 CHAINS = 3  # chains that are followed, rivals' included
+NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
 ROUNDS = 4  # times the search begins anew without what was refuted
 LISTED = 8  # candidates that are listed
@@ -228,7 +229,8 @@ class _Search:
         main = self.chain()
         chains = [main]
         begun = [(surplus(rival) - surplus(main[i]), [*main[:i], rival])
-                 for i in range(len(main)) for rival in self._rivals(main, i)[:2]]
+                 for i in range(len(main)) for rival in self._rivals(main, i)[:2]
+                 if surplus(rival) > NEAR * surplus(main[i])]
         begun.sort(key=lambda z: -z[0])
         whole = frozenset(self.model_of(main).labels)
         for _, begin in begun[:CHAINS - 1]:

@@ -112,9 +112,12 @@ def _gained(evidence: Evidence, before: Fit, after: Fit) -> float:
 
     """
     bands = Bands.on(evidence.whole.bins)
-    new, old = (supported(bands, x.details.power, x.details.weight, x.details.v, CAP)
-                for x in (after, before))
-    return float(new - old)
+    # what is solved for in the mean takes degrees of freedom: ln v counts with those of both
+    full = np.maximum(before.details.weight, after.details.weight)
+    one, other = (
+        supported(bands, d.power * d.weight / full, full, d.v, CAP)
+        for d in (before.details, after.details))
+    return other - one
 
 
 def _unlikely(fit: Fit) -> float:

@@ -9,7 +9,8 @@ Written by bench/null.py.
 """
 
 AXES = 360
-DEFAULT = 10.0
+SOURCES = ''
+DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 9.42,
     'gauss_markov': 7.24,
