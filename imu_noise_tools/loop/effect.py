@@ -543,8 +543,8 @@ class Finding:
 
     ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
     give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
-    against it, empty where nothing does. ``shapes`` counts the parameters that were searched for
-    besides the amplitude and that the penalty does not price.
+    against it, empty where nothing does. ``shapes`` counts the parameters besides one that the
+    penalty does not price.
 
     """
 

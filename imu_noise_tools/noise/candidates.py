@@ -24,6 +24,7 @@ from .measured import measure, penalty, with_units
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
+MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
@@ -85,7 +86,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         _view_of(effect),
         where,
         against=_at_bound(evidence, more.model[label]),
-        shapes=sum(not (p.amplitude or p.discrete) for p in effect.parameters),
+        shapes=min(sum(not p.discrete for p in effect.parameters) - 1, MOST_SHAPES),
     )
 
 
