@@ -12,6 +12,7 @@ import numpy as np
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 from ..core.errors import InputError
 from ..core.record import ImuRecord
+from ..core.statistics import median_sigma
 from ..core.stillness import LEAST, still_stretches
 
 STILL_S = 2.0           # shortest rest that counts, s
@@ -127,8 +128,8 @@ def _without_knocks(record, a, b):
     n = (b - a) // block
     cut = record.accel[a:a + n * block].reshape(n, block, 3)
     middle, centre = cut.mean(1), np.median(cut.mean(1), axis=0)
-    scale = 1.4826 * np.median(np.abs(middle - centre), axis=0)
-    spread = 1.4826 * np.median(np.abs(cut.std(1) - np.median(cut.std(1), axis=0)), axis=0)
+    scale = median_sigma(middle - centre, axis=0)
+    spread = median_sigma(cut.std(1) - np.median(cut.std(1), axis=0), axis=0)
     bad = ((np.abs(middle - centre) > _KNOCK * scale + 1e-12)
            | (cut.std(1) - np.median(cut.std(1), axis=0) > _KNOCK * spread + 1e-12)).any(1)
     if not bad.any() or bad.mean() > 0.2:

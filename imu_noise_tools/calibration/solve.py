@@ -14,12 +14,12 @@ from .effects import BASE, Regressor, Scatter
 from .linear import Equations, equations, tilt_of
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
+from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
 from ..loop.effect import Estimate, Fit, Model, model_of
 
 METHODS = ('ols', 'wls', 'norm')
 TILT = np.radians(1.0)
-_TWO_SIDED, _ONE_SIDED = 1.959964, 1.644854         # 95 % of the normal distribution
 _TURNS = 60             # iterations; the norm fit converges quadratically, in five or six
 
 
@@ -376,13 +376,12 @@ def _estimate(parameter, found, sensor, base: bool) -> Estimate:
     value, std, determined = found
     if not determined:
         return Estimate(None, None, None, unit_, point=value, note='not determined by these poses')
-    half = _TWO_SIDED * std
-    interval = (value - half, value + half)
-    if not base and interval[0] <= 0 <= interval[1]:
-        return Estimate(None, std, interval, unit_, upper95=abs(value) + _ONE_SIDED * std,
+    ci95 = interval(value, std)
+    if not base and ci95[0] <= 0 <= ci95[1]:
+        return Estimate(None, std, ci95, unit_, upper95=abs(value) + ONE_SIDED * std,
                         point=value,
                         note='interval reaches zero')
-    return Estimate(value, std, interval, unit_, point=value)
+    return Estimate(value, std, ci95, unit_, point=value)
 
 
 def _scatter_estimate(model, effect, poses, scale, tilt, free) -> Estimate:
@@ -395,11 +394,11 @@ def _scatter_estimate(model, effect, poses, scale, tilt, free) -> Estimate:
     profile = np.interp(np.log(grid), np.log(coarse), profile)
     best = effect.values[parameter.name]
     top = max(profile.max(), restricted(model, effect, best, poses, scale, tilt, free))
-    inside = grid[profile > top - 1.92]
+    inside = grid[profile > top - CHI2_95 / 2]
     unit_ = si(parameter.unit, poses.sensor)
-    interval = (float(inside[0]), float(inside[-1])) if len(inside) else (best, best)
-    if profile[0] > top - 1.92:
-        limit = float(grid[profile > top - 1.353][-1])
-        return Estimate(None, None, (0.0, interval[1]), unit_, upper95=limit, point=best,
+    ci95 = (float(inside[0]), float(inside[-1])) if len(inside) else (best, best)
+    if profile[0] > top - CHI2_95 / 2:
+        limit = float(grid[profile > top - CHI2_90 / 2][-1])
+        return Estimate(None, None, (0.0, ci95[1]), unit_, upper95=limit, point=best,
                         note='interval reaches zero')
-    return Estimate(best, (interval[1] - interval[0]) / 3.92, interval, unit_, point=best)
+    return Estimate(best, (ci95[1] - ci95[0]) / (2 * TWO_SIDED), ci95, unit_, point=best)

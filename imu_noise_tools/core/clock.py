@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from .statistics import middle_sigma
+from .statistics import median_sigma, middle_sigma
 
 SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose level is followed
 SURE = 12.0             # scatters of the levels that a loss has to be
@@ -488,7 +488,7 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
         centre = np.sum(weight * x) / np.sum(weight)
         slope = np.sum(weight * (x - centre) * (y - middle)) / np.sum(weight * (x - centre) ** 2)
         rest = y - middle - slope * (x - centre)
-        scale = 1.4826 * np.median(np.abs(rest))
+        scale = median_sigma(rest)
         if not scale > 0:
             break
         weight = np.minimum(1.0, 1.5 * scale / np.maximum(np.abs(rest), 1e-300))

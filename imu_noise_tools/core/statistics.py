@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robust statistics of samples: the grid they stand on, the size of their fast noise."""
+"""
+Statistics that everything shares: 95 % intervals, robust scales, the grid that samples stand on.
+
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+#: standard deviations within which, and below which, 95 % of a normal distribution lies
+TWO_SIDED, ONE_SIDED = 1.959963984540054, 1.6448536269514722
+#: 95 % and 90 % of chi-squared with one degree of freedom: half of it is how many nats a
+#: log-likelihood falls at the ends of a 95 % interval, and at a one-sided 95 % limit
+CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
+MAD = 1.482602218505602         # standard deviation over median absolute deviation, if normal
 FAR = (101, 149, 211)  # samples: longer than any hold
+
+
+def interval(value, std):
+    """Return the 95 % interval (low, high) of what is normal about a value."""
+    return value - TWO_SIDED * std, value + TWO_SIDED * std
+
+
+def median_sigma(x: np.ndarray, axis: int | None = None):
+    """Return the standard deviation of what is normal about zero, from the median of its size."""
+    return MAD * np.median(np.abs(x), axis=axis)
 
 
 def middle_sigma(x: np.ndarray) -> float:

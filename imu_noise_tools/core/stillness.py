@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from .record import ImuRecord
+from .statistics import median_sigma
 
 BOX_S = 0.07            # three running means of this length leave 1 % of a vibration above 20 Hz
 UNIT_S = 0.1            # smoothed values are taken this far apart
@@ -193,7 +194,7 @@ def _white(data: np.ndarray) -> np.ndarray:
     second = second[np.isfinite(second).all(axis=1)]
     if not len(second):
         return np.zeros(3)
-    robust = 1.4826 * np.median(np.abs(second), axis=0)
+    robust = median_sigma(second, axis=0)
     return np.where(robust > 0, robust, second.std(axis=0)) / np.sqrt(6)
 
 

@@ -19,6 +19,7 @@ from .modes import default_modes, Modes, modes_of
 from .output_noise import White
 from .statespace import DOMAIN, FilterEffect, jumps, state_space, white_of
 from ..core.errors import UsageError
+from ..core.statistics import median_sigma
 from ..loop.effect import find_effect, Model
 
 AUTO = 'auto'
@@ -210,10 +211,10 @@ def quiet_variance(z: np.ndarray) -> np.ndarray:
     )
     blocks = len(d) // QUIET
     if blocks >= 4:
-        sizes = np.median(np.abs(d[:blocks * QUIET]).reshape(blocks, QUIET, -1), axis=1) / 0.6745
+        sizes = median_sigma(d[:blocks * QUIET].reshape(blocks, QUIET, -1), axis=1)
         sigma = np.quantile(sizes, QUIETEST, axis=0) / QUANTILE_BIAS
     else:
-        sigma = np.median(np.abs(d), axis=0) / 0.6745
+        sigma = median_sigma(d, axis=0)
     rough = np.sqrt(np.mean(d * d, axis=0))
     sigma = np.where(sigma > 0, sigma, rough)  # most samples equal: a coarse output at rest
     return np.maximum(sigma ** 2 / 20, 1e-16)

@@ -10,11 +10,12 @@ from scipy.optimize import minimize
 
 from .predict import by_bank, predict
 from .statespace import FilterEffect, jumps, Motion, state_space, white_of
+from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
 from ..loop.effect import Effect, Estimate, Model
 
-NULL = 1.92             # nats: an amplitude that loses less by going to zero is not observable
-ONE_SIDED = 1.353       # nats, for a one-sided 95 % limit
+NULL = CHI2_95 / 2      # nats: an amplitude that loses less by going to zero is not observable
+LIMIT = CHI2_90 / 2     # nats, for a one-sided 95 % limit
 
 
 class Likelihood:
@@ -208,13 +209,13 @@ def estimates(
     for i, (label, p) in enumerate(free.parts):
         value = model[label][p.name]
         unit = si(p.unit, sensor)
-        low, high = value - 1.96 * sd[i], value + 1.96 * sd[i]
+        low, high = interval(value, sd[i])
         std = sd[i]
         if p.log:
             spread = min(float(sd[i]), 50.0)
             low, high, std = (
-                value * np.exp(-1.96 * spread),
-                value * np.exp(1.96 * spread),
+                value * np.exp(-TWO_SIDED * spread),
+                value * np.exp(TWO_SIDED * spread),
                 value * min(spread, 1e3),
             )
         entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
@@ -256,11 +257,11 @@ def _measured(model, effect, p, best, evaluate, sensor):
     std = float(np.sqrt(2 * state_space(model, evaluate.dt).r / evaluate.samples))
     without = float(evaluate([model.with_effect(effect.with_values(**{p.name: p.lower}))])[0])
     if best - without < NULL:
-        upper = value + 1.645 * std
+        upper = value + ONE_SIDED * std
         return Estimate(
             None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
         ), [f'{effect.label}: {p.name} is not observable in this record']
-    return Estimate(value, std, (value - 1.96 * std, value + 1.96 * std), unit, point=value), []
+    return Estimate(value, std, interval(value, std), unit, point=value), []
 
 
 def _covariance(free, x, best, evaluate):
@@ -302,7 +303,7 @@ def _upper(free, x, i, best, evaluate) -> float:
 
     """
     steps = np.arange(0.0, 14.0, 0.5)
-    fallen = best - evaluate([free.at(_moved(x, i, s)) for s in steps]) > ONE_SIDED
+    fallen = best - evaluate([free.at(_moved(x, i, s)) for s in steps]) > LIMIT
     label, p = free.parts[i]
     s = float(steps[int(np.argmax(fallen))]) if fallen.any() else 14.0
     return float(free.at(_moved(x, i, s))[label][p.name])

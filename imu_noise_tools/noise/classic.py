@@ -20,6 +20,7 @@ from .evidence import Evidence
 from .kinds import Line, Mean, NoiseEffect, Spectrum
 from ..core import units
 from ..core.errors import UsageError
+from ..core.statistics import ONE_SIDED, TWO_SIDED
 from ..loop.effect import Estimate, Fit, Model
 
 FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
@@ -116,11 +117,12 @@ class _CurveTerms:
 def _from_square(square: float, spread: float, unit: str) -> Estimate:
     """Return an amplitude from its square and the standard deviation of that."""
     value = float(np.sqrt(square))
-    low, high = (float(np.sqrt(max(square + k * spread, 0))) for k in (-1.96, 1.96))
+    low, high = (float(np.sqrt(max(square + k * spread, 0))) for k in (-TWO_SIDED, TWO_SIDED))
     if low > 0:
         return Estimate(value, spread / (2 * value), (low, high), unit, point=value)
-    return Estimate(None, None, (0.0, high), unit, upper95=float(np.sqrt(square + 1.645 * spread)),
-                    point=value, note='not observable in the Allan curve')
+    upper = float(np.sqrt(square + ONE_SIDED * spread))
+    return Estimate(None, None, (0.0, high), unit, upper95=upper, point=value,
+                    note='not observable in the Allan curve')
 
 
 def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:

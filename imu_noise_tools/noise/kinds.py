@@ -21,6 +21,7 @@ import numpy as np
 from scipy.fft import idct
 
 from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
+from ..core.statistics import interval
 from ..loop.effect import Effect, Estimate, Fit, Model, Parameter
 
 __all__ = [
@@ -393,7 +394,7 @@ MEASURED = (Line, Defect, Modulation)
 
 def measured(value: float, std: float) -> Estimate:
     """Return what was measured on the samples, with a normal interval, its unit left out."""
-    return Estimate(value, std, (value - 1.96 * std, value + 1.96 * std), point=value, fixed=True)
+    return Estimate(value, std, interval(value, std), point=value, fixed=True)
 
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:

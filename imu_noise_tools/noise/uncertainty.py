@@ -10,9 +10,8 @@ import numpy as np
 from .explained import OPEN
 from .kinds import MEASURED
 from ..core import units
+from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..loop.effect import Estimate
-
-CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
 
 
 def with_linear(likelihood, model, linear):
@@ -70,10 +69,10 @@ def _linear_estimates(likelihood, linear):
     ):
         std = float(np.sqrt(max(variance, 0)))
         value = float(value)
-        lo, hi = value - 1.96 * std, value + 1.96 * std
+        lo, hi = interval(value, std)
         unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
         if slot.parameter.amplitude and lo <= 0 <= hi:
-            upper = abs(value) + 1.645 * std
+            upper = abs(value) + ONE_SIDED * std
             e = Estimate(
                 None,
                 std,
@@ -101,7 +100,7 @@ def plain_estimates(likelihood, x, information, linear):
         out.setdefault(slot.label, {})[slot.parameter.name] = Estimate(
             value,
             s,
-            (value - 1.96 * s, value + 1.96 * s),
+            interval(value, s),
             units.si(slot.parameter.unit, likelihood.evidence.sensor),
             point=value,
         )

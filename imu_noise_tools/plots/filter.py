@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png
+from ..core.statistics import TWO_SIDED
 from ..filter.evaluate import autocorrelation, distribution_view, spectrum_view
 
 POINTS = 4000           # drawn of a series at most
@@ -17,7 +18,7 @@ def correlation(ax, z, lags: int = 40, title: str = ''):
     """Draw the autocorrelation of z (n,) with the 95 % limits of white noise."""
     dress(ax, title, 'lag, samples', 'autocorrelation')
     r = autocorrelation(z, lags)
-    limit = 1.96 / np.sqrt(len(z))
+    limit = TWO_SIDED / np.sqrt(len(z))
     ax.axhspan(-limit, limit, color=GOOD, alpha=0.15, linewidth=0)
     ax.vlines(
         np.arange(1, lags + 1),
@@ -42,7 +43,7 @@ def innovations(axes, u, dt: float, title: str = ''):
     dress(time, f'{title}: innovations' if title else 'innovations', 'time, s', 'sigma')
     some = slice(None, None, max(1, len(u) // POINTS))
     time.plot((np.arange(len(u)) * dt)[some], u[some], '.', markersize=1.5, color=MEASURED)
-    time.axhspan(-1.96, 1.96, color=GOOD, alpha=0.15, linewidth=0)
+    time.axhspan(-TWO_SIDED, TWO_SIDED, color=GOOD, alpha=0.15, linewidth=0)
     view = spectrum_view(u, dt)
     dress(spectrum, 'spectrum: pull from flat', 'frequency, Hz', 'sigma')
     log_scale(spectrum.xaxis, view.x[0], view.x[-1], most=4)

@@ -6,7 +6,7 @@
 import numpy as np
 
 from ..kinds import Defect, Parameter, Response
-from ...core.statistics import repeats
+from ...core.statistics import repeats, TWO_SIDED
 from ...loop.effect import Estimate, Finding
 
 
@@ -90,7 +90,8 @@ class Duplicates(Defect, Response):
             float(gain),
             effect,
             {
-                'fraction': Estimate(share, std, (max(share - 1.96 * std, 0), share + 1.96 * std)),
+                'fraction': Estimate(
+                    share, std, (max(share - TWO_SIDED * std, 0), share + TWO_SIDED * std)),
                 'pattern': Estimate(effect['pattern'], None, None),
             },
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '

@@ -8,6 +8,7 @@ from scipy.ndimage import median_filter
 from scipy.special import chdtri, digamma, polygamma
 
 from ..kinds import Defect, Parameter
+from ...core.statistics import TWO_SIDED
 from ...loop.effect import Estimate, Finding
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
@@ -115,7 +116,7 @@ class Shock(Defect):
             float(np.sum(kept['worth'])),
             self.with_values(**values),
             {
-                name: Estimate(v, float(s), (max(v - 1.96 * s, 0.0), v + 1.96 * s))
+                name: Estimate(v, float(s), (max(v - TWO_SIDED * s, 0.0), v + TWO_SIDED * s))
                 for (name, v), s in zip(values.items(), spread.values())
             },
             view='distribution',

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.special import log_ndtr, ndtri
 
 from ..kinds import Defect, Parameter
-from ...core.statistics import grid_step, middle_sigma, repeats
+from ...core.statistics import grid_step, median_sigma, middle_sigma, repeats, TWO_SIDED
 from ...loop.effect import Estimate, Finding
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
@@ -132,7 +132,8 @@ class Spikes(Defect):
             float(gain),
             effect,
             {
-                'rate': Estimate(rate, float(std), (max(rate - 1.96 * std, 0), rate + 1.96 * std)),
+                'rate': Estimate(
+                    rate, float(std), (max(rate - TWO_SIDED * std, 0), rate + TWO_SIDED * std)),
                 'sigma': Estimate(
                     spread,
                     spread / np.sqrt(2 * k),
@@ -247,7 +248,7 @@ def _local_sigma(rest):
     edges = np.linspace(0, len(rest), count + 1).astype(int)
     middle = 0.5 * (edges[1:] + edges[:-1])
     some = [rest[i:j:max(1, (j - i) // 2000)] for i, j in zip(edges, edges[1:])]
-    sigma = np.array([max(1.4826 * float(np.median(np.abs(x))), middle_sigma(x)) for x in some])
+    sigma = np.array([max(float(median_sigma(x)), middle_sigma(x)) for x in some])
     sigma = maximum_filter1d(sigma, 3, mode='nearest')  # where it changes, the louder counts
     # a block in which nearly nothing happens says little of the noise in it
     return middle, np.maximum(sigma, 0.1 * np.median(sigma))

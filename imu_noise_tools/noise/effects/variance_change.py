@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 
 from ..kinds import Modulation, Parameter
 from ..views import block_variance, followed_by, power_in_time, rough_degrees
+from ...core.statistics import interval
 from ...loop.effect import Estimate, Finding
 
 
@@ -92,7 +93,7 @@ class VarianceChange(Modulation):
             float(gain),
             effect,
             {
-                k: Estimate(v, std.get(k), (v - 1.96 * std[k], v + 1.96 * std[k])
+                k: Estimate(v, std.get(k), interval(v, std[k])
                             if k in std else None)
                 for k, v in effect.values.items()
             },
