@@ -16,9 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from scipy.special import digamma, ndtri, polygamma
+from scipy.special import ndtri
 
 from ..core.spectrum import bins_of, cosine_transform, power
+from ..core.statistics import gamma_excess, gamma_pull
 from ..loop.effect import Finding, Score, View
 
 LAGS = 20               # of the Ljung-Box test
@@ -74,15 +75,10 @@ def spectrum_view(u: np.ndarray, dt: float) -> View:
     bins = bins_of(n, dt)
     x = power(cosine_transform(u), dt, bins) / (2 * dt)
     w = bins.count.astype(float)
-    x = np.maximum(x, 1e-12)
-    half = w / 2
-    chance = w * (np.log(half) - digamma(half))
-    scatter = np.maximum(w ** 2 * polygamma(1, half) - 2 * w, 0.0)
+    excess, variance = gamma_excess(x, w)
     mean = n * float(np.mean(u) ** 2) - 1
-    excess = (float(np.sum(w * (x - np.log(x) - 1) - chance)) + mean) / len(x)
-    pull = np.cbrt(x)                                           # Wilson, Hilferty 1931
-    pull = (pull - (1 - 2 / (9 * w))) / np.sqrt(2 / (9 * w))
-    return View('spectrum', bins.f, pull, excess, float(np.sqrt(scatter.sum() + 2)) / len(x), 'Hz')
+    return View('spectrum', bins.f, gamma_pull(x, w), float(np.sum(excess) + mean) / len(x),
+                float(np.sqrt(np.sum(variance) + 2)) / len(x), 'Hz')
 
 
 def distribution_view(u: np.ndarray) -> View:

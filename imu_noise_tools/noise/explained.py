@@ -19,10 +19,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import chdtr, chdtrc, digamma, ndtri
+from scipy.special import digamma
 
 from .kinds import Parameter, Response
 from ..core.spectrum import Bins
+from ..core.statistics import gamma_pull_exact
 
 AGREES = 4.0  # standard errors within which a band is explained
 NEARLY = 0.02  # or this share of its power
@@ -182,28 +183,6 @@ class Bands:
         return np.bincount(self.of, values, self.count)
 
 
-def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """
-    Return the standard normal pull of x ~ chi^2_w/w, (b,).
-
-    By the cube root (Wilson and Hilferty 1931) and, where that says more than 2.5, exactly: of few
-    degrees of freedom its upper tail is a thousand times too thin at 4.
-
-    """
-    w = np.maximum(w, 0.5)
-    spread = 2 / (9 * w)
-    pull = np.asarray((np.cbrt(x) - (1 - spread)) / np.sqrt(spread))
-    far = (np.abs(pull) > 2.5) & (np.abs(pull) < 12)
-    if far.any():
-        some, tail = pull[far], (w * x)[far]
-        n = w[far]
-        p = np.where(some > 0, chdtrc(n, tail), chdtr(n, tail))
-        some = np.where(p > 1e-300, np.sign(some) * -ndtri(np.maximum(p, 1e-300)), some)
-        pull = pull.copy()
-        pull[far] = some
-    return pull
-
-
 @dataclass(frozen=True)
 class Judgement:
     """
@@ -238,11 +217,11 @@ def judge(
         which would carry what is off at high frequencies down to the level at 1 s.
 
     """
-    near = np.abs(gamma_pull(ratio, count)) <= FAR
+    near = np.abs(gamma_pull_exact(ratio, count)) <= FAR
     w = count * near
     left = bands.sum(w)
     mean = bands.sum(w * ratio) / np.maximum(left, 1e-9)
-    pull = np.where(left > 0, gamma_pull(mean, left), np.inf)
+    pull = np.where(left > 0, gamma_pull_exact(mean, left), np.inf)
     enough = bands.sum(near.astype(float)) >= 0.5 * bands.sum(np.ones(len(ratio)))
     # a fit that crosses the spectrum agrees in the mean: its slope does not
     at = np.arange(len(ratio)) - (bands.sum(w * np.arange(len(ratio)))

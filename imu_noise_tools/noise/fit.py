@@ -19,7 +19,7 @@ import numpy as np
 
 from .evidence import Evidence
 from .explained import (
-    Bands, Explained, FAR, gamma_pull, judge, Judgement, NEARLY, OPEN, set_aside, SetAside,
+    Bands, Explained, FAR, judge, Judgement, NEARLY, OPEN, set_aside, SetAside,
     supported as supported_by
 )
 from .kinds import Mean, Spectrum
@@ -28,11 +28,13 @@ from .measured import with_measured
 from .starts import most_promising, reddest, starts
 from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
 from ..core.errors import FitError
+from ..core.statistics import gamma_pull_exact
 from ..loop.effect import Fit, Model
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.7, 0.95))  # or all but these
+NAMED = 3  # stretches that are named one by one where the fit leaves out more
 _ROUNDS = 12  # of choosing bands and fitting again
 _ORDERS = 4  # terms of the response that may be left open
 _MOST_TERMS, _TERM_NATS = 8, 1.0  # in the end, and what one must gain at least to ask for another
@@ -242,12 +244,22 @@ def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
 
 def _in_words(aside) -> list[str]:
     """Say what the fit does not rest on."""
-    return [
-        f'not explained from {s.low:.3g} to {s.high:.3g} Hz ({s.direction} power, '
-        f'{s.ratio:.2g} times the model\'s; {100 * s.share:.2g} % of the power): '
-        'the values rest on the rest'
-        for s in aside
+    if not aside:
+        return []
+    largest = sorted(sorted(aside, key=lambda s: -s.share)[:NAMED], key=lambda s: s.low)
+    others = [s for s in aside if s not in largest]
+    said = [
+        f'from {s.low:.3g} to {s.high:.3g} Hz ({s.direction} power, {s.ratio:.2g} times the '
+        f'model\'s; {100 * s.share:.2g} % of the power)'
+        for s in largest
     ]
+    if others:
+        count = f'{len(others)} narrow stretches' if len(others) > 1 else 'a narrow stretch'
+        said.append(
+            f'in {count} from {others[0].low:.3g} to {others[-1].high:.3g} Hz '
+            f'({100 * sum(s.share for s in others):.2g} % of the power)'
+        )
+    return [f'not explained {", ".join(said)}: the values rest on the rest']
 
 
 def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained | None) -> _Found:
@@ -330,7 +342,7 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
         return [(now.weight, 0), (hint.weight, hint.order)]
     f = plain.likelihood.bins.f
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
-    near = np.abs(gamma_pull(*_ratio(plain))) < FAR
+    near = np.abs(gamma_pull_exact(*_ratio(plain))) < FAR
     parts = [span <= share for share in _SPANS[:-1]] + [near]
     parts += [(span < low) | (span > high) for low, high in _HOLES]
     return [(part.astype(float), 0) for part in parts]

@@ -140,6 +140,11 @@ def estimates(likelihood, x, information, linear, reddest):
         else:
             hi = profile.crossing(j, +1, CHI2_95, wide)
             note = ''
+            if (lo is not None and lo > x[j]) or (hi is not None and hi < x[j]):
+                note = 'the likelihood has two maxima: the interval holds both'
+                flags.append(f'{slot.label}.{slot.parameter.name}: {note}')
+                lo, hi = (None if end is None else pick(end, x[j])
+                          for end, pick in ((lo, min), (hi, max)))
             if lo is None or hi is None:
                 note = 'one end of the interval is the bound of the search'
                 flags.append(f'{slot.label}.{slot.parameter.name}: {note}')

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import digamma, ndtr, ndtri, polygamma
+from scipy.special import ndtr, ndtri
 
 from .evidence import claimed_lines, Evidence
 from .kinds import (
@@ -34,34 +34,13 @@ from .kinds import (
 )
 from .likelihood import Likelihood
 from ..core.spectrum import bins_of, expected
+from ..core.statistics import gamma_excess, gamma_pull
 from ..loop.effect import Fit, Model, View
 from ..loop.verdict import tail
 
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
 SEGMENTS = 8  # stretches of the record, predicted in turn from the others
-
-
-def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return (excess, variance) of each bin, x = measured / model power of w coefficients.
-
-    w (x - ln x - 1) less its expectation w (ln(w/2) - psi(w/2)) for x ~ chi^2_w/w; its variance is
-    w^2 psi'(w/2) - 2 w.
-
-    """
-    w = np.maximum(w, 0.5)
-    x = np.maximum(x, 1e-300)
-    return (
-        w * (x - np.log(x) - 1) - w * (np.log(w / 2) - digamma(w / 2)),
-        np.maximum(w**2 * polygamma(1, w / 2) - 2 * w, 0),
-    )
-
-
-def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return a nearly standard normal pull of x ~ chi^2_w/w (Wilson and Hilferty 1931)."""
-    spread = 2 / (9 * np.maximum(w, 0.5))
-    return (np.cbrt(x) - (1 - spread)) / np.sqrt(spread)
 
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):

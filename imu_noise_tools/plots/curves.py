@@ -11,6 +11,7 @@ from typing import cast
 import numpy as np
 
 from ..core.allan import AllanCurve, degrees_of_freedom
+from ..core.statistics import gamma_pull
 from ..loop.prediction import State
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effect_avar
@@ -18,7 +19,6 @@ from ..noise.evidence import Evidence
 from ..noise.kinds import Line, Mean
 from ..noise.likelihood import Likelihood
 from ..noise.problem import NoiseProblem
-from ..noise.views import gamma_pull
 
 # A run is marked where |pull| > 2 for three points or more, one of them > 3; or for one alone > 5.
 NOTABLE, STRIKING, ALONE = 2.0, 3.0, 5.0

@@ -10,6 +10,8 @@ Each function draws on an Axes and returns it.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -186,8 +188,8 @@ def shade(ax, x, marked):
     return ax
 
 
-HATCHED = {'facecolor': 'none', 'edgecolor': '#b9b9b9', 'hatch': '////', 'linewidth': 0.0,
-           'zorder': 0}
+HATCHED: dict[str, Any] = {
+    'facecolor': 'none', 'edgecolor': '#b9b9b9', 'hatch': '////', 'linewidth': 0.0, 'zorder': 0}
 
 
 def psd(ax, state: State):
