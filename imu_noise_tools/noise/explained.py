@@ -228,6 +228,7 @@ def judge(
     Parameters
     ----------
     bands : Bands
+        Of the bins.
     ratio : ndarray (b,)
         Measured power over the model's.
     count : ndarray (b,)
@@ -283,6 +284,7 @@ def supported(
     Parameters
     ----------
     bands : Bands
+        Of the bins.
     power, weight : ndarray (b,)
         Measured power and degrees of freedom of each bin.
     v : ndarray (b,)
@@ -324,7 +326,9 @@ def set_aside(bands: Bands, explained, measured, count, v, total) -> tuple[SetAs
     Parameters
     ----------
     bands : Bands
+        Of the bins.
     explained : ndarray (b,) of bool
+        Which bins are.
     measured, v : ndarray (b,)
         Power and the model's.
     count : ndarray (b,)
