@@ -228,7 +228,7 @@ def judge(
     Parameters
     ----------
     bands : Bands
-        Of the bins.
+        Of these bins.
     ratio : ndarray (b,)
         Measured power over the model's.
     count : ndarray (b,)
@@ -284,7 +284,7 @@ def supported(
     Parameters
     ----------
     bands : Bands
-        Of the bins.
+        Of these bins.
     power, weight : ndarray (b,)
         Measured power and degrees of freedom of each bin.
     v : ndarray (b,)
@@ -326,9 +326,9 @@ def set_aside(bands: Bands, explained, measured, count, v, total) -> tuple[SetAs
     Parameters
     ----------
     bands : Bands
-        Of the bins.
+        Of these bins.
     explained : ndarray (b,) of bool
-        Which bins are.
+        Whether a bin is.
     measured, v : ndarray (b,)
         Power and the model's.
     count : ndarray (b,)
