@@ -1,14 +1,11 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Statistics that everything shares: 95 % intervals, robust scales, the grid that samples stand on.
-
-"""
+"""Statistics that everything shares: 95 % intervals, robust scales, the grid of samples."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,12 +18,12 @@ MAD = 1.482602218505602         # standard deviation over median absolute deviat
 FAR = (101, 149, 211)  # samples: longer than any hold
 
 
-def interval(value, std):
-    """Return the 95 % interval (low, high) of what is normal about a value."""
+def interval(value: Any, std: Any) -> tuple[Any, Any]:
+    """Return (low, high), within which 95 % of what is normal about a value lies."""
     return value - TWO_SIDED * std, value + TWO_SIDED * std
 
 
-def median_sigma(x: np.ndarray, axis: int | None = None):
+def median_sigma(x: np.ndarray, axis: int | None = None) -> Any:
     """Return the standard deviation of what is normal about zero, from the median of its size."""
     return MAD * np.median(np.abs(x), axis=axis)
 

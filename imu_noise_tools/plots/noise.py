@@ -110,9 +110,10 @@ def _key(figure, hatched=False):
         ('one effect (in parentheses: not observable)', {'color': MEASURED, **dashes}),
         ('where a coefficient is read', {'color': MEASURED, **circle}),
         ('measured and model differ: |pull| > 2', {'color': '#e9a9a1', 'linewidth': 7})]
-    handles: list = [Line2D([], [], label=name, **how) for name, how in entries]
+    handles: list = [Line2D([], [], label=name, **look) for name, look in entries]
     if hatched:
-        handles.append(Patch(label='not explained: the fit does not rest on it', **HATCHED))
+        how: Any = HATCHED
+        handles.append(Patch(label='not explained: the fit does not rest on it', **how))
     figure.legend(handles=handles, loc='upper center',
                   ncol=len(handles) if figure.get_figwidth() > 11 else 3, fontsize=SMALL,
                   frameon=False, handlelength=1.8, borderaxespad=0.2)
