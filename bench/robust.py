@@ -99,14 +99,14 @@ def three_lines(y, dt, rng):
 
 
 def resonance(y, dt, rng):
-    """A band of Q 5 ... 50 at 0.1 ... 0.8 of Nyquist, its top 3 ... 300 times the white power."""
+    """Add a band of Q 5 ... 50 at 0.1 ... 0.8 of Nyquist, its top 3 ... 300x the white."""
     b, a = iirpeak(rng.uniform(0.1, 0.8), np.exp(rng.uniform(np.log(5), np.log(50))))
     high = np.exp(0.5 * rng.uniform(np.log(3), np.log(300)))
     return y + high * lfilter(b, a, white(len(y), dt, rng)), TRUTH['N']
 
 
 def resonance_slow_side(y, dt, rng):
-    """The same with two poles and no zeros: its slow side is white and belongs to N."""
+    """Return the same with two poles and no zeros: its slow side is white and belongs to N."""
     f, q = rng.uniform(0.1, 0.6), np.exp(rng.uniform(np.log(5), np.log(50)))
     r = np.exp(-np.pi * f / (2 * q))
     a = [1, -2 * r * np.cos(np.pi * f), r * r]
@@ -117,7 +117,7 @@ def resonance_slow_side(y, dt, rng):
 
 
 def hump(y, dt, rng):
-    """A band one to three octaves wide at 0.02 ... 0.4 of Nyquist, 2 ... 30 times the white."""
+    """Add a band one to three octaves wide at 0.02 ... 0.4 of Nyquist, 2 ... 30x the white."""
     middle = np.exp(rng.uniform(np.log(0.02), np.log(0.4)))
     half = 2 ** (0.5 * rng.uniform(1, 3))
     b, a = butter(2, (middle / half, min(middle * half, 0.95)), 'band')
@@ -138,7 +138,7 @@ def knocks(y, dt, rng):
 
 
 def on_and_off(y, dt, rng):
-    """A machine that runs for 5 ... 30 % of the time: a band 3 ... 30 times the white power."""
+    """Add a machine that runs for 5 ... 30 % of the time: a band 3 ... 30x the white."""
     n = len(y)
     length = int(rng.uniform(0.05, 0.3) * n)
     i = int(rng.integers(0, n - length))
@@ -150,7 +150,7 @@ def on_and_off(y, dt, rng):
 
 
 def several(y, dt, rng):
-    """A roll-off, a hump, a resonance and a line at once."""
+    """Return a roll-off, a hump, a resonance and a line at once."""
     for one in (hump, resonance, three_lines, second_order):
         y, _ = one(y, dt, rng)
     return y, TRUTH['N']

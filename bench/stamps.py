@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Stamps as drivers make them: is every loss counted, and is the rate right?
+Count losses and read rates of stamps as drivers make them, against the truth.
 
 Each pattern is the mechanism of a driver (a queue, a frame, a tick, a poll), not a formula of the
 package. Per pattern and draw another rate (50 to 400 Hz unless the mechanism has its own), length
@@ -114,106 +114,129 @@ def px4(n, rate_tick=4.0e-3, every=34, more=8.0e-4):
 
 
 def even(d):
+    """Return stamps of the pattern: even."""
     return d.arrived()
 
 
 def interrupt(d):
+    """Return stamps of the pattern: interrupt."""
     return d.arrived() + 20e-6 * d.rng.standard_normal(d.there.sum())
 
 
 def scheduler(d, share=0.05):
+    """Return stamps of the pattern: scheduler."""
     return in_order(d.arrived() + share * d.p * d.rng.standard_normal(d.there.sum()))
 
 
 def rough_scheduler(d):
+    """Return stamps of the pattern: rough scheduler."""
     return scheduler(d, 0.3)
 
 
 def queue(d, mean=0.2):
+    """Return stamps of the pattern: queue."""
     return in_order(d.arrived() + d.rng.exponential(mean * d.p, d.there.sum()))
 
 
 def heavy(d):
+    """Return stamps of the pattern: heavy."""
     return in_order(d.arrived() + 0.05 * d.p * d.rng.pareto(1.5, d.there.sum()))
 
 
 def usb_1ms(d):
+    """Return stamps of the pattern: a USB device polled every 1 ms."""
     return np.ceil(d.arrived() / 1e-3) * 1e-3 + 5e-6 * d.rng.random(d.there.sum())
 
 
 def usb_8ms(d):
+    """Return stamps of the pattern: a USB device polled every 8 ms."""
     return np.ceil(d.arrived() / 8e-3) * 8e-3 + 5e-6 * d.rng.random(d.there.sum())
 
 
 def ftdi(d):
+    """Return stamps of the pattern: an FTDI serial adapter with its latency timer."""
     return read_by_loop(d.arrived(), 16e-3, d.rng, spread=0.002)
 
 
 def serial_buffer(d):
+    """Return stamps of the pattern: serial buffer."""
     return read_by_loop(d.arrived(), 60e-3, d.rng, spread=0.2, parse=1.5e-3)
 
 
 def bluetooth(d):
+    """Return stamps of the pattern: bluetooth."""
     return read_in_packets(d.arrived(), 10, 2e-4, lambda n: d.rng.gamma(2, 8e-3, n), d.rng)
 
 
 def python_loop(d):
+    """Return stamps of the pattern: python loop."""
     return read_by_loop(d.arrived(), 20e-3, d.rng, spread=0.3)
 
 
 def milliseconds(d):
+    """Return stamps of the pattern: milliseconds."""
     return np.floor(d.arrived() * 1e3) / 1e3
 
 
 def jiffies(d):
+    """Return stamps of the pattern: stamps taken on kernel ticks."""
     return np.floor(d.arrived() / 1e-2) * 1e-2
 
 
 def windows(d):
+    """Return stamps of the pattern: windows."""
     return np.floor(d.arrived() / 15.625e-3) * 15.625e-3
 
 
 def ntp_forward(d):
+    """Return stamps of the pattern: a clock that NTP sets forward."""
     t = d.arrived()
     return t + (t > t[-1] * d.rng.uniform(0.2, 0.8)) * d.p * (d.rng.integers(1, 8) + 0.5)
 
 
 def ntp_little_back(d):
+    """Return stamps of the pattern: a clock that NTP sets back a little."""
     t = d.arrived()
     return t - (t > t[-1] * d.rng.uniform(0.2, 0.8)) * 0.4 * d.p
 
 
 def set_back(d):
+    """Return stamps of the pattern: set back."""
     t = d.arrived()
     return t - (t > t[-1] * d.rng.uniform(0.2, 0.8)) * 3600.0
 
 
 def slewed(d):
+    """Return stamps of the pattern: slewed."""
     t = d.arrived()
     return t + 5e-4 * np.clip(t - 100, 0, 100) - 5e-4 * np.clip(t - 200, 0, 100)
 
 
 def stalls(d):
+    """Return stamps of the pattern: stalls."""
     return stalled(d.arrived(), d.rng, 20, 0.05, 0.5) + 1e-5 * d.rng.random(d.there.sum())
 
 
 def collector(d):
+    """Return stamps of the pattern: collector."""
     t = d.arrived()
     return in_order(np.where(np.mod(t, 2.0) < 0.06, t - np.mod(t, 2.0) + 0.06, t))
 
 
 def scheduler_slip(d):
+    """Return stamps of the pattern: scheduler slip."""
     n = len(d.there)
     d.taken = px4(n)
     return d.arrived() + 15e-6 * d.rng.standard_normal(d.there.sum())
 
 
 def fifo_polled(d):
+    """Return stamps of the pattern: a device FIFO polled by the host."""
     return read_by_loop(d.arrived(), 50e-3, d.rng, spread=0.05, parse=5e-5)
 
 
 def overflow(d):
-    """A device FIFO of 85 samples that overflows while its reader is held up, six times."""
+    """Return times of a FIFO of 85 samples that overflows while its reader is held up."""
     d.runs(6, 20, 85)
     t = d.arrived()
     hole = np.flatnonzero(np.diff(t) > 10 * d.p)

@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Statistics that everything shares: 95 % intervals, robust scales, the grid that samples stand on.
-
-"""
+"""Statistics that everything shares: 95 % intervals, robust scales, the grid of samples."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ FAR = (101, 149, 211)  # samples: longer than any hold
 
 
 def interval(value: Any, std: Any) -> tuple[Any, Any]:
-    """Return the 95 % interval (low, high) of what is normal about a value."""
+    """Return (low, high), within which 95 % of what is normal about a value lies."""
     return value - TWO_SIDED * std, value + TWO_SIDED * std
 
 

@@ -147,7 +147,7 @@ class Engine:
     @property
     def rate_hz(self) -> float | None:
         """Nominal rate, once known."""
-        return 1 / self._clock.interval if self._clock else None
+        return 1 / self._clock.interval if self._clocked else None
 
     def step(self, stamp_s: float, gyro) -> tuple[np.ndarray, np.ndarray] | None:
         """
@@ -302,4 +302,4 @@ class Engine:
 
     def probabilities(self) -> np.ndarray | None:
         """Return the probabilities of the modes (modes, 3) of a bank; None before it runs."""
-        return None if self._bank is None else self._bank.mu.copy()
+        return self._bank.mu.copy() if self._ready else None

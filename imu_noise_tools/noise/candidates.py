@@ -114,7 +114,7 @@ def _gained(evidence: Evidence, before: Fit, after: Fit) -> float:
     """
     bands = Bands.on(evidence.whole.bins)
     # what is solved for in the mean takes degrees of freedom: ln v counts with those of both
-    full = np.maximum(before.details.weight, after.details.weight)
+    full = np.maximum(np.maximum(before.details.weight, after.details.weight), 1e-9)
     one, other = (
         supported(bands, d.power * d.weight / full, full, d.v, CAP)
         for d in (before.details, after.details))

@@ -110,7 +110,7 @@ def _key(figure, hatched=False):
         ('one effect (in parentheses: not observable)', {'color': MEASURED, **dashes}),
         ('where a coefficient is read', {'color': MEASURED, **circle}),
         ('measured and model differ: |pull| > 2', {'color': '#e9a9a1', 'linewidth': 7})]
-    handles: list = [Line2D([], [], label=name, **how) for name, how in entries]
+    handles: list = [Line2D([], [], label=name, **look) for name, look in entries]
     if hatched:
         handles.append(Patch(label='not explained: the fit does not rest on it', **HATCHED))
     figure.legend(handles=handles, loc='upper center',
