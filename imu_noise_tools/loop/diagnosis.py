@@ -274,13 +274,15 @@ class _Search:
         labels, model = self.labels_of(chain), self.model_of(chain)
         members = dict(zip(labels, chain))
         out: dict[str, Finding] = {}
-        while members:
-            said = {k: self._unconfirmed(model, k, f) for k, f in members.items()}
-            worst = min(said, key=lambda k: said[k][0])
-            if not said[worst][1]:
-                break
-            out[worst] = replace(members.pop(worst), against=said[worst][1])
-            model = model.minus(worst)
+        doubted = list(labels)
+        while doubted:
+            # what was confirmed beside more stays so: another that goes leaves it more to explain
+            said = {k: self._unconfirmed(model, k, members[k]) for k in doubted}
+            doubted = sorted((k for k in doubted if said[k][1]), key=lambda k: said[k][0])
+            if doubted:
+                worst = doubted.pop(0)
+                out[worst] = replace(members.pop(worst), against=said[worst][1])
+                model = model.minus(worst)
         for k, f in members.items():
             against = self._unhealed(model, k, f) or self._shaped(model, k, f) \
                 or self._shadowed(model, f)

@@ -19,9 +19,9 @@ from scipy.special import chdtrc
 
 #: probability from which one effect is named (DESIGN, the verdict)
 SURE = 0.9
-#: family-wise level at which a test fails, by Holm 1979: half a per cent, shared equally by the two
-#: looks at a record (tests on the whole of it, and the error on data not fitted); on records in
-#: which nothing is hidden ``python bench/hidden_effects.py --set none`` shows what it costs
+#: family-wise level at which a test fails, by Holm 1979: half a per cent, shared equally by the
+#: two looks at a record (tests on the whole of it, and the error on data not fitted); on records
+#: in which nothing is hidden ``python bench/hidden_effects.py --set none`` shows what it costs
 LEVEL = 0.005 / 2
 #: standard deviations up to which an error on data not fitted is within chance
 CHANCE = 2.0
