@@ -23,8 +23,8 @@ SURE = 0.9
 #: ``python bench/hidden_effects.py --set none`` shows what it costs
 LEVEL = 0.005
 #: the same for the views of an error on data not fitted, which is looked at beside those tests and
-#: at every rung: of 210 axes with nothing hidden 1.0 % fail at 0.5 %, where coherence has a tail of
-#: 2.9 % instead, and none of coherence at this level
+#: at every rung: of 210 axes with nothing hidden 1.0 % fail at 0.5 %, where coherence has a tail
+#: of 2.9 % instead, and none of coherence at this level
 HELD_OUT_LEVEL = 0.001
 #: standard deviations up to which an error on data not fitted is within chance
 CHANCE = 2.0
