@@ -333,5 +333,5 @@ def test_places(name, unit, x, said):
 
 def test_views_fail_by_the_one_rule():
     views = [View(name, np.zeros(1), np.zeros(1), excess, 0.1)
-             for name, excess in (('time', 0.35), ('a', 0.2), ('b', 2.0))]
+             for name, excess in (('time', 0.45), ('a', 0.2), ('b', 2.0))]
     assert [v.name for v in words.failing(Score.of(views))] == ['b', 'time']

@@ -26,9 +26,10 @@ from .effect import Effect, Finding, Fit, Model, Score, unfitted
 from .prediction import fall_of, State
 from ..core.errors import FitError
 
-CHAINS = 3  # chains that are followed, rivals' included
+CHAINS = 2  # chains that are followed, rivals' included
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
+PLACES = 8  # places at which candidates are fitted; from then on none is begun
 ROUNDS = 4  # times the search begins anew without what was refuted
 LISTED = 8  # candidates that are listed
 
@@ -141,6 +142,7 @@ class _Search:
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
         self.scores: dict[frozenset[str], float] = {}
+        self._looked = 0
 
     # --- models -----------------------------------------------------------------------------
 
@@ -150,7 +152,10 @@ class _Search:
         if key not in self._places:
             try:
                 here = self.state.fit if model == self.base else self.problem.point(model)
-                looks = model == self.base or self.problem.looks_again
+                # the effort is bounded: where everything fails, each place takes seconds
+                looks = model == self.base or (
+                    self.problem.looks_again and self._looked < PLACES)
+                self._looked += looks and not self.problem.knows_candidates(here)
                 found = self.problem.candidates(here) if looks else []
                 self._places[key] = _Place(model, here, tuple(
                     sorted((f for f in found if f.effect is not None), key=lambda f: -surplus(f))))
@@ -274,17 +279,19 @@ class _Search:
         labels, model = self.labels_of(chain), self.model_of(chain)
         members = dict(zip(labels, chain))
         out: dict[str, Finding] = {}
-        doubted = list(labels)
+        doubted = list(members)     # what holds beside more holds beside less
         while doubted:
-            # what was confirmed beside more stays so: another that goes leaves it more to explain
             said = {k: self._unconfirmed(model, k, members[k]) for k in doubted}
-            doubted = sorted((k for k in doubted if said[k][1]), key=lambda k: said[k][0])
+            doubted = [k for k in doubted if said[k][1]]
             if doubted:
-                worst = doubted.pop(0)
+                worst = min(doubted, key=lambda k: said[k][0])
+                doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 model = model.minus(worst)
+        place = self.base
         for k, f in members.items():
-            against = self._unhealed(model, k, f) or self._shaped(model, k, f) \
+            before, place = place, place.plus(_new(f))
+            against = self._unhealed(before, place, f) or self._shaped(model, k, f) \
                 or self._shadowed(model, f)
             if against:
                 out[k] = replace(f, against=against)
@@ -307,9 +314,9 @@ class _Search:
                           f'{rules.FALL:.0f}')
         return fall, f'it raises the deviance of data not fitted by {-fall:.1f}'
 
-    def _unhealed(self, model: Model, name: str, finding: Finding) -> str:
-        """Say that the view a member claims to heal does not gain what it claims."""
-        without, with_it = self.tests(model.minus(name)), self.tests(model)
+    def _unhealed(self, before_it: Model, after_it: Model, finding: Finding) -> str:
+        """Say that the view a member claims to heal does not gain at its place what it claims."""
+        without, with_it = self.tests(before_it), self.tests(after_it)
         if finding.view not in {f.view for f in failures(without)}:
             return ''
         if finding.view not in {f.view for f in with_it}:

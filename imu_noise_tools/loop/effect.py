@@ -515,7 +515,7 @@ class Score:
         """Names of the views that fail, the surest first; the surest where only their sum does."""
         each = {k: (v.excess, v.std) for k, v in self.views.items()}
         found = verdict.views_failing(each)
-        if not found and each and verdict.tail(self.excess, self.std) < verdict.LEVEL:
+        if not found and each and verdict.tail(self.excess, self.std) < verdict.HELD_OUT_LEVEL:
             found = [min(each, key=lambda k: verdict.tail(*each[k]))]
         return found
 

@@ -69,6 +69,10 @@ class Problem(ABC):
                 found.setdefault(view.name, []).append(view)
         return Score.of(_merged(views) for views in found.values())
 
+    def knows_candidates(self, fit: Fit[Any]) -> bool:
+        """Tell whether the candidates of a fit are known already, so that asking costs nothing."""
+        return False
+
     def shape(self, fit: Fit[Any], label: str, claim: float) -> str:
         """
         Say that a form without a name does better than an effect of the model.

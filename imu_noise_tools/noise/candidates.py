@@ -18,6 +18,7 @@ from . import views
 from .evidence import Evidence
 from .explained import Bands, supported
 from .fit import fit as fit_part
+from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
@@ -43,6 +44,9 @@ def candidates(problem, fit: Fit) -> list[Finding]:
     if problem.method != 'likelihood':
         fit = fit_part(evidence, unfitted(fit.model), intervals=False)
     explained = {x for e in fit.model.of(NoiseEffect) for x in e.explains}
+    # further on, where the spectrum asks for nothing, nothing is fitted to it
+    quiet = bool(problem.tried) and not problem.knows_candidates(fit) and asks_nothing(
+        evidence, fit)
     found = []
     for name, known in registry('noise').items():
         cls = cast('type[NoiseEffect]', known)
@@ -50,7 +54,13 @@ def candidates(problem, fit: Fit) -> list[Finding]:
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
-        finding = _one(problem, fit, cls())
+        # lines are out of the spectrum in any case: beside one more, others gain what they gained
+        if quiet and issubclass(cls, (Spectrum, Response)) and not issubclass(cls, MEASURED):
+            continue
+        key = (*problem.without_lines(fit.model), name)
+        if issubclass(cls, Line) or key not in problem.tried:
+            problem.tried[key] = _one(problem, fit, cls())
+        finding = problem.tried[key]
         if finding is None or not np.isfinite(finding.gain):
             continue
         if not views.hidden_by(fit, finding.view):  # nothing could confirm it

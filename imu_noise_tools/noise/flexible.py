@@ -23,6 +23,8 @@ from ..loop.effect import Finding, Fit
 from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE
 
 KNOTS = 8  # free levels of the smooth form
+QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
+QUIET_PULL = 4.0  # of a single bin, for narrow ones
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
 
@@ -90,6 +92,14 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
     return Finding('shape', gain, view='frequency',
                    p_value=float(chdtrc(KNOTS - used, 2 * max(gain, 0.0))),
                    evidence=f'a smooth form fits the spectrum better by {gain:.1f} nats{where}')
+
+
+def asks_nothing(evidence: Evidence, fit: Fit) -> bool:
+    """Tell whether neither a smooth form nor a single bin of the spectrum asks for more."""
+    f, x, w = spectrum_left(evidence, fit)
+    some = w > 0
+    return smooth_gain(x, w, np.log(f)) < QUIET_GAIN and float(
+        np.max(np.abs(views.gamma_pull(x[some], w[some])))) < QUIET_PULL
 
 
 def _where(f, x, w):

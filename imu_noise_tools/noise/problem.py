@@ -14,7 +14,7 @@ from .candidates import candidates
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
-from .kinds import Spectrum
+from .kinds import Line, Spectrum
 from .materiality import Materiality, materiality
 from .plan import duration_for, in_words
 from ..core.allan import dominant_shape
@@ -54,6 +54,7 @@ class NoiseProblem(Problem):
         self._points: dict = {}
         self._candidates: dict = {}
         self._begun: dict[tuple[str, ...], Fit] = {}
+        self.tried: dict[tuple[str, ...], Finding | None] = {}
         self._matters: dict = {}
 
     @property
@@ -84,7 +85,12 @@ class NoiseProblem(Problem):
 
     def begin_from(self, fit: Fit) -> None:
         """Keep a fit, from which a later one of the same effects begins."""
-        self._begun[tuple(fit.model.labels)] = fit
+        self._begun[self.without_lines(fit.model)] = fit
+
+    @staticmethod
+    def without_lines(model: Model) -> tuple[str, ...]:
+        """Return the labels of what is fitted to the spectrum, sorted."""
+        return tuple(sorted(e.label for e in model if not isinstance(e, Line)))
 
     def point(self, model: Model) -> Fit:
         """Fit a model without the intervals of its values, which cost most of the time."""
@@ -94,7 +100,7 @@ class NoiseProblem(Problem):
             return self._fits[model]
         if model not in self._points:
             if self.part == 'whole':
-                begun = self._begun.get(tuple(model.labels))
+                begun = self._begun.get(self.without_lines(model))
                 near = {'start': begun.model, 'hint': begun.details.hint} if begun else {}
                 self._points[model] = self._by_method(
                     fit_part(self.evidence, model, intervals=False, cautious=True, **near)
@@ -189,6 +195,11 @@ class NoiseProblem(Problem):
         if fit.model not in self._candidates:
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
+
+    def knows_candidates(self, fit: Fit) -> bool:
+        """Tell whether all but lines were tried beside such a model already."""
+        known = self.without_lines(fit.model)
+        return any(k[:-1] == known for k in self.tried)
 
     def shape(self, fit: Fit, label: str, claim: float) -> str:
         """Say that a flexible form does better than an effect of the model, which gains claim."""
