@@ -201,10 +201,15 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
 
 def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
     """Return one target's diagnosis as a status; a missing or unknown effect is a warning."""
-    best: Mapping = next(iter(entry.get('ranked') or ()), {})
-    named = entry['verdict'] in ('missing', 'undecidable') and best
-    text = f'{entry["verdict"]}: {best["effect"]}' if named else entry['verdict']
-    values = {'verdict': entry['verdict'], 'best': best.get('effect'),
+    found: list = entry.get('found') or []
+    remaining: Mapping = entry.get('remaining') or {}
+    best: Mapping = next(iter(found or entry.get('ranked') or ()), {})
+    named = [f['effect'] for f in found] or (
+        [best['effect']] if best and entry['verdict'] == 'undecidable' else [])
+    text = f'{entry["verdict"]}: {", ".join(named)}' if named else entry['verdict']
+    values = {'verdict': entry['verdict'], 'found': ', '.join(f['effect'] for f in found) or None,
+              'remaining': ', '.join(f['test'] for f in remaining.get('failed', ())) or None,
+              'sufficient': entry.get('sufficient'), 'best': best.get('effect'),
               'gain [nat]': best.get('gain'), 'probability [1]': best.get('probability'),
               'evidence': best.get('evidence'), 'advice': entry.get('advice') or None}
     level = WARN if entry['verdict'] in ('missing', 'unknown') else OK

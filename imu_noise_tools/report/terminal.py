@@ -114,7 +114,7 @@ def _head(study, verbose):
     lines = [f'{study.domain}: ' + ', '.join(short)] if short else [study.domain]
     if verbose:
         lines += [f'  {key}: {value}' for key, value in known]
-    lines += [f'  warning: {w}' for w in study.source.get('warnings') or ()]
+        lines += [f'  warning: {w}' for w in study.source.get('warnings') or ()]
     disturbed = words.disturbed_in_words(study.source)
     most = len(disturbed) if verbose else MOST_DISTURBED
     lines += [f'  {line}' for line in disturbed[:most]]
