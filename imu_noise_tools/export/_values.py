@@ -112,7 +112,8 @@ def rests_on(study: Study, horizon: float | None = None) -> list[str]:
                    'of the sensor')
     for axis, state in study.states.items():
         found = cast(NoiseProblem, state.problem).matters(state.fit)
-        where = ', '.join(f'{f.low:.2g}-{f.high:.2g} Hz' for f in found.failures[:4])
+        places = sorted(found.failures[:4], key=lambda f: f.low)
+        where = ', '.join(_stretch(f.low, f.high) for f in places)
         more = f' and {len(found.failures) - 4} more' if len(found.failures) > 4 else ''
         if not (where or fails(state)):
             continue
@@ -123,6 +124,12 @@ def rests_on(study: Study, horizon: float | None = None) -> list[str]:
             'N and K written are those whose curve is not below the measured one from '
             '{:g} to {:g} s'.format(*_span(state, horizon))))
     return out
+
+
+def _stretch(low: float, high: float) -> str:
+    """Return a stretch of frequencies; one that is narrower than it is told as is one place."""
+    ends = f'{low:.3g}', f'{high:.3g}'
+    return f'{ends[0]} Hz' if ends[0] == ends[1] else f'{"-".join(ends)} Hz'
 
 
 def _at_one_second(state: State) -> str:
