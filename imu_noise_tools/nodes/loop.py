@@ -11,7 +11,7 @@ import traceback
 from std_srvs.srv import Trigger
 
 from . import messages
-from .run import under_way
+from .run import ending, under_way
 from ..core.errors import ImuNoiseError
 from ..loop.study import Study
 from ..store import diagnosis_to_dict, step_to_dict
@@ -31,6 +31,8 @@ def guarded(node, work: Callable[[], dict | None]) -> tuple[dict, bool]:
     except ImuNoiseError as error:
         return {'error': error.message, 'remedy': error.remedy}, False
     except Exception as error:
+        if ending():        # its publishers go while it works: that is no defect
+            return {'error': 'the node ends', 'remedy': 'start it again'}, False
         node.get_logger().error(traceback.format_exc())
         return {'error': f'{type(error).__name__}: {error}'}, False
 

@@ -24,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from ..core.errors import ImuNoiseError
 
 _busy: list[object] = []
+_ending = threading.Event()
 
 
 def events_executor():
@@ -79,6 +80,7 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
         print(f'error: {str(error).strip()}', file=sys.stderr)
         status = 1
     finally:
+        _ending.set()
         _close(node, executor)
     if _busy:
         # Threads of a pool are joined at exit, so one that computes would hold the process.
@@ -102,6 +104,11 @@ def _close(node, executor) -> None:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def ending() -> bool:
+    """Tell whether the node is being taken down, so that what is under way fails for that."""
+    return _ending.is_set()
 
 
 @contextmanager
