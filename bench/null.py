@@ -55,17 +55,20 @@ SOURCES = ('candidates', 'evidence', 'explained', 'fit', 'gather', 'kinds', 'lik
 
 
 def source_hash() -> str:
-    """Return a hash of the code that the table rests on; its prose does not count."""
+    """Return a hash of the lines of code that the table rests on; prose does not count."""
     total = hashlib.sha256()
     noise = TOP / 'imu_noise_tools' / 'noise'
     for path in sorted({p for name in SOURCES for p in noise.glob(f'{name}.py')}):
-        tree = ast.parse(path.read_text(encoding='utf-8'))
-        for node in ast.walk(tree):
+        text = path.read_text(encoding='utf-8')
+        prose: set[int] = set()
+        for node in ast.walk(ast.parse(text)):
             body = getattr(node, 'body', None)
             if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(
                     body[0].value, ast.Constant) and isinstance(body[0].value.value, str):
-                body[0].value.value = ''
-        total.update(path.name.encode() + ast.dump(tree).encode())
+                prose.update(range(body[0].lineno, (body[0].end_lineno or 0) + 1))
+        # lines, not the tree: every version of Python writes a tree in its own way
+        code = [x.strip() for i, x in enumerate(text.splitlines(), 1) if i not in prose]
+        total.update('\n'.join([path.name, *(x for x in code if x and x[0] != '#')]).encode())
     return total.hexdigest()[:16]
 
 
