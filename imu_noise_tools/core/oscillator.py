@@ -13,6 +13,8 @@ Analysis, section 3.2), so that all that follows are geometric sums of p = r e^{
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from .spectrum import Bins
@@ -50,37 +52,79 @@ def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
     bin with several coefficients the integral of that, less what alternates between neighbours.
 
     """
-    n, dt = bins.n, bins.dt
+    return 2 * bins.dt * sigma**2 * np.maximum(_unit(bins, f0, width)[0], 0.0)
+
+
+def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return d :func:`binned`/d ln f0 and d ln width, (b,) each."""
+    _, by_f0, by_width = _unit(bins, f0, width)
+    return 2 * bins.dt * sigma**2 * by_f0, 2 * bins.dt * sigma**2 * by_width
+
+
+@lru_cache(maxsize=64)
+def _unit(bins: Bins, f0: float, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Return E c_k^2 of unit variance over the bins, and its slopes by ln f0 and ln width.
+
+    It is Re(a F(p)) and F is analytic: dF = p F' dp/p, d ln p = i theta d ln f0 - pi width dt d ln
+    width.
+
+    """
+    dt = bins.dt
     p, a = _pole(f0, width, dt)
-    phi = 2 * np.pi * bins.f * dt
+    theta, damping = 2 * np.pi * f0 * dt, np.pi * width * dt
+    value, slope = _sums(bins, p)
+    narrow = np.tanh(damping)
+    by_f0 = 1j * narrow * theta / np.sin(theta) ** 2 * value + a * 1j * theta * slope
+    by_width = -1j * (1 - narrow**2) * damping / np.tan(theta) * value - a * damping * slope
+    return 1 + (a * value).real, by_f0.real, by_width.real
+
+
+def _sums(bins: Bins, p: complex) -> tuple[np.ndarray, np.ndarray]:
+    """Return (F, p F') over the bins, (b,) complex, E c_k^2 = 1 + Re(a F)."""
+    n = bins.n
+    alone, turn, sign, sine, begin, edge, span = _angles(bins)
+    out = np.empty((2, len(bins.first)), complex)
+    tapered, plain = 0, 0
+    for z, side in ((p * turn, 1), (p * np.conj(turn), -1)):
+        one, zn = 1 - z, p**n * sign    # z^n: e^{i n phi} is +-1
+        plain = plain + side * np.array([
+            (z - zn) / one, (z - n * zn + (n - 1) * zn * z) / one**2])
+        tapered = tapered + np.array([
+            z / one - z * (1 - zn) / (n * one**2),
+            z / one**2 - (z - (n + 1) * zn * z + 2 * z * z * (1 - zn) / one) / (n * one**2)])
+    out[:, alone] = tapered + 1j * plain / (n * sine[alone])
+    if len(span):
+        tapered, plain = 0, 0
+        for z, side in ((p * edge, 1), (p * np.conj(edge), -1)):
+            # z/(1 - z) integrates to +-i ln(1 - z), z/(1 - z)^2 to -+i/(1 - z)
+            one = 1 - z
+            integral = side * 1j * np.array([np.log(one), -z / one])
+            plain = plain + side * integral
+            tapered = tapered + integral + side * 1j / n * np.array([1 / one, z / one**2])
+        wide = ~alone[begin:]
+        whole = np.diff(tapered) + 1j * np.diff(plain) / (n * sine[begin:])
+        out[:, begin:][:, wide] = (whole / span)[:, wide]
+    return out[0], out[1]
+
+
+@lru_cache(maxsize=8)
+def _angles(bins: Bins):
+    """
+    Return what the sums take from the bins alone.
+
+    ``alone`` (b,) bool holds one coefficient, ``turn`` and ``sign`` are e^{i phi} and e^{i n phi}
+    of those, ``sine`` (b,) is sin phi; from bin ``begin`` on are those that hold several, ``edge``
+    e^{i phi} at their edges and ``span`` their width in phi.
+
+    """
+    phi = 2 * np.pi * bins.f * bins.dt
     alone = bins.count == 1
-    up, down = p * np.exp(1j * phi[alone]), p * np.exp(-1j * phi[alone])
-    out = np.empty(len(phi))
-    out[alone] = 1 + (a * (_tapered(up, n) + _tapered(down, n))).real \
-        - (a * (_plain(up, n) - _plain(down, n)) / 1j).real / (n * np.sin(phi[alone]))
-    if not alone.all():
-        wide = ~alone
-        low, high = (np.pi * (k[wide] - 0.5) / n for k in (bins.first, bins.last))
-        part = []
-        for edge in (low, high):
-            # z = p e^{+-i phi}: z/(1 - z) integrates to +-i ln(1 - z), z/(1 - z)^2 to -+i/(1 - z)
-            up, down = 1 - p * np.exp(1j * edge), 1 - p * np.exp(-1j * edge)
-            plain = 1j * np.log(up), -1j * np.log(down)
-            tapered = plain[0] + 1j / up / n, plain[1] - 1j / down / n
-            part.append(edge + (a * (tapered[0] + tapered[1])).real
-                        - (a * (plain[0] - plain[1]) / 1j).real / (n * np.sin(phi[wide])))
-        out[wide] = (part[1] - part[0]) / (high - low)
-    return 2 * dt * sigma**2 * np.maximum(out, 0.0)
-
-
-def _plain(z: np.ndarray, n: int) -> np.ndarray:
-    """Return the sum of z^j over 0 < j < n."""
-    return (z - z**n) / (1 - z)
-
-
-def _tapered(z: np.ndarray, n: int) -> np.ndarray:
-    """Return the sum of (1 - j/n) z^j over 0 < j < n."""
-    return z / (1 - z) - z * (1 - z**n) / (n * (1 - z) ** 2)
+    begin = int(np.argmin(alone)) if not alone.all() else len(alone)
+    edge = np.pi * (np.append(bins.first[begin:], bins.last[-1]) - 0.5) / bins.n
+    sign = 1.0 - 2.0 * (bins.first[alone] % 2)
+    return (alone, np.exp(1j * phi[alone]), sign, np.sin(phi), begin, np.exp(1j * edge),
+            np.diff(edge))
 
 
 def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:

@@ -26,7 +26,7 @@ LINEAR = 128  # no bin is wider than 1/128 of Nyquist: filters act on a linear s
 CORRECTED = 32  # coefficients whose expectation differs noticeably from the spectrum at f_k
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bins:
     """
     Bins of DCT coefficients of an n-sample record.
