@@ -72,8 +72,7 @@ def _best_columns(likelihood, model, effect, options, keep=2):
     y = likelihood.slow_rest(model, smooth(likelihood.power)) * root
 
     def columns(e):
-        rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
-        x = likelihood._slow_transform(e.columns(likelihood.inputs, **rest)) * root[:, None]
+        x = likelihood.slow_columns(e) * root[:, None]
         scale = np.sqrt(np.sum(x**2, axis=0))
         return x / np.where(scale > 0, scale, 1.0)
 
