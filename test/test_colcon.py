@@ -88,7 +88,7 @@ class Recorded:
 def launching(monkeypatch):
     """Make launch files importable where launch is not (it is not to be had from pip)."""
     for module, names in (('launch', ('LaunchDescription',)), ('launch_ros', ()),
-                          ('launch.actions', ('DeclareLaunchArgument',)),
+                          ('launch.actions', ('DeclareLaunchArgument', 'Shutdown')),
                           ('launch.substitutions', ('LaunchConfiguration',)),
                           ('launch_ros.actions', ('Node',))):
         stand_in = ModuleType(module)

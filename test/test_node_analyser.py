@@ -17,7 +17,7 @@ from imu_noise_tools.bag import open_record
 from imu_noise_tools.bag.writing import write_bag
 from imu_noise_tools.core.record import AXES, ImuRecord
 from imu_noise_tools.noise.kinds import model_avar
-from imu_noise_tools.store import study_to_dict
+from imu_noise_tools.store import load, study_to_dict
 from imu_noise_tools.tasks.noise import analyse_record
 from nodes_support import (
     Clock,
@@ -367,3 +367,41 @@ def test_loops_begin_again_and_present_stamps_can_be_had(ros, small_bag):
         assert firsts[k:k + 4] == ['first:0', 'first:4096', 'first:0', 'first:4096']
         assert [d.size for d in some[k + 1].layout.dim] == [4200 - 4096, 7]
         assert ros.set_parameter(reader.full, 'loop', False) == (True, '')
+
+
+def test_a_bag_goes_to_the_analyser_whoever_else_listens(ros, small_bag):
+    """With a listener there first, the reader waits for the one that is named, and says so."""
+    bag, record = small_bag
+    ns = ros.namespace()
+    with ros.listening(f'{ns}/imu/buffer', Float64MultiArray):
+        reader = ros.start('bag_reader', ns, bag=str(bag), publish='buffer',
+                           wait_for_subscribers=1.0, readers=['analyser'])
+        ros.ready(reader)
+        assert wait_for(lambda: f'waiting for {ns}/analyser' in reader.text), reader.text
+        analyser = ros.start('analyser', ns, input='buffer', exit_at_end=True)
+        assert analyser.end() == 0, analyser.text
+        assert 'end of bag' in reader.text and f'{ns}/analyser' in reader.text
+    folder = analyser.folder / 'analyser.study'
+    names = {p.name for p in folder.iterdir()}
+    assert names >= {'study.yaml', 'imu.yaml', 'allan.csv', 'allan.png', 'report.html',
+                     'evidence.npz'}
+    study = load(folder)
+    assert study.source['samples'] == record.n
+    told = [x for x in analyser.lines if '[analyser]' in x and 'INFO' in x][-4:]
+    for line, word in zip(told, (f'{record.n} samples', 'gyro', 'accel', str(folder))):
+        assert word in line, analyser.text
+
+
+def test_a_bag_of_which_nothing_arrived_is_not_complete(ros, small_bag):
+    """A bag that was played before the analyser came: said, not complete, and status 1."""
+    bag, _ = small_bag
+    ns = ros.namespace()
+    reader = ros.start('bag_reader', ns, bag=str(bag), publish='buffer', wait_for_subscribers=0.0)
+    ros.ready(reader)
+    assert wait_for(lambda: 'end of bag' in reader.text), reader.text
+    analyser = ros.start('analyser', ns, input='buffer')
+    told = status(ros, ns)
+    assert told['samples'] == '0' and told['complete'] == 'false'
+    assert wait_for(lambda: '6000 of 6000 samples did not arrive' in analyser.text), analyser.text
+    again = ros.start('analyser', ns, {'__node': 'second'}, input='buffer', exit_at_end=True)
+    assert again.end() == 1, again.text

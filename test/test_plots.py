@@ -355,10 +355,10 @@ def test_pixels_are_what_an_image_message_wants(study):
 
 @pytest.mark.parametrize('axes', [['gyro_x'], ['accel_y', 'accel_z'], ['gyro_z', 'accel_x']])
 def test_figures_of_some_axes(study, axes):
-    some = Study('noise', {a: study.states[a] for a in axes})
+    some = Study('noise', {a: study.states[a] for a in axes}, {'left_out': [[1.0, 2.0, 'knock']]})
     panels_ = [ax.get_title(loc='left') for ax in noise.allan_figure(some).axes]
     assert [t for t in panels_ if t in axes] == axes
-    assert style.png(noise.series_figure(some, [(1.0, 2.0, 'knock')]))
+    assert style.png(noise.series_figure(some))
 
 
 def test_no_global_state_of_matplotlib_is_touched():

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import re
 from typing import NamedTuple
 
@@ -125,11 +126,13 @@ def record_of(
     rate_hz: float | None,
     progress: Progress,
     memory: Memory | None = None,
+    apart: bool = False,
 ) -> ImuRecord:
     """
     Return the record that the chosen topics make; ``rate_hz`` goes before the stamps.
 
-    Long arrays are kept where ``memory`` says.
+    Long arrays are kept where ``memory`` says. Of two topics that are not sampled together the
+    accelerometer's is a record ``beside`` where ``apart`` is asked for, else it is interpolated.
 
     Raises
     ------
@@ -149,40 +152,81 @@ def record_of(
                 'left out'
             )
     parts = {name: _part(bag, readers[name], said) for name in choice.names}
+    made = _made_of(choice, parts, apart, said, memory)
+    if rate_hz is not None and len(made) > 1:
+        raise InputError(
+            f'{bag.path}: {" and ".join(choice.names)} have a rate each, --rate-hz gives one',
+            'choose one of them with --topic',
+        )
+    covariates = [
+        (readers[t.name], readers[t.name].columns.take()) for t in beside
+        if readers[t.name].columns.n
+    ]
+    first, *others = (
+        _record(bag, topic, part, rate_hz, covariates, said, memory) for topic, part in made
+    )
+    warnings = tuple(dict.fromkeys((*bag.warnings, *said)))
+    return replace(first, beside=tuple(others), warnings=warnings)
+
+
+def _made_of(
+    choice: Choice, parts: dict[str, Part], apart: bool, said: list[str], memory: Memory
+) -> list[tuple[str, Part]]:
+    """Return the topics and parts that records are made of: one, or one a sensor."""
     base = parts[choice.base]
-    if choice.gyro and choice.accel and choice.gyro != choice.accel:
-        base = base._replace(accel=_joined(choice, base, parts[choice.accel], said, memory))
-    elif not choice.gyro:
-        base = base._replace(gyro=None)
-    elif not choice.accel:
-        base = base._replace(accel=None)
-    stamp = base.stamp
+    topic = ','.join(choice.names)
+    if not choice.gyro:
+        return [(topic, base._replace(gyro=None))]
+    if not choice.accel:
+        return [(topic, base._replace(accel=None))]
+    if choice.gyro == choice.accel:
+        return [(topic, base)]
+    accel = parts[choice.accel]
+    said[:] = [s for s in said if 'part is all zero' not in s]
+    if base.gyro is None or accel.accel is None:
+        empty = choice.gyro if base.gyro is None else choice.accel
+        raise InputError(f'{empty} holds no such part', 'choose another pair with --topic')
+    together = _together(base, accel, memory)
+    alike = abs(len(accel.stamp) / len(base.stamp) - 1) < 0.01
+    if apart and not (alike and together is not None):
+        return [(choice.gyro, base._replace(accel=None)),
+                (choice.accel, accel._replace(gyro=None))]
+    if together is None:
+        together = _interpolated(choice, base, accel, said, memory)
+    return [(topic, base._replace(accel=together))]
+
+
+def _record(
+    bag: Bag, topic: str, part: Part, rate_hz: float | None,
+    known: list[tuple[Reader, dict[str, np.ndarray]]], said: list[str], memory: Memory,
+) -> ImuRecord:
+    """Return the record of one part, with the covariates at its times."""
+    stamp = part.stamp
     covariates: dict[str, np.ndarray] = {}
-    for info in beside:
-        _resample(readers[info.name], stamp, base.receive, covariates, said, memory)
+    for reader, arrays in known:
+        _resample(reader, arrays, part, covariates, said, memory)
     t = _seconds(stamp, stamp[0], memory)
-    receive_t = _seconds(base.receive, stamp[0], memory)
+    receive_t = _seconds(part.receive, stamp[0], memory)
     memory.rest()
     if rate_hz is not None:
         t[:] = np.arange(len(t)) / rate_hz
     rate = rate_hz or regular_rate(t)
     if rate is None:
         raise InputError(
-            f'{bag.path}: {choice.base} has no rate to be had from its stamps',
+            f'{bag.path}: {topic} has no rate to be had from its stamps',
             'give one with --rate-hz',
         )
     return ImuRecord(
-        gyro=base.gyro,
-        accel=base.accel,
+        gyro=part.gyro,
+        accel=part.accel,
         t=t,
         rate_hz=rate,
         start=float(stamp[0]) * NS,
         covariates=covariates,
-        topic=','.join(choice.names),
-        frame_id=base.frame_id,
+        topic=topic,
+        frame_id=part.frame_id,
         path=str(bag.path),
         receive_t=receive_t,
-        warnings=tuple(dict.fromkeys((*bag.warnings, *said))),
     )
 
 
@@ -240,22 +284,16 @@ def _holds_anything(x: np.ndarray) -> bool:
     return any(np.any((some != 0) & ~np.isnan(some)) for some in (x[:1000], *x[1000:].T))
 
 
-def _joined(
-    choice: Choice, gyro: Part, accel: Part, said: list[str], memory: Memory
-) -> np.ndarray:
+def _together(gyro: Part, accel: Part, memory: Memory) -> np.ndarray | None:
     """
-    Return the accelerations at the stamps of the rates.
+    Return the accelerations at the stamps of the rates, where they were sampled together.
 
-    Samples taken together are put together as they are. Where the rates of the topics differ, the
-    accelerations are interpolated, which takes noise out of them at short times.
+    Each is at most half a step from its rate; None where they were sampled at other times.
 
     """
-    said[:] = [s for s in said if 'part is all zero' not in s]
-    if gyro.gyro is None or accel.accel is None:
-        empty = choice.gyro if gyro.gyro is None else choice.accel
-        raise InputError(f'{empty} holds no such part', 'choose another pair with --topic')
     if len(gyro.stamp) == len(accel.stamp) and np.array_equal(gyro.stamp, accel.stamp):
         return accel.accel
+    assert accel.accel is not None
     order = np.argsort(accel.stamp, kind='stable')
     stamp = accel.stamp[order]
     after = np.clip(np.searchsorted(stamp, gyro.stamp), 1, max(len(stamp) - 1, 1))
@@ -267,12 +305,26 @@ def _joined(
     )
     step = np.median(np.diff(gyro.stamp)) if len(gyro.stamp) > 1 else 0
     close = np.abs(stamp[nearest] - gyro.stamp) <= step / 2
-    once = np.all(np.diff(nearest) > 0)
+    if not (np.all(np.diff(nearest) > 0) and close.mean() > 0.99):
+        return None
     out = memory.columns(len(gyro.stamp))
-    if once and close.mean() > 0.99:
-        for k in range(3):
-            out[:, k] = np.where(close, accel.accel[order[nearest], k], np.nan)
-        return out
+    for k in range(3):
+        out[:, k] = np.where(close, accel.accel[order[nearest], k], np.nan)
+    return out
+
+
+def _interpolated(
+    choice: Choice, gyro: Part, accel: Part, said: list[str], memory: Memory
+) -> np.ndarray:
+    """
+    Return the accelerations interpolated at the stamps of the rates, and say so.
+
+    That takes noise out of them at short times: it is for what needs both at once.
+
+    """
+    assert accel.accel is not None
+    order = np.argsort(accel.stamp, kind='stable')
+    stamp = accel.stamp[order]
     said.append(
         f'{choice.accel} and {choice.gyro} are sampled at different times; the accelerations '
         'were interpolated, '
@@ -280,6 +332,7 @@ def _joined(
         'accelerometer)'
     )
     at, known = (gyro.stamp - stamp[0]) * NS, (stamp - stamp[0]) * NS
+    out = memory.columns(len(gyro.stamp))
     for k in range(3):
         out[:, k] = np.interp(at, known, accel.accel[order, k])
     return out
@@ -287,19 +340,16 @@ def _joined(
 
 def _resample(
     reader: Reader,
-    stamp: np.ndarray,
-    receive: np.ndarray,
+    arrays: dict[str, np.ndarray],
+    part: Part,
     covariates: dict,
     said: list[str],
     memory: Memory,
 ) -> None:
     """Add a covariate topic, linearly interpolated to the Imu's times."""
-    if not reader.columns.n:
-        return
-    arrays = reader.columns.take()
-    at, known = stamp, arrays['stamp']
-    if known.max() < stamp.min() or known.min() > stamp.max():
-        at, known = receive, arrays['receive']
+    at, known = part.stamp, arrays['stamp']
+    if known.max() < at.min() or known.min() > at.max():
+        at, known = part.receive, arrays['receive']
         if known.max() < at.min() or known.min() > at.max():
             said.append(f'{reader.topic}: recorded at another time than the Imu; not used')
             return

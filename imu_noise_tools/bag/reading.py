@@ -34,6 +34,7 @@ def open_record(
     rate_hz: float | None = None,
     progress: Progress = None,
     memory: Memory | None = None,
+    apart: bool = False,
 ) -> ImuRecord:
     """
     Read one IMU record.
@@ -57,11 +58,15 @@ def open_record(
     memory : Memory, optional
         Where long arrays are kept; :class:`~imu_noise_tools.bag.Scratch` for what is too long for
         memory.
+    apart : bool
+        Of two topics that are not sampled together, keep each as it is: the accelerometer's is a
+        record ``beside`` the gyroscope's. Otherwise its samples are interpolated, which lowers
+        their noise, and that is said.
 
     Returns
     -------
     ImuRecord
-        As recorded, in order of receive time: nothing sorted out, nothing resampled but the
+        As recorded, in order of receive time: nothing sorted out, nothing else resampled but the
         covariates.
 
     Raises
@@ -84,8 +89,12 @@ def open_record(
         record = read_table(Path(path), rate_hz)
     else:
         with Bag(path) as bag:
-            record = record_of(bag, choose(bag, topic), rate_hz, progress, memory)
-    return _as_rate(_in_si(record, gyro_unit, accel_unit), input_kind, memory or Memory())
+            record = record_of(bag, choose(bag, topic), rate_hz, progress, memory, apart)
+    first, *others = (
+        _as_rate(_in_si(r, gyro_unit, accel_unit), input_kind, memory or Memory())
+        for r in record.streams
+    )
+    return replace(first, beside=tuple(others))
 
 
 def topics(path) -> list[TopicInfo]:

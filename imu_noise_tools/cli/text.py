@@ -114,11 +114,19 @@ def disturbed(found) -> list[str]:
 
 
 def inspection(found) -> str:
-    """Return a bag's topics and the health of its record."""
-    h = found.health
+    """Return a bag's topics and the health of its record, of each sensor where they are apart."""
     topics = [(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role)
               for t in found.topics]
-    out = [table(topics, ('topic', 'type', 'messages', 'Hz', 'used as')), '']
+    out = [table(topics, ('topic', 'type', 'messages', 'Hz', 'used as'))]
+    for one in (found, *found.beside):
+        out += ['', *_health(one)]
+    return '\n'.join(out)
+
+
+def _health(found) -> list[str]:
+    """Return the health of one stream, line by line."""
+    h = found.health
+    out: list[str] = []
 
     def line(name, value):
         out.append(f'{name:22s}{value}')
@@ -167,4 +175,4 @@ def inspection(found) -> str:
             for a in h.advice
             for w in textwrap.wrap(a, WIDTH - 2, initial_indent='- ', subsequent_indent='  ')
         ]
-    return '\n'.join(out)
+    return out

@@ -90,10 +90,9 @@ def inspect(args) -> int:
             {
                 'path': str(args.bag),
                 'topics': [asdict(t) for t in found.topics],
-                'topic': found.topic,
-                'health': asdict(found.health),
-                'disturbances': [asdict(d) for d in found.disturbances],
-                'left_out': found.left_out,
+                **_inspected(found),
+                'beside': {'gyro' if 'accel' in one.health.absent else 'accel': _inspected(one)
+                           for one in found.beside},
             }
         )
         return 0
@@ -101,6 +100,18 @@ def inspect(args) -> int:
 
     print(text.inspection(found))
     return 0
+
+
+def _inspected(found) -> dict:
+    """Return what was found in one stream as plain data."""
+    from dataclasses import asdict
+
+    return {
+        'topic': found.topic,
+        'health': asdict(found.health),
+        'disturbances': [asdict(d) for d in found.disturbances],
+        'left_out': found.left_out,
+    }
 
 
 def simulate(args) -> int:

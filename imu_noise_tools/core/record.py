@@ -115,6 +115,9 @@ class ImuRecord:
         How many of the samples are interpolated, because they were lost or not finite.
     stuck : tuple of str
         Axes that never change; they are not among ``axes``.
+    beside : tuple of ImuRecord
+        Records of sensors that have a clock of their own (a camera's accelerometer, on a topic of
+        its own); nothing done to this record is done to them.
 
     """
 
@@ -134,6 +137,12 @@ class ImuRecord:
     disturbances: tuple[Disturbance, ...] = ()
     missing: int = 0
     stuck: tuple[str, ...] = ()
+    beside: tuple[ImuRecord, ...] = ()
+
+    @property
+    def streams(self) -> tuple[ImuRecord, ...]:
+        """This record and those beside it, each for itself."""
+        return (replace(self, beside=()), *self.beside) if self.beside else (self,)
 
     @property
     def n(self) -> int:

@@ -48,11 +48,23 @@ def text(
             continue
         lines += [f'# {note}.' for note in value.notes]
         body.append(f'{key}: {number(value.one(axes) * inflate)}   # {unit}')
-    topic = str(study.source.get('topic') or '/imu0')
+    body += _stream(study)
+    return '\n'.join(lines + body) + '\n'
+
+
+def _stream(study: Study) -> list[str]:
+    """Return topic and rate, which are those of the gyroscope where the sensors have their own."""
+    streams = study.source.get('streams') or {}
+    first = streams.get('gyro', study.source)
+    topic = str(first.get('topic') or '/imu0').split(',')[0]
     quoted = "'" + topic.replace("'", "''") + "'"
-    rate = float(study.source.get('rate_hz', 0.0))
-    body += [
+    rate = float(first.get('rate_hz', 0.0))
+    out = [
         f'rostopic: {quoted}',
         f'update_rate: {rate:.6g}' if rate % 1 else f'update_rate: {rate:.1f}',
     ]
-    return '\n'.join(lines + body) + '\n'
+    if 'accel' in streams and 'gyro' in streams:
+        accel = streams['accel']
+        out.insert(0, f'# Topic and rate are the gyroscope\'s; the accelerometer is on '
+                      f'{accel["topic"]} at {accel["rate_hz"]:.6g} Hz: unite them for Kalibr.')
+    return out

@@ -13,6 +13,7 @@ import numpy as np
 
 from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
+from .united import united
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.disturbed import saturated
@@ -155,7 +156,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         },
         covariates=tuple(record.covariates),
     )
-    return _with_advice(record, found)
+    return _with_advice(tidy, found)
 
 
 def _clock_fields(
@@ -249,7 +250,7 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
             'the clock.'
         )
-    say += [*_stamp_advice(h), *_sample_advice(h)]
+    say += [*_stamp_advice(h), *_sample_advice(record, h)]
     if h.warm_up:
         say.append(
             f'{", ".join(h.warm_up)} still {"change" if len(h.warm_up) > 1 else "changes"} at '
@@ -293,7 +294,7 @@ def _length_advice(h: Health) -> list[str]:
     return say
 
 
-def _sample_advice(h: Health) -> list[str]:
+def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
     """Return sentences on the values of the samples."""
     say = []
     if h.clock_drift_ppm is not None and abs(h.clock_drift_ppm) > 500:
@@ -314,6 +315,7 @@ def _sample_advice(h: Health) -> list[str]:
             'faster than the '
             'sensor measures.'
         )
+    say += [f'{s[0].upper()}{s[1:]}.' for s in united(record)]
     for sensor in h.absent:
         say.append(
             f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.'

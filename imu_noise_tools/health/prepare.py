@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from .stamps import changed, ordered
+from .united import united
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, SampleClock
 from ..core.disturbed import disturbance, disturbances
@@ -82,6 +83,7 @@ def prepare(
     record, clock = _without_pauses(record)
     _enough(record)
     _finite_enough(record)
+    record = record.warned(*united(record))
     record = _filled(record, clock, memory)
     memory.rest()
     record = _stuck(record)

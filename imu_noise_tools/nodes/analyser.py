@@ -48,14 +48,16 @@ class Analyser(Node):
                     0.1, 3600.0),
             Setting('buffer_hours', 4.0, 'how much is held for the analysis', 'h', 0.001, 100.0,
                     fixed=True),
-            Setting('output_dir', 'analyser.study', 'folder in which everything is saved'))
+            Setting('output_dir', 'analyser.study', 'folder in which everything is saved'),
+            Setting('exit_at_end', False, 'end by itself when a bag is at its end and analysed'))
         self._stream = Stream(p['buffer_hours'])
         self._intake = Intake(self, self._stream, p['input'])
         self._results = Results(self, self._stream)
         self._folder = Folder()
         self._study: Study | None = None
         self._passes = '0'                      # of a bag, that were dealt with
-        self._refit = self._redraw = False
+        self._refit = self._redraw = self._at_end = False
+        self.status: int | None = None          # once set, the node ends with it
         group = MutuallyExclusiveCallbackGroup()
         Loop(self, self._the_study, self._show, group)
         for name in ('analyse', 'save', 'reset'):
@@ -90,7 +92,7 @@ class Analyser(Node):
     def finish(self) -> None:
         """Save what was gathered: the samples, and the last study that was finished."""
         self._intake.read()
-        if self._stream.received:
+        if self._stream.received and self.status is None:       # else everything is written
             content = store.study_files(self._study) if self._study else {}
             self.get_logger().info(f'saved in {self._save(content)}')
 
@@ -113,17 +115,42 @@ class Analyser(Node):
         self._intake.read()
         end, received = self._intake.end, self._stream.received
         late = self._intake.idle() > _PATIENCE
-        if end and received and self._intake.passes != self._passes and (received >= end or late):
-            self._passes, self._refit = self._intake.passes, True
-            if received < end:
+        new = end is not None and self._intake.passes != self._passes
+        if end is not None and new and (received >= end or late):
+            self._passes, self._at_end = self._intake.passes, True
+            self._refit = bool(received)
+            if received < end or not end:
                 self.get_logger().warning(f'{end - received} of {end} samples did not arrive')
-        for due, work in (('_refit', self.analyse), ('_redraw', self._draw)):
-            if getattr(self, due):
-                setattr(self, due, False)
-                said, good = guarded(self, work)
-                if not good:
-                    self.get_logger().error(f'{said["error"]} {said.get("remedy", "")}')
+        good = all([self._done(due, work) for due, work in (
+            ('_refit', self.analyse), ('_redraw', self._draw))])
+        leave = False
+        if self._at_end:
+            self._at_end = False
+            good = good and self._stream.received > 0 and self._attempt(self._conclude)
+            leave = self._settings['exit_at_end']
         self._results.tell('gathering' if self._study is None else 'analysed')
+        if leave:       # last of all: what is published after that finds nothing to publish on
+            self.status = 0 if good and self._stream.complete else 1
+
+    def _done(self, due: str, work) -> bool:
+        """Do what is due, if it is; return False where it failed."""
+        if not getattr(self, due):
+            return True
+        setattr(self, due, False)
+        return self._attempt(work)
+
+    def _attempt(self, work) -> bool:
+        said, good = guarded(self, work)
+        if not good:
+            self.get_logger().error(f'{said["error"]} {said.get("remedy", "")}')
+        return good
+
+    def _conclude(self) -> None:
+        """Write everything, and say in four lines what was found."""
+        study = self._the_study()
+        folder = self._save(tasks.outputs(study))
+        for line in summary(store.study_to_dict(study), folder):
+            self.get_logger().info(line)
 
     def _draw(self) -> None:
         self._results.draw(self._the_study())
@@ -137,6 +164,24 @@ class Analyser(Node):
             self._refresh_timer.timer_period_ns = int(values['update_period'] * 1e9)
         if self._study is not None and {'effects', 'method', 'keep_motion'} & set(values):
             self._refit = True
+
+
+def summary(data: dict, folder) -> list[str]:
+    """Return four lines on a study: what was analysed, a line a sensor, where it is."""
+    source = data['source']
+    lines = [f'analysed: {source["samples"]} samples, {source["duration_s"]:.5g} s at '
+             f'{source["rate_hz"]:.6g} Hz']
+    for sensor in ('gyro', 'accel'):
+        axes = [e for t, e in data['targets'].items() if t.startswith(sensor)]
+        worst: dict[str, tuple[float, str]] = {}
+        for effect in (e for entry in axes for e in entry['effects'].values()):
+            for name, found in effect.items():
+                size = isinstance(found, dict) and (found.get('value') or found.get('upper95'))
+                if isinstance(size, float) and 'shown' in found:
+                    worst[name] = max(worst.get(name, (0.0, '')), (size, found['shown']))
+        shown = ', '.join(f'{name} {text}' for name, (_, text) in worst.items())
+        lines.append(f'{sensor}, the worst of its axes: {shown}' if axes else f'no {sensor}')
+    return [*lines, f'written to {folder}; next: imu_noise diagnose {folder}']
 
 
 def _model(names: list[str]) -> None:

@@ -49,6 +49,8 @@ class BagReader(Node):
                     choices=('buffer', 'messages', 'both'), fixed=True),
             Setting('wait_for_subscribers', 10.0, 'longest wait for somebody to listen; 0: none',
                     's', 0.0, 86400.0, fixed=True),
+            Setting('readers', [''], 'nodes that must listen before it plays, e.g. analyser; '
+                    'none: whoever comes', fixed=True),
             Setting('loop', False, 'begin again at the end'),
             Setting('clock', False, 'publish the stamps on /clock', fixed=True),
             Setting('stamps', 'header', 'keep the header stamps, or stamp with the present time',
@@ -56,9 +58,12 @@ class BagReader(Node):
         if not p['bag']:
             raise InputError('no bag is given', 'give one with -p bag:=PATH')
         bag, topic = p['bag'], p['topic'] or None
-        self._total, self._of = about(bag, topic)
-        self._messages = self._output(Imu, 'imu/data_raw') if p['publish'] != 'buffer' else None
-        self._blocks = self._output(Float64MultiArray, 'imu/buffer') \
+        self._total, self._of, said = about(bag, topic)
+        if said:
+            self.get_logger().warning(said)
+        self._messages = self._publish_on(Imu, 'imu/data_raw') \
+            if p['publish'] != 'buffer' else None
+        self._blocks = self._publish_on(Float64MultiArray, 'imu/buffer') \
             if p['publish'] != 'messages' else None
         self._clock_topic = self.create_publisher(Clock, '/clock', 10) if p['clock'] else None
         self._status = self.create_publisher(DiagnosticArray, '~/status', result())
@@ -73,15 +78,41 @@ class BagReader(Node):
         self._changed({})
         self._player.begin()
 
-    def _output(self, kind, topic: str):
+    def _publish_on(self, kind, topic: str):
         return self.create_publisher(kind, topic, complete(), qos_overriding_options=overridable())
 
     # What the player calls, in its thread.
 
     def listeners(self) -> list[int]:
         """Return how many listen to each output."""
-        outputs = (self._messages, self._blocks)
-        return [o.get_subscription_count() for o in outputs if o is not None]
+        return [o.get_subscription_count() for o in self._outputs()]
+
+    def missing(self) -> list[str]:
+        """Return which of the readers that must listen are not there yet."""
+        space = self.get_namespace().rstrip('/')
+        wanted = [r if r.startswith('/') else f'{space}/{r}' for r in self._settings['readers']]
+        if not wanted:
+            return []
+        there = self._readers()
+        # a reader that the graph shows is not yet one that gets what is sent
+        known = all(o.get_subscription_count() >= self.count_subscribers(o.topic_name)
+                    for o in self._outputs())
+        return [r for r in wanted if r not in there or not known]
+
+    def _outputs(self) -> list:
+        return [o for o in (self._messages, self._blocks) if o is not None]
+
+    def _readers(self) -> list[str]:
+        """Return the full names of the nodes that listen to an output."""
+        return sorted({
+            f'{i.node_namespace.rstrip("/")}/{i.node_name}' for o in self._outputs()
+            for i in self.get_subscriptions_info_by_topic(o.topic_name)})
+
+    def waits_for(self, missing: list[str]) -> None:
+        """Say who is waited for."""
+        others = ', '.join(self._readers()) or 'nobody'
+        self.get_logger().warning(
+            f'waiting for {", ".join(missing)} to listen (there: {others})')
 
     def alone(self) -> None:
         """Say that nobody listens."""
@@ -123,8 +154,8 @@ class BagReader(Node):
     def flush(self) -> None:
         """Wait until all readers have what was sent."""
         self._since_flush = 0
-        for output in (self._messages, self._blocks):
-            while output is not None and not self._player.interrupted() and \
+        for output in self._outputs():
+            while not self._player.interrupted() and \
                     not output.wait_for_all_acked(Duration(seconds=0.2)):
                 pass
 
@@ -133,7 +164,8 @@ class BagReader(Node):
         if self._player.error:
             self.get_logger().error(self._player.error)
         else:
-            self.get_logger().info(f'end of bag: {self._player.sent} samples')
+            readers = ', '.join(self._readers()) or 'nobody'
+            self.get_logger().info(f'end of bag: {self._player.sent} samples, to {readers}')
         self._tell()
 
     # Services, parameters, status.

@@ -105,6 +105,7 @@ class Intake:
     def _hear(self, message) -> None:
         self._told = {v.key: v.value for s in message.status for v in s.values}
         self.end = int(self._told['samples']) if self._told.get('state') == 'end' else None
+        self._stream.expected = self.end
         self.passes = self._told.get('passes', '0')
 
     @property

@@ -110,12 +110,13 @@ class Stream:
 
     Safe to fill from one thread and to read from another. ``received`` counts what came,
     ``missed`` what did not (by the index of blocks, else by stamps), ``refused`` what could not
-    be read.
+    be read. ``expected`` is how many there should be, where that is known.
 
     """
 
     hours: float
     frame_id: str = ''
+    expected: int | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self):
@@ -138,6 +139,12 @@ class Stream:
     def whole(self) -> bool:
         """Whether everything that was received is still held."""
         return self.held == self.received
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that should have come has come, and is held; nothing is never complete."""
+        enough = self.expected is None or self.received >= self.expected
+        return bool(self.received) and not self.missed and self.whole and enough
 
     def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
             first: int | None = None) -> str:

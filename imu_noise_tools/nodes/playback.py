@@ -79,9 +79,9 @@ def pieces(path, topic: str | None, raw: bool) -> Iterator[Piece]:
         first += len(some)
 
 
-def about(path, topic: str | None) -> tuple[int, str]:
+def about(path, topic: str | None) -> tuple[int, str, str]:
     """
-    Return how many samples a record is said to have (0: nobody knows), and its topic.
+    Return how many samples a record is said to have (0: nobody knows), its topic, and a warning.
 
     Raises
     ------
@@ -91,11 +91,16 @@ def about(path, topic: str | None) -> tuple[int, str]:
     """
     if table_kind(path):
         record = read_table(Path(path), 1.0)
-        return record.n, record.topic
+        return record.n, record.topic, ''
     with Bag(path) as bag:
         choice = choose(bag, topic)
-        count = sum(t.samples for t in list_topics(bag) if t.name == choice.base)
-        return count, ','.join(choice.names)
+        counts = {t.name: t.samples for t in list_topics(bag) if t.name in choice.names}
+        said = ''
+        if len(counts) == 2 and max(counts.values()) > 1.01 * min(counts.values()):
+            said = (f'{" and ".join(choice.names)} are sampled at rates of their own; the '
+                    'accelerations are interpolated, so that their noise reads low: play one '
+                    'with -p topic:=, or use imu_noise analyse, which takes each as it is')
+        return counts[choice.base], ','.join(choice.names), said
 
 
 class Player:
@@ -176,11 +181,21 @@ class Player:
                     self._again.wait()
 
     def _wait_for_listeners(self) -> None:
-        """Wait until every output has a listener, or a while after the first, or patience ends."""
+        """
+        Wait until every output has a listener, or a while after the first, or patience ends.
+
+        For readers that are named it waits without end: a bag played to others is lost to them.
+
+        """
         began, first = time.monotonic(), None
         while self.patience and not self._interrupt.wait(0.05):
-            there = self._outputs.listeners()
+            there, missing = self._outputs.listeners(), self._outputs.missing()
             now = time.monotonic()
+            if missing and now - began > self.patience:
+                self._outputs.waits_for(missing)
+                began = now
+            if missing:
+                continue
             if any(there) and first is None:
                 first = now
             if all(there) or (first is not None and now - first > _SETTLE):

@@ -40,7 +40,7 @@ class Results:
     def _counts(self) -> dict:
         s = self._stream
         return {'held': s.held, 'missed': s.missed, 'refused': s.refused,
-                'complete': not s.missed and s.whole}
+                'complete': s.complete}
 
     def tell(self, state: str) -> None:
         """Publish how many samples came."""

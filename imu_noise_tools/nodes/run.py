@@ -47,7 +47,8 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
 
     ``rclpy.spin`` with rclpy's own handlers hangs or ends with status 1 on SIGTERM, hence handlers
     that only set an event. A node may have ``finish()``, called once before it is destroyed, to
-    save what was gathered. A computation still :func:`under_way` then is dropped.
+    save what was gathered, and may set ``status`` to end by itself with it. A computation still
+    :func:`under_way` then is dropped.
 
     Parameters
     ----------
@@ -69,9 +70,9 @@ def run(make_node, args=None, make_executor=events_executor) -> int:
         node = make_node()
         executor = make_executor()
         executor.add_node(node)
-        while rclpy.ok() and not stop.is_set():
+        while rclpy.ok() and not stop.is_set() and getattr(node, 'status', None) is None:
             executor.spin_once(timeout_sec=0.2)
-        status = 0
+        status = getattr(node, 'status', None) or 0
     except ImuNoiseError as error:
         print(f'error: {error}', file=sys.stderr)
         status = 1

@@ -272,11 +272,18 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
     """
     Return plain arrays by ``axis/field`` names, which :func:`from_arrays` reads.
 
-    What is shared is named ``common/...``.
+    What axes share is named ``common/...``, and ``common.2/...`` where there is more than one such
+    (sensors with a clock of their own); ``axis/common`` says which is whose.
 
     """
     out: dict[str, np.ndarray] = {}
+    shared = list({id(e.common): e.common for e in evidence.values()}.values())
+    names = {id(c): f'common.{k}' if k > 1 else 'common' for k, c in enumerate(shared, 1)}
+    for common in shared:
+        out.update(_common_to_arrays(names[id(common)], common))
     for axis, e in evidence.items():
+        if names[id(e.common)] != 'common':
+            out[f'{axis}/common'] = np.asarray(names[id(e.common)])
         for f in (f for f in fields(Evidence) if f.init):
             value, key = getattr(e, f.name), f'{axis}/{f.name}'
             if isinstance(value, Part):
@@ -300,12 +307,16 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
                 )
             elif f.name not in ('axis', 'common'):
                 out[key] = np.asarray(value)
-    common = next(iter(evidence.values())).common
-    out['common/slow_length'], out['common/slow_t'] = np.asarray(common.slow_length), common.slow_t
-    out.update({f'common/slow/{k}': v for k, v in common.slow.items()})
-    for name in ('cross', 'low'):
-        kept = getattr(common, name)
-        out.update({f'common/{name}/{"/".join(k)}': v for k, v in kept.items()})
+    return out
+
+
+def _common_to_arrays(name: str, common: Common) -> dict[str, np.ndarray]:
+    """Return what axes share as arrays below a name."""
+    out = {f'{name}/slow_length': np.asarray(common.slow_length), f'{name}/slow_t': common.slow_t}
+    out.update({f'{name}/slow/{k}': v for k, v in common.slow.items()})
+    for kind in ('cross', 'low'):
+        kept = getattr(common, kind)
+        out.update({f'{name}/{kind}/{"/".join(k)}': v for k, v in kept.items()})
     return out
 
 
@@ -315,8 +326,18 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
     for key, value in arrays.items():
         axis, _, rest = key.partition('/')
         tree.setdefault(axis, {})[rest] = value
-    flat = tree.pop('common')
-    common = Common(
+    shared = {
+        name: _common_from_arrays(tree.pop(name))
+        for name in [n for n in tree if n.partition('.')[0] == 'common']
+    }
+    return {
+        axis: _one_from_arrays(axis, flat, shared[str(flat.get('common', 'common'))])
+        for axis, flat in tree.items()
+    }
+
+
+def _common_from_arrays(flat: Mapping[str, np.ndarray]) -> Common:
+    return Common(
         int(flat['slow_length']),
         flat['slow_t'],
         _below(flat, 'slow'),
@@ -325,7 +346,6 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
             for name in ('cross', 'low')
         ),
     )
-    return {axis: _one_from_arrays(axis, flat, common) for axis, flat in tree.items()}
 
 
 def _below(flat, prefix):

@@ -30,12 +30,17 @@ def pictures(study: Study, full=()) -> dict[str, bytes]:
     ``series``, ``allan``, and ``target <name>`` of each target that is wanted in full.
 
     """
-    left_out = study.source.get('left_out') or ()
-    out = {'series': png(series_figure(study, left_out)), 'allan': png(allan_figure(study))}
+    out = {'series': png(series_figure(study)), 'allan': png(allan_figure(study))}
     for t in full:
-        figure = target_figure(study.states[t], study.diagnosis.get(t), left_out)
+        figure = target_figure(study.states[t], study.diagnosis.get(t), left_out(study, t))
         out[f'target {t}'] = png(figure)
     return out
+
+
+def left_out(study: Study, target: str):
+    """Return the stretches (from, to, why) that a target's fit does not use."""
+    streams = study.source.get('streams') or {}
+    return streams.get(target.partition('_')[0], study.source).get('left_out') or ()
 
 
 def _rows(study: Study) -> list[list[str]]:
@@ -151,7 +156,7 @@ def target_figure(state: State, diagnosis: Diagnosis | None = None, left_out=())
     return figure
 
 
-def series_figure(study: Study, left_out=()):
+def series_figure(study: Study):
     """Return the time series of all axes of a noise study: a column a sensor, a row an axis."""
     rows = _rows(study)
     count = max(len(r) for r in rows)
@@ -161,6 +166,6 @@ def series_figure(study: Study, left_out=()):
                                bottom=0.45 / high, hspace=0.42, wspace=0.16)
     for k, row in enumerate(rows):
         for i, target in enumerate(row):
-            series(figure.add_subplot(grid[i, k]), study.states[target], left_out,
-                   xlabel=i == len(row) - 1)
+            series(figure.add_subplot(grid[i, k]), study.states[target],
+                   left_out(study, target), xlabel=i == len(row) - 1)
     return figure

@@ -59,7 +59,8 @@ class Row:
     note: str
 
 
-SAID_APART = ('warnings', 'notes', 'left_out', 'disturbances')     # in sentences of their own
+# in sentences of their own
+SAID_APART = ('warnings', 'notes', 'left_out', 'disturbances', 'streams')
 
 
 def significant(value: float, std: float | None = None, least: int = 3) -> str:
@@ -250,6 +251,9 @@ def disturbed_in_words(source: Mapping) -> list[str]:
     When, what, its largest deviation, on which axes, and whether it is set aside from the fit.
 
     """
+    streams = source.get('streams')
+    if streams:
+        return [said for one in streams.values() for said in disturbed_in_words(one)]
     left = source.get('left_out') or ()
     said = []
     for d in source.get('disturbances') or ():
@@ -274,12 +278,24 @@ def disturbed_in_words(source: Mapping) -> list[str]:
 
 
 def source_rows(source: Mapping) -> list[tuple[str, str]]:
-    """Return what was measured, as (what, value), without warnings and stretches left out."""
+    """
+    Return what was measured, as (what, value), without warnings and stretches left out.
+
+    Of sensors with a clock each, what differs is given for each.
+
+    """
+    streams = source.get('streams') or {}
     out = []
     for key, value in source.items():
         if key in SAID_APART or value is None or value in ('', [], {}):
             continue
-        out.append((_SOURCE.get(key, str(key).replace('_', ' ')), _source_value(key, value)))
+        name = _SOURCE.get(key, str(key).replace('_', ' '))
+        told = {sensor: _source_value(key, one[key]) for sensor, one in streams.items()
+                if one.get(key) not in (None, '', [], {})}
+        if len(set(told.values())) > 1:
+            out += [(f'{name} ({sensor})', text) for sensor, text in told.items()]
+        else:
+            out.append((name, _source_value(key, value)))
     return out
 
 

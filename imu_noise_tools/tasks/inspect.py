@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..bag import open_record, Scratch, TopicInfo, topics
 from ..core.errors import InputError
-from ..core.record import Disturbance
+from ..core.record import Disturbance, ImuRecord, Memory
 from ..health import examine, Health, prepare, Selection
 
 
@@ -20,6 +20,7 @@ class Inspection:
 
     ``analysed`` is a line on what of it can be analysed; ``disturbances`` lists what disturbs that
     part, ``left_out`` what of it is set aside. Times are those of the record, its start being 0.
+    ``beside`` are the same of sensors with a clock of their own.
 
     """
 
@@ -30,18 +31,27 @@ class Inspection:
     analysed: str
     disturbances: tuple[Disturbance, ...] = ()
     left_out: tuple[tuple[float, float, str], ...] = ()
+    beside: tuple[Inspection, ...] = ()
 
 
 def inspect(bag, topic=None, selection: Selection | None = None, progress=None) -> Inspection:
     """Return what a bag, or a part of its record, holds; raises what reading it raises."""
     memory = Scratch()
     selection = selection or Selection()
-    record = selection.part(open_record(bag, topic, progress=progress, memory=memory))
+    record = open_record(bag, topic, progress=progress, memory=memory, apart=True)
+    known = tuple(topics(bag))
+    first, *others = (_one(r, known, selection, memory) for r in record.streams)
+    return replace(first, beside=tuple(others))
+
+
+def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Inspection:
+    """Return what one stream holds."""
+    record = selection.part(record)
     health = examine(record, memory)
-    known = tuple(topics(bag)), record.topic, health, record.warnings
+    about = known, record.topic, health, record.warnings
     try:
         part = prepare(record, memory=memory, screen=selection.screen, masks=selection.masks)
     except InputError as error:
-        return Inspection(*known, error.message)
+        return Inspection(*about, error.message)
     line = f'{part.n} samples, {part.duration_s:.4g} s at rest'
-    return Inspection(*known, line, part.disturbances, part.left_out)
+    return Inspection(*about, line, part.disturbances, part.left_out)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 import csv
 from dataclasses import replace
 import io
@@ -22,7 +22,9 @@ from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare, Selection
 from ..loop.effect import model_of
 from ..loop.study import assess, Study
+from ..noise.beside import seen_from
 from ..noise.curve import model_curve
+from ..noise.evidence import Evidence
 from ..noise.gather import gather
 from ..noise.problem import METHODS, NoiseProblem
 
@@ -83,23 +85,25 @@ def analyse_record(
     for a in axes or ():
         sensor_of(a)
     selection = selection or Selection()
-    ready = prepare(
-        selection.part(record),
-        keep_motion=keep_motion,
-        memory=memory,
-        screen=selection.screen,
-        masks=selection.masks,
-    )
+    ready = [
+        prepare(
+            selection.part(one),
+            keep_motion=keep_motion,
+            memory=memory,
+            screen=selection.screen,
+            masks=selection.masks,
+        )
+        for one in record.streams
+    ]
     del record
     chosen = _axes(ready, axes)
-    half = (lambda p, what: progress(0.8 * p, what)) if progress else None
-    evidence = gather(
+    evidence = _gathered(
         ready,
         chosen,
         deviation=deviation,
         points=points,
         octaves=octaves,
-        progress=half,
+        progress=(lambda p, what: progress(0.8 * p, what)) if progress else None,
         memory=memory,
     )
     rest = (lambda p, what: progress(0.8 + 0.2 * p, what)) if progress else None
@@ -110,12 +114,28 @@ def analyse_record(
     return Study.begin(problems, model, source, rest)
 
 
-def _axes(record, axes):
-    able = [a for a in record.axes if np.ptp(record.column(a)) > 0]
+def _gathered(ready: Sequence[ImuRecord], axes, progress=None, **how) -> dict[str, Evidence]:
+    """Gather the axes of each prepared record for itself, beside what the others tell of it."""
+    out: dict[str, Evidence] = {}
+    for k, record in enumerate(ready):
+        mine = [a for a in axes if a in record.axes]
+        if not mine:
+            continue
+        beside = {n: x for other in ready if other is not record
+                  for n, x in seen_from(record, other).items()}
+        part = (lambda p, what, k=k: progress((k + p) / len(ready), what)) if progress else None
+        record = replace(record, covariates={**record.covariates, **beside})
+        out.update(gather(record, mine, progress=part, **how))
+    return {a: out[a] for a in axes}
+
+
+def _axes(ready: Sequence[ImuRecord], axes: Iterable[str] | None) -> list[str]:
+    able = [a for r in ready for a in r.axes if np.ptp(r.column(a)) > 0]
+    path = ready[0].path
     if axes is None:
         if not able:
             raise InputError(
-                f'{record.path}: every axis is constant',
+                f'{path}: every axis is constant',
                 'check that the driver publishes live data',
             )
         return able
@@ -123,14 +143,34 @@ def _axes(record, axes):
     missing = [a for a in axes if a not in able]
     if missing:
         raise InputError(
-            f'{record.path}: {", ".join(missing)} is constant or not recorded',
+            f'{path}: {", ".join(missing)} is constant or not recorded',
             f'there is {", ".join(able)}',
         )
     return axes
 
 
-def source_of(record: ImuRecord, method: str) -> dict:
-    """Return where a prepared record came from, for study.yaml."""
+def source_of(ready: Sequence[ImuRecord], method: str) -> dict:
+    """
+    Return where prepared records came from, for study.yaml.
+
+    Of several (sensors with a clock each) it is the first, with all of them in ``streams``.
+
+    """
+    first, *others = (_one_source(r) for r in ready)
+    out = {**first, 'method': method}
+    if others:
+        streams = {r.axes[0].partition('_')[0]: one for r, one in zip(ready, (first, *others))}
+        out['warnings'] = list(dict.fromkeys(
+            w if w in ready[0].warnings and w in r.warnings else f'{sensor}: {w}'
+            for (sensor, one), r in zip(streams.items(), ready) for w in one['warnings']))
+        out['streams'] = {
+            s: {k: v for k, v in one.items() if k not in ('path', 'warnings')}
+            for s, one in streams.items()
+        }
+    return out
+
+
+def _one_source(record: ImuRecord) -> dict:
     begin = float(record.t[0])
     return {
         'path': record.path,
@@ -140,7 +180,6 @@ def source_of(record: ImuRecord, method: str) -> dict:
         'duration_s': record.duration_s,
         'start': record.start + begin,
         'frame_id': record.frame_id,
-        'method': method,
         'covariates': list(record.covariates),
         'warnings': list(record.warnings),
         'left_out': [[a - begin, b - begin, why] for a, b, why in record.left_out],
@@ -189,6 +228,7 @@ def analyse(
             rate_hz=rate_hz,
             progress=reading,
             memory=memory,
+            apart=True,
         )
         rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
         study = analyse_record(record, progress=rest, memory=memory, **options)
@@ -216,14 +256,17 @@ def look_again(study: Study, bag, progress: Progress | None = None) -> None:
     if study.domain != NoiseProblem.domain:
         raise UsageError(f'--bag is not for a {study.domain} study', 'it keeps all samples itself')
     source, memory = study.source, Scratch()
-    record = open_record(bag, source.get('topic') or None, memory=memory)
-    ready = prepare(record, keep_motion=bool(source.get('keep_motion')), memory=memory)
+    streams = source.get('streams') or {'': source}
+    topic = ','.join(one['topic'] for one in streams.values() if one.get('topic'))
+    record = open_record(bag, topic or None, memory=memory, apart=True)
+    moving = bool(source.get('keep_motion'))
+    ready = [prepare(one, keep_motion=moving, memory=memory) for one in record.streams]
     problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
     before = {t: p.evidence for t, p in problems.items()}
-    missing = [t for t in before if t not in ready.axes]
+    missing = [t for t in before if not any(t in r.axes for r in ready)]
     kind = next(iter(before.values())).curve.deviation
-    found = gather(ready, list(before), deviation=kind, progress=progress,
-                   memory=memory) if not missing else {}
+    found = _gathered(ready, list(before), deviation=kind, progress=progress,
+                      memory=memory) if not missing else {}
     for target, old in before.items():
         new = found.get(target)
         if new is None or new.n != old.n or not np.isclose(new.curve.dev[0], old.curve.dev[0]):

@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A camera's IMU: gyroscope and accelerometer on topics of their own, at rates of their own.
+
+The bag beside the single analyses of its topics, through the installed command.
+
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from imu_noise_tools.bag import open_record
+from imu_noise_tools.bag.decode import IMU, TEMPERATURE
+from imu_noise_tools.bag.encode import imu_values, serialise
+from imu_noise_tools.bag.mcap_writer import McapWriter
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.health import examine, prepare
+from imu_noise_tools.noise.beside import seen_from
+
+START = 1_700_000_000 * 10 ** 9
+GYRO, ACCEL = '/camera/gyro/sample', '/camera/accel/sample'
+GYRO_HZ, ACCEL_HZ = 200.0, 63.0
+N_GYRO, N_ACCEL = 2.0e-4, 1.5e-3        # rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
+
+
+def stamps_of(rate, seconds, rng, first):
+    """Return stamps (ns) that jitter by a twentieth of a step, as a driver's do."""
+    n = int(seconds * rate)
+    t = first + (np.arange(n) + 0.05 * rng.standard_normal(n)) / rate
+    return START + np.round(t * 1e9).astype(np.int64)
+
+
+def camera_bag(path, seconds=400.0, seed=7):
+    """Write a bag as a depth camera gives it, with a temperature, in order of time."""
+    rng = np.random.default_rng(seed)
+    gyro_t, accel_t = (stamps_of(r, seconds, rng, f) for r, f in (
+        (GYRO_HZ, 0.013), (ACCEL_HZ, 0.0)))
+    gyro = 0.002 + N_GYRO * GYRO_HZ ** 0.5 * rng.standard_normal((len(gyro_t), 3))
+    accel = [0.1, -9.79, 0.3] + N_ACCEL * ACCEL_HZ ** 0.5 * rng.standard_normal((len(accel_t), 3))
+    warm_t = START + np.arange(int(seconds)) * 10 ** 9
+    warm = np.column_stack([30 + 0.5 * np.sin(np.arange(len(warm_t)) / 60), 0 * warm_t])
+    parts = {
+        ACCEL: (IMU, accel_t, imu_values(None, accel)),
+        GYRO: (IMU, gyro_t, imu_values(gyro, None)),
+        '/camera/temperature': (TEMPERATURE, warm_t, warm),
+    }
+    with open(path, 'xb') as file:
+        writer = McapWriter(file)
+        writer.messages({writer.topic(name, type): (t, serialise(t, values, 'camera_imu_frame'))
+                         for name, (type, t, values) in parts.items()})
+        writer.finish()
+    return path
+
+
+def run(*words, status=0):
+    """Run the installed command; return its standard output, and what it said beside."""
+    done = subprocess.run([sys.executable, '-m', 'imu_noise_tools.cli.main', *map(str, words)],
+                          capture_output=True, text=True, timeout=600)
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+@pytest.fixture(scope='module')
+def studies(tmp_path_factory):
+    """Analyse the bag whole, and each of its topics alone; return the folder of all."""
+    folder = tmp_path_factory.mktemp('camera')
+    bag = camera_bag(folder / 'camera.mcap')
+    run('analyse', bag, '-o', folder / 'both')
+    run('analyse', bag, '-o', folder / 'gyro', '--topic', GYRO)
+    run('analyse', bag, '-o', folder / 'accel', '--topic', ACCEL)
+    return folder
+
+
+def study_of(folder):
+    """Return study.yaml."""
+    return yaml.safe_load((folder / 'study.yaml').read_text())
+
+
+def test_each_sensor_is_analysed_as_if_it_were_alone(studies):
+    """Coefficients, intervals and curves equal those of the single analyses to 1e-9."""
+    both = study_of(studies / 'both')['targets']
+    assert list(both) == [f'{s}_{a}' for s in ('gyro', 'accel') for a in 'xyz']
+    compared = 0
+    for sensor in ('gyro', 'accel'):
+        alone = study_of(studies / sensor)['targets']
+        assert len(alone) == 3
+        for axis, entry in alone.items():
+            for label, effect in entry['effects'].items():
+                for name, estimate in effect.items():
+                    if isinstance(estimate, str):
+                        continue
+                    other = both[axis]['effects'][label][name]
+                    for key in ('value', 'std', 'upper95', 'point'):
+                        one, two = estimate.get(key), other.get(key)
+                        assert (one is None) == (two is None), (axis, label, key)
+                        if one is not None:
+                            assert two == pytest.approx(one, rel=1e-9)
+                            compared += 1
+                    assert other['ci95'] == pytest.approx(estimate['ci95'], rel=1e-9)
+            for view in ('frequency', 'variance', 'distribution'):
+                assert both[axis]['error']['views'][view] == pytest.approx(
+                    entry['error']['views'][view], rel=1e-9)
+    assert compared > 20
+    with open(studies / 'both' / 'allan.csv', newline='') as file:
+        rows = list(csv.reader(file))[1:]
+    alone = []
+    for sensor in ('gyro', 'accel'):
+        with open(studies / sensor / 'allan.csv', newline='') as file:
+            alone += list(csv.reader(file))[1:]
+    assert [r[0] for r in rows] == [r[0] for r in alone]
+    np.testing.assert_allclose(np.array([r[1:] for r in rows], float),
+                               np.array([r[1:] for r in alone], float), rtol=1e-9)
+
+
+def test_kalibr_gets_each_sensors_own_density(studies):
+    """The densities are those that were put in; one topic and one rate, the gyroscope's."""
+    text = (studies / 'both' / 'imu.yaml').read_text()
+    data = yaml.safe_load(text)
+    assert data['gyroscope_noise_density'] == pytest.approx(N_GYRO, rel=0.05)
+    assert data['accelerometer_noise_density'] == pytest.approx(N_ACCEL, rel=0.05)
+    assert data['rostopic'] == GYRO
+    assert data['update_rate'] == pytest.approx(GYRO_HZ, rel=1e-3)
+    said = [x for x in text.splitlines() if x.startswith('#') and ACCEL in x]
+    assert len(said) == 1 and '63' in said[0], text
+
+
+def test_the_study_says_what_each_sensor_is(studies):
+    """The source holds a topic, a rate and a count of samples for each sensor."""
+    source = study_of(studies / 'both')['source']
+    streams = source['streams']
+    assert source['topic'] == streams['gyro']['topic'] == GYRO
+    assert streams['accel']['topic'] == ACCEL
+    assert streams['accel']['rate_hz'] == pytest.approx(ACCEL_HZ, rel=1e-3)
+    assert source['samples'] == 80000 and streams['accel']['samples'] == 25200
+    assert not any('interpolat' in w for w in source['warnings'])
+    page = (studies / 'both' / 'report.html').read_text()
+    assert ACCEL in page and GYRO in page
+
+
+def test_the_loop_goes_on_from_disk(studies):
+    """What is loaded again is compared, diagnosed and added to, for both sensors alike."""
+    out, _ = run('diagnose', studies / 'both', '--json')
+    verdicts = {t: d['verdict'] for t, d in json.loads(out)['diagnosis'].items()}
+    assert set(verdicts.values()) == {'complete'}, verdicts
+    out, _ = run('add', studies / 'both', 'quantization', '--axis', 'accel_x', '--json')
+    run('compare', studies / 'both')
+    run('plan', studies / 'both')
+    data = study_of(studies / 'both')
+    assert 'quantization' in data['targets']['accel_x']['effects']
+
+
+def test_inspect_tells_of_both(studies):
+    """Rate and samples of each sensor are printed."""
+    out, _ = run('inspect', studies / 'camera.mcap')
+    assert GYRO in out and ACCEL in out
+    assert '80000 samples' in out and '25200 samples' in out
+    out, _ = run('inspect', studies / 'camera.mcap', '--json')
+    data = json.loads(out)
+    assert data['health']['rate_hz'] == pytest.approx(GYRO_HZ, rel=1e-3)
+    assert data['beside']['accel']['health']['rate_hz'] == pytest.approx(ACCEL_HZ, rel=1e-3)
+
+
+def test_one_rate_for_two_is_refused(studies):
+    """``--rate-hz`` cannot be meant for both."""
+    _, said = run('analyse', studies / 'camera.mcap', '-o', studies / 'x', '--rate-hz', '200',
+                  status=1)
+    assert '--rate-hz' in said and '--topic' in said
+
+
+def test_a_disturbance_common_to_both_shows_between_them():
+    """What gyroscope and accelerometer share is coherent, whichever is the faster."""
+    rng = np.random.default_rng(3)
+    shared = rng.standard_normal(60000)         # at 200 Hz, smooth over some 20 samples
+    shared = np.convolve(shared, np.ones(20) / np.sqrt(20), 'same')
+    fast = ImuRecord(gyro=np.column_stack([shared] * 3), accel=None,
+                     t=np.arange(60000) / 200, rate_hz=200.0, start=100.0)
+    at = 0.0317 + np.arange(18000) / 63
+    slow = ImuRecord(gyro=None, accel=np.column_stack([np.interp(at, fast.t, shared)] * 3),
+                     t=at - 0.0317, rate_hz=63.0, start=100.0317)
+    for one, other, axis, own in ((fast, slow, 'accel_x', fast.gyro), (
+            slow, fast, 'gyro_x', slow.accel)):
+        seen = seen_from(one, other)
+        assert seen[axis].shape == (one.n,)
+        alike = [np.corrcoef(seen[axis][50:-2000], np.roll(own[:, 0], lag)[50:-2000])[0, 1]
+                 for lag in range(-4, 5)]
+        assert alike[4] > 0.9 and int(np.argmax(alike)) == 4, alike     # and at its own time
+    apart = ImuRecord(gyro=None, accel=slow.accel, t=slow.t, rate_hz=63.0, start=300.0)
+    assert seen_from(fast, apart) == {}
+
+
+def united(method, rng, n=40000):
+    """Return a record as ``unite_imu_method`` makes it: accelerations at the rates' stamps."""
+    t = np.arange(n) / GYRO_HZ + 2e-5 * rng.standard_normal(n)
+    known = np.arange(0, t[-1] + 1, 1 / ACCEL_HZ) - 0.004
+    accel = [0.1, 0.2, 9.8] + 0.01 * rng.standard_normal((len(known), 3))
+    if method == 'linear_interpolation':
+        accel = np.column_stack([np.interp(t, known, a) for a in accel.T])
+    elif method == 'copy':
+        accel = accel[np.searchsorted(known, t) - 1]
+    else:
+        accel = [0.1, 0.2, 9.8] + 0.01 * rng.standard_normal((n, 3))
+    if method == 'coarse':
+        accel = np.round(accel / 0.02) * 0.02
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    return ImuRecord(gyro=gyro, accel=accel, t=t, rate_hz=GYRO_HZ)
+
+
+@pytest.mark.parametrize('method, word', [
+    ('linear_interpolation', 'interpolated'), ('copy', 'repeats'), ('none', ''), ('coarse', '')])
+def test_united_samples_are_found_and_said(method, word):
+    """Interpolated and copied accelerations are told, with the rate they were sampled at."""
+    record = united(method, np.random.default_rng(5))
+    for said in (prepare(record).warnings, examine(record).advice):
+        found = [w for w in said if 'accel' in w.lower()
+                 and ('interpolated' in w or 'repeats' in w)]
+        assert len(found) == bool(word), said
+        if word:
+            assert word in found[0] and 'own topic' in found[0]
+            assert float(found[0].split(' Hz')[0].split()[-1]) == pytest.approx(ACCEL_HZ, rel=0.03)
+
+
+def test_both_at_once_where_something_needs_it(studies):
+    """Who does not ask for the sensors apart gets them joined, and is told what that costs."""
+    record = open_record(studies / 'camera.mcap')
+    assert record.n == 80000 and record.accel is not None and not record.beside
+    assert any('interpolated' in w for w in record.warnings)
