@@ -15,10 +15,10 @@ class Temperature(Mean):
     """The bias follows the temperature, its square and its cube, later or earlier."""
 
     name = 'temperature'
-    symbol = 'slope, curvature, cubic, lag'
+    symbol = 'slope, curvature, cubed, lag'
     title = 'temperature sensitivity of the bias'
     equation = (
-        'mean = slope u + curvature [u^2] + cubic [u^3], u = T - mean T, [.] less the polynomial '
+        'mean = slope u + curvature [u^2] + cubed [u^3], u = T - mean T, [.] less the polynomial '
         'of lower order that comes nearest in the record; T behind a first-order time constant '
         'lag, or before it (lag < 0: T + |lag| dT/dt, a thermometer slower than the sensor)'
     )
@@ -41,7 +41,7 @@ class Temperature(Mean):
             for name, unit, title in (
                 ('slope', '{rate}/degC', 'change a degree, on the whole'),
                 ('curvature', '{rate}/degC^2', 'change a degree squared'),
-                ('cubic', '{rate}/degC^3', 'change a degree cubed'),
+                ('cubed', '{rate}/degC^3', 'change a degree cubed'),
             )
         ),
         Parameter(
@@ -49,7 +49,7 @@ class Temperature(Mean):
         ),
     )
     neutral = {'lag': 0.0}
-    optional = ('curvature', 'cubic')
+    optional = ('curvature', 'cubed')
 
     def starts(self, evidence):
         """Lags from none to a quarter of the record; nothing without a temperature that moves."""
@@ -80,7 +80,7 @@ class Temperature(Mean):
     @classmethod
     def example(cls):
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
-        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubic': 0.0, 'lag': 0.0})
+        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubed': 0.0, 'lag': 0.0})
 
 
 def _moved(temperature: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
