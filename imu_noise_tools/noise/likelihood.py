@@ -19,7 +19,7 @@ import numpy as np
 from scipy.fft import dct
 
 from .evidence import Evidence
-from .explained import Explained, OpenResponse
+from .explained import Explained
 from .kinds import (
     binned_behind,
     Coupling,
@@ -31,6 +31,7 @@ from .kinds import (
     Response,
     Spectrum,
 )
+from .response import OPEN, OpenResponse
 from ..core.spectrum import Bins, leaked
 from ..loop.effect import Fit, Model, Parameter
 
@@ -361,10 +362,13 @@ class Likelihood:
     def jacobian(self, x, v, each) -> np.ndarray:
         """Return d ln v / d x, (b, p)."""
         out = np.zeros((len(v), len(x)))
+        model = self.with_search(x)
         for j, slot in enumerate(self.slots):
             effect = self.model[slot.label]
             if isinstance(effect, OpenResponse):
-                out[:, j] = effect.terms(self.bins.f)[:, effect.parameters.index(slot.parameter)]
+                if effect.parameters.index(slot.parameter) == 0:
+                    some = slice(j, j + len(effect.parameters))
+                    out[:, some] = model.of(OpenResponse)[0].slopes(self.bins)
                 continue
             if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
                 out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
@@ -399,13 +403,14 @@ class Likelihood:
         x = np.clip(x, lower, upper)
         best, linear, v, each = self.value(x, penalty, reddest)
         damping = 1e-3
+        reach = np.array([np.inf if s.label == OPEN else 2.0 for s in self.slots])
         for _ in range(steps):
             gradient, information = self._derivatives(x, linear, v, each, penalty, reddest)
             # what a bound stops does not move, or it would bend the way of the others
             able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
             if not able.any():
                 break
-            for damping, moved in _moves(x, able, gradient, information, damping):
+            for damping, moved in _moves(x, able, gradient, information, damping, reach):
                 trial = np.clip(moved, lower, upper)
                 result = self.value(trial, penalty, reddest)
                 if np.isfinite(result[0]) and result[0] <= best:
@@ -440,13 +445,18 @@ class Likelihood:
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
 
 
-def _moves(x, able, gradient, information, damping):
-    """Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move."""
+def _moves(x, able, gradient, information, damping, reach):
+    """
+    Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move.
+
+    By no more than ``reach`` (p,) at once.
+
+    """
     g, f = gradient[able], information[np.ix_(able, able)]
     scale = np.maximum(np.diag(f), 1e-9)
     while damping < 1e9:
         step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
         moved = x.copy()
-        moved[able] += np.clip(step, -2.0, 2.0)
+        moved[able] += np.clip(step, -reach[able], reach[able])
         yield damping, moved
         damping *= 10
