@@ -350,6 +350,9 @@ class Likelihood:
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
         model = self.with_search(x)
         v, each = self.spectra(model)
+        if not np.all(np.isfinite(v)):      # a step too far
+            nothing = np.zeros(0)
+            return np.inf, Linear(nothing, nothing, self.power, self.weight, 0.0), v, each
         linear = self.solve_linear(model, v)
         nll = (
             0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))
