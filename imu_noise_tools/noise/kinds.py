@@ -166,6 +166,10 @@ class Spectrum(NoiseEffect):
         """Return what the power of a record is expected to be in each bin, (b,)."""
         return expected(lambda f: self.psd(f, bins.dt), bins)
 
+    def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
+        """Return d ``binned``/d ln parameter, (b,), of the parameters that have it in closed form."""
+        return {}
+
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the Allan variance at cluster sizes m; by default the quadrature of ``psd``."""
         return quadrature_avar(lambda f: self.psd(f, dt), m, dt)
@@ -417,6 +421,15 @@ def binned_behind(effect: Spectrum, model: Model, bins: Bins) -> np.ndarray:
         return expected(lambda f: psd_behind(effect, model, f, bins.dt), bins)
     gain = expected(lambda f: _gain2_on(effect, model, f, bins.dt), bins)
     return effect.binned(bins) * gain
+
+
+def slopes_behind(effect: Spectrum, model: Model, bins: Bins) -> dict[str, np.ndarray]:
+    """Return :meth:`Spectrum.slopes` behind the responses acting on the effect."""
+    slopes = effect.slopes(bins)
+    if slopes:
+        gain = expected(lambda f: _gain2_on(effect, model, f, bins.dt), bins)
+        slopes = {name: slope * gain for name, slope in slopes.items()}
+    return slopes
 
 
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:

@@ -29,6 +29,7 @@ from .kinds import (
     model_crowd,
     NoiseEffect,
     Response,
+    slopes_behind,
     Spectrum,
 )
 from .response import OPEN, OpenResponse
@@ -367,27 +368,30 @@ class Likelihood:
         out = np.zeros((len(v), len(x)))
         model = self.with_search(x)
         for j, slot in enumerate(self.slots):
-            effect = self.model[slot.label]
+            effect, name = model[slot.label], slot.parameter.name
             if isinstance(effect, OpenResponse):
                 if effect.parameters.index(slot.parameter) == 0:
                     some = slice(j, j + len(effect.parameters))
-                    out[:, some] = model.of(OpenResponse)[0].slopes(self.bins)
-                continue
-            if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
+                    out[:, some] = effect.slopes(self.bins)
+            elif isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
                 out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
+            elif isinstance(effect, Spectrum) and name in (
+                    known := slopes_behind(effect, model, self.bins)):
+                out[:, j] = known[name] / v
             elif isinstance(effect, (Spectrum, Response)):
-                h = 1e-4
-                sides = []
-                for step in (h, -h):
-                    moved = x.copy()
-                    moved[j] += step
-                    model = self.with_search(moved)
-                    if isinstance(effect, Spectrum):
-                        sides.append(self._spectrum(model[slot.label], model))
-                    else:
-                        sides.append(self.spectra(model)[0])
-                out[:, j] = (sides[0] - sides[1]) / (2 * h * v)
+                out[:, j] = self._slope(x, j, isinstance(effect, Spectrum)) / v
         return out
+
+    def _slope(self, x, j, alone: bool, h: float = 1e-4) -> np.ndarray:
+        """Return d v/d x_j by central differences, (b,); ``alone``: of that effect's spectrum."""
+        sides = []
+        for step in (h, -h):
+            moved = x.copy()
+            moved[j] += step
+            model = self.with_search(moved)
+            sides.append(self._spectrum(model[self.slots[j].label], model) if alone
+                         else self.spectra(model)[0])
+        return (sides[0] - sides[1]) / (2 * h)
 
     def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400, enough=1e-7):
         """

@@ -78,6 +78,11 @@ class Narrowband(Spectrum):
         """Return its expected power in bins, however narrow it is."""
         return oscillator.binned(bins, self['rms'], self['frequency'], self['width'])
 
+    def slopes(self, bins):
+        """Return how that follows the centre and the width."""
+        found = oscillator.slopes(bins, self['rms'], self['frequency'], self['width'])
+        return dict(zip(('frequency', 'width'), found))
+
     def avar(self, m, dt):
         """Return the closed form of the sampled process."""
         return oscillator.avar(m, self['rms'], self['frequency'], self['width'], dt)
