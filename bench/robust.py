@@ -230,7 +230,7 @@ def main():
                     f'[{found.estimates[v][k].ci95[0] / truth[k]:.3f} '
                     f'{found.estimates[v][k].ci95[1] / truth[k]:.3f}]' for k, v in LABEL.items())
                 basis = found.details.basis
-                print(f'    {said}; order {basis.order if basis else 0}', '; '.join(
+                print(f'    {said}; order {tuple(basis.order) if basis else 0}', '; '.join(
                     f'{s.low:.3g}-{s.high:.3g} Hz x {s.ratio:.2g}'
                     for s in found.details.set_aside))
 

@@ -317,6 +317,33 @@ def test_sqlite_as_recorded_by_others(tmp_path):
         np.testing.assert_array_equal(open_record(path).gyro, record.gyro)
 
 
+def test_sqlite_of_other_text(tmp_path):
+    """Messages of a database whose text is UTF-16 are read to the last bit."""
+    record = bad_input.still(20)
+    path = write_bag(tmp_path / 'x.db3', record)
+    with sqlite3.connect(path) as database:
+        script = list(database.iterdump())
+    other = sqlite3.connect(tmp_path / 'y.db3')
+    other.execute("PRAGMA encoding = 'UTF-16'")
+    other.executescript('\n'.join(script))
+    other.close()
+    np.testing.assert_array_equal(open_record(tmp_path / 'y.db3').gyro, record.gyro)
+
+
+@pytest.mark.parametrize('change, lost', [
+    ("timestamp = 'soon'", 0), ('timestamp = 0.5', 0), ("data = 'text'", 1), ('data = 7', 1),
+    ("data = x''", 1)])
+def test_sqlite_of_other_types(change, lost, tmp_path):
+    """A row whose time is of a type that cannot be is read, one without a message is left out."""
+    record = bad_input.still(20)
+    path = write_bag(tmp_path / 'x.db3', record)
+    with sqlite3.connect(path) as database:
+        database.execute(f'UPDATE messages SET {change} WHERE id = 1000')
+    kept = np.arange(record.n) != (999 if lost else -1)
+    found = open_record(path)
+    np.testing.assert_array_equal(np.sort(found.gyro, axis=0), np.sort(record.gyro[kept], axis=0))
+
+
 def test_sqlite_write_ahead_log(tmp_path):
     """What a recorder has not yet put into the file is read from the log beside it."""
     record = bad_input.still(20)

@@ -11,7 +11,8 @@ never writes: the database is opened immutable, unless a write-ahead log lies be
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 import sqlite3
@@ -23,6 +24,11 @@ from .container import Batch, Connection, Counts, Damaged, normal_type, Progress
 
 MAGIC = b'SQLite format 3\0'
 BLOCK = 4096
+# numbers of a block of rows as text, the bytes of all of them as one
+JOINED = ('SELECT max(id), count(*), group_concat(topic_id), group_concat(timestamp), '
+          "group_concat(length(data)), CAST(group_concat(data, '') AS BLOB) FROM ({})")
+#: topics, times (ns) and lengths of rows, and the bytes of all
+Columns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class SqliteFile:
@@ -55,9 +61,12 @@ class SqliteFile:
             self.database = sqlite3.connect(where, uri=True, check_same_thread=False)
         except sqlite3.Error as error:
             raise Damaged(str(error)) from error
+        self.joins = False
         self.database.text_factory = lambda raw: raw.decode(errors='replace')
         try:
             try:
+                # any bytes are text that SQL can put together, if text is UTF-8
+                self.joins = self.database.execute('PRAGMA encoding').fetchone() == ('UTF-8',)
                 self._read_topics()
             except sqlite3.DatabaseError:
                 # A file shorter than its header says is refused as it is; with this flag its pages
@@ -141,24 +150,20 @@ class SqliteFile:
         """Yield the messages of these topics in the order of their rows."""
         known = {c.id: c for c in self.connections if c.id in wanted}
         last = self.expected(0)
-        for found in self._rows(known):
-            try:
-                topic, time, length, data = _columns(found)
-            except (TypeError, ValueError, OverflowError):      # flipped bits make other types
-                topic, time, length, data = _columns(map(_mended, found))
+        for at, (topic, time, length, data) in self._blocks(known):
             begin = np.cumsum(length) - length
             for id, connection in known.items():
                 some = np.flatnonzero(topic == id)
                 if len(some):
                     yield Batch(connection, time[some], data, begin[some], length[some])
             if progress and last:
-                progress(min(1.0, found[-1][0] / last))
+                progress(min(1.0, at / last))
         if progress:
             progress(1.0)
 
-    def _rows(self, topics: Collection[int]) -> Iterator[list[tuple]]:
+    def _blocks(self, topics: Collection[int]) -> Iterator[tuple[int, Columns]]:
         """
-        Yield rows of id, topic, time and data, a block of them at a time.
+        Yield id of the last row and columns of a block of rows at a time.
 
         Where a page is damaged it goes on behind it, with the first row that a search by id finds.
 
@@ -169,20 +174,46 @@ class SqliteFile:
             sound = 'AND whole(data)'
         of = ', '.join('?' * len(topics))
         ask = ('SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id '
-               f'IN ({of}) AND id > ? {sound} ORDER BY id')
+               f'IN ({of}) AND id > ? {sound} ORDER BY id LIMIT ?')
         after, step, block = 0, 0, BLOCK
         while after + step < 2 ** 62:
             try:
-                cursor = self.database.execute(ask, (*topics, after + step))
-                while found := cursor.fetchmany(block):
-                    block = BLOCK if step else block        # it is behind the damage
-                    after, step = max(after + step, found[-1][0]), 0
-                    yield found
-                return
+                found = self._block(ask, (*topics, after + step, block))
             except sqlite3.DatabaseError:
                 self.problems.cut = True
                 # A block is lost with its last row: the rows before the damage come one by one.
                 step, block = (step, 1) if block > 1 else (2 * step or 1, 1)
+                continue
+            if found is None:
+                return
+            block = BLOCK if step else block        # it is behind the damage
+            after, step = max(after + step, found[0]), 0
+            yield found
+
+    def _block(self, ask: str, values: tuple) -> tuple[int, Columns] | None:
+        """
+        Return id of the last row and columns of the rows that are asked for; None without any.
+
+        SQL puts the rows together in half the time that handing them over one by one takes.
+
+        """
+        if self.joins:
+            id, n, *text, data = self.database.execute(JOINED.format(ask), values).fetchone()
+            if not n:
+                return None
+            with suppress(ValueError):      # it is no number
+                topic, time, length = (np.fromstring(x or '', np.int64, sep=',') for x in text)
+                whole = len(topic) == len(time) == len(length) == n
+                if whole and length.sum() == len(data or b''):
+                    return id, (topic, time, length, np.frombuffer(data or b'', np.uint8))
+        # flipped bits make other types than there should be
+        rows = [_mended(row) for row in self.database.execute(ask, values)]
+        if not rows:
+            return None
+        _, topic, time, blobs = zip(*rows)
+        return rows[-1][0], (np.array(topic, np.int64), np.array(time, np.int64),
+                             np.fromiter(map(len, blobs), np.int64, len(blobs)),
+                             np.frombuffer(b''.join(blobs), np.uint8))
 
     def _cut_page(self) -> bytes:
         """Return what there is of a page that the end of the file cuts; nothing of a whole one."""
@@ -191,14 +222,6 @@ class SqliteFile:
         page = 65536 if page == 1 else max(page, 512)
         self.file.seek(size_of(self.file) // page * page)
         return self.file.read()
-
-
-def _columns(rows: Iterable[tuple]) -> tuple[np.ndarray, ...]:
-    """Return topics, times (ns) and lengths of rows, and the bytes of all."""
-    _, topic, time, blobs = zip(*rows)
-    return (np.array(topic, np.int64), np.array(time, np.int64),
-            np.fromiter(map(len, blobs), np.int64, len(blobs)),
-            np.frombuffer(b''.join(blobs), np.uint8))
 
 
 def _mended(row: tuple) -> tuple:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from .statistics import median_sigma, middle_sigma
+from .statistics import median_sigma, middle_sigma, row_medians
 
 SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose level is followed
 SURE = 12.0             # scatters of the levels that a loss has to be
@@ -309,7 +309,7 @@ class _Lag:
                 break
             rows = lag[:count * scale].reshape(count, scale)
             for low in (False, True):
-                change = np.diff(rows.min(axis=1) if low else np.median(rows, axis=1))
+                change = np.diff(rows.min(axis=1) if low else row_medians(rows))
                 most = DRIFT * scale * self.period
                 # what a clock cannot do is a step or a delay, and must not look like drift
                 drift = np.where(np.abs(change) < 4 * most, change, 0.0)
@@ -407,7 +407,7 @@ class _Lag:
         total = self.n - 1 + int(np.sum(self.lost))
         for _ in range(2):
             rows = self._residual(period)[:count * length].reshape(count, length)
-            level = rows.min(axis=1) if self.low else np.median(rows, axis=1)
+            level = rows.min(axis=1) if self.low else row_medians(rows)
             at = self._middle(count, length)
             slope, rest = _line(at, level)
             period += slope
@@ -433,7 +433,7 @@ class _Lag:
         length = min(self.n, max(32, 2 * self.scale))
         count = self.n // length
         rows = rest[:count * length].reshape(count, length)
-        return middle_sigma(np.ravel(rows - np.median(rows, axis=1, keepdims=True)))
+        return middle_sigma(np.ravel(rows - row_medians(rows)[:, None]))
 
 
 def _regular(at: np.ndarray, n: int) -> np.ndarray:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
+from .statistics import row_medians
 
 FRAME_S = 0.25
 LEAST_FRAME = 16        # samples
@@ -80,10 +81,10 @@ def _levels(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     rows = max(1, (1 << 18) // length)
     for i in range(0, len(level), rows):
         some = np.array(x[i * length:(i + rows) * length], float).reshape(-1, length)
-        m = np.median(some, axis=1)
-        some -= m[:, None]
-        np.abs(some, out=some)
-        level[i:i + len(some)] = np.partition(some, length - RANK, axis=1)[:, length - RANK]
+        some.sort(axis=1)
+        m = row_medians(some)
+        ends = np.abs(np.hstack([some[:, :RANK], some[:, -RANK:]]) - m[:, None])
+        level[i:i + len(some)] = np.sort(ends, axis=1)[:, -RANK]
         middle[i:i + len(some)] = m
     return level, middle
 

@@ -7,21 +7,20 @@ Which part of a spectrum a model explains, so that the rest does not decide its 
 The spectrum is judged in half-octave bands: nearly all coefficients lie in the last decade before
 Nyquist, where a sensor's own filter and vibration are, while drift and the level at 1 s are read
 over decades below. A band is kept where its mean agrees with the fit; what is not kept carries a
-level of its own. Beside that, a smooth response that tends to 1 at low frequencies may be left
-open: ln of the squared gain of any linear filter is an even function of frequency, and so is the
-slow side of a resonance.
+level of its own. Beside that, a response that tends to 1 at low frequencies may be left open
+(:mod:`~imu_noise_tools.noise.response`): what a sensor's filter does to every band, and what a
+resonance does far from its middle.
 
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import digamma
 
-from .kinds import Parameter, Response
+from .response import open_response, OpenResponse, Order
 from ..core.spectrum import Bins
 from ..core.statistics import gamma_pull_exact
 
@@ -30,7 +29,6 @@ NEARLY = 0.02  # or this share of its power
 FAR = 5.0  # standard errors beyond which one bin alone is set aside
 MANY = 200  # coefficients from which the slope inside a band says something
 COST = 0.5 * AGREES**2  # nats that a level of its own costs a band
-OPEN = '(response)'  # label of the response that is left open
 
 
 @dataclass(frozen=True)
@@ -65,22 +63,22 @@ class Explained:
         Centres of the bins that it was chosen on, Hz; empty where every bin counts.
     weight : ndarray (b,)
         What a bin counts, 0 ... 1: 0 is set aside, less than 1 agrees only nearly.
-    order : int
-        Terms of the response that is left open, 0 for none.
-    top : float
-        Frequency up to which that response was fitted, Hz.
+    order : Order
+        Of the response that is left open; that of none by default.
+    values : tuple of float
+        Of that response, to start from; empty: no response at all.
 
     """
 
     f: np.ndarray
     weight: np.ndarray
-    order: int = 0
-    top: float = 1.0
+    order: Order = Order()
+    values: tuple[float, ...] = ()
 
     @property
     def everything(self) -> bool:
         """Whether nothing is set aside."""
-        return self.order == 0 and bool(np.all(self.weight == 1))
+        return not self.order.terms and bool(np.all(self.weight == 1))
 
     def on(self, bins: Bins) -> np.ndarray:
         """Return the weights (b,) on the bins of another part of the same record."""
@@ -93,40 +91,11 @@ class Explained:
 
     def response(self) -> OpenResponse | None:
         """Return the response that is left open, to be fitted; None where there is none."""
-        return _open_response(self.order, self.top) if self.order else None
-
-
-class OpenResponse(Response):
-    """A nuisance: ln gain^2 = sum_j a_j (T_2j(f/top) - T_2j(0)), T Chebyshev's polynomials."""
-
-    last = True
-    leaks = False
-    top = 1.0
-
-    def gain2(self, f, dt):
-        """Return the squared gain."""
-        values = np.array([self[p.name] for p in self.parameters])
-        return np.exp(np.clip(self.terms(f) @ values, -60, 60))
-
-    def terms(self, f: np.ndarray) -> np.ndarray:
-        """Return d ln gain^2/d a_j at f (b,), (b, p)."""
-        x = 2 * np.minimum(np.asarray(f, float) / self.top, 1.0) ** 2 - 1  # T_2j(u) = T_j(x)
-        before, now, out = np.ones_like(x), x, []
-        for j in range(1, len(self.parameters) + 1):
-            out.append(now - (-1) ** j)
-            before, now = now, 2 * x * now - before
-        return np.stack(out, axis=-1)
-
-    def starts(self, evidence):
-        """Return no response at all."""
-        return [self.with_values(**{p.name: 0.0 for p in self.parameters})]
-
-
-@lru_cache(maxsize=64)
-def _open_response(order: int, top: float) -> OpenResponse:
-    terms = tuple(Parameter(f'a{j}', '1', -30.0, 30.0, log=False) for j in range(1, order + 1))
-    kind = type('Open', (OpenResponse,), {'parameters': terms, 'top': top})
-    return kind({}, OPEN)
+        if not self.order.terms:
+            return None
+        response = open_response(self.order)
+        names = [p.name for p in response.parameters]
+        return response.with_values(**dict(zip(names, self.values or [0.0] * len(names))))
 
 
 @dataclass(frozen=True)

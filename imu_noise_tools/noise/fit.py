@@ -19,12 +19,13 @@ import numpy as np
 
 from .evidence import Evidence
 from .explained import (
-    Bands, Explained, FAR, judge, Judgement, NEARLY, OPEN, set_aside, SetAside,
+    Bands, Explained, FAR, judge, Judgement, set_aside, SetAside,
     supported as supported_by
 )
 from .kinds import Mean, Spectrum
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
+from .response import DEEP, OPEN, OpenResponse, Order, Rational
 from .starts import most_promising, reddest, starts
 from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
 from ..core.errors import FitError
@@ -36,9 +37,13 @@ _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.7, 0.95))  # or all but these
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
 _ROUNDS = 12  # of choosing bands and fitting again
-_ORDERS = 4  # terms of the response that may be left open
-_MOST_TERMS, _TERM_NATS = 8, 1.0  # in the end, and what one must gain at least to ask for another
-_TERM = 1.0  # bands that a term of the response must be worth
+# of the response that may be left open
+_ORDERS = tuple(Order(*order) for order in (
+    (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True), (3, 0), (0, 3),
+    (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4), (4, 4, True)))
+_TERM = 4.0  # nats that a term of the response must be worth
+_BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
+_FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
 
@@ -65,10 +70,6 @@ class Details:
     basis: Explained | None = None
     explained: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     set_aside: tuple[SetAside, ...] = ()
-
-    def __getitem__(self, name: str):
-        """Return a field by its name."""
-        return getattr(self, name)
 
     @property
     def hint(self) -> Explained:
@@ -208,7 +209,7 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
         fitted,
         {label: said[label] for label in fitted.labels if label in said},
         -nll,
-        (*flags, *_in_words(details.set_aside)),
+        (*flags, *_in_words(details)),
         details,
         supported_by(Bands.on(likelihood.bins), details.power, details.weight, details.v),
     )
@@ -227,6 +228,7 @@ def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
         power = whole.without_couplings(fitted) if whole.couplings else whole.power
         weight = whole.weight
         keep = [j for j, (label, _) in enumerate(slots) if label != OPEN]
+        basis = replace(basis, values=tuple(np.delete(found.x, keep)))
         slots, information = tuple(slots[j] for j in keep), marginal(information, keep)
     v, each = whole.spectra(fitted)
     explained = np.ones(len(v), bool)
@@ -242,8 +244,9 @@ def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
     return Details(information, v, each, power, weight, ml, slots, basis, explained, aside)
 
 
-def _in_words(aside) -> list[str]:
+def _in_words(details: Details) -> list[str]:
     """Say what the fit does not rest on."""
+    aside = details.set_aside
     if not aside:
         return []
     largest = sorted(sorted(aside, key=lambda s: -s.share)[:NAMED], key=lambda s: s.low)
@@ -259,7 +262,10 @@ def _in_words(aside) -> list[str]:
             f'in {count} from {others[0].low:.3g} to {others[-1].high:.3g} Hz '
             f'({100 * sum(s.share for s in others):.2g} % of the power)'
         )
-    return [f'not explained {", ".join(said)}: the values rest on the rest']
+    rest = 'on the rest'
+    if details.hint.order.terms:
+        rest += ', and on a response left open there, as of a filter'
+    return [f'not explained {", ".join(said)}: the values rest {rest}']
 
 
 def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained | None) -> _Found:
@@ -275,49 +281,97 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     now = _judged(bands, plain)
     if np.all(now.weight == 1) and not _lacks(plain):
         return plain
-    best: tuple[_Found, float] | None = None
-    for begin, order in _beginnings(plain, now, hint):
-        ended = _settled(search, bands, plain, begin, order)
-        if ended is not None and (best is None or ended[1] > best[1] + 1e-6):
-            best = ended
-    if best is None:
+    seen: list[np.ndarray] = []
+    begins = _beginnings(plain, now, hint)
+    ended = [e for e in (_settled(search, bands, plain, b, seen) for b in begins) if e]
+    held = [found for found, _ in sorted(ended, key=lambda e: -e[1])]
+    if not held:
         return plain
-    explained = best[0].likelihood.explained
-    assert explained is not None
-    kept = explained.weight
-    upward = np.where(np.arange(len(kept)) > np.flatnonzero(kept)[-1], 1.0, kept)
-    for order in range(1, _ORDERS + 1) if hint is None else ():
-        for begin in (kept, upward):
-            ended = _settled(search, bands, best[0], begin, order)
-            if ended is not None and ended[1] > best[1] + 1e-6:
-                best = ended
-    return _on_the_safe_side(thorough, bands, best[0])
+    best = _score(bands, held[0])
+    for basis, x in _behind_responses(bands, held[0], hint):
+        more = _settled(search, bands, held[0], basis, [], x)
+        if more is not None and _flat(more[0]) and _score(bands, more[0]) > best + 1e-6:
+            held.insert(0, more[0])
+    first = None
+    for found in held:  # a fit that leaves no white noise holds only where every one does
+        found = _on_the_safe_side(thorough, bands, found)
+        if _flat(found) and not _lacks(found):
+            return found
+        first = first or found
+    assert first is not None
+    return first
+
+
+def _score(bands: Bands, found: _Found) -> float:
+    """Return ln L where each band may have a level of its own, less what the response costs."""
+    likelihood = found.likelihood
+    v, _ = likelihood.spectra(likelihood.with_search(found.x))
+    ratio, weight = _ratio(found)
+    basis = likelihood.explained
+    assert basis is not None
+    return supported_by(bands, ratio * v, weight, v, _BAND) - _TERM * basis.order.terms \
+        - 4 * _BAND * _lacks(found)
+
+
+def _flat(found: _Found) -> bool:
+    """Tell whether the response that a fit leaves open, if any, does nothing at the slow end."""
+    f, dt = found.likelihood.bins.f, found.likelihood.dt
+    slow = f[f < _FLAT * 0.5 / dt]
+    return all(
+        np.max(np.abs(np.log(r.gain2(slow, dt)))) <= 2 * _FLATNESS
+        for r in found.likelihood.with_search(found.x).of(OpenResponse)
+    )
+
+
+def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
+    """Yield (basis, start) with a response left open that does more than the model alone."""
+    if hint is not None:
+        if hint.order.terms:
+            yield hint, np.append(found.x, hint.values)
+        return
+    bins = found.likelihood.bins
+    x, w = _ratio(found)
+    best = supported_by(bands, x, w, np.ones(len(x)), _BAND)
+    chosen = None
+    slow = bins.f < _FLAT * 0.5 / bins.dt
+    untied: dict[tuple[int, int], np.ndarray] = {}
+    for order in _ORDERS:
+        near = untied.get(order[:2])
+        weight = np.ones(len(x))
+        for _ in range(3):
+            tried = Rational(x, w * weight, bins, order).fit(near)
+            if tried is None:
+                break
+            values, level, v = tried
+            if np.max(np.abs(np.log(v[slow] / level))) > _FLATNESS:
+                break
+            near = values
+            score = supported_by(bands, x, w, v, _BAND) - _TERM * order.terms
+            if score > best:
+                best, chosen = score, (order, weight, values)
+            now = judge(bands, x / v, w, 0.0).weight * (v > DEEP * level)
+            if np.array_equal(now, weight) or np.sum(now > 0) < 8:
+                break
+            weight = now
+        if near is not None:
+            untied[order[:2]] = near[1:]
+    if chosen is not None:
+        order, weight, values = chosen
+        yield Explained(bins.f, weight, order, tuple(values)), np.append(found.x, values)
 
 
 def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
     """
     Return the fit made again with a margin for what was too little to be seen.
 
-    What is set aside does not end where a band still agrees. Where it reaches to the fast end, a
-    response is left open with a term more than the bands ask for, so that what it cannot follow
-    stays below its scatter; else the neighbours are left out too.
+    What is set aside does not end where a band still agrees: its neighbours are left out too.
 
     """
     basis = found.likelihood.explained
     assert basis is not None
-    if not basis.order and bands.sum(basis.weight)[-1] > 0:
-        margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
-        likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))
-        return _finite(search.from_point(likelihood, found.x), search, found)
-    for order in range(basis.order + 1, _MOST_TERMS + 1):
-        likelihood = _with_basis(found.likelihood, replace(basis, order=order))
-        more = search.from_point(likelihood, np.append(found.x, 0.0))
-        if not np.isfinite(more.nll):
-            break
-        gain, found = found.nll - more.nll, more
-        if gain < _TERM_NATS and order > basis.order + 1:
-            break
-    return found
+    margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
+    likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))
+    return _finite(search.from_point(likelihood, found.x), search, found)
 
 
 def _finite(found: _Found, search: _Search, otherwise: _Found) -> _Found:
@@ -337,15 +391,15 @@ def _with_basis(likelihood: Likelihood, basis: Explained) -> Likelihood:
 
 
 def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
-    """Return (weight (b,), order of the open response) of which bands to begin with."""
-    if hint is not None:
-        return [(now.weight, 0), (hint.weight, hint.order)]
+    """Return what to begin with."""
     f = plain.likelihood.bins.f
+    if hint is not None:
+        return [Explained(f, now.weight), Explained(f, hint.weight)]
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
     near = np.abs(gamma_pull_exact(*_ratio(plain))) < FAR
     parts = [span <= share for share in _SPANS[:-1]] + [near]
     parts += [(span < low) | (span > high) for low, high in _HOLES]
-    return [(part.astype(float), 0) for part in parts]
+    return [Explained(f, part.astype(float)) for part in parts]
 
 
 def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
@@ -360,8 +414,14 @@ def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
 
 def _judged(bands: Bands, found: _Found) -> Judgement:
     """Return which bands a fit explains."""
-    basis = found.likelihood.explained
-    return judge(bands, *_ratio(found), 0.0 if basis and basis.order else NEARLY)
+    likelihood = found.likelihood
+    basis = likelihood.explained
+    if basis is None or not basis.order.terms:
+        return judge(bands, *_ratio(found))
+    open_one = likelihood.with_search(found.x).of(OpenResponse)[0]
+    gain2 = open_one.gain2(likelihood.bins.f, likelihood.dt)
+    now = judge(bands, *_ratio(found), 0.0)
+    return replace(now, weight=now.weight * (gain2 > DEEP))
 
 
 def _lacks(found: _Found) -> bool:
@@ -374,33 +434,31 @@ def _lacks(found: _Found) -> bool:
     )
 
 
-def _settled(search: _Search, bands: Bands, near: _Found, begin, order: int):
+def _settled(search: _Search, bands: Bands, near: _Found, basis: Explained, seen: list, x=None):
     """
     Return (fit, bands that it explains) of choosing bands and fitting in turn.
 
-    None where no fit is finite.
+    Begins with a basis, and at a point where there is one; ends where the choice was ``seen``,
+    which it adds to. None where no fit is finite.
 
     """
-    f = near.likelihood.bins.f
-    seen: list[np.ndarray] = []
-    weight, best = begin, None
+    weight, best = basis.weight, None
     found = None
     for _ in range(_ROUNDS):
         if np.sum(weight > 0) < 8 or any(np.array_equal(weight, w) for w in seen):
             break
         seen.append(weight)
-        top = float(f[np.flatnonzero(weight)[-1]])
-        likelihood = _with_basis(near.likelihood, Explained(f, weight, order, top))
-        if found is None:
+        likelihood = _with_basis(near.likelihood, replace(basis, weight=weight))
+        if found is None and x is None:
             begin = [*starts(likelihood, near.likelihood.with_search(near.x))]
             found = search.from_starts(likelihood, begin, 2)
         else:
-            found = search.from_point(likelihood, found.x)
+            found = search.from_point(likelihood, x if found is None else found.x)
         if found is None or not np.isfinite(found.nll):
             break
         now = _judged(bands, found)
         used = bands.sum(weight) > 0  # what agrees and was not fitted is not yet explained
-        worth = float(now.worth @ used) - order * _TERM - 4 * _lacks(found)
+        worth = float(now.worth @ used) - 4 * _lacks(found)
         if best is None or worth > best[1]:
             best = found, worth
         weight = now.weight

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.fft import dct
 
 from .evidence import Evidence
-from .explained import Explained, OpenResponse
+from .explained import Explained
 from .kinds import (
     binned_behind,
     Coupling,
@@ -31,6 +31,7 @@ from .kinds import (
     Response,
     Spectrum,
 )
+from .response import OPEN, OpenResponse
 from ..core.spectrum import Bins, leaked
 from ..loop.effect import Fit, Model, Parameter
 
@@ -148,8 +149,9 @@ class Likelihood:
             'first': slice(0, total // 2),
             'second': slice(total // 2, None),
         }[self.part_name]
-        self.inputs = Inputs(e.slow_t[some], e.dt, {k: v[some] for k, v in e.slow_others.items()})
-        count = len(self.inputs.t)
+        # a lag and a mean temperature are those of the whole record
+        self.inputs, self._some = Inputs(e.slow_t, e.dt, dict(e.slow_others)), some
+        count = len(e.slow_t[some])
         low = e.common.low[e.axis, self.part_name]
         q = np.arange(1, min(count // 4, len(low)) + 1)
         n = self.part.n
@@ -161,8 +163,13 @@ class Likelihood:
         self._slow = low[: len(q)]
         if mean:
             known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
-            self._known = self._slow_transform(known)
+            self._known = self._slow_transform(known[some])
             self.power = self._less_known(self.power, self._slow)
+
+    def slow_columns(self, effect: Mean) -> np.ndarray:
+        """Return the slow coefficients (q, p) of the columns of an effect."""
+        rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
+        return self._slow_transform(effect.columns(self.inputs, **rest)[self._some])
 
     def _slow_transform(self, y):
         y = y - np.mean(y, axis=0)
@@ -229,12 +236,11 @@ class Likelihood:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
         columns = []
         for e in (model[m.label] for m in self.means):
-            rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
-            key = (e.label, *rest.values())
+            key = (e.label, *(e[p.name] for p in e.parameters if not p.linear))
             if key not in self._columns:
                 if len(self._columns) > 8:
                     self._columns.clear()
-                self._columns[key] = self._slow_transform(e.columns(self.inputs, **rest))
+                self._columns[key] = self.slow_columns(e)
             columns.append(self._columns[key])
         return np.concatenate(columns, axis=1)
 
@@ -344,6 +350,9 @@ class Likelihood:
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
         model = self.with_search(x)
         v, each = self.spectra(model)
+        if not np.all(np.isfinite(v)):      # a step too far
+            nothing = np.zeros(0)
+            return np.inf, Linear(nothing, nothing, self.power, self.weight, 0.0), v, each
         linear = self.solve_linear(model, v)
         nll = (
             0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))
@@ -356,10 +365,13 @@ class Likelihood:
     def jacobian(self, x, v, each) -> np.ndarray:
         """Return d ln v / d x, (b, p)."""
         out = np.zeros((len(v), len(x)))
+        model = self.with_search(x)
         for j, slot in enumerate(self.slots):
             effect = self.model[slot.label]
             if isinstance(effect, OpenResponse):
-                out[:, j] = effect.terms(self.bins.f)[:, effect.parameters.index(slot.parameter)]
+                if effect.parameters.index(slot.parameter) == 0:
+                    some = slice(j, j + len(effect.parameters))
+                    out[:, some] = model.of(OpenResponse)[0].slopes(self.bins)
                 continue
             if isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
                 out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
@@ -394,13 +406,14 @@ class Likelihood:
         x = np.clip(x, lower, upper)
         best, linear, v, each = self.value(x, penalty, reddest)
         damping = 1e-3
+        reach = np.array([np.inf if s.label == OPEN else 2.0 for s in self.slots])
         for _ in range(steps):
             gradient, information = self._derivatives(x, linear, v, each, penalty, reddest)
             # what a bound stops does not move, or it would bend the way of the others
             able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
             if not able.any():
                 break
-            for damping, moved in _moves(x, able, gradient, information, damping):
+            for damping, moved in _moves(x, able, gradient, information, damping, reach):
                 trial = np.clip(moved, lower, upper)
                 result = self.value(trial, penalty, reddest)
                 if np.isfinite(result[0]) and result[0] <= best:
@@ -435,13 +448,18 @@ class Likelihood:
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
 
 
-def _moves(x, able, gradient, information, damping):
-    """Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move."""
+def _moves(x, able, gradient, information, damping, reach):
+    """
+    Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move.
+
+    By no more than ``reach`` (p,) at once.
+
+    """
     g, f = gradient[able], information[np.ix_(able, able)]
     scale = np.maximum(np.diag(f), 1e-9)
     while damping < 1e9:
         step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
         moved = x.copy()
-        moved[able] += np.clip(step, -2.0, 2.0)
+        moved[able] += np.clip(step, -reach[able], reach[able])
         yield damping, moved
         damping *= 10

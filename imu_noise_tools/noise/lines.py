@@ -131,7 +131,9 @@ class _Search:
         four = np.convolve(ratio, np.ones(4), mode='same')[begin - i:begin - i + end - begin]
         k = np.arange(begin + 1, end + 1)
         # near both ends the level around a coefficient is known from a few dozen of them only
-        four /= 1 + 25 / (2 * np.where(k <= CURVED, 1.5 * k, _reach(k, self.n)) + 1)
+        reach = _reach(k, self.n).astype(float)
+        reach[:max(0, CURVED - begin)] = 1.5 * k[:max(0, CURVED - begin)]
+        four /= 1 + 25 / (2 * reach + 1)
         self.window[begin:end] = four
         for low, high in self.blocked:
             if low < end and high > begin:
@@ -298,9 +300,12 @@ def _humps(search: _Search) -> np.ndarray:
 
     """
     n, dt = search.n, search.dt
-    ratio = 2 * dt * search.c[1:] ** 2 / search.reference
-    length = len(ratio) // 2
-    total = np.concatenate([[0.0], np.cumsum(ratio[:2 * length].reshape(-1, 2).sum(axis=1))])
+    total = np.zeros((n - 1) // 2 + 1)      # of pairs of coefficients
+    for i in range(1, len(total), PIECE):
+        j = min(i + PIECE, len(total))
+        ratio = 2 * dt * search.c[2 * i - 1:2 * j - 1] ** 2 / search.reference[2 * i - 2:2 * j - 2]
+        total[i:j] = ratio[::2] + ratio[1::2]
+    np.cumsum(total, out=total)
     found, width = [], 4
     while width <= max(n // 64, 8):
         half, step = width // 2, max(1, width // 4)

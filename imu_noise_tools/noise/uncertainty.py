@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .explained import OPEN
 from .kinds import MEASURED
+from .response import OPEN
 from ..core import units
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..loop.effect import Estimate
@@ -128,6 +128,7 @@ def estimates(likelihood, x, information, linear, reddest):
         if slot.parameter.amplitude and lo is None:
             upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or upper_bound)
             hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or upper_bound)
+            hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
             e = Estimate(
                 None,
                 spread,

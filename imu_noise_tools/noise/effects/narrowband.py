@@ -4,7 +4,6 @@
 """A narrow band of noise: a resonance, or a line that a wandering speed has broadened."""
 
 import numpy as np
-from scipy.signal import lfilter, lfiltic
 
 from ..kinds import Parameter, Spectrum
 from ...core import oscillator
@@ -100,6 +99,7 @@ class Narrowband(Spectrum):
 
     def apply(self, x, inputs, rng):
         """Add the recursion, started stationary."""
+        from scipy.signal import lfilter, lfiltic  # half a second to load
         first, second = self._coefficients(inputs.dt)
         rho = first / (1 - second)
         last = self['rms'] * rng.standard_normal()

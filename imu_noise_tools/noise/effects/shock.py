@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 from scipy.special import chdtri, digamma, polygamma
 
 from ..kinds import Defect, Parameter
-from ...core.statistics import TWO_SIDED
+from ...core.statistics import row_medians, TWO_SIDED
 from ...loop.effect import Estimate, Finding
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
@@ -189,8 +189,8 @@ def _loudness(y: np.ndarray, dt: float):
     if count < 4 * LASTS:
         return None
     rows = y[:count * length].reshape(count, length)[:, ::max(1, length // 6)]
-    slow = median_filter(np.median(rows, axis=1), max(int(SLOW_S / dt / length), 5))
-    power = np.median((rows - slow[:, None]) ** 2, axis=1) / MEDIAN
+    slow = median_filter(row_medians(rows), max(int(SLOW_S / dt / length), 5))
+    power = row_medians((rows - slow[:, None]) ** 2) / MEDIAN
     groups = int(np.clip(count // 50, 1, LEVELS))
     edges = np.linspace(0, count, groups + 1).astype(int)
     usual = np.array([np.median(power[i:j]) for i, j in zip(edges, edges[1:])])

@@ -9,7 +9,14 @@ from scipy.ndimage import maximum_filter1d
 from scipy.special import log_ndtr, ndtri
 
 from ..kinds import Defect, Parameter
-from ...core.statistics import grid_step, median_sigma, middle_sigma, repeats, TWO_SIDED
+from ...core.statistics import (
+    grid_step,
+    median_sigma,
+    middle_sigma,
+    repeats,
+    row_medians,
+    TWO_SIDED,
+)
 from ...loop.effect import Estimate, Finding
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
@@ -228,7 +235,7 @@ def _lines(z):
     if groups < 2:
         return 0.0
     power = np.abs(c) ** 2
-    level = np.median(power[:128 * groups].reshape(groups, 128), axis=1)
+    level = row_medians(power[:128 * groups].reshape(groups, 128))
     level = np.interp(np.arange(len(c)), 128 * np.arange(groups) + 63.5, level)
     line = power > 40 * level
     line[:128] = False  # what is slow its neighbours tell

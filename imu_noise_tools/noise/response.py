@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A response that a fit leaves open: a rational function, which is what filters are.
+
+The squared gain of any filter of finite order is P(u)/Q(u) in u = sin^2(pi f dt), P(0) = Q(0);
+so is white noise beside a resonance. Its order is what a few terms gain; N is the level that it
+tends to at low frequencies. (Box, Jenkins: Time Series Analysis, 4th ed., 3.4.5: the spectrum of a
+mixed autoregressive, moving average process is such a ratio.)
+
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from .kinds import Parameter, Response
+from ..core.spectrum import Bins, expected
+
+OPEN = '(response)'  # label of the response that is left open
+_POSITIVE = 1e-4  # of its largest value, to which P or Q are raised where they begin below zero
+_FLOOR = 1e-9  # of P and Q
+DEEP = 1e-3  # gain^2 below which something else shows: rounding, what leaks from other bands
+_STEPS, _ENOUGH = 40, 1e-3
+
+
+class Order(NamedTuple):
+    """
+    Degrees of P and Q.
+
+    ``tied``: gain 1 at Nyquist as at zero, as beside something that is added in the middle.
+
+    """
+
+    zeros: int = 0
+    poles: int = 0
+    tied: bool = False
+
+    @property
+    def terms(self) -> int:
+        """Values that are free."""
+        return self.zeros + self.poles - self.tied
+
+
+class OpenResponse(Response):
+    """A nuisance: gain^2 = (1 + sum p_j t_j(u))/(1 + sum q_j t_j(u)), t_j = T_j(2u-1)-T_j(-1)."""
+
+    last = True
+    leaks = False
+    order = Order()
+
+    def gain2(self, f, dt):
+        """Return the squared gain, between floors where the values make none."""
+        top, bottom, _ = self._both(f, dt)
+        return np.maximum(top, _FLOOR) / np.maximum(bottom, _FLOOR)
+
+    def _both(self, f, dt):
+        """Return (P, Q, their terms (..., most)) at f."""
+        zeros, poles, _ = self.order
+        values = _mixing(self.order) @ [self[p.name] for p in self.parameters]
+        t = _terms(np.sin(np.pi * np.asarray(f, float) * dt) ** 2, max(zeros, poles))
+        return 1 + t[..., :zeros] @ values[:zeros], 1 + t[..., :poles] @ values[zeros:], t
+
+    def slopes(self, bins: Bins) -> np.ndarray:
+        """Return d ln v/d value in the bins, (b, p), of a spectrum that is white before it."""
+        zeros, poles, _ = self.order
+
+        def change(f):
+            p, q, t = self._both(f, bins.dt)
+            top, bottom = np.maximum(p, _FLOOR), np.maximum(q, _FLOOR)
+            return np.concatenate([t[:, :zeros] * ((p > _FLOOR) / bottom)[:, None],
+                                   -t[:, :poles] * ((q > _FLOOR) * top / bottom**2)[:, None]],
+                                  axis=1)
+        v = expected(lambda f: self.gain2(f, bins.dt), bins)
+        return expected(change, bins) / v[:, None] @ _mixing(self.order)
+
+    def starts(self, evidence):
+        """Return what it has, or no response at all."""
+        return [self.with_values(**{p.name: self.values.get(p.name, 0.0)
+                                    for p in self.parameters})]
+
+
+@lru_cache(maxsize=64)
+def open_response(order: Order) -> OpenResponse:
+    """Return the response of an order, its values open."""
+    terms = tuple(Parameter(f'a{j}', '1', -1e9, 1e9, log=False)
+                  for j in range(1, order.terms + 1))
+    kind = type('Open', (OpenResponse,), {'parameters': terms, 'order': order})
+    return kind({}, OPEN)
+
+
+@lru_cache(maxsize=64)
+def _mixing(order: Order) -> np.ndarray:
+    """Return what makes (p_1 ..., q_1 ...) of the free values, (zeros + poles, terms)."""
+    out = np.eye(order.zeros + order.poles)
+    if order.tied:  # P(1) = Q(1), where t_j is 2 for odd j and 0 for even
+        degree = np.concatenate([np.arange(1, order.zeros + 1), np.arange(1, order.poles + 1)])
+        sign = np.where(np.arange(len(degree)) < order.zeros, -1.0, 1.0)
+        out[0] = np.where(degree % 2, sign, 0.0)
+        out = out[:, 1:]
+    return out
+
+
+def _terms(u, most):
+    """Return T_j(2u-1) - T_j(-1) for j = 1 ... most, (..., most)."""
+    x = 2 * u - 1
+    before, now, out = np.ones_like(x), x, []
+    for j in range(1, most + 1):
+        out.append(now - (-1) ** j)
+        before, now = now, 2 * x * now - before
+    return np.stack(out, axis=-1) if out else np.zeros((*np.shape(u), 0))
+
+
+class Rational:
+    """
+    The most likely rational response to what a model leaves: x = measured/model power.
+
+    Parameters
+    ----------
+    x : ndarray (b,)
+        Measured over a model's power, whose level is left free as well.
+    w : ndarray (b,)
+        What each counts.
+    bins : Bins
+    order : Order
+
+    """
+
+    def __init__(self, x: np.ndarray, w: np.ndarray, bins: Bins, order: Order):
+        self.x, self.w, self.order = x, w, order
+        # a wide bin is two points (Gauss), as it is where the response is fitted
+        reach = np.where(bins.count > 1, bins.count, 0) / (2 * bins.n * bins.dt) / np.sqrt(12)
+        f = bins.f[:, None] + np.outer(reach, (-1, 1))
+        t = _terms(np.sin(np.pi * f * bins.dt) ** 2, max(order.zeros, order.poles))
+        self._top, self._bottom = t[..., :order.zeros], t[..., :order.poles]
+
+    def fit(self, near=None):
+        """
+        Return (values (terms,), level, v = level gain^2 (b,)); None where there is none.
+
+        ``near`` are values to start from as well. By Fisher scoring of -ln L = 1/2 sum w (ln v +
+        x/v).
+
+        """
+        begun = [(self._cost(a), a) for a in self._begun()]
+        if near is not None:
+            a = self._raised(np.append(np.log(np.median(self.x)), near))
+            begun.append((self._cost(a), a))
+        best, a = min(begun, key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)
+        if not np.isfinite(best):
+            return None
+        mixing, damping = _mixing(self.order), 1e-3
+        for _ in range(_STEPS):
+            v, slopes = self._slopes(a)
+            jac = np.column_stack([np.ones(len(v)), slopes @ mixing])
+            information = (jac * self.w[:, None]).T @ jac
+            gradient = jac.T @ (self.w * (1 - self.x / v))
+            scale = np.maximum(np.diag(information), 1e-12)
+            gain = 0.0
+            while damping < 1e6:
+                trial = a - np.linalg.solve(information + damping * np.diag(scale), gradient)
+                cost = self._cost(trial)
+                if cost <= best:
+                    gain, best, a = best - cost, cost, trial
+                    break
+                damping *= 10
+            damping = max(damping / 10, 1e-9)
+            if gain < _ENOUGH:
+                break
+        return a[1:], float(np.exp(a[0])), self._slopes(a)[0]
+
+    def _split(self, a):
+        """Return (P, Q) of (ln level, values)."""
+        values, zeros = _mixing(self.order) @ a[1:], self.order.zeros
+        top = np.maximum(1 + self._top @ values[:zeros], _FLOOR)
+        return top, 1 + self._bottom @ values[zeros:]
+
+    def _cost(self, a):
+        """Return -ln L, infinite where P or Q are no power."""
+        p, q = self._split(a)
+        if not (np.all(q > 0) and abs(a[0]) < 50):
+            return np.inf
+        v = np.exp(a[0]) * np.mean(p / q, axis=1)
+        return 0.5 * float(np.sum(self.w * (np.log(v) + self.x / v)))
+
+    def _slopes(self, a):
+        """Return v (b,) and d ln v/d (p_1 ..., q_1 ...), (b, zeros + poles)."""
+        p, q = self._split(a)
+        v = np.mean(p / q, axis=1)
+        slopes = np.concatenate([self._top * (p > _FLOOR)[..., None] / q[..., None],
+                                 -self._bottom * (p / q**2)[..., None]], axis=-1)
+        return np.exp(a[0]) * v, np.mean(slopes, axis=1) / v[:, None]
+
+    def _begun(self):
+        """
+        Yield (ln level, values) to start from.
+
+        No response, and what linear least squares of Q x against P give, weighted by the one
+        before (Sanathanan and Koerner 1963).
+
+        """
+        level, mixing = float(np.median(self.x[:max(8, len(self.x) // 8)])), _mixing(self.order)
+        yield np.append(np.log(level), np.zeros(self.order.terms))
+        root, p = np.sqrt(self.w), self.x / level
+        top, bottom = (np.mean(t, axis=1) for t in (self._top, self._bottom))
+        for _ in range(8):
+            x = np.clip(self.x / level, _FLOOR, 1 / _FLOOR)
+            scale = root / np.maximum(np.abs(p), np.maximum(1e-3 * x, _FLOOR))
+            rows = np.concatenate([top, -bottom * x[:, None]], axis=1) @ mixing
+            rows = np.column_stack([np.ones(len(x)), rows]) * scale[:, None]
+            norm = np.maximum(np.sqrt(np.sum(rows**2, axis=0)), 1e-300)
+            a = np.linalg.lstsq(rows / norm, (x - 1) * scale, rcond=1e-12)[0] / norm
+            level *= float(np.clip(1 + a[0], 0.5, 2)) if np.isfinite(a[0]) else 1.0
+            a[0] = np.log(level)
+            yield a
+            yield self._raised(a)
+            p = np.mean(self._split(a)[0], axis=1)
+
+    def _raised(self, a):
+        """Return the same with P and Q raised until they are positive."""
+        out, (p, q) = a.copy(), self._split(a)
+        low = max(0.0, *(_POSITIVE * np.max(z) - np.min(z) for z in (p, q)))
+        out[1:] /= 1 + low
+        return out
