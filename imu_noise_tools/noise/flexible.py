@@ -146,8 +146,7 @@ def _mean_gain(evidence: Evidence, fit: Fit) -> float:
     k = len(means.y)
     j = (np.arange(k) + 0.5) / k
     slow = np.cos(np.pi * np.outer(j, np.arange(1, KNOTS + 1)))
-    spread = means.covariance + 1e-12 * np.eye(k) * np.trace(means.covariance) / k
-    root = np.linalg.cholesky(spread)
+    root = views.root_of(means.covariance)
     solved = np.linalg.solve(root, np.column_stack([means.y, means.columns, slow]))
     p = means.columns.shape[1]
     y, known, more = solved[:, 0], solved[:, 1:p + 1], solved[:, 1:]

@@ -262,6 +262,23 @@ def _covariance_of_means(psd, count, n, dt):
     return (basis * v) @ basis.T
 
 
+def root_of(spread: np.ndarray) -> np.ndarray:
+    """
+    Return the lower Cholesky factor of a covariance (k, k).
+
+    Where rounding has left no positive definite one (a narrow line orders of magnitude above the
+    rest), that of the nearest.
+
+    """
+    spread = spread + np.eye(len(spread)) * 1e-12 * np.trace(spread) / len(spread)
+    try:
+        return np.linalg.cholesky(spread)
+    except np.linalg.LinAlgError:
+        values, axes = np.linalg.eigh(spread)
+        values = np.maximum(values, 1e-10 * max(values[-1], 1e-300))
+        return np.linalg.cholesky((axes * values) @ axes.T)
+
+
 def predicted(
     means: BlockMeans, known: np.ndarray, wanted: np.ndarray
 ) -> tuple[np.ndarray, float]:
@@ -282,9 +299,7 @@ def predicted(
     rest = means.y[wanted] - x_w @ beta - gain @ (means.y[known] - x_k @ beta)
     lever = x_w - gain @ x_k
     spread = means.covariance[np.ix_(wanted, wanted)] - gain @ c_wk.T + lever @ gram @ lever.T
-    spread = 0.5 * (spread + spread.T)
-    spread += np.eye(len(spread)) * 1e-12 * np.trace(spread) / len(spread)
-    root = np.linalg.cholesky(spread)
+    root = root_of(0.5 * (spread + spread.T))
     z = np.linalg.solve(root, rest)
     return z, float(z @ z + 2 * np.sum(np.log(np.diag(root))))
 
