@@ -136,7 +136,7 @@ def test_a_tied_response_is_one_at_both_ends():
     w = bins.count.astype(float)
     x = gain2 * np.random.default_rng(5).chisquare(w) / w
     free, tied = (Rational(x, w, bins, Order(2, 2, t)) for t in (False, True))
-    values, level, v = tied.fit(free.fit()[0][1:])
+    values, level, v = tied.fit([(Order(2, 2), free.fit()[0])])
     assert len(values) == Order(2, 2, True).terms == 3
     assert level == pytest.approx(1, rel=0.01)
     assert v[-1] == pytest.approx(level, rel=0.02)
