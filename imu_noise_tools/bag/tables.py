@@ -138,7 +138,8 @@ def _stamps(
     rate = rate_hz or (None if t is None else regular_rate(t)) or labelled
     if rate is None or not np.isfinite(rate) or rate <= 0:
         raise InputError(
-            f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
+            f'{path}: cannot determine the sample rate: neither t nor rate_hz is there',
+            'give it with --rate-hz'
         )
     if t is None and not rate_hz:
         said.append(

@@ -235,7 +235,7 @@ def history(args) -> int:
 def effects(args) -> int:
     """Run ``effects``."""
     from . import text
-    from ..core.errors import UsageError
+    from ..core.errors import unknown
     from ..loop.domains import DOMAINS
     from ..loop.effect import registry
 
@@ -243,8 +243,7 @@ def effects(args) -> int:
     if args.name:
         found = [registry(d)[args.name] for d in DOMAINS if args.name in registry(d)]
         if not found:
-            known = ', '.join(n for d in DOMAINS for n in registry(d))
-            raise UsageError(f'there is no effect named {args.name}', f'known are {known}')
+            raise unknown('effect', args.name, [n for d in DOMAINS for n in registry(d)])
     else:
         found = [c for d in DOMAINS for c in registry(d).values()]
     if args.json:
@@ -281,17 +280,15 @@ def export(args) -> int:
     """Run ``export``."""
     from .. import export as exports, store
     from ..core import files
-    from ..core.errors import InputError, UsageError
+    from ..core.errors import InputError, unknown, UsageError
 
     common.load_own_effects(args)
     if args.format not in exports.formats():
-        raise UsageError(
-            f'there is no format {args.format}', f'known are {", ".join(exports.formats())}'
-        )
+        raise unknown('format', args.format, exports.formats())
     if not args.inflate > 0:
-        raise UsageError(f'--inflate {args.inflate:g} makes no sense', 'give a factor above zero')
+        raise UsageError(f'invalid --inflate {args.inflate:g}', 'it must be above zero')
     if args.horizon is not None and not args.horizon > 0:
-        raise UsageError(f'--horizon {args.horizon:g} makes no sense', 'give seconds above zero')
+        raise UsageError(f'invalid --horizon {args.horizon:g}', 'it must be above zero (seconds)')
     study = store.load(args.dir)
     if study.domain != 'noise':
         raise InputError(

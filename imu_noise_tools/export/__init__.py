@@ -13,7 +13,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
-from ..core.errors import UsageError
+from ..core.errors import unknown
 
 
 def formats() -> list[str]:
@@ -32,5 +32,5 @@ def export(study, name: str, **options) -> str:
 
     """
     if name not in formats():
-        raise UsageError(f'there is no format {name}', f'known are {", ".join(formats())}')
+        raise unknown('format', name, formats())
     return importlib.import_module(f'{__name__}.{name}').text(study, **options)
