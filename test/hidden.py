@@ -297,7 +297,11 @@ def _transient(s):
 
 
 def _temperature(s):
-    """The die warms up and follows the room; the bias may lag behind the thermometer."""
+    """
+    The die warms up and follows the room; the bias may lag behind the thermometer.
+
+    Or bend, as a sensor's does between extremes; the thermometer may be a coarse and slow one.
+    """
     u = s.t / s.t[-1]
     sway = np.sin(2 * np.pi * (s.rng.uniform(0.7, 3) * u + s.rng.uniform()))
     warm = 1 - np.exp(-u / s.rng.uniform(0.03, 0.2))
@@ -308,7 +312,17 @@ def _temperature(s):
     if lag:
         a = np.exp(-s.dt / lag)
         felt = true[0] + lfilter([1 - a], [1, -a], true - true[0])
-    return sign * (felt - felt.mean()), {'slope': sign, 'curvature': 0.0, 'lag': lag}
+    if s.rng.random() < 0.3:
+        every = max(1, int(s.rng.uniform(1, 4) / s.dt))
+        read = np.repeat(true[::every], every)[:s.n]
+        s.covariates['temperature'] = 0.25 * np.round(4 * read)
+    values = {'slope': sign, 'curvature': 0.0, 'cubed': 0.0, 'lag': lag}
+    if s.rng.random() < 0.3:
+        # a cubic that stands with its inflection at the mean and turns back towards both ends
+        u = felt - felt.mean()
+        return sign * (u - 0.6 * u ** 3 / np.max(np.abs(u)) ** 2), {
+            'cubed': -0.6 * sign / np.max(np.abs(u)) ** 2, 'lag': lag}
+    return sign * (felt - felt.mean()), values
 
 
 def _rts(s):
@@ -548,7 +562,7 @@ RECIPES: dict[str, Recipe] = {
                         scaled=tuple(f'amplitude_{k}' for k in range(1, 7))),
     'narrowband': Recipe(_narrowband, scaled=('rms',)),
     'gauss_markov': Recipe(_gauss_markov, scaled=('sigma',)),
-    'temperature': Recipe(_temperature, deterministic=True, scaled=('slope',)),
+    'temperature': Recipe(_temperature, deterministic=True, scaled=('slope', 'cubed')),
     'ramp': Recipe(_ramp, deterministic=True, scaled=('R',)),
     'drift': Recipe(_drift, deterministic=True, scaled=('rate', 'curvature')),
     'slow_periodic': Recipe(_slow_periodic, deterministic=True, scaled=('cosine', 'sine')),

@@ -13,7 +13,8 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
-from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise import Inputs
+from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.problem import NoiseProblem
 
 BASE = ('white', 'flicker', 'random_walk')
@@ -69,3 +70,35 @@ def test_many_spikes_have_their_rate_and_size(share, size):
                 for e in gather(record, ['gyro_x']).values())
     assert found.effect['sigma'] == pytest.approx(1e-3 * size, rel=0.2)
     assert found.effect['rate'] == pytest.approx(share * rate, rel=0.25)
+
+
+@pytest.mark.parametrize('every, step', [(1, 0.05), (40, 0.25)])
+def test_a_bias_that_bends_with_temperature_is_followed(every, step):
+    """Cubic in a temperature that wanders, read every fourth second to a quarter of a degree."""
+    rng, rate, n = np.random.default_rng(8), 10.0, 18_000
+    t = np.arange(n) / rate
+    wander = np.convolve(np.cumsum(rng.standard_normal(n)), np.ones(600) / 600, 'same')
+    true = 6 * np.exp(-t / 250) - 3 * t / t[-1] + 0.02 * wander
+    true -= true.mean()
+    bias = 1e-5 * true ** 3 - 2e-4 * true
+    read = step * np.round(true[np.arange(n) // every * every] / step)
+    x = 2e-4 * rng.standard_normal((n, 3))
+    x[:, 0] += bias
+    record = ImuRecord(x, None, t, rate, covariates={'temperature': 30 + read})
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', ('white', 'temperature')))
+    found = fit.estimates['temperature']['cubed']
+    assert found.value == pytest.approx(1e-5, abs=5 * found.std + 2e-7)
+    left = problem.evidence.slow_y - fit.model['temperature'].mean(
+        Inputs(problem.evidence.slow_t, 1 / rate, problem.evidence.slow_others))
+    assert np.std(left) < 1.1 * 2e-4 and np.std(bias) > 2e-4
+
+
+def test_what_was_read_in_coarse_steps_goes_on_between_them():
+    t = np.arange(5000.0)
+    true = 20 + 6 * (1 - np.exp(-t / 1500))
+    read = 0.5 * np.round(2 * true)
+    assert np.std(unrounded(read) - true) < 0.3 * np.std(read - true)
+    noisy = 0.5 * np.round(2 * true + 0.8 * np.random.default_rng(0).standard_normal(len(t)))
+    np.testing.assert_array_equal(unrounded(noisy), noisy)
+    np.testing.assert_array_equal(unrounded(true), true)

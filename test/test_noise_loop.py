@@ -34,14 +34,8 @@ def first_verdict(seed, effects, strength=5.0):
 EVERY_DAY = ('sinusoid', 'gauss_markov', 'temperature', 'duplicates', 'spikes')
 
 
-# A band of a few cells swells and fades; the variance in time, judged before the band is known,
-# takes that for a change of the noise level, and what is found first is variance_change.
-SWELLS = pytest.mark.xfail(reason='a narrow band is first taken for a change of variance')
-
-
 def _marks(name):
-    return [*([] if name in EVERY_DAY else [pytest.mark.thorough]),
-            *([SWELLS] if name == 'narrowband' else [])]
+    return [] if name in EVERY_DAY else [pytest.mark.thorough]
 
 
 @pytest.mark.parametrize('name', [pytest.param(n, marks=_marks(n)) for n in hidden.KNOWN])

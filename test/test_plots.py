@@ -149,7 +149,7 @@ def test_variance_of_a_drift():
     """A temperature that rises evenly makes a ramp: R^2 tau^2 / 2."""
     some = record(n=40000)
     evidence = gather(some, ['gyro_x'])['gyro_x']
-    effect = KNOWN['temperature']({'slope': 1e-3, 'curvature': 0.0, 'lag': 0.0})
+    effect = KNOWN['temperature']({'slope': 1e-3, 'curvature': 0.0, 'cubed': 0.0, 'lag': 0.0})
     m = np.array([1, 10, 100, 1000, 10000])
     rise = 1e-3 * 10 / some.t[-1]
     np.testing.assert_allclose(curves.effect_avar(evidence, Model([effect]), effect, m),

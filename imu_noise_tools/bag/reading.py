@@ -15,7 +15,7 @@ from .container import Progress
 from .source import Bag
 from .tables import read_table, table_kind, table_size
 from .topics import choose, list_topics, TopicInfo
-from ..core.errors import unknown, UsageError
+from ..core.errors import ImuNoiseError, unknown, UsageError
 from ..core.record import ImuRecord, Memory
 from ..core.units import DEG, G0
 
@@ -87,7 +87,10 @@ def open_record(
         record = read_table(Path(path), rate_hz)
     else:
         with Bag(path) as bag:
-            record = record_of(bag, choose(bag, topic), rate_hz, progress, memory, apart)
+            try:
+                record = record_of(bag, choose(bag, topic), rate_hz, progress, memory, apart)
+            except ImuNoiseError as error:
+                raise error.after(*bag.warnings)
     first, *others = (
         _as_rate(_in_si(r, gyro_unit, accel_unit), input_kind, memory or Memory())
         for r in record.streams

@@ -98,8 +98,8 @@ def _register_export(commands) -> None:
         '--horizon', type=float, metavar='S', help='cover model and data up to S seconds'
     )
     c.add_argument('--calibration', metavar='DIR', help='a calibration to go with it')
-    c.add_argument('-o', '--output', required=True, metavar='FILE')
-    common.output_options(c, 'nothing')
+    c.add_argument('-o', '--output', required=True, metavar='FILE', help='-: standard output')
+    common.output_options(c, 'the text of the file')
     c.set_defaults(func=export)
 
 
@@ -303,6 +303,12 @@ def export(args) -> int:
         horizon=args.horizon,
         calibration=args.calibration,
     )
-    files.atomic_write(args.output, content)
-    print(f'written to {args.output}')
+    if args.output != '-':
+        files.atomic_write(args.output, content)
+    if args.json:
+        common.print_json({'format': args.format, 'output': args.output, 'text': content})
+    elif args.output == '-':
+        print(content, end='')
+    else:
+        print(f'written to {args.output}')
     return 0

@@ -20,12 +20,20 @@ class ImuNoiseError(Exception):
     remedy : str
         What to do about it, in one line.
 
+    ``warnings`` holds what was found doubtful before.
+
     """
 
     def __init__(self, message: str, remedy: str = '') -> None:
         super().__init__(message, remedy)
         self.message = message
         self.remedy = remedy
+        self.warnings: tuple[str, ...] = ()
+
+    def after(self, *warnings: str) -> 'ImuNoiseError':
+        """Return the error with warnings that came before it, each once."""
+        self.warnings = tuple(dict.fromkeys((*warnings, *self.warnings)))
+        return self
 
     def __str__(self) -> str:
         """Return both in one line."""

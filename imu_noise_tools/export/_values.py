@@ -89,10 +89,17 @@ def _resolved(state: State, parameter: str) -> tuple[float | None, str]:
     return e.upper95, f'{added}{parameter} is not resolved, its 95 % upper limit is used'
 
 
-def left_out(study: Study) -> list[str]:
-    """Return what a (N, K) file leaves out of each axis' model."""
+def left_out(study: Study, horizon: float | None = None) -> list[str]:
+    """
+    Return what a (N, K) file leaves out of each axis' model.
+
+    Nothing where N and K are those that cover the curve.
+
+    """
     out = []
     for axis, state in study.states.items():
+        if horizon is not None or fails(state):
+            continue
         more = [e.label for e in state.model if e.name not in ('white', 'random_walk')]
         if more:
             out.append(f'{axis}: {", ".join(more)}')

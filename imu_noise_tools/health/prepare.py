@@ -22,7 +22,7 @@ from .united import united
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, SampleClock
 from ..core.disturbed import disturbance, disturbances
-from ..core.errors import InputError, UsageError
+from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import AXES, Disturbance, ImuRecord, Memory, sensor_of
 from ..core.stillness import longest_rest
 
@@ -77,23 +77,26 @@ def prepare(
 
     """
     memory = memory or Memory()
-    _enough(record)
-    record = ordered(record, memory)
-    memory.rest()
-    record, clock = _without_pauses(record)
-    _enough(record)
-    _finite_enough(record)
-    record = record.warned(*united(record))
-    record = _filled(record, clock, memory)
-    memory.rest()
-    record = _stuck(record)
-    memory.rest()
-    if not keep_motion:
-        record = _at_rest(record)
-    memory.rest()
-    _enough(record)
-    record = _set_aside(record, screen, tuple(masks))
-    memory.rest()
+    try:
+        _enough(record)
+        record = ordered(record, memory)
+        memory.rest()
+        record, clock = _without_pauses(record)
+        _enough(record)
+        _finite_enough(record)
+        record = record.warned(*united(record))
+        record = _filled(record, clock, memory)
+        memory.rest()
+        record = _stuck(record)
+        memory.rest()
+        if not keep_motion:
+            record = _at_rest(record)
+        memory.rest()
+        _enough(record)
+        record = _set_aside(record, screen, tuple(masks))
+        memory.rest()
+    except ImuNoiseError as error:
+        raise error.after(*record.warnings)
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 

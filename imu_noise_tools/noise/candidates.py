@@ -26,6 +26,7 @@ from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
+OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
@@ -96,8 +97,18 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         _view_of(effect),
         where,
         against=_at_bound(evidence, more.model[label]),
-        shapes=min(sum(not p.discrete for p in effect.parameters) - 1, MOST_SHAPES),
+        shapes=_shapes(effect, more.estimates[label]),
     )
+
+
+def _shapes(effect: NoiseEffect, estimates) -> int:
+    """Return how many parameters besides one are priced; optional ones where they are clear."""
+    priced = 0
+    for p in effect.parameters:
+        e = estimates[p.name]
+        null = p.name in effect.optional and abs(e.point or 0.0) < OPTIONAL * (e.std or 0.0)
+        priced += not p.discrete and not null
+    return min(priced - 1, MOST_SHAPES)
 
 
 def _at_bound(evidence: Evidence, effect) -> str:

@@ -34,6 +34,7 @@ LOW = 1024  # signed coefficients kept
 BLOCKS = 256  # blocks in time
 BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
+STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
 ENVELOPE = 1000  # columns of the picture of the time series
 
 
@@ -196,7 +197,8 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
     Other axes, covariates, the squared vibration.
 
     """
-    out = {**{a: record.column(a) for a in record.axes if a not in axes}, **record.covariates}
+    out = {**{a: record.column(a) for a in record.axes if a not in axes},
+           **{k: unrounded(v) for k, v in record.covariates.items()}}
     out = {k: v for k, v in out.items() if np.all(np.isfinite(v)) and np.ptp(v) > 0}
     if record.accel is not None:
         total = memory.empty(record.n)
@@ -206,6 +208,25 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
         out['accel_square'] = total
     memory.rest()
     return out
+
+
+def unrounded(x: np.ndarray) -> np.ndarray:
+    """
+    Return a slow quantity that was read in coarse steps, (n,), as it may have gone on between.
+
+    It crossed the middle between two levels when the reading changed. What changes back as often
+    as not is noise that the steps do not hide, and stays as it is.
+
+    """
+    at = np.flatnonzero(np.diff(x) != 0) + 1
+    if not 2 < len(at) < STAIRS * len(x):
+        return x
+    up = x[at] > x[at - 1]
+    if np.mean(up[1:] != up[:-1]) > TURNS:
+        return x
+    middle = 0.5 * (x[at] + x[at - 1])
+    return np.interp(np.arange(len(x)), np.r_[0, at - 0.5, len(x) - 1],
+                     np.r_[x[0], middle, x[-1]])
 
 
 def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins, memory: Memory):

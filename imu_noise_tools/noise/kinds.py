@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.fft import idct
+from scipy.fft import dct, idct
 
 from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
 from ..core.statistics import interval
@@ -80,6 +80,8 @@ class NoiseEffect(Effect):
     first: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
+    #: parameters that are null unless the record asks for them: a simpler form is no other effect
+    optional: ClassVar[tuple[str, ...]] = ()
     #: what a record must hold for it to apply
     needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals
@@ -344,6 +346,13 @@ class Response(NoiseEffect):
 
         """
         return 1.0
+
+    def apply(self, x, inputs, rng):
+        """Filter through the DCT: the even extension has no transient at the ends."""
+        c = dct(x, type=2, norm='ortho')
+        k = np.arange(1, len(x))
+        c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))
+        return idct(c, type=2, norm='ortho')
 
 
 class Modulation(NoiseEffect):

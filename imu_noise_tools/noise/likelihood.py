@@ -149,8 +149,9 @@ class Likelihood:
             'first': slice(0, total // 2),
             'second': slice(total // 2, None),
         }[self.part_name]
-        self.inputs = Inputs(e.slow_t[some], e.dt, {k: v[some] for k, v in e.slow_others.items()})
-        count = len(self.inputs.t)
+        # a lag and a mean temperature are those of the whole record
+        self.inputs, self._some = Inputs(e.slow_t, e.dt, dict(e.slow_others)), some
+        count = len(e.slow_t[some])
         low = e.common.low[e.axis, self.part_name]
         q = np.arange(1, min(count // 4, len(low)) + 1)
         n = self.part.n
@@ -162,8 +163,13 @@ class Likelihood:
         self._slow = low[: len(q)]
         if mean:
             known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
-            self._known = self._slow_transform(known)
+            self._known = self._slow_transform(known[some])
             self.power = self._less_known(self.power, self._slow)
+
+    def slow_columns(self, effect: Mean) -> np.ndarray:
+        """Return the slow coefficients (q, p) of the columns of an effect."""
+        rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
+        return self._slow_transform(effect.columns(self.inputs, **rest)[self._some])
 
     def _slow_transform(self, y):
         y = y - np.mean(y, axis=0)
@@ -230,12 +236,11 @@ class Likelihood:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
         columns = []
         for e in (model[m.label] for m in self.means):
-            rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
-            key = (e.label, *rest.values())
+            key = (e.label, *(e[p.name] for p in e.parameters if not p.linear))
             if key not in self._columns:
                 if len(self._columns) > 8:
                     self._columns.clear()
-                self._columns[key] = self._slow_transform(e.columns(self.inputs, **rest))
+                self._columns[key] = self.slow_columns(e)
             columns.append(self._columns[key])
         return np.concatenate(columns, axis=1)
 
@@ -345,6 +350,9 @@ class Likelihood:
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
         model = self.with_search(x)
         v, each = self.spectra(model)
+        if not np.all(np.isfinite(v)):      # a step too far
+            nothing = np.zeros(0)
+            return np.inf, Linear(nothing, nothing, self.power, self.weight, 0.0), v, each
         linear = self.solve_linear(model, v)
         nll = (
             0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))

@@ -68,31 +68,40 @@ def _best_columns(likelihood, model, effect, options, keep=2):
     second step must not land on the first.
 
     """
-    root = np.sqrt(2 * likelihood.dt / likelihood._fine(smooth(likelihood.power)))
-    y = likelihood.slow_rest(model, smooth(likelihood.power)) * root
-
-    def columns(e):
-        rest = {p.name: e[p.name] for p in e.parameters if not p.linear}
-        x = likelihood._slow_transform(e.columns(likelihood.inputs, **rest)) * root[:, None]
-        scale = np.sqrt(np.sum(x**2, axis=0))
-        return x / np.where(scale > 0, scale, 1.0)
-
+    power = smooth(likelihood.power)
+    slow = likelihood.slow_rest(model, power)
     known = [
-        columns(m) for m in model.of(Mean)
+        likelihood.slow_columns(m) for m in model.of(Mean)
         if m.label != effect.label and all(p.linear or p.name in m.values for p in m.parameters)
     ]
-    if known:
-        q, r = np.linalg.qr(np.concatenate(known, axis=1))
-        q = q[:, np.abs(np.diag(r)) > 1e-9]
-        y = y - q @ (q.T @ y)
-    gains = []
-    for o in options:
-        x = columns(o)
+    proposed = [likelihood.slow_columns(o) for o in options]
+    for again in range(2):
+        root = np.sqrt(2 * likelihood.dt / likelihood._fine(power))[:, None]
+        y, before = slow * root[:, 0], np.zeros((len(slow), 0))
         if known:
-            x = x - q @ (q.T @ x)
-        basis, r = np.linalg.qr(x)
-        gains.append(float(np.sum((basis.T @ y)[np.abs(np.diag(r)) > 1e-6] ** 2)))
+            before = _basis(np.concatenate(known, axis=1) * root)
+            y = y - before @ (before.T @ y)
+        gains = []
+        for x in proposed:
+            x = x * root
+            basis = _basis(x - before @ (before.T @ x), np.sum(x**2, axis=0))
+            gains.append(float(np.sum((basis.T @ y) ** 2)))
+        if again:
+            break
+        # a strong one is in that spectrum itself: what the best leaves tells them apart
+        x = np.column_stack([*known, proposed[int(np.argmax(gains))]]) * root
+        basis = _basis(x)
+        rest = (slow * root[:, 0] - basis @ (basis.T @ (slow * root[:, 0]))) / root[:, 0]
+        power = smooth(np.maximum(
+            likelihood._replaced(likelihood.power, likelihood._slow, rest), 1e-300))
     return [options[i] for i in np.argsort(gains)[::-1][:keep]]
+
+
+def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
+    """Return an orthonormal basis of the columns x (q, p), whose squares were ``of`` (p,) once."""
+    scale = np.sqrt(np.sum(x**2, axis=0) if of is None else of)
+    q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
+    return q[:, np.abs(np.diag(r)) > 1e-6]
 
 
 def most_promising(plain, starts, mean, most):
@@ -147,7 +156,7 @@ def _with_amplitudes(likelihood, model, share):
         level = floor
         # behind a filter only the band that passes says something of the amplitudes
         gain = model_gain2(model, likelihood.bins.f, likelihood.dt)
-        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * gain.max())
+        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * min(gain.max(), 1.0))
         for _ in range(3):
             w = passes / level
             scale = np.max(shape * w[:, None], axis=0)

@@ -314,6 +314,9 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
 _HANN_SKEW = 8 / 3 * 0.1315
 
 
+_FIRST = 3  # ordinate at which the lowest band of the power in time begins
+
+
 def _hann_degrees(s: np.ndarray) -> float:
     """
     Return the degrees of freedom of a weighted sum of Hann-windowed periodogram ordinates.
@@ -341,17 +344,34 @@ def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 
     count = evidence.block_count.astype(float)
     parts = [i for i in np.array_split(np.arange(len(level)), groups) if len(i)]
     x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts])
-    # within a band that falls steeply few ordinates hold most of the power
-    first = 3
-    ends = first + np.cumsum(evidence.block_count)
-    f = np.arange(first, ends[-1]) / (evidence.n // blocks * evidence.dt)
-    bins = evidence.whole.bins
-    seen = np.log(np.maximum(evidence.whole.power, 1e-300))
-    s = np.exp(np.interp(np.log(f), np.log(bins.f), seen))
+    width = 1 / (evidence.n // blocks * evidence.dt)
     band = np.repeat(np.arange(len(level)), evidence.block_count)
+    # within a band that falls steeply few ordinates hold most of the power
+    edges = width * (_FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)]))
+    s = _mean_power(evidence, width * (_FIRST - 0.5 + np.arange(len(band) + 1)))[0]
     s = s / (np.bincount(band, s) / count)[band]
-    w = np.array([_hann_degrees(s[(band >= i[0]) & (band <= i[-1])]) for i in parts])
+    mean, square = _mean_power(evidence, edges)
+    s = np.convolve(np.pad(s, 1, mode='edge'), (1 / 6, 2 / 3, 1 / 6), 'valid')
+    coarse = np.bincount(band, s * s) / np.bincount(band, s) ** 2 * count
+    # what is narrower than blocks resolve swells and fades over many of them
+    fine = np.maximum(square / mean**2, coarse)
+    w = np.array([
+        _hann_degrees(s[(band >= i[0]) & (band <= i[-1])])
+        * np.sum((count * coarse)[i]) / np.sum((count * fine)[i]) for i in parts])
     return t, x, w
+
+
+def _mean_power(evidence: Evidence, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean of the measured power and of its square between edges (Hz), (k,) each."""
+    bins, power = evidence.whole.bins, evidence.whole.power
+    k = np.append(bins.first, bins.n)
+    at = np.clip(edges * 2 * bins.n * evidence.dt, 1, bins.n)
+    # of w coefficients the mean square is larger than the square of their level by 1 + 2/w
+    both = power, power**2 * bins.count / (bins.count + 2)
+    return tuple(
+        np.maximum(np.diff(np.interp(at, k, np.concatenate([[0.0], np.cumsum(v * bins.count)])))
+                   / np.maximum(np.diff(at), 1e-9), 1e-300)
+        for v in both)
 
 
 def modulated(model: Model, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -4,7 +4,6 @@
 """The sensor's own low-pass filter."""
 
 import numpy as np
-from scipy.fft import dct, idct
 
 from ..kinds import Parameter, Response
 
@@ -87,13 +86,6 @@ class LowPass(Response):
             return 1 / (1 + (f / c) ** 4)
         shape = _average if form == 'moving_average' else _two_averages
         return np.maximum(shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0)), 1e-9)
-
-    def apply(self, x, inputs, rng):
-        """Filter through the DCT: the even extension has no transient at the ends."""
-        c = dct(x, type=2, norm='ortho')
-        k = np.arange(1, len(x))
-        c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))
-        return idct(c, type=2, norm='ortho')
 
     @classmethod
     def example(cls):

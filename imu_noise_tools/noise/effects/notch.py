@@ -4,7 +4,6 @@
 """A notch filter of the sensor: a band that it takes out."""
 
 import numpy as np
-from scipy.fft import dct, idct
 
 from ..kinds import Parameter, Response
 
@@ -58,13 +57,6 @@ class Notch(Response):
         x0 = np.tan(np.pi * min(self['frequency'] * dt, 0.499))
         w = np.tan(np.pi * min(self['width'] * dt, 0.49)) * (1 + x0**2)
         return np.maximum((x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2), 1e-9)
-
-    def apply(self, x, inputs, rng):
-        """Filter through the DCT: the even extension has no transient at the ends."""
-        c = dct(x, type=2, norm='ortho')
-        k = np.arange(1, len(x))
-        c[1:] *= np.sqrt(self.gain2(k / (2 * len(x) * inputs.dt), inputs.dt))
-        return idct(c, type=2, norm='ortho')
 
     @classmethod
     def example(cls):

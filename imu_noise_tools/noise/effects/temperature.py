@@ -1,22 +1,26 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Temperature sensitivity of the bias: linear, quadratic, lagged."""
+"""Temperature sensitivity of the bias: linear, quadratic, cubic, lagged."""
 
 import numpy as np
 
 from ..kinds import Mean, Parameter
 
 
+LEADS, LAGS = 8, 20  # starts of either sign
+
+
 class Temperature(Mean):
-    """The bias follows the temperature, its square, and both with a first-order lag."""
+    """The bias follows the temperature, its square and its cube, later or earlier."""
 
     name = 'temperature'
-    symbol = 'slope, curvature, lag'
+    symbol = 'slope, curvature, cubed, lag'
     title = 'temperature sensitivity of the bias'
     equation = (
-        'mean = slope (T - Tm) + curvature ((T - Tm)^2 - mean), T lagged by a first-order time '
-        'constant'
+        'mean = slope u + curvature [u^2] + cubed [u^3], u = T - mean T, [.] less the polynomial '
+        'of lower order that comes nearest in the record; T behind a first-order time constant '
+        'lag, or before it (lag < 0: T + |lag| dT/dt, a thermometer slower than the sensor)'
     )
     signature = (
         'the slow part of the record follows the temperature topic; slope +1/2 to +1 at the long '
@@ -30,53 +34,69 @@ class Temperature(Mean):
     needs = 'record a temperature topic (sensor_msgs/Temperature) or column along with the IMU'
     decide = 'record the temperature and let it swing by some degrees, up and down'
     parameters = (
-        Parameter(
-            'slope',
-            '{rate}/degC',
-            -1e3,
-            1e3,
-            log=False,
-            amplitude=True,
-            linear=True,
-            title='change a degree',
+        *(
+            Parameter(
+                name, unit, -1e3, 1e3, log=False, amplitude=True, linear=True, title=title
+            )
+            for name, unit, title in (
+                ('slope', '{rate}/degC', 'change a degree, on the whole'),
+                ('curvature', '{rate}/degC^2', 'change a degree squared'),
+                ('cubed', '{rate}/degC^3', 'change a degree cubed'),
+            )
         ),
         Parameter(
-            'curvature',
-            '{rate}/degC^2',
-            -1e3,
-            1e3,
-            log=False,
-            amplitude=True,
-            linear=True,
-            title='change a degree squared',
-        ),
-        Parameter(
-            'lag', 's', 0.0, 1e6, log=False, discrete=True, title='time constant of the lag'
+            'lag', 's', -1e6, 1e6, log=False, discrete=True, title='time constant of the lag'
         ),
     )
+    neutral = {'lag': 0.0}
+    optional = ('curvature', 'cubed')
 
     def starts(self, evidence):
-        """Lags from none to a tenth of the record; nothing without a temperature that moves."""
+        """Lags from none to a quarter of the record; nothing without a temperature that moves."""
         t = evidence.slow_others.get('temperature')
         if t is None or np.ptp(t) == 0:
             return []
-        return [
-            self.with_values(lag=float(x))
-            for x in (0.0, *np.geomspace(evidence.duration / 500, evidence.duration / 8, 12))
-        ]
+        least = max(evidence.duration / 2000, 2 * float(np.diff(evidence.slow_t[:2])[0]))
+        later = np.geomspace(least, evidence.duration / 4, LAGS)
+        earlier = np.geomspace(least, max(evidence.duration / 50, 2 * least), LEADS)
+        return [self.with_values(lag=float(x)) for x in (0.0, *later, *-earlier)]
 
     def columns(self, inputs, lag):
-        """T - Tm and its square, both without mean."""
-        t = np.asarray(inputs.covariates['temperature'], float)
-        if lag > 0 and len(inputs.t) > 1:
-            from scipy.signal import lfilter  # half a second to load
-
-            a = np.exp(-(inputs.t[1] - inputs.t[0]) / lag)
-            t = lfilter([1 - a], [1, -a], t, zi=[a * t[0]])[0]
-        t = t - np.mean(t)
-        return np.column_stack([t, t**2 - np.mean(t**2)])
+        """Return u, [u^2] and [u^3], each without mean."""
+        u = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t, lag)
+        u = u - np.mean(u)
+        scale = np.sqrt(np.mean(u * u)) or 1.0
+        u = u / scale
+        out = [u]
+        for power in (2, 3):        # Gram and Schmidt's steps, twice for the sake of rounding
+            x = u**power
+            for _ in range(2):
+                x = x - np.mean(x)
+                for y in out:
+                    x = x - y * (x @ y / max(y @ y, 1e-300))
+            out.append(x)
+        return np.column_stack(out) * scale ** np.arange(1, 4)
 
     @classmethod
     def example(cls):
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
-        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'lag': 0.0})
+        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubed': 0.0, 'lag': 0.0})
+
+
+def _moved(temperature: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
+    """Return a temperature behind a time constant, or what a thermometer with one is behind of."""
+    if not lag or len(t) < 3:
+        return temperature
+    from scipy.signal import lfilter  # half a second to load
+
+    step = t[1] - t[0]
+
+    def slow(x, tc):
+        a = np.exp(-step / tc)
+        return lfilter([1 - a], [1, -a], x, zi=[a * x[0]])[0]
+
+    if lag > 0:
+        return slow(temperature, lag)
+    # its rate of change, from both sides of a smoothed course: a thermometer has steps
+    smooth = slow(slow(temperature, -lag)[::-1], -lag)[::-1]
+    return temperature - lag * np.gradient(smooth, step)
