@@ -298,7 +298,8 @@ def _diagnosis_of(domain, d) -> Diagnosis:
 
     def finding(f):
         known = find_effect(domain, f['effect'])
-        found = {k: estimate(known.parameter(k), v) for k, v in f.get('parameters', {}).items()}
+        given = {known.parameter(k): v for k, v in f.get('parameters', {}).items()}
+        found = {p.name: estimate(p, v) for p, v in given.items()}
         effect = known({k: v.point for k, v in found.items() if v.point is not None})
         return Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '',
                        f.get('evidence', ''), f.get('probability'),

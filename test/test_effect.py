@@ -156,7 +156,8 @@ def test_a_sum_of_models_and_of_a_list():
 def test_what_is_there_once_is_refused_twice():
     with pytest.raises(UsageError, match='already has floor'):
         Floor() + Floor()
-    with pytest.raises(UsageError, match='unknown test_effect effect flor: did you mean floor') as error:
+    with pytest.raises(
+            UsageError, match='unknown test_effect effect flor: did you mean floor') as error:
         model_of(DOMAIN, ['flor'])
     assert 'floor' in error.value.remedy
 

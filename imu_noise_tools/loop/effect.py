@@ -60,6 +60,8 @@ class Parameter:
     choices : tuple of str
         Names, where it is one of a few: it is written and read by name everywhere, and its value
         among the numbers of a fit is the index (:meth:`choice`).
+    formerly : str
+        Its name in older studies.
 
     """
 
@@ -73,13 +75,15 @@ class Parameter:
     discrete: bool = False
     title: str = ''
     choices: tuple[str, ...] = ()
+    formerly: str = ''
 
     @classmethod
-    def choice(cls, name: str, choices: Iterable[str], title: str = '') -> Parameter:
+    def choice(cls, name: str, choices: Iterable[str], title: str = '',
+               formerly: str = '') -> Parameter:
         """Return a parameter that is one of a few names."""
         names = tuple(choices)
         return cls(name, '1', 0, len(names) - 1, log=False, discrete=True, title=title,
-                   choices=names)
+                   choices=names, formerly=formerly)
 
     def number(self, value: Any) -> float:
         """
@@ -201,9 +205,9 @@ class Effect:
 
     @classmethod
     def parameter(cls, name: str) -> Parameter:
-        """Return a parameter by its name; raise KeyError where there is none."""
+        """Return a parameter by its name or former name; raise KeyError without one."""
         for p in cls.parameters:
-            if p.name == name:
+            if name in (p.name, p.formerly):
                 return p
         raise KeyError(name)
 
