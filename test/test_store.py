@@ -330,7 +330,7 @@ def test_entries_missing_or_of_another_kind(folder):
 
 def test_an_effect_nobody_knows(folder):
     edited(folder, targets={'gyro_x': {'effects': {'hum': {'effect': 'hum'}}}})
-    refused(folder, 'no noise effect named hum')
+    refused(folder, 'unknown noise effect hum')
     with pytest.raises(InputError) as error:
         store.load(folder)
     assert '--effects-from' in error.value.remedy
