@@ -27,7 +27,7 @@ from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stret
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.response import Order, Rational
+from imu_noise_tools.noise.response import open_response, Order, Rational
 from imu_noise_tools.tasks.noise import analyse_record
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
@@ -89,7 +89,8 @@ def test_what_is_not_in_the_model_does_not_bend_it(case):
     y, level = case(y, DT, rng)
     evidence = axis_of(y)
     found = fit(evidence, model_of('noise', BASE)).estimates
-    assert found['white']['N'].value == pytest.approx(level, rel=0.08 if case is robust.several else 0.03)
+    near = 0.08 if case is robust.several else 0.03
+    assert found['white']['N'].value == pytest.approx(level, rel=near)
     assert found['flicker']['B'].point == pytest.approx(robust.TRUTH['B'], rel=0.8)
 
 
@@ -255,3 +256,40 @@ def test_nothing_hidden_is_sufficient_and_says_nothing():
         found = state.problem.matters(state.fit)
         assert found.sufficient and found.largest_ratio == 1 and not found.failures
         assert state.problem.basis(state.fit) == {'sufficient': True}
+
+
+def test_a_response_at_its_limit_leaves_every_spectrum_finite():
+    """A half has bins of its own, and poles between those of the whole."""
+    response = open_response(Order(2, 2)).with_values(a1=0.3, a2=-0.9, a3=-1.1, a4=0.7)
+    for n in (400, 5000, 30_224):
+        bins = bins_of(n, DT)
+        assert np.all(np.isfinite(response.gain2(bins.f, DT)))
+        assert np.all(np.isfinite(response.slopes(bins)))
+
+
+@pytest.mark.parametrize('q', [20, 45])
+def test_a_half_behind_a_sharp_resonance_is_fitted(q):
+    y, rng = noise(21)
+    y = y + 12 * lfilter(*iirpeak(0.3, q), robust.white(N, DT, rng))
+    problem = NoiseProblem(axis_of(y))
+    whole = problem.point(model_of('noise', BASE))
+    assert whole.details.basis is not None and whole.details.basis.order.terms
+    for part in problem.split():
+        for half in part:
+            found = half.point(model_of('noise', BASE)).model
+            assert found['white']['N'] == pytest.approx(robust.TRUTH['N'], rel=0.05)
+
+
+def test_swings_that_come_and_go_are_no_spikes():
+    """A band that swells every few seconds: its crests stay, and N is that of the curve at 1 s."""
+    y, rng = noise(31)
+    band = lfilter(*butter(2, (0.7, 0.9), 'band'), robust.white(N, DT, rng))
+    swell = lfilter(*butter(2, 0.012), rng.standard_normal(N))
+    y = y + 4 * band * np.minimum((swell / swell.std()) ** 2, 16)
+    evidence = axis_of(y)
+    bins = evidence.whole.bins
+    slow = (bins.f > 1) & (bins.f < 5)
+    level = np.average(evidence.whole.power[slow], weights=bins.count[slow])
+    assert level == pytest.approx(2 * robust.TRUTH['N'] ** 2, rel=0.05)
+    found = fit(evidence, model_of('noise', BASE)).estimates['white']['N']
+    assert found.value == pytest.approx(robust.TRUTH['N'], rel=0.03)

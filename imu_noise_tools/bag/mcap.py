@@ -57,6 +57,7 @@ class McapFile(ChunkedFile):
         self.raw_schemas: dict[int, bytes] = {}
         self.raw_channels: dict[int, bytes] = {}
         self.profile = 'ros2'
+        self._ends = False          # with the magic that only a finished file has
         super().__init__(path)
 
     def read_summary(self) -> bool:
@@ -65,6 +66,7 @@ class McapFile(ChunkedFile):
             return False
         self.file.seek(self.size - 37)
         tail = self.file.read(37)
+        self._ends = tail[-8:] == MAGIC
         if tail[-8:] != MAGIC or tail[0] != FOOTER:
             return False
         start = int.from_bytes(tail[9:17], 'little')
@@ -168,6 +170,7 @@ class McapFile(ChunkedFile):
             op, length = head[0], int.from_bytes(head[1:], 'little')
             end = at + HEAD + length
             if op in (FOOTER, DATA_END):
+                self.problems.cut = not self._ends
                 return
             if op == CHUNK:
                 chunk, end = self._read_chunk(at + HEAD, end, wanted)

@@ -45,7 +45,10 @@ def read_table(path: Path, rate_hz: float | None) -> ImuRecord:
 
     """
     said: list[str] = []
-    return _record(path, table_arrays(path, said), rate_hz, said)
+    try:
+        return _record(path, table_arrays(path, said), rate_hz, said)
+    except InputError as error:
+        raise error.after(*said)
 
 
 def table_size(path: Path) -> tuple[int, float | None]:
@@ -82,19 +85,23 @@ def _record(
 ) -> ImuRecord:
     said = list(said)
     data: dict[str, np.ndarray | None] = {}
+    empty = []
     for sensor in ('gyro', 'accel'):
         x = arrays.pop(sensor, None)
         if x is not None and (x.ndim != 2 or x.shape[1] != 3):
             raise InputError(f'{path}: {sensor} has the shape {x.shape}, not (n, 3)', NPZ_ARRAYS)
         if x is not None and len(x) and not np.any((x != 0) & ~np.isnan(x)):
-            said.append(f'the {sensor} part is all zero; left out')
+            what = 'not a number anywhere' if np.isnan(x).all() else 'all zero'
+            said.append(f'the {sensor} part is {what}; left out')
+            empty.append(f'{sensor} is {what}')
             x = None
         data[sensor] = None if x is None else np.array(x, float)
     lengths = {len(x) for x in data.values() if x is not None}
     if len(lengths) != 1:
         raise InputError(
             f'{path}: '
-            + ('gyro and accel differ in length' if lengths else 'has neither gyro nor accel'),
+            + ('gyro and accel differ in length' if lengths
+               else ', '.join(empty) or 'has neither gyro nor accel'),
             NPZ_ARRAYS if table_kind(path) == 'npz' else CSV_COLUMNS,
         )
     n = lengths.pop()
@@ -137,9 +144,11 @@ def _stamps(
         t = None
     rate = rate_hz or (None if t is None else regular_rate(t)) or labelled
     if rate is None or not np.isfinite(rate) or rate <= 0:
-        raise InputError(
-            f'{path}: no rate to be had, it has neither t nor rate_hz', 'give one with --rate-hz'
-        )
+        why = 'neither t nor rate_hz is there' if t is None else (
+            'the stamps run backward' if np.nanmedian(np.diff(t)) < 0 else
+            'the stamps do not advance')
+        raise InputError(f'{path}: cannot determine the sample rate: {why}',
+                         'give it with --rate-hz')
     if t is None and not rate_hz:
         said.append(
             f'no stamps: {rate:.6g} Hz is only what the file says; such labels are off by up to '
@@ -160,6 +169,7 @@ def _number(array: np.ndarray | None) -> float | None:
 def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return the numeric arrays of an .npz; whatever would need pickle is left alone."""
     arrays: dict[str, np.ndarray] = {}
+    said: list[str] = []
     limit = max(AT_LEAST, EXPANSION * path.stat().st_size)
     try:
         with zipfile.ZipFile(path) as archive:
@@ -178,6 +188,8 @@ def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
                     arrays[name] = array
                 elif name in ('gyro', 'accel', 't', 'rate_hz'):
                     raise InputError(f'{path}: {name} is not an array of numbers', NPZ_ARRAYS)
+                else:
+                    said.append(f'{name} is not an array of numbers; left out')
     except (
         zipfile.BadZipFile,
         ValueError,
@@ -191,7 +203,7 @@ def _read_npz(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
         if isinstance(error, (InputError, OSError)):
             raise
         raise InputError(f'{path}: cannot be read as .npz ({error})', NPZ_ARRAYS) from error
-    return arrays, []
+    return arrays, said
 
 
 def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | None:

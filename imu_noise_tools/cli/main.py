@@ -81,6 +81,8 @@ def main(argv=None) -> int:
 
 
 def _say(error):
+    for said in getattr(error, 'warnings', ()):
+        print(f'warning: {said}', file=sys.stderr)
     print(f'imu_noise: {" ".join(str(error).split())}', file=sys.stderr)
 
 

@@ -9,9 +9,7 @@ import textwrap
 
 from ..core import units
 from ..core.clock import PATTERNS
-from ..report.terminal import table
-
-WIDTH = 100
+from ..report.terminal import table, width
 
 
 def unit_of(parameter) -> str:
@@ -43,7 +41,7 @@ def effect(cls) -> str:
         ('reference', cls.reference),
     ):
         if body:
-            out += textwrap.wrap(f'{head}: {body}', WIDTH, subsequent_indent='  ')
+            out += textwrap.wrap(f'{head}: {body}', width(), subsequent_indent='  ')
     out += ['parameters:'] + [f'  {p.name} [{unit_of(p)}]  {p.title}' for p in cls.parameters]
     kinds = [
         b.__name__
@@ -147,7 +145,7 @@ def _health(found) -> list[str]:
     look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
     line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
     if h.received:
-        line('times of receiving', PATTERNS[h.received])
+        line('receive times', PATTERNS[h.received])
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')
@@ -173,6 +171,6 @@ def _health(found) -> list[str]:
         out += ['', 'advice'] + [
             w
             for a in h.advice
-            for w in textwrap.wrap(a, WIDTH - 2, initial_indent='- ', subsequent_indent='  ')
+            for w in textwrap.wrap(a, width() - 2, initial_indent='- ', subsequent_indent='  ')
         ]
     return out

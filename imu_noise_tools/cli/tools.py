@@ -116,7 +116,8 @@ def _inspected(found) -> dict:
 
 def simulate(args) -> int:
     """Run ``simulate``."""
-    from ..tasks.simulate import simulate as task
+    from pathlib import Path
+    from ..tasks.simulate import simulate as task, truth_of
 
     common.load_own_effects(args)
     truth = task(args.spec, args.output, force=args.force)
@@ -124,7 +125,8 @@ def simulate(args) -> int:
         common.print_json(truth)
     else:
         print(
-            f'written to {args.output}; what is in it: truth.yaml beside it\n'
+            f'written to {args.output}; what is in it: {truth_of(Path(args.output)).name} '
+            'beside it\n'
             f'next: imu_noise analyse {args.output}'
         )
     return 0

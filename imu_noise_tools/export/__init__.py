@@ -4,7 +4,9 @@
 """
 A study's numbers in the files that other programs read.
 
-One module a consumer, found by its name.
+One module a consumer, found by its name. It has ``DESCRIPTION`` (one line) and ``text(study,
+**options)``; one whose consumer has a place for scale factors and biases sets ``CALIBRATION`` and
+takes them as ``calibration``, a :class:`~imu_noise_tools.export._calibration.Inverse`.
 
 """
 
@@ -13,7 +15,8 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
-from ..core.errors import UsageError
+from ._calibration import read
+from ..core.errors import unknown, UsageError
 
 
 def formats() -> list[str]:
@@ -21,16 +24,46 @@ def formats() -> list[str]:
     return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith('_'))
 
 
-def export(study, name: str, **options) -> str:
+def descriptions() -> dict[str, str]:
+    """Return a line on each format by its name: what is written, and by whose convention."""
+    return {name: _module(name).DESCRIPTION for name in formats()}
+
+
+def export(study, name: str, calibration=None, **options) -> str:
     """
     Return the text of one format.
+
+    Parameters
+    ----------
+    study : Study
+        Of noise.
+    name : str
+        One of :func:`formats`.
+    calibration : path or None
+        A folder that calibrate wrote, to go with it.
+    options
+        ``axes`` (worst, mean or each), ``inflate``, ``horizon`` (s).
 
     Raises
     ------
     UsageError
         An unknown format, or an option that it cannot hold.
+    InputError
+        The calibration cannot be read.
 
     """
     if name not in formats():
-        raise UsageError(f'there is no format {name}', f'known are {", ".join(formats())}')
-    return importlib.import_module(f'{__name__}.{name}').text(study, **options)
+        raise unknown('format', name, formats())
+    module = _module(name)
+    if calibration is not None:
+        if not getattr(module, 'CALIBRATION', False):
+            able = [n for n in formats() if getattr(_module(n), 'CALIBRATION', False)]
+            raise UsageError(
+                f'--calibration: {name} has no place for scale factors and biases',
+                f'correct the bag with imu_noise apply, or choose from {", ".join(able)}')
+        options['calibration'] = read(calibration)
+    return module.text(study, **options)
+
+
+def _module(name: str):
+    return importlib.import_module(f'{__name__}.{name}')

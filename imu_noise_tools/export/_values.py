@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from ..core.errors import UsageError
+from ..core.errors import unknown, UsageError
 from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
 from ..loop.study import Study
@@ -38,9 +38,9 @@ class Value:
     def one(self, rule: str) -> float:
         """Return the largest (``worst``) or the rms (``mean``) over the axes."""
         if rule not in RULES:
-            raise UsageError(f'--axes {rule} is unknown', f'known are {", ".join(RULES)}')
+            raise unknown('--axes', rule, RULES)
         if rule == 'each':
-            raise UsageError('this format holds one value a sensor', 'use --axes worst or mean')
+            raise UsageError('this format holds one value per sensor', 'use --axes worst or mean')
         return (
             max(self.values)
             if rule == 'worst'
@@ -89,10 +89,17 @@ def _resolved(state: State, parameter: str) -> tuple[float | None, str]:
     return e.upper95, f'{added}{parameter} is not resolved, its 95 % upper limit is used'
 
 
-def left_out(study: Study) -> list[str]:
-    """Return what a (N, K) file leaves out of each axis' model."""
+def left_out(study: Study, horizon: float | None = None) -> list[str]:
+    """
+    Return what a (N, K) file leaves out of each axis' model.
+
+    Nothing where N and K are those that cover the curve.
+
+    """
     out = []
     for axis, state in study.states.items():
+        if horizon is not None or fails(state):
+            continue
         more = [e.label for e in state.model if e.name not in ('white', 'random_walk')]
         if more:
             out.append(f'{axis}: {", ".join(more)}')

@@ -4,7 +4,9 @@
 """
 Kalibr's imu.yaml: continuous-time densities N and random walks K.
 
-Source: the wiki of kalibr, IMU-Noise-Model.
+Source: the wiki of kalibr, IMU-Noise-Model; ethz-asl/kalibr at 1f60227442,
+aslam_offline_calibration/kalibr/python/kalibr_common/ConfigReader.py:464-492: each must be above
+zero, and N is multiplied by sqrt(update_rate).
 
 """
 
@@ -13,6 +15,7 @@ from __future__ import annotations
 from ._values import left_out, number, rests_on, value_of
 from ..loop.study import Study
 
+DESCRIPTION = 'Kalibr imu.yaml: noise densities N and random walks K, continuous time'
 KEYS = (
     ('accelerometer_noise_density', 'accel', 'N', 'm/s^2/sqrt(Hz)'),
     ('accelerometer_random_walk', 'accel', 'K', 'm/s^3/sqrt(Hz)'),
@@ -24,7 +27,7 @@ KEYS = (
 def text(
     study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float | None = None, **_
 ) -> str:
-    """Return imu.yaml; one value a sensor, by the rule ``axes``, times ``inflate``."""
+    """Return imu.yaml; one value per sensor, by the rule ``axes``, times ``inflate``."""
     lines = [
         '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), '
         'SI units.',
@@ -37,7 +40,7 @@ def text(
             f'# Chosen so that the Allan deviation covers model and data up to {horizon:g} s.'
         )
     lines += [f'# {said}.' for said in rests_on(study, horizon)]
-    out = left_out(study)
+    out = left_out(study, horizon)
     if out:
         lines.append('# Not in these two numbers: ' + '; '.join(out) + '.')
     body = []

@@ -22,7 +22,7 @@ from .united import united
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, SampleClock
 from ..core.disturbed import disturbance, disturbances
-from ..core.errors import InputError, UsageError
+from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import AXES, Disturbance, ImuRecord, Memory, sensor_of
 from ..core.stillness import longest_rest
 
@@ -77,30 +77,33 @@ def prepare(
 
     """
     memory = memory or Memory()
-    _enough(record)
-    record = ordered(record, memory)
-    memory.rest()
-    record, clock = _without_pauses(record)
-    _enough(record)
-    _finite_enough(record)
-    record = record.warned(*united(record))
-    record = _filled(record, clock, memory)
-    memory.rest()
-    record = _stuck(record)
-    memory.rest()
-    if not keep_motion:
-        record = _at_rest(record)
-    memory.rest()
-    _enough(record)
-    record = _set_aside(record, screen, tuple(masks))
-    memory.rest()
+    try:
+        _enough(record)
+        record = ordered(record, memory)
+        memory.rest()
+        record, clock = _without_pauses(record)
+        _enough(record)
+        _finite_enough(record)
+        record = record.warned(*united(record))
+        record = _filled(record, clock, memory)
+        memory.rest()
+        record = _stuck(record)
+        memory.rest()
+        if not keep_motion:
+            record = _at_rest(record)
+        memory.rest()
+        _enough(record)
+        record = _set_aside(record, screen, tuple(masks))
+        memory.rest()
+    except ImuNoiseError as error:
+        raise error.after(*record.warnings)
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 
 def _enough(record: ImuRecord) -> None:
     if record.n < LEAST_SAMPLES:
-        raise InputError(f'{_name(record)} has {record.n} samples, too few to analyse',
-                         f'record at least {LEAST_SAMPLES}, better some hours')
+        raise InputError(f'{_name(record)} has only {record.n} samples, too few to analyse',
+                         f'record at least {LEAST_SAMPLES}, ideally some hours')
 
 
 def _name(record: ImuRecord) -> str:
@@ -112,7 +115,8 @@ def _without_pauses(record: ImuRecord) -> tuple[ImuRecord, SampleClock]:
     clock = fit_clock(record.t)
     if clock is None:
         raise InputError(
-            f'{_name(record)} has no rate to be had from its stamps', 'give one with --rate-hz'
+            f'cannot determine the sample rate of {_name(record)} from its stamps',
+            'give it with --rate-hz'
         )
     where = clock.pauses()
     if not len(where):
@@ -136,7 +140,7 @@ def _finite_enough(record: ImuRecord) -> None:
         raise InputError(
             f'{_name(record)}: {100 * bad / record.n:.3g} % of the samples are not finite (NaN '
             'or infinite)',
-            'mend the driver and record again',
+            'fix the driver and record again',
         )
 
 
@@ -207,7 +211,7 @@ def _set_aside(
     out = _merged([*((d.begin, d.end, d.kind) for d in chosen), *masked])
     total = sum(b - a for a, b, _ in out)
     if masked and total > 0.9 * record.duration_s:
-        raise UsageError('--mask leaves too little to analyse', 'mask less')
+        raise UsageError('--mask leaves too little to analyse', 'mask less of it')
     if chosen:
         record = record.warned(
             f'{_stretches(chosen)} set aside from the noise fit (--no-screen keeps it in)'
@@ -324,7 +328,7 @@ def _rate_doubts(record: ImuRecord) -> list[str]:
         span = float(record.receive_t[-1] - record.receive_t[0])
         if span > 10 and abs(record.duration_s / span - 1) > 0.01:
             said.append(
-                f'the stamps span {record.duration_s:.5g} s and the times of receiving '
+                f'the stamps span {record.duration_s:.5g} s and the receive times '
                 f'{span:.5g} s; '
                 'the stamps were used'
             )

@@ -281,20 +281,25 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     now = _judged(bands, plain)
     if np.all(now.weight == 1) and not _lacks(plain):
         return plain
-    best: tuple[_Found, float] | None = None
     seen: list[np.ndarray] = []
-    for begin in _beginnings(plain, now, hint):
-        ended = _settled(search, bands, plain, begin, seen)
-        if ended is not None and (best is None or ended[1] > best[1] + 1e-6):
-            best = ended
-    if best is None:
+    begins = _beginnings(plain, now, hint)
+    ended = [e for e in (_settled(search, bands, plain, b, seen) for b in begins) if e]
+    held = [found for found, _ in sorted(ended, key=lambda e: -e[1])]
+    if not held:
         return plain
-    found, score = best[0], _score(bands, best[0])
-    for basis, x in _behind_responses(bands, found, hint):
-        ended = _settled(search, bands, found, basis, [], x)
-        if ended is not None and _score(bands, ended[0]) > score + 1e-6:
-            best, score = ended, _score(bands, ended[0])
-    return _on_the_safe_side(thorough, bands, best[0])
+    best = _score(bands, held[0])
+    for basis, x in _behind_responses(bands, held[0], hint):
+        more = _settled(search, bands, held[0], basis, [], x)
+        if more is not None and _flat(more[0]) and _score(bands, more[0]) > best + 1e-6:
+            held.insert(0, more[0])
+    first = None
+    for found in held:  # a fit that leaves no white noise holds only where every one does
+        found = _on_the_safe_side(thorough, bands, found)
+        if _flat(found) and not _lacks(found):
+            return found
+        first = first or found
+    assert first is not None
+    return first
 
 
 def _score(bands: Bands, found: _Found) -> float:
@@ -306,6 +311,16 @@ def _score(bands: Bands, found: _Found) -> float:
     assert basis is not None
     return supported_by(bands, ratio * v, weight, v, _BAND) - _TERM * basis.order.terms \
         - 4 * _BAND * _lacks(found)
+
+
+def _flat(found: _Found) -> bool:
+    """Tell whether the response that a fit leaves open, if any, does nothing at the slow end."""
+    f, dt = found.likelihood.bins.f, found.likelihood.dt
+    slow = f[f < _FLAT * 0.5 / dt]
+    return all(
+        np.max(np.abs(np.log(r.gain2(slow, dt)))) <= 2 * _FLATNESS
+        for r in found.likelihood.with_search(found.x).of(OpenResponse)
+    )
 
 
 def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):

@@ -23,7 +23,7 @@ from ..core.spectrum import Bins, expected
 
 OPEN = '(response)'  # label of the response that is left open
 _POSITIVE = 1e-4  # of its largest value, to which P or Q are raised where they begin below zero
-_FLOOR = 1e-9  # of P
+_FLOOR = 1e-9  # of P and Q
 DEEP = 1e-3  # gain^2 below which something else shows: rounding, what leaks from other bands
 _STEPS, _ENOUGH = 40, 1e-3
 
@@ -54,9 +54,9 @@ class OpenResponse(Response):
     order = Order()
 
     def gain2(self, f, dt):
-        """Return the squared gain; nan where the values make none, and never zero."""
+        """Return the squared gain, between floors where the values make none."""
         top, bottom, _ = self._both(f, dt)
-        return np.maximum(top, _FLOOR) / np.where(np.all(bottom > 0), bottom, np.nan)
+        return np.maximum(top, _FLOOR) / np.maximum(bottom, _FLOOR)
 
     def _both(self, f, dt):
         """Return (P, Q, their terms (..., most)) at f."""
@@ -70,9 +70,11 @@ class OpenResponse(Response):
         zeros, poles, _ = self.order
 
         def change(f):
-            top, bottom, t = self._both(f, bins.dt)
-            return np.concatenate([t[:, :zeros] * (top > _FLOOR)[:, None] / bottom[:, None],
-                                   -t[:, :poles] * (top / bottom**2)[:, None]], axis=1)
+            p, q, t = self._both(f, bins.dt)
+            top, bottom = np.maximum(p, _FLOOR), np.maximum(q, _FLOOR)
+            return np.concatenate([t[:, :zeros] * ((p > _FLOOR) / bottom)[:, None],
+                                   -t[:, :poles] * ((q > _FLOOR) * top / bottom**2)[:, None]],
+                                  axis=1)
         v = expected(lambda f: self.gain2(f, bins.dt), bins)
         return expected(change, bins) / v[:, None] @ _mixing(self.order)
 

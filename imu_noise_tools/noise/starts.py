@@ -156,7 +156,7 @@ def _with_amplitudes(likelihood, model, share):
         level = floor
         # behind a filter only the band that passes says something of the amplitudes
         gain = model_gain2(model, likelihood.bins.f, likelihood.dt)
-        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * gain.max())
+        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * min(gain.max(), 1.0))
         for _ in range(3):
             w = passes / level
             scale = np.max(shape * w[:, None], axis=0)

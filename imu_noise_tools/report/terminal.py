@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+import shutil
 import textwrap
 
 from . import words
@@ -14,6 +16,8 @@ from ..loop.prediction import State
 from ..loop.study import Step, Study
 
 WIDTH = 100
+ENDLESS = 1 << 20       # columns, where it is no terminal
+NARROWEST = 10          # of a column of a table
 MOST_DISTURBED = 5      # stretches that are listed without -v
 
 
@@ -100,11 +104,32 @@ def steps(study: Study, done: Sequence[Step]) -> str:
     return _clean('\n'.join(lines))
 
 
+def width() -> int:
+    """Return how wide text is set: as the terminal (or COLUMNS), but no wider than WIDTH."""
+    return min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns)
+
+
 def table(rows: Iterable[Sequence[object]], head: Sequence[str]) -> str:
-    """Return aligned columns under their names."""
+    """
+    Return aligned columns under their names, no wider than the terminal (or COLUMNS) where it can.
+
+    What is too long for its column goes on below.
+
+    """
     cells = [[str(x) for x in r] for r in (head, *rows)]
     width = [max(map(len, column)) for column in zip(*cells)]
-    lines = ['  '.join(x.ljust(w) for x, w in zip(r, width)).rstrip() for r in cells]
+    most = shutil.get_terminal_size((ENDLESS, 0)).columns - 2 * (len(width) - 1)
+    while sum(width) > most and max(width) > NARROWEST:
+        widest = width.index(max(width))
+        others = sorted(width)[-2] if len(width) > 1 else 0
+        enough = max(others, width[widest] - (sum(width) - most))
+        width[widest] = max(NARROWEST, min(width[widest] - 1, enough))
+    lines = []
+    for row in cells:
+        parts = [[x] if len(x) <= w else textwrap.wrap(x, w) for x, w in zip(row, width)]
+        lines.append('\n'.join(
+            '  '.join(x.ljust(w) for x, w in zip(line, width)).rstrip()
+            for line in zip_longest(*parts, fillvalue='')))
     return '\n'.join([lines[0], '  '.join('-' * w for w in width), *lines[1:]])
 
 
@@ -114,7 +139,6 @@ def _head(study, verbose):
     lines = [f'{study.domain}: ' + ', '.join(short)] if short else [study.domain]
     if verbose:
         lines += [f'  {key}: {value}' for key, value in known]
-        lines += [f'  warning: {w}' for w in study.source.get('warnings') or ()]
     disturbed = words.disturbed_in_words(study.source)
     most = len(disturbed) if verbose else MOST_DISTURBED
     lines += [f'  {line}' for line in disturbed[:most]]
@@ -174,7 +198,7 @@ def _evidence(d: Diagnosis, target: str, verbose: bool) -> list[str]:
 
 
 def _wrapped(said: str) -> list[str]:
-    return textwrap.wrap(said, WIDTH - 4, initial_indent=' ' * 4, subsequent_indent=' ' * 4)
+    return textwrap.wrap(said, width() - 4, initial_indent=' ' * 4, subsequent_indent=' ' * 4)
 
 
 def _clean(said: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from .. import store
 from ..bag import write_bag
 from ..core import files
+from ..core.errors import ImuNoiseError
 from ..simulate import simulate as simulate_record
 
 
@@ -17,14 +18,29 @@ def simulate(spec, out, force: bool = False) -> dict:
     """
     Simulate a specification (a mapping, or the path of a YAML file) into a bag; return the truth.
 
-    ``truth.yaml`` is written beside the bag (in its folder's parent).
+    ``truth.yaml`` is written beside the bag (in its folder's parent); where that of another record
+    is there already, as ``<bag>.truth.yaml``. ``bag`` in it names the record that it is of.
 
     """
     if not isinstance(spec, dict):
         spec = store.load_yaml(spec)
     record, truth = simulate_record(spec)
     out = Path(out)
-    with files.atomic_path(out.parent / 'truth.yaml') as temporary:
+    truth = {'bag': out.name, **truth}
+    with files.atomic_path(truth_of(out)) as temporary:
         temporary.write_text(store.dump_yaml(truth))
         write_bag(out, record, force=force)
     return truth
+
+
+def truth_of(out: Path) -> Path:
+    """Return where the truth of a record goes: not where that of another one is."""
+    path = out.parent / 'truth.yaml'
+    if not path.is_file():
+        return path
+    try:
+        there = store.load_yaml(path)
+    except ImuNoiseError:
+        there = None
+    mine = isinstance(there, dict) and there.get('bag') == out.name
+    return path if mine else out.parent / f'{out.name}.truth.yaml'

@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the formats share: N and K by the options, rates, the comment on where they are from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ._values import left_out, number, PARAMETERS, rests_on, Value, value_of
+from ..core.errors import InputError, UsageError
+from ..loop.study import Study
+
+SENSORS = {'gyro': 'gyroscope', 'accel': 'accelerometer'}
+UNITS = {'N': {'gyro': 'rad/s/sqrt(Hz)', 'accel': 'm/s^2/sqrt(Hz)'},
+         'K': {'gyro': 'rad/s^2/sqrt(Hz)', 'accel': 'm/s^3/sqrt(Hz)'}}
+
+
+class Numbers:
+    """
+    N and K of a study, continuous time, square roots of two-sided densities (SI).
+
+    Parameters
+    ----------
+    study : Study
+        Of noise.
+    axes : str
+        ``worst`` or ``mean`` of a sensor's axes, or ``each``.
+    inflate : float
+        Factor on all of them.
+    horizon : float or None
+        They cover model and data up to so many s.
+
+    """
+
+    def __init__(self, study: Study, axes: str = 'worst', inflate: float = 1.0,
+                 horizon: float | None = None) -> None:
+        self.study, self.axes, self.inflate, self.horizon = study, axes, inflate, horizon
+        self._values: dict[tuple[str, str], Value | None] = {}
+
+    @property
+    def sensors(self) -> list[str]:
+        """Sensors that the study has."""
+        return [s for s in SENSORS if any(t.startswith(s) for t in self.study.targets)]
+
+    def value(self, sensor: str, parameter: str) -> Value:
+        """Return a coefficient of all axes of a sensor."""
+        key = sensor, parameter
+        if key not in self._values:
+            self._values[key] = value_of(self.study, sensor, parameter, self.horizon)
+        found = self._values[key]
+        if found is None:
+            raise InputError(f'the study has no {SENSORS[sensor]}', 'analyse a record with both')
+        return found
+
+    def one(self, sensor: str, parameter: str) -> float:
+        """Return a coefficient of a sensor, by the rule for the axes."""
+        return self.value(sensor, parameter).one(self.axes) * self.inflate
+
+    def three(self, sensor: str, parameter: str) -> list[float]:
+        """Return a coefficient for x, y, z; the same one where the rule gives one."""
+        if self.axes != 'each':
+            return [self.one(sensor, parameter)] * 3
+        found = self.value(sensor, parameter)
+        by_axis = dict(zip((a[-1] for a in found.axes), found.values))
+        if len(by_axis) < 3:
+            raise UsageError(f'--axes each: the study has {", ".join(found.axes)} alone',
+                             'use --axes worst or mean')
+        return [by_axis[a] * self.inflate for a in 'xyz']
+
+    def rate(self, sensor: str) -> float:
+        """Return the sample rate of a sensor, Hz."""
+        streams = self.study.source.get('streams') or {}
+        return float(streams.get(sensor, self.study.source).get('rate_hz') or 0.0)
+
+    def topic(self, default: str = '/imu0') -> str:
+        """Return one topic: the gyroscope's where each sensor has its own."""
+        streams = self.study.source.get('streams') or {}
+        topic = streams.get('gyro', self.study.source).get('topic')
+        return str(topic or default).split(',')[0]
+
+    def about(self, convention: str) -> list[str]:
+        """Return sentences on where the numbers are from, what they leave out, and how to read."""
+        source = self.study.source
+        rates = ', '.join(f'{SENSORS[s]} {self.rate(s):.6g} Hz' for s in self.sensors)
+        said = [convention,
+                f'From {source.get("path") or "a study"}, topic {self.topic("")}, '
+                f'{source.get("samples")} samples; {rates}']
+        rule = {'each': 'each axis its own', 'mean': 'rms of the axes',
+                'worst': 'the largest of the axes'}.get(self.axes, self.axes)
+        said.append(f'Of a sensor: {rule}' + (f', times {self.inflate:g}'
+                                              if self.inflate != 1 else ''))
+        if self.horizon is not None:
+            said.append('Chosen so that the Allan deviation covers model and data up to '
+                        f'{self.horizon:g} s')
+        for sensor in self.sensors:
+            for parameter in 'NK':
+                said.append(self._measured(sensor, parameter))
+        said += rests_on(self.study, self.horizon)
+        out = left_out(self.study, self.horizon)
+        if out:
+            said.append('Not in N and K: ' + '; '.join(out))
+        notes = [n for s in self.sensors for p in 'NK' for n in self.value(s, p).notes]
+        return said + list(dict.fromkeys(notes))
+
+    def _measured(self, sensor: str, parameter: str) -> str:
+        """Return what was measured of a coefficient, axis by axis, with intervals."""
+        found = self.value(sensor, parameter)
+        label = PARAMETERS[parameter]
+        parts = []
+        for axis, value in zip(found.axes, found.values):
+            e = self.study.states[axis].fit.estimates.get(label, {}).get(parameter)
+            ci95 = getattr(e, 'ci95', None)
+            between = f' [{ci95[0]:.3g}, {ci95[1]:.3g}]' if ci95 else ''
+            parts.append(f'{axis[-1]} {value:.4g}{between}')
+        return f'{sensor} {parameter} in {UNITS[parameter][sensor]}: {", ".join(parts)}'
+
+
+def commented(said: list[str], mark: str = '#') -> str:
+    """Return sentences as lines of comment."""
+    return ''.join(f'{mark} {" ".join(s.split())}\n' for s in said)
+
+
+def numbers_of(values) -> str:
+    """Return numbers in brackets."""
+    return '[' + ', '.join(number(float(x)) for x in np.ravel(values)) + ']'
+
+
+def rows_of(matrix, indent: str) -> str:
+    """Return a matrix as rows of YAML."""
+    return ''.join(f'{indent}- {numbers_of(row)}\n' for row in np.atleast_2d(matrix))

@@ -1,0 +1,45 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+ArduPilot's EK3_* parameters: sigmas of one step of its filter.
+
+Source: ArduPilot/ardupilot, libraries/AP_NavEKF3/AP_NavEKF3_core.cpp, CovariancePrediction:
+dAngBiasVar = (dt^2 _gyroBiasProcessNoise)^2 of an angle's bias a step (so that of the rate is
+(dt p)^2), and (dt _gyrNoise)^2 of the angle; a step is EKF_TARGET_DT (12 ms). So p = N /
+sqrt(dt) and K / sqrt(dt). Ranges: AP_NavEKF3.cpp, var_info. The file is a list of NAME,VALUE, as
+ground stations and pymavlink's mavparm.py read it.
+
+"""
+
+from __future__ import annotations
+
+from ._numbers import commented, Numbers
+from ._values import number
+from ..loop.study import Study
+
+DESCRIPTION = 'ArduPilot EK3_GYRO_P_NSE ... as a .param file (N, K over sqrt of 12 ms)'
+STEP_S = 0.012
+# name, sensor, parameter, range that ArduPilot documents
+PARAMETERS = (
+    ('EK3_ACC_P_NSE', 'accel', 'N', 0.01, 1.0), ('EK3_GYRO_P_NSE', 'gyro', 'N', 0.0001, 0.1),
+    ('EK3_ABIAS_P_NSE', 'accel', 'K', 0.00001, 0.02),
+    ('EK3_GBIAS_P_NSE', 'gyro', 'K', 0.00001, 0.001))
+
+
+def text(study: Study, axes: str = 'worst', inflate: float = 1.0,
+         horizon: float | None = None) -> str:
+    """Return the parameters; what is out of range is put at its end, and said."""
+    numbers = Numbers(study, axes, inflate, horizon)
+    said = numbers.about(f'ArduPilot EKF3: sigma of a step of {STEP_S:g} s: N and K over its '
+                         'root, SI')
+    said.append('These are of the sensor at rest. In flight vibration is many times louder; the '
+                'defaults (0.35, 0.015) allow for it: go below them with logs in hand alone')
+    lines = ''
+    for name, sensor, parameter, low, high in PARAMETERS:
+        value = numbers.one(sensor, parameter) / STEP_S ** 0.5
+        kept = min(max(value, low), high)
+        if kept != value:
+            said.append(f'{name} would be {value:.3g}; its range is {low:g} to {high:g}')
+        lines += f'{name},{number(kept)}\n'
+    return commented(said) + lines

@@ -1,0 +1,45 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+PX4's EKF2_* parameters: sigmas of one step of its filter.
+
+Source: PX4/PX4-Autopilot, src/modules/ekf2/EKF/covariance.cpp at 028733e1c7,
+Ekf::predictCovariance: d_ang_var = (delta_ang_dt gyro_noise)^2 and gyro_bias_sig = dt
+gyro_bias_p_noise a step, the same of the accelerometer; a step is EKF2_PREDICT_US (10 ms). So
+N^2 dt = (dt p)^2 gives p = N / sqrt(dt), and p = K / sqrt(dt). Ranges:
+src/modules/ekf2/module.yaml at f55e3b2db4. The file is QGroundControl's: vehicle, component,
+name, value, type (9: a float), with tabs between.
+
+"""
+
+from __future__ import annotations
+
+from ._numbers import commented, Numbers
+from ._values import number
+from ..loop.study import Study
+
+DESCRIPTION = 'PX4 EKF2_GYR_NOISE ... as a QGroundControl .params file (N, K over sqrt of 10 ms)'
+STEP_S = 0.01
+# name, sensor, parameter, range that PX4 allows
+PARAMETERS = (
+    ('EKF2_ACC_NOISE', 'accel', 'N', 0.01, 1.0), ('EKF2_GYR_NOISE', 'gyro', 'N', 0.0001, 0.1),
+    ('EKF2_ACC_B_NOISE', 'accel', 'K', 0.0, 0.01), ('EKF2_GYR_B_NOISE', 'gyro', 'K', 0.0, 0.01))
+
+
+def text(study: Study, axes: str = 'worst', inflate: float = 1.0,
+         horizon: float | None = None) -> str:
+    """Return the parameters; what PX4 does not allow is put at the end of its range, and said."""
+    numbers = Numbers(study, axes, inflate, horizon)
+    said = numbers.about(f'PX4 EKF2: sigma of a step of {STEP_S:g} s (EKF2_PREDICT_US): N and K '
+                         'over its root, SI')
+    said.append('These are of the sensor at rest. In flight vibration is many times louder; the '
+                'defaults (0.35, 0.015) allow for it: go below them with logs in hand alone')
+    lines = ''
+    for name, sensor, parameter, low, high in PARAMETERS:
+        value = numbers.one(sensor, parameter) / STEP_S ** 0.5
+        kept = min(max(value, low), high)
+        if kept != value:
+            said.append(f'{name} would be {value:.3g}; PX4 allows {low:g} to {high:g}')
+        lines += f'1\t1\t{name}\t{number(kept)}\t9\n'
+    return commented(said) + lines

@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What somebody meets who tries the commands for the first time, as the process shows it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import bad_input
+import numpy as np
+import pytest
+import yaml
+
+from imu_noise_tools.bag.writing import write_bag
+
+
+def run(*words, status=0, columns=None, folder=None):
+    """Run a command; return its standard output, and what it said beside."""
+    env = {**os.environ, 'PYTHONPATH': str(bad_input.__file__).rpartition('/test/')[0]}
+    env.pop('COLUMNS', None)
+    if columns:
+        env['COLUMNS'] = str(columns)
+    done = subprocess.run([sys.executable, '-m', 'imu_noise_tools.cli.main', *map(str, words)],
+                          capture_output=True, text=True, timeout=600, env=env, cwd=folder)
+    assert done.returncode == status, (done.stdout, done.stderr)
+    return done.stdout, done.stderr
+
+
+@pytest.fixture(scope='module')
+def study(tmp_path_factory):
+    """Return a study of two minutes, in which one sample is not finite."""
+    folder = tmp_path_factory.mktemp('first')
+    record = bad_input.still(120)
+    record.gyro[100, 0] = np.nan
+    np.savez(folder / 'a.npz', gyro=record.gyro, accel=record.accel, t=record.t)
+    run('analyse', folder / 'a.npz', '-o', folder / 'study')
+    return folder / 'study'
+
+
+@pytest.mark.parametrize('arrays, words', [
+    ({'gyro': np.full((500, 3), np.nan), 't': np.arange(500) / 100}, 'gyro is not a number'),
+    ({'gyro': np.zeros((500, 3)), 't': np.arange(500) / 100}, 'gyro is all zero'),
+    ({'accel': np.full((500, 3), np.nan), 'gyro': np.zeros((500, 3)), 'rate_hz': 100.0},
+     'gyro is all zero, accel is not a number'),
+    ({'gyro': np.random.default_rng(1).random((500, 3)), 't': -np.arange(500) / 100},
+     'the stamps run backward'),
+    ({'gyro': np.random.default_rng(1).random((500, 3)), 't': np.full(500, 7.0)},
+     'the stamps do not advance'),
+    ({'gyro': np.random.default_rng(1).random((500, 3))}, 'it has neither t nor rate_hz'),
+])
+def test_a_table_is_refused_for_what_is_so(tmp_path, arrays, words):
+    np.savez(tmp_path / 'x.npz', **arrays)
+    _, said = run('analyse', tmp_path / 'x.npz', status=1)
+    assert words in said.splitlines()[-1], said
+
+
+def test_an_array_of_objects_is_said(tmp_path):
+    r = bad_input.still(70)
+    np.savez(tmp_path / 'x.npz', gyro=r.gyro, accel=r.accel, t=r.t,
+             notes=np.array([{'a': 1}, None], object))
+    _, said = run('inspect', tmp_path / 'x.npz')
+    assert 'warning: notes is not an array of numbers; left out' in said
+
+
+@pytest.mark.parametrize('cut', [1, 8, 30])
+def test_a_cut_footer_is_said(tmp_path, cut):
+    """All messages are read, and that the file did not end as it should is said."""
+    write_bag(tmp_path / 'x.mcap', bad_input.still(70))
+    data = (tmp_path / 'x.mcap').read_bytes()
+    _, said = run('inspect', tmp_path / 'x.mcap')
+    assert 'cut short' not in said
+    (tmp_path / 'y.mcap').write_bytes(data[:-cut])
+    out, said = run('inspect', tmp_path / 'y.mcap')
+    assert 'cut short' in said and '7000 samples' in out
+
+
+def test_what_was_doubtful_is_said_before_a_refusal(tmp_path):
+    """A cut bag that is refused for another reason is still said to be cut."""
+    write_bag(tmp_path / 'x.bag', bad_input.still(40))
+    data = (tmp_path / 'x.bag').read_bytes()
+    (tmp_path / 'y.bag').write_bytes(data[:len(data) // 2])
+    _, said = run('analyse', tmp_path / 'y.bag', '--topic', '/nowhere', status=1)
+    first, last = said.splitlines()
+    assert first.startswith('warning:') and 'cut short' in first
+    assert last.startswith('imu_noise:') and 'has no topic /nowhere' in last
+    moving = bad_input.still(50)
+    moving.gyro[2000:3000] += 1.0
+    moving.gyro[10] = np.nan
+    np.savez(tmp_path / 'm.npz', gyro=moving.gyro, t=moving.t)
+    _, said = run('analyse', tmp_path / 'm.npz', status=1)
+    assert 'not finite' in said and 'moves' in said.splitlines()[-1], said
+
+
+def test_each_warning_is_printed_once(tmp_path, study):
+    """Also where more detail is asked for."""
+    source = study.parent / 'a.npz'
+    for more in ((), ('-v',)):
+        out, said = run('analyse', source, '-o', tmp_path / f'x{len(more)}', *more)
+        assert (out + said).count('not finite') == 1
+
+
+def test_two_records_in_one_folder_keep_their_truths(tmp_path):
+    spec = {'rate_hz': 100, 'duration_s': 20, 'targets': {'gyro_x': {'white': {'N': 1e-3}}}}
+    for name, n in (('a', 1e-3), ('b', 2e-3)):
+        spec['targets']['gyro_x']['white']['N'] = n
+        (tmp_path / f'{name}.yaml').write_text(yaml.safe_dump(spec))
+        run('simulate', tmp_path / f'{name}.yaml', '-o', tmp_path / f'{name}.mcap')
+    run('simulate', tmp_path / 'a.yaml', '-o', tmp_path / 'a.mcap', '--force')
+    first = yaml.safe_load((tmp_path / 'truth.yaml').read_text())
+    second = yaml.safe_load((tmp_path / 'b.mcap.truth.yaml').read_text())
+    assert (first['bag'], second['bag']) == ('a.mcap', 'b.mcap')
+    assert '0.001' in str(first['targets']) and '0.002' in str(second['targets'])
+    assert {p.name for p in tmp_path.glob('*truth.yaml')} == {'truth.yaml', 'b.mcap.truth.yaml'}
+
+
+def test_an_export_goes_where_it_is_sent(tmp_path, study):
+    """As JSON, to standard output, and never into a file named ``-``."""
+    out, _ = run('export', study, '--format', 'kalibr', '-o', '-', folder=tmp_path)
+    assert yaml.safe_load(out)['update_rate'] == 100.0
+    assert not list(tmp_path.iterdir())
+    answer, _ = run('export', study, '--format', 'kalibr', '-o', tmp_path / 'k.yaml', '--json')
+    data = json.loads(answer)
+    assert data['text'] == (tmp_path / 'k.yaml').read_text() == out
+    assert data['format'] == 'kalibr'
+
+
+def test_an_export_refuses_what_it_cannot_hold(tmp_path, study):
+    for words, status in ((('--calibration', '/nowhere'), 2), (('--axes', 'each'), 2)):
+        _, said = run('export', study, '--format', 'kalibr', '-o', tmp_path / 'k', *words,
+                      status=status)
+        assert words[0] in said or 'one value' in said
+    _, said = run('export', study, '--format', 'openvins', '-o', tmp_path / 'k', '--calibration',
+                  '/nowhere', status=1)
+    assert '/nowhere' in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_horizon_covers_flicker_and_says_so(study):
+    plain, _ = run('export', study, '--format', 'kalibr', '-o', '-')
+    wide, _ = run('export', study, '--format', 'kalibr', '-o', '-', '--horizon', '20')
+    assert 'flicker' in plain and 'flicker' not in wide
+
+
+@pytest.mark.parametrize('words', [('effects',), ('effects', 'flicker')])
+def test_tables_fit_a_terminal(words):
+    out, _ = run(*words, columns=80)
+    assert max(len(line) for line in out.splitlines()) <= 80
+
+
+def test_a_comparison_fits_a_terminal(study):
+    for words in ((), (study,)):
+        out, _ = run('compare', study, *words, columns=80)
+        assert max(len(line) for line in out.splitlines() if str(study) not in line) <= 80
