@@ -186,7 +186,7 @@ class _Gathering:
             heard = shared.heard_together(
                 {a: self.clean.get(a, self.record.column(a)) for a in self.record.axes
                  if a in coefficients})
-            for a in heard:
+            for a in sorted(heard):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
                 self.shaken[a] = bins.f, shared.share(bins, power)
         for a, (f, share) in self.shaken.items():
