@@ -40,7 +40,7 @@ def derived(channel: str) -> bool:
 
 def later(c: np.ndarray) -> np.ndarray:
     """
-    Return the cosine coefficients (n,) of a signal a quarter of a period later (Hilbert's).
+    Return cosine coefficients, (n,), of a signal a quarter of a period on (Hilbert's transform).
 
     For A cos(wt + p) these are of A sin(wt + p): but for the record's ends, the sine coefficients
     with the sign turned.
@@ -90,7 +90,7 @@ def heard_together(columns: Mapping[str, np.ndarray]) -> set[str]:
 
 def share(bins: Bins, power: np.ndarray) -> np.ndarray | None:
     """
-    Return which share (b,) of the power in bins is not the axis's own noise; None where all is.
+    Return what part, (b,), of the power in bins is not the axis's own noise; None where all is.
 
     Its own noise is what white noise, flicker and a random walk can make at most of the spectrum
     without overshooting it.

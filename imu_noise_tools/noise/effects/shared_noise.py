@@ -47,7 +47,7 @@ class SharedNoise(Coupling):
     optional = ('later', 'other_gain', 'other_later')
 
     def starts(self, evidence):
-        """The other axis of the same sensor that is most coherent with this one, and the third."""
+        """Take the axis of the same sensor that is most coherent with this one, and the third."""
         if 'source' in self.values:
             return [self]
         axes = sorted((a for a in evidence.channels
