@@ -111,7 +111,7 @@ def load_yaml(path):
     path = Path(path)
     try:
         if path.stat().st_size > 64 << 20:
-            raise InputError(f'{path}: larger than 64 MB', 'this is no study')
+            raise InputError(f'{path}: larger than 64 MB', 'not a study')
         text = path.read_text(encoding='utf-8')
         return plain_yaml(text)
     except OSError as error:
@@ -120,7 +120,7 @@ def load_yaml(path):
         ) from None
     except UnicodeDecodeError:
         raise InputError(
-            f'{path}: not readable as YAML (no text)', 'analyse the bag again with --force'
+            f'{path}: not readable as YAML (not text)', 'analyse the bag again with --force'
         ) from None
     except ValueError as error:
         raise InputError(f'{path}: {error}', 'analyse the bag again with --force') from None
@@ -298,7 +298,8 @@ def _diagnosis_of(domain, d) -> Diagnosis:
 
     def finding(f):
         known = find_effect(domain, f['effect'])
-        found = {k: estimate(known.parameter(k), v) for k, v in f.get('parameters', {}).items()}
+        given = {known.parameter(k): v for k, v in f.get('parameters', {}).items()}
+        found = {p.name: estimate(p, v) for p, v in given.items()}
         effect = known({k: v.point for k, v in found.items() if v.point is not None})
         return Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '',
                        f.get('evidence', ''), f.get('probability'),
@@ -442,7 +443,7 @@ def load_arrays(path) -> dict[str, np.ndarray]:
             if size > max(AT_LEAST, EXPANSION * path.stat().st_size):
                 raise InputError(
                     f'{path}: would unpack to {size / 1e9:.0f} GB',
-                    'this is no evidence of a study',
+                    'not the evidence of a study',
                 )
         with np.load(path, allow_pickle=False) as data:
             return {k: data[k] for k in data.files}

@@ -168,6 +168,15 @@ def test_what_is_exported_of_a_study(tmp_path):
     run('export', study, '--format', 'no_such_format', '-o', tmp_path / 'x', status=2)
 
 
+def test_formats_are_listed():
+    """Every format with what it holds; else a study, a format and a file are needed."""
+    listed = json.loads(run('export', '--list', '--json'))['formats']
+    assert {'kalibr', 'kalman'} <= set(listed) and all(listed.values())
+    lines = run('export', '--list').splitlines()
+    assert all(any(name in line for line in lines) for name in listed)
+    run('export', '--format', 'kalibr', status=2)
+
+
 def test_effects_of_every_domain_are_listed():
     listed = json.loads(run('effects', '--json'))['effects']
     assert {e['domain'] for e in listed} == set(STUDIES)

@@ -278,3 +278,18 @@ def test_a_half_behind_a_sharp_resonance_is_fitted(q):
         for half in part:
             found = half.point(model_of('noise', BASE)).model
             assert found['white']['N'] == pytest.approx(robust.TRUTH['N'], rel=0.05)
+
+
+def test_swings_that_come_and_go_are_no_spikes():
+    """A band that swells every few seconds: its crests stay, and N is that of the curve at 1 s."""
+    y, rng = noise(31)
+    band = lfilter(*butter(2, (0.7, 0.9), 'band'), robust.white(N, DT, rng))
+    swell = lfilter(*butter(2, 0.012), rng.standard_normal(N))
+    y = y + 4 * band * np.minimum((swell / swell.std()) ** 2, 16)
+    evidence = axis_of(y)
+    bins = evidence.whole.bins
+    slow = (bins.f > 1) & (bins.f < 5)
+    level = np.average(evidence.whole.power[slow], weights=bins.count[slow])
+    assert level == pytest.approx(2 * robust.TRUTH['N'] ** 2, rel=0.05)
+    found = fit(evidence, model_of('noise', BASE)).estimates['white']['N']
+    assert found.value == pytest.approx(robust.TRUTH['N'], rel=0.03)

@@ -62,7 +62,7 @@ class Copy:
         self.bag, self.name, self.progress = bag, name, progress
         if any(c.topic == name for c in bag.connections):
             raise InputError(
-                f'{bag.path}: has a topic {name} already', 'start from the original bag'
+                f'{bag.path}: the topic {name} exists already', 'start from the original bag'
             )
         choice = choose(bag, topic)
         self.base, self.type = choice.base, choice.type

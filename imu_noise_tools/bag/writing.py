@@ -95,7 +95,7 @@ def write_bag(
     kind = SUFFIX.get(path.suffix.lower()) or storage or 'mcap'
     if kind not in (*STORAGES, 'csv', 'npz') or storage not in (None, kind):
         raise UsageError(
-            f'{path.name} cannot be written as {storage}', f'storages are {", ".join(STORAGES)}'
+            f'{path.name} cannot be written as {storage}', f'choose from {", ".join(STORAGES)}'
         )
     if kind in ('csv', 'npz'):
         if not isinstance(record, ImuRecord):
@@ -126,8 +126,8 @@ def writing_file(path: Path, force: bool = True) -> Iterator[Path]:
     """
     if path.exists() and not force:
         raise InputError(
-            f'{path}: there is a file of that name already',
-            'choose another place with -o, or --force',
+            f'{path}: the file exists',
+            'choose another name with -o, or replace it with --force',
         )
     with atomic_path(path) as temporary:
         yield temporary

@@ -97,7 +97,7 @@ def from_dict(data: Mapping) -> Correction:
         raise InputError(error.message, f'{error.remedy}; effects of your own: --effects-from '
                                         f'FILE') from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f'this is no calibration ({type(error).__name__}: {error})',
+        raise InputError(f'not a calibration ({type(error).__name__}: {error})',
                          'name what calibrate wrote') from None
     sound = scale.shape == (3, 3) and bias.shape == (3,)
     sound = sound and bool(np.isfinite(scale).all() and np.isfinite(bias).all())

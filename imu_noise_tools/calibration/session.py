@@ -17,7 +17,7 @@ from .positions import averaged, CONE_DEG, counted, pooled_errors, STILL_S, stil
 from .problem import CalibrationProblem
 from .solution import calibrate, Calibration
 from .turns import turns
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, unknown, UsageError
 from ..core.record import ImuRecord
 from ..core.units import G0
 
@@ -69,7 +69,7 @@ class Session:
                  tilt: float = solve.TILT,
                  method: str | None = None):
         if sensor not in ('accel', 'gyro'):
-            raise UsageError(f'there is no sensor {sensor}', 'sensors are accel and gyro')
+            raise unknown('sensor', sensor, ('accel', 'gyro'))
         if sensor == 'gyro' and (rate is None) == (turn is None):
             raise UsageError('the gyroscope needs a rate or a turn',
                              'set one of rate_deg_s and turn_deg')
@@ -147,13 +147,13 @@ class Session:
         pose = averaged(still, self.gravity)
         face, off = nearest_face(pose.outputs[:, 0])
         if expected and expected not in FACES:
-            raise UsageError(f'there is no face {expected}', f'faces are {", ".join(FACES)}')
+            raise unknown('face', expected, FACES)
         if expected and off <= CONE_DEG and face != expected:
             if face[1] == expected[1]:
                 raise InputError(f'{expected} should be up, but {face} reads +g: the sign of '
                                  f'this axis is upside down, '
                                  'or the box is', 'REP-145: +g on the axis that points up; turn '
-                                                  'it over, or mend the driver')
+                                                  'it over, or fix the driver')
             raise InputError(f'{expected} should be up, but {face} is',
                              'turn it and capture again')
         name = face if off <= CONE_DEG else f'pose {len(self._poses) + 1}'

@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 from .effects import BASE, Regressor, Scatter
 from .linear import Equations, equations, tilt_of
 from .poses import Poses, unit
-from ..core.errors import FitError, UsageError
+from ..core.errors import FitError, unknown, UsageError
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
 from ..loop.effect import Estimate, Fit, Model, model_of
@@ -130,10 +130,10 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
 
     """
     if method not in METHODS:
-        raise UsageError(f'there is no method {method}', f'methods are {", ".join(METHODS)}')
+        raise unknown('method', method, METHODS)
     missing = [name for name in ('scale', 'bias') if name not in model]
     if missing:
-        raise UsageError(f'a calibration model without {" and ".join(missing)}',
+        raise UsageError(f'the calibration model lacks {" and ".join(missing)}',
                          'keep scale and bias in it')
     free = method == 'norm'
     if not free and not poses.known:
@@ -211,7 +211,7 @@ def _iterate(model, poses, free, tilt):
         if free:
             size = np.abs(scale).max() ** 3
             if not np.isfinite(size) or abs(np.linalg.det(scale)) < 1e-12 * size:
-                raise FitError('the norm fit runs away', 'add poses in other directions')
+                raise FitError('the norm fit diverges', 'add poses in other directions')
             inner = poses.outputs - rest_of(state.filled(model), scale, poses)
             moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
             change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)

@@ -70,11 +70,11 @@ def calibrate(args) -> int:
     from ..core.units import DEG
     common.load_own_effects(args)
     if not 0.5 <= args.still <= 60:
-        raise UsageError(f'--still {args.still:g} makes no sense', 'give 0.5 to 60 seconds')
+        raise UsageError(f'invalid --still {args.still:g}', 'it must be 0.5 to 60 (seconds)')
     for name in ('rate', 'turn'):
         value = getattr(args, name)
         if value is not None and not 0 < abs(value) < 1e5:
-            raise UsageError(f'--{name} {value:g} makes no sense', 'give degrees, not zero')
+            raise UsageError(f'invalid --{name} {value:g}', 'give degrees, not zero')
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
             args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force,

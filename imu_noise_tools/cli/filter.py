@@ -83,7 +83,7 @@ def values_of(pairs) -> dict:
         except ValueError:
             number = float('nan')
         if not (equals and dot and number == number):
-            raise UsageError(f'--set {text} is not understood', 'write e.g. --set white.R=1e-4')
+            raise UsageError(f'invalid --set {text}', 'e.g. --set white.R=1e-4')
         find_effect(DOMAIN, label)({parameter: number})
         out.setdefault(label, {})[parameter] = number
     return out
@@ -96,7 +96,7 @@ def filter_bag(args) -> int:
     from ..core.units import DEG
     common.load_own_effects(args)
     if args.rate_hz is not None and not 0 < args.rate_hz < 1e6:
-        raise UsageError(f'--rate-hz {args.rate_hz:g} makes no sense', 'give a positive number')
+        raise UsageError(f'invalid --rate-hz {args.rate_hz:g}', 'it must be a positive number')
     with common.progress_line(args) as progress:
         done = tasks.filter_bag(
             args.bag,

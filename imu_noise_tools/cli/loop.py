@@ -79,8 +79,9 @@ def _register_changes(commands) -> None:
 def _register_export(commands) -> None:
     """Add ``export``."""
     c = commands.add_parser('export', help='the numbers in the file another program reads')
-    c.add_argument('dir', metavar='DIR', help='a noise study')
-    c.add_argument('--format', required=True, metavar='F', help='e.g. kalibr')
+    c.add_argument('dir', metavar='DIR', nargs='?', help='a noise study')
+    c.add_argument('--list', action='store_true', help='the formats, a line on each')
+    c.add_argument('--format', metavar='F', help='e.g. kalibr')
     c.add_argument(
         '--axes',
         default='worst',
@@ -98,8 +99,8 @@ def _register_export(commands) -> None:
         '--horizon', type=float, metavar='S', help='cover model and data up to S seconds'
     )
     c.add_argument('--calibration', metavar='DIR', help='a calibration to go with it')
-    c.add_argument('-o', '--output', required=True, metavar='FILE', help='-: standard output')
-    common.output_options(c, 'the text of the file')
+    c.add_argument('-o', '--output', metavar='FILE', help='-: standard output')
+    common.output_options(c, 'the text of the file, or the formats')
     c.set_defaults(func=export)
 
 
@@ -235,7 +236,7 @@ def history(args) -> int:
 def effects(args) -> int:
     """Run ``effects``."""
     from . import text
-    from ..core.errors import UsageError
+    from ..core.errors import unknown
     from ..loop.domains import DOMAINS
     from ..loop.effect import registry
 
@@ -243,8 +244,7 @@ def effects(args) -> int:
     if args.name:
         found = [registry(d)[args.name] for d in DOMAINS if args.name in registry(d)]
         if not found:
-            known = ', '.join(n for d in DOMAINS for n in registry(d))
-            raise UsageError(f'there is no effect named {args.name}', f'known are {known}')
+            raise unknown('effect', args.name, [n for d in DOMAINS for n in registry(d)])
     else:
         found = [c for d in DOMAINS for c in registry(d).values()]
     if args.json:
@@ -277,21 +277,37 @@ def effects(args) -> int:
     return 0
 
 
+def _list_formats(args, formats: dict[str, str]) -> int:
+    """Print what the numbers can be written as."""
+    from ..report.terminal import table
+
+    if args.json:
+        common.print_json({'formats': formats})
+    else:
+        print(table(list(formats.items()), ('format', 'what is written')))
+    return 0
+
+
 def export(args) -> int:
     """Run ``export``."""
     from .. import export as exports, store
     from ..core import files
-    from ..core.errors import InputError, UsageError
+    from ..core.errors import InputError, unknown, UsageError
 
+    if args.list:
+        return _list_formats(args, exports.descriptions())
+    missing = [name for name, given in (
+        ('DIR', args.dir), ('--format', args.format), ('-o', args.output)) if given is None]
+    if missing:
+        raise UsageError(f'export needs {" and ".join(missing)}',
+                         'e.g. export DIR --format kalibr -o FILE; --list shows the formats')
     common.load_own_effects(args)
     if args.format not in exports.formats():
-        raise UsageError(
-            f'there is no format {args.format}', f'known are {", ".join(exports.formats())}'
-        )
+        raise unknown('format', args.format, exports.formats())
     if not args.inflate > 0:
-        raise UsageError(f'--inflate {args.inflate:g} makes no sense', 'give a factor above zero')
+        raise UsageError(f'invalid --inflate {args.inflate:g}', 'it must be above zero')
     if args.horizon is not None and not args.horizon > 0:
-        raise UsageError(f'--horizon {args.horizon:g} makes no sense', 'give seconds above zero')
+        raise UsageError(f'invalid --horizon {args.horizon:g}', 'it must be above zero (seconds)')
     study = store.load(args.dir)
     if study.domain != 'noise':
         raise InputError(

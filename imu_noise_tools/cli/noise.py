@@ -99,7 +99,7 @@ def analyse(args) -> int:
     from ..tasks import noise as tasks
 
     if args.points < 2:
-        raise UsageError(f'--points {args.points} is too few', 'give two or more')
+        raise UsageError(f'invalid --points {args.points}', 'it must be two or more')
     selection = common.selection_of(args)
     common.load_own_effects(args)
     deviation = (

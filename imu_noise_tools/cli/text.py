@@ -145,7 +145,7 @@ def _health(found) -> list[str]:
     look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
     line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
     if h.received:
-        line('times of receiving', PATTERNS[h.received])
+        line('receive times', PATTERNS[h.received])
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')

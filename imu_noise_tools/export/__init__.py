@@ -16,7 +16,7 @@ import importlib
 import pkgutil
 
 from ._calibration import read
-from ..core.errors import UsageError
+from ..core.errors import unknown, UsageError
 
 
 def formats() -> list[str]:
@@ -53,14 +53,14 @@ def export(study, name: str, calibration=None, **options) -> str:
 
     """
     if name not in formats():
-        raise UsageError(f'there is no format {name}', f'known are {", ".join(formats())}')
+        raise unknown('format', name, formats())
     module = _module(name)
     if calibration is not None:
         if not getattr(module, 'CALIBRATION', False):
             able = [n for n in formats() if getattr(_module(n), 'CALIBRATION', False)]
             raise UsageError(
-                f'--calibration: what {name} reads has no place for scale factors and biases',
-                f'correct the bag with imu_noise apply; those that have: {", ".join(able)}')
+                f'--calibration: {name} has no place for scale factors and biases',
+                f'correct the bag with imu_noise apply, or choose from {", ".join(able)}')
         options['calibration'] = read(calibration)
     return module.text(study, **options)
 

@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from ..core.errors import UsageError
+from ..core.errors import unknown, UsageError
 from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
 from ..loop.study import Study
@@ -38,9 +38,9 @@ class Value:
     def one(self, rule: str) -> float:
         """Return the largest (``worst``) or the rms (``mean``) over the axes."""
         if rule not in RULES:
-            raise UsageError(f'--axes {rule} is unknown', f'known are {", ".join(RULES)}')
+            raise unknown('--axes', rule, RULES)
         if rule == 'each':
-            raise UsageError('this format holds one value a sensor', 'use --axes worst or mean')
+            raise UsageError('this format holds one value per sensor', 'use --axes worst or mean')
         return (
             max(self.values)
             if rule == 'worst'

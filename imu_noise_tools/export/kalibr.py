@@ -27,7 +27,7 @@ KEYS = (
 def text(
     study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float | None = None, **_
 ) -> str:
-    """Return imu.yaml; one value a sensor, by the rule ``axes``, times ``inflate``."""
+    """Return imu.yaml; one value per sensor, by the rule ``axes``, times ``inflate``."""
     lines = [
         '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), '
         'SI units.',

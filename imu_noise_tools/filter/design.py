@@ -120,7 +120,7 @@ def design(
 
     """
     if not 0 < float(alpha) <= 1:
-        raise UsageError(f'alpha is {alpha}', 'it must be above 0 and at most 1')
+        raise UsageError(f'invalid alpha {alpha}', 'it must be above 0 and at most 1')
     values = (
         [values or {}] * axes if values is None or isinstance(values, Mapping) else list(values)
     )

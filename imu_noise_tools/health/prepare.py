@@ -102,8 +102,8 @@ def prepare(
 
 def _enough(record: ImuRecord) -> None:
     if record.n < LEAST_SAMPLES:
-        raise InputError(f'{_name(record)} has {record.n} samples, too few to analyse',
-                         f'record at least {LEAST_SAMPLES}, better some hours')
+        raise InputError(f'{_name(record)} has only {record.n} samples, too few to analyse',
+                         f'record at least {LEAST_SAMPLES}, ideally some hours')
 
 
 def _name(record: ImuRecord) -> str:
@@ -115,7 +115,8 @@ def _without_pauses(record: ImuRecord) -> tuple[ImuRecord, SampleClock]:
     clock = fit_clock(record.t)
     if clock is None:
         raise InputError(
-            f'{_name(record)} has no rate to be had from its stamps', 'give one with --rate-hz'
+            f'cannot determine the sample rate of {_name(record)} from its stamps',
+            'give it with --rate-hz'
         )
     where = clock.pauses()
     if not len(where):
@@ -139,7 +140,7 @@ def _finite_enough(record: ImuRecord) -> None:
         raise InputError(
             f'{_name(record)}: {100 * bad / record.n:.3g} % of the samples are not finite (NaN '
             'or infinite)',
-            'mend the driver and record again',
+            'fix the driver and record again',
         )
 
 
@@ -210,7 +211,7 @@ def _set_aside(
     out = _merged([*((d.begin, d.end, d.kind) for d in chosen), *masked])
     total = sum(b - a for a, b, _ in out)
     if masked and total > 0.9 * record.duration_s:
-        raise UsageError('--mask leaves too little to analyse', 'mask less')
+        raise UsageError('--mask leaves too little to analyse', 'mask less of it')
     if chosen:
         record = record.warned(
             f'{_stretches(chosen)} set aside from the noise fit (--no-screen keeps it in)'
@@ -327,7 +328,7 @@ def _rate_doubts(record: ImuRecord) -> list[str]:
         span = float(record.receive_t[-1] - record.receive_t[0])
         if span > 10 and abs(record.duration_s / span - 1) > 0.01:
             said.append(
-                f'the stamps span {record.duration_s:.5g} s and the times of receiving '
+                f'the stamps span {record.duration_s:.5g} s and the receive times '
                 f'{span:.5g} s; '
                 'the stamps were used'
             )

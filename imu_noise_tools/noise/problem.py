@@ -18,7 +18,7 @@ from .kinds import Line, Spectrum
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from ..core.allan import dominant_shape
-from ..core.errors import UsageError
+from ..core.errors import unknown
 from ..loop.effect import Finding, Fit, Model, Score, unfitted
 from ..loop.problem import Problem
 
@@ -46,7 +46,7 @@ class NoiseProblem(Problem):
         bias_at: str = 'flat',
     ):
         if method not in METHODS:
-            raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
+            raise unknown('method', method, METHODS)
         self.evidence, self.part = evidence, part
         self.method, self.bias_at = method, bias_at
         self.whole = whole or self

@@ -81,9 +81,9 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
     """
     records = list(records)
     if not records:
-        raise UsageError('no record', 'name a bag')
+        raise UsageError('nothing to calibrate from', 'name a bag')
     if not 0 <= tilt_deg <= 10:
-        raise UsageError(f'a tilt of {tilt_deg:g} deg makes no sense', 'give 0 to 10')
+        raise UsageError(f'invalid tilt: {tilt_deg:g} deg', 'it must be 0 to 10')
     if sensor is None:
         sensor = 'accel' if rate_deg_s is None and turn_deg is None else 'gyro'
     if sensor == 'accel' and not (rate_deg_s is None and turn_deg is None):
@@ -117,12 +117,12 @@ def _faces(records, g, seconds):
         if expected:
             face, _ = core.nearest_face(poses.outputs.mean(1))
             if face == ('-' if expected[0] == '+' else '+') + expected[1]:
-                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g: '
+                raise InputError(f'{r.path}: by its name {expected} is up, but {face} reads +g: '
                                  f'upside down',
                                  'REP-145: +g on the axis that points up; mend the driver\'s '
                                  'sign, or rename the bag')
             if face != expected:
-                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g',
+                raise InputError(f'{r.path}: by its name {expected} is up, but {face} reads +g',
                                  'rename the bag, or check the axes of the driver')
     return numbered(core.joined(parts)), notes
 

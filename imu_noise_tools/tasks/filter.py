@@ -161,7 +161,7 @@ def filter_bag(
 
     if not force and folder.exists():
         raise InputError(
-            f'{folder}: is there already', 'use --force to replace it, or another name'
+            f'{folder}: exists already', 'replace it with --force, or choose another name'
         )
     with together:
         written = copy_bag(
@@ -267,7 +267,7 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
         )
     entries = {a: data['targets'][a] for a in AXES if a in data['targets']}
     if not entries:
-        raise InputError(f'{folder}: has no gyroscope axis', 'analyse one')
+        raise InputError(f'{folder}: no gyroscope axis', 'analyse a recording that has one')
     found, notes = {}, []
     for axis, entry in entries.items():
         if data['domain'] == 'noise':
@@ -286,7 +286,7 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     noises = [Model(m.of(OutputNoise)) for m in whole]
     wanted = [noise] if isinstance(noise, str) else [] if isinstance(noise, Model) else list(noise)
     if wanted and isinstance(wanted[0], Model):
-        raise UsageError('both a study and models of noise are given', 'give one')
+        raise UsageError('both a study and noise models are given', 'give only one')
     for name in wanted:
         if name and name not in noises[0]:
             noises = [m + find_effect(DOMAIN, name)() for m in noises]

@@ -17,7 +17,7 @@ import numpy as np
 from .. import export, report, store
 from ..bag import open_record, Scratch
 from ..core import files
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, unknown, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare, Selection
 from ..loop.effect import model_of
@@ -79,9 +79,9 @@ def analyse_record(
     """
     model = model_of('noise', effects)
     if not len(model):
-        raise UsageError('no effect to fit', f'e.g. --effects {",".join(DEFAULT_EFFECTS)}')
+        raise UsageError('no effects to fit', f'e.g. --effects {",".join(DEFAULT_EFFECTS)}')
     if method not in METHODS:
-        raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
+        raise unknown('method', method, METHODS)
     for a in axes or ():
         sensor_of(a)
     selection = selection or Selection()
@@ -144,7 +144,7 @@ def _axes(ready: Sequence[ImuRecord], axes: Iterable[str] | None) -> list[str]:
     if missing:
         raise InputError(
             f'{path}: {", ".join(missing)} is constant or not recorded',
-            f'there is {", ".join(able)}',
+            f'choose from {", ".join(able)}',
         )
     return axes
 
@@ -254,7 +254,8 @@ def look_again(study: Study, bag, progress: Progress | None = None) -> None:
 
     """
     if study.domain != NoiseProblem.domain:
-        raise UsageError(f'--bag is not for a {study.domain} study', 'it keeps all samples itself')
+        raise UsageError(
+            f'--bag does not apply to a {study.domain} study', 'it keeps all its samples')
     source, memory = study.source, Scratch()
     streams = source.get('streams') or {'': source}
     topic = ','.join(one['topic'] for one in streams.values() if one.get('topic'))

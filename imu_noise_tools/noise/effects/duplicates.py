@@ -42,7 +42,7 @@ class Duplicates(Defect, Response):
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
         Parameter.choice('pattern', ('random', 'regular'),
-                         title='runs of any length, or always of the same'),
+                         title='runs of any length, or always of the same', formerly='regular'),
     )
 
     @classmethod

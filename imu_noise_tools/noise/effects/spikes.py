@@ -24,6 +24,8 @@ SURE = 15.0  # nats from which outliers are taken out of the samples that the sp
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
 PASSES = 6
+SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
+MORE = 0.02  # share of its power that may be gained where what stands out is taken out
 
 
 class Spikes(Defect):
@@ -95,9 +97,12 @@ class Spikes(Defect):
         at, size = at[some], size[some]
         ends = np.append(fresh, n)
         filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
+        index = np.concatenate([np.zeros(0, int), *filled])
+        excess = np.repeat(size, np.diff(ends)[at])
         return {
-            'index': np.concatenate([np.zeros(0, int), *filled]),
-            'excess': np.repeat(size, np.diff(ends)[at]),
+            'index': index,
+            'excess': excess,
+            'slow': np.array(_slow_without(y, index, excess)),
             'size': size,
             'sigma': np.interp(at, blocks, sigma),
             'threshold': np.array(threshold),
@@ -167,12 +172,13 @@ def _gain(kept):
     """
     Return (nats, standard deviation of the spikes, share of them beyond the threshold).
 
-    None where there are none, or too many.
+    None where there are none, or too many, or where they are the crests of swings: a spike adds
+    to what is slow as well, but a swing that comes and goes does not until its crests are taken.
 
     """
     size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
     k = len(size)
-    if not 0 < k <= 0.05 * n:
+    if not 0 < k <= 0.05 * n or float(kept.get('slow', 1.0)) > 1 + MORE:
         return None
     wide, seen = _wide(size / sigma, float(kept['threshold']))
     spread = float(np.sqrt(wide**2 - 1) * np.sqrt(np.mean(sigma**2)))
@@ -181,6 +187,16 @@ def _gain(kept):
         0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)
     ) - k * (np.log(n / k) + 1)
     return float(gain), spread, seen
+
+
+def _slow_without(y, index, excess) -> float:
+    """Return the slow power of the samples without what stands out, over that with it."""
+    count = len(y) // SLOW
+    taken = y.copy()
+    taken[index] -= excess
+    power = [float(np.mean(np.diff(x[:count * SLOW].reshape(count, SLOW).mean(axis=1)) ** 2))
+             for x in (y, taken)]
+    return power[1] / power[0] if power[0] > 0 else 1.0
 
 
 def _wide(size: np.ndarray, threshold: float) -> tuple[float, float]:
