@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Is the advice on how long to record any good: records that follow it, do they resolve?
+How good the advice on how long to record is: whether records that follow it resolve.
 
     python bench/advice.py [--records 100] [--hours 1] [--rate 5] [--seed 1]
 
