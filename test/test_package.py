@@ -147,8 +147,10 @@ def test_every_module_is_in_the_package(root):
     assert folders <= packages, f'no __init__.py in {sorted(folders - packages)}'
 
 
+@pytest.mark.thorough       # `make lint` says the same
 @pytest.mark.parametrize('tool', [
-    ('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'launch')], ids=lambda tool: tool[0])
+    ('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'doc', 'launch')],
+    ids=lambda tool: tool[0])
 def test_lint(root, tool):
     pytest.importorskip(tool[0])
     if tool[0] == 'flake8':
