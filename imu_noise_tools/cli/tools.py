@@ -132,6 +132,13 @@ def simulate(args) -> int:
     return 0
 
 
+def _planned(row) -> str:
+    """Return the value that is planned for, or its limit."""
+    if row['value'] is not None:
+        return f'{row["value"]:.3g}'
+    return f'below {row["upper95"]:.3g}' if row.get('upper95') else ''
+
+
 def plan(args) -> int:
     """Run ``plan``."""
     from ..core.errors import UsageError
@@ -155,7 +162,7 @@ def plan(args) -> int:
         print(
             text.table(
                 [
-                    (r['target'], r['parameter'], f'{r["value"]:.3g}', r['one_hour'], r['record'])
+                    (r['target'], r['parameter'], _planned(r), r['one_hour'], r['record'])
                     for r in rows
                 ],
                 (
