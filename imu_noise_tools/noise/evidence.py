@@ -21,6 +21,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from .kinds import Defect, Line, measured
+from .shared import derived, SHAKEN
 from ..core import allan
 from ..core.record import sensor_of
 from ..core.spectrum import Bins, bins_of, folded
@@ -85,7 +86,27 @@ class Common:
 
     def pair(self, a: str, b: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of two channels; with itself, the power."""
-        return self.cross[min(a, b), max(a, b), part]
+        found = self.cross.get((min(a, b), max(a, b), part))
+        if found is None and (derived(a) or derived(b)):
+            return np.zeros(next(len(v) for k, v in self.cross.items() if k[2] == part))
+        return self.cross[min(a, b), max(a, b), part] if found is None else found
+
+    def holds(self, channel: str) -> bool:
+        """Tell whether a channel was recorded or derived."""
+        return channel in self.slow
+
+    def first(self, channel: str, part: str) -> np.ndarray:
+        """Return the first coefficients (k,) of a channel, 0 of one that was not derived."""
+        found = self.low.get((channel, part))
+        if found is None and derived(channel):
+            return np.zeros(next(len(v) for k, v in self.low.items() if k[1] == part))
+        return self.low[channel, part] if found is None else found
+
+    def blocks(self, channel: str) -> np.ndarray:
+        """Return the block means (s,) of a channel, 0 of one that was not derived."""
+        if channel not in self.slow and derived(channel):
+            return np.zeros(len(self.slow_t))
+        return self.slow[channel]
 
 
 @dataclass(frozen=True)
@@ -155,7 +176,11 @@ class Evidence:
     @property
     def channels(self) -> tuple[str, ...]:
         """Other axes and covariates that were recorded."""
-        return tuple(k for k in self.common.slow if k != self.axis)
+        return tuple(k for k in self.common.slow if k != self.axis and not derived(k))
+
+    def shaken(self, axis: str) -> bool:
+        """Tell whether an axis hears, above its own noise, what another hears."""
+        return self.common.holds(axis + SHAKEN)
 
     def cross(self, channel: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of this axis with another channel."""

@@ -405,10 +405,8 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
 def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
     """Return (measured over model, degrees of freedom) of all bins, (b,)."""
     likelihood = found.likelihood
-    model = likelihood.with_search(found.x)
-    v, _ = likelihood.spectra(model)
-    power = likelihood.solve_linear(model, v).power if likelihood.linear_slots else \
-        likelihood.power
+    _, linear, v, _ = likelihood.value(found.x)
+    power = linear.power if likelihood.linear_slots else likelihood.power
     return power / v, likelihood.full_weight
 
 
