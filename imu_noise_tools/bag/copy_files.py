@@ -66,7 +66,6 @@ class Copy:
             )
         choice = choose(bag, topic)
         self.base, self.type = choice.base, choice.type
-        self.keep_gyro, self.keep_accel = changed.gyro is None, changed.accel is None
         receive = [
             batch.receive[decode(batch).readable]
             for batch in bag.batches([self.base], [self.type])

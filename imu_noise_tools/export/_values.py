@@ -16,6 +16,7 @@ from typing import cast
 import numpy as np
 
 from ..core.errors import InputError, unknown, UsageError
+from ..health import MOTION_KEPT
 from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
 from ..loop.study import Study
@@ -119,8 +120,7 @@ def rests_on(study: Study, horizon: float | None = None) -> list[str]:
     """Return what the numbers of each axis rest on, where its model does not hold everywhere."""
     out = []
     if study.source.get('keep_motion'):
-        out.append('analysed with --keep-motion: the record may hold motion, which is no noise '
-                   'of the sensor')
+        out.append(MOTION_KEPT)
     for axis, state in study.states.items():
         found = cast(NoiseProblem, state.problem).matters(state.fit)
         places = sorted(found.failures[:4], key=lambda f: f.low)

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from .predict import by_bank, predict
 from .statespace import FilterEffect, jumps, Motion, state_space, white_of
-from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
+from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..core.units import si
 from ..loop.effect import Effect, Estimate, Model
 
@@ -213,11 +213,8 @@ def estimates(
         std = sd[i]
         if p.log:
             spread = min(float(sd[i]), 50.0)
-            low, high, std = (
-                value * np.exp(-TWO_SIDED * spread),
-                value * np.exp(TWO_SIDED * spread),
-                value * min(spread, 1e3),
-            )
+            low, high = value * np.exp(interval(0.0, spread))
+            std = value * min(spread, 1e3)
         entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
         able = p.amplitude and label not in whites     # without R there is no filter
         if able and _vanishes(free, x, i, log_likelihood, evaluate):

@@ -31,6 +31,9 @@ LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
 MOST_SET_ASIDE = 0.05       # share of the time that is set aside by itself
 PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
+MOTION_KEPT = (
+    'analysed with --keep-motion: the record may hold motion, which is no noise of the sensor'
+)
 RECORDING = (
     'lay the IMU on something solid, at rest and away from people and machines, and record it '
     'still for at least 60 s (hours, for all but the white noise)'
@@ -97,6 +100,7 @@ def prepare(
         memory.rest()
     except ImuNoiseError as error:
         raise error.after(*record.warnings)
+    record = record.warned(*([MOTION_KEPT] if keep_motion else []))
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 

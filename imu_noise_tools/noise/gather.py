@@ -20,6 +20,7 @@ import numpy as np
 from scipy.fft import idct
 from scipy.special import ndtri
 
+from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
@@ -115,6 +116,8 @@ class _Gathering:
         self.clean: dict[str, np.ndarray] = {}
         self.cross: dict[tuple[str, str, str], np.ndarray] = {}
         self.low: dict[tuple[str, str], np.ndarray] = {}
+        self.shaken: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+        self.slow_derived: dict[str, np.ndarray] = {}
 
     def samples(self, axis: str, **curve) -> None:
         """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
@@ -168,12 +171,38 @@ class _Gathering:
             c = cosine_transform(values[begin:begin + length])
             coefficients[other] = self.memory.keep(c)
             self.memory.rest()
+        coefficients |= self._derived(coefficients, bins, whole is not None)
         binned = _cross_powers(coefficients, bins, self.memory)
         self.cross |= {(a, b, name): power for (a, b), power in binned.items()}
         for axis in self.axes:
             self.own[axis][name] = Part(length, self.dt, binned[axis, axis], lines[axis], fine)
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
+
+    def _derived(self, coefficients, bins: Bins, first: bool) -> dict[str, np.ndarray]:
+        """Return what is derived of the axes that hear something together."""
+        out: dict[str, np.ndarray] = {}
+        if first:
+            heard = shared.heard_together(
+                {a: self.clean.get(a, self.record.column(a)) for a in self.record.axes
+                 if a in coefficients})
+            for a in sorted(heard):
+                power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
+                self.shaken[a] = bins.f, shared.share(bins, power)
+        for a, (f, share) in self.shaken.items():
+            c = coefficients[a]
+            out[a + shared.LATER] = later = shared.later(c)
+            if share is not None:
+                at = np.maximum(np.arange(len(c)), 1) / (2 * len(c) * self.dt)
+                w = np.interp(np.log(at), np.log(f), share)
+                out[a + shared.SHAKEN] = c * w
+                out[a + shared.SHAKEN + shared.LATER] = later * w
+            self.memory.rest()
+        if first:
+            length = max(1, self.used // SLOW)
+            self.slow_derived = {
+                k: _block_means(idct(c, type=2, norm='ortho'), length) for k, c in out.items()}
+        return {k: self.memory.keep(c) for k, c in out.items()}
 
     def common(self) -> Common:
         """Return what all axes share: slow means, cross-spectra, the lowest coefficients."""
@@ -182,7 +211,7 @@ class _Gathering:
         for name, values in {'t': self.t, **self.clean, **self.covariates}.items():
             slow[name] = _block_means(values[:self.used], length)
             self.memory.rest()
-        return Common(length, slow.pop('t'), slow, self.cross, self.low)
+        return Common(length, slow.pop('t'), slow | self.slow_derived, self.cross, self.low)
 
 
 def _looks(y: np.ndarray, clean: np.ndarray, used: int) -> list[np.ndarray]:

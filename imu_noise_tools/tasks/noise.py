@@ -305,11 +305,18 @@ def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
 
 
 def allan_csv(study: Study) -> str:
-    """Return the curves with the model's deviation beside them."""
+    """
+    Return the curves with the model's deviation beside them.
+
+    With a column ``motion`` more where motion may be in them.
+
+    """
+    kept = ['kept'] if study.source.get('keep_motion') else []
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(
-        ['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model']
+        ['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model',
+         *(['motion'] if kept else [])]
     )
     for axis, state in study.states.items():
         evidence = cast(NoiseProblem, state.problem).evidence
@@ -317,6 +324,6 @@ def allan_csv(study: Study) -> str:
         model = np.sqrt(model_curve(evidence, state.model, c.m))
         for row in zip(c.tau, c.count, c.dev, c.lo, c.hi, c.percent_error, c.edf, model):
             writer.writerow(
-                [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])]
+                [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:]), *kept]
             )
     return text.getvalue()

@@ -6,7 +6,7 @@
 import numpy as np
 
 from ..kinds import Defect, Parameter, Response
-from ...core.statistics import repeats, TWO_SIDED
+from ...core.statistics import interval, repeats
 from ...loop.effect import Estimate, Finding
 
 
@@ -90,8 +90,7 @@ class Duplicates(Defect, Response):
             float(gain),
             effect,
             {
-                'fraction': Estimate(
-                    share, std, (max(share - TWO_SIDED * std, 0), share + TWO_SIDED * std)),
+                'fraction': Estimate(share, std, interval(share, std, positive=True)),
                 'pattern': Estimate(effect['pattern'], None, None),
             },
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '
