@@ -17,6 +17,7 @@ def register(commands) -> None:
     c.add_argument(
         'dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance'
     )
+    c.add_argument('--sheet', metavar='SHEET.yaml', help='a data sheet: which axes meet it?')
     common.output_options(c, 'targets with their pulls')
     c.set_defaults(func=compare)
 
@@ -111,7 +112,9 @@ def compare(args) -> int:
     from ..report import terminal
 
     common.load_own_effects(args)
-    study = store.load(args.dir, intervals=bool(args.dir2))
+    study = store.load(args.dir, intervals=bool(args.dir2 or args.sheet))
+    if args.sheet:
+        return _against(study, args)
     if args.dir2:
         other = store.load(args.dir2)
         from ..tasks import loop
@@ -139,6 +142,21 @@ def compare(args) -> int:
         )
     else:
         print(terminal.compare(study, verbose=args.verbose))
+    return 0
+
+
+def _against(study, args) -> int:
+    """Compare a study with a data sheet."""
+    from ..report.terminal import table
+    from ..tasks import sheet
+
+    rows = sheet.against(study, args.sheet)
+    if args.json:
+        common.print_json({'sheet': rows})
+        return 0
+    print(table([(r['target'], r['parameter'], r['measured_shown'], r['interval_shown'],
+                  r['sheet_shown'], f'{r["ratio"]:.3g}', r['verdict']) for r in rows],
+                ('axis', '', 'measured', '95 %', 'sheet', 'ratio', 'verdict')))
     return 0
 
 

@@ -18,7 +18,7 @@ from ..core.errors import ImuNoiseError, UsageError
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
-MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'demo')
+MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'demo')
 
 
 def parser() -> argparse.ArgumentParser:

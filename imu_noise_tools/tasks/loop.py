@@ -21,6 +21,8 @@ BEYOND = 3.0  # standard deviations
 def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
     """Load a study, do something to it, rewrite all of its files; return it and what came back."""
     study = store.load(folder)
+    if study.source.get('sheet'):
+        raise InputError(f'{folder}: a data sheet, no measurement', 'analyse a record of the unit')
     result = what(study)
     files.replace_files(folder, outputs(study, folder))
     return study, result
