@@ -143,7 +143,7 @@ class VarianceChange(Modulation):
 
     def _of(self, form: str, **values: float):
         """Return a form with these values, neutral else."""
-        return self.with_values(**{**self.neutral, **values, 'form': form})
+        return self.with_values(**self.neutral).with_values(form=form, **values)
 
     def _shapes(self, t, x, degrees):
         """Return (effect, nats to pay for the search) of each shape near its likeliest values."""
