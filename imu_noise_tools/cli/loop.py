@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser(
         'compare', help='the model beside the measurement: where does it fail?'
@@ -17,6 +20,7 @@ def register(commands) -> None:
     c.add_argument(
         'dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance'
     )
+    c.add_argument('--sheet', metavar='SHEET.yaml', help='a data sheet: which axes meet it?')
     common.output_options(c, 'targets with their pulls')
     c.set_defaults(func=compare)
 
@@ -104,14 +108,16 @@ def _register_export(commands) -> None:
     c.set_defaults(func=export)
 
 
-def compare(args) -> int:
+def compare(args: argparse.Namespace) -> int:
     """Run ``compare``."""
     from .. import store
     from . import text
     from ..report import terminal
 
     common.load_own_effects(args)
-    study = store.load(args.dir, intervals=bool(args.dir2))
+    study = store.load(args.dir, intervals=bool(args.dir2 or args.sheet))
+    if args.sheet:
+        return _against(study, args)
     if args.dir2:
         other = store.load(args.dir2)
         from ..tasks import loop
@@ -142,7 +148,22 @@ def compare(args) -> int:
     return 0
 
 
-def diagnose(args) -> int:
+def _against(study, args) -> int:
+    """Compare a study with a data sheet."""
+    from ..report.terminal import table
+    from ..tasks import sheet
+
+    rows = sheet.against(study, args.sheet)
+    if args.json:
+        common.print_json({'sheet': rows})
+        return 0
+    print(table([(r['target'], r['parameter'], r['measured_shown'], r['interval_shown'],
+                  r['sheet_shown'], f'{r["ratio"]:.3g}', r['verdict']) for r in rows],
+                ('axis', '', 'measured', '95 %', 'sheet', 'ratio', 'verdict')))
+    return 0
+
+
+def diagnose(args: argparse.Namespace) -> int:
     """Run ``diagnose``."""
     from .. import store
     from ..report import terminal
@@ -190,7 +211,7 @@ def _print_steps(args, study, steps):
         print('nothing is missing that the diagnosis can name: no effect added')
 
 
-def add(args) -> int:
+def add(args: argparse.Namespace) -> int:
     """Run ``add``."""
     from ..loop.effect import find_effect
     from .. import store
@@ -210,7 +231,7 @@ def add(args) -> int:
     return 0
 
 
-def remove(args) -> int:
+def remove(args: argparse.Namespace) -> int:
     """Run ``remove``."""
     from ..tasks import loop as tasks
 
@@ -220,7 +241,7 @@ def remove(args) -> int:
     return 0
 
 
-def history(args) -> int:
+def history(args: argparse.Namespace) -> int:
     """Run ``history``."""
     from .. import store
     from ..report import terminal
@@ -233,7 +254,7 @@ def history(args) -> int:
     return 0
 
 
-def effects(args) -> int:
+def effects(args: argparse.Namespace) -> int:
     """Run ``effects``."""
     from . import text
     from ..core.errors import unknown
@@ -288,7 +309,7 @@ def _list_formats(args, formats: dict[str, str]) -> int:
     return 0
 
 
-def export(args) -> int:
+def export(args: argparse.Namespace) -> int:
     """Run ``export``."""
     from .. import export as exports, store
     from ..core import files

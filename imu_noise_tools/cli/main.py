@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import importlib
 import importlib.util
 import os
@@ -18,7 +19,7 @@ from ..core.errors import ImuNoiseError, UsageError
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
-MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'demo')
+MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'demo')
 
 
 def parser() -> argparse.ArgumentParser:
@@ -39,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def main(argv=None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """
     Run one command.
 

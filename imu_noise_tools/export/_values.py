@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from ..core.errors import unknown, UsageError
+from ..core.errors import InputError, unknown, UsageError
 from ..health import MOTION_KEPT
 from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
@@ -73,6 +73,10 @@ def value_of(
         values.append(np.nan if value is None else value)
         if note:
             notes.append(f'{axis}: {note}')
+    if np.isnan(values).any():
+        raise InputError(f'{study.source.get("path")}: gives no {parameter} of the {sensor}',
+                         'bias instability is not a random walk: give --horizon S, which covers it'
+                         if parameter == 'K' else 'state it')
     return Value(tuple(values), tuple(axes), tuple(notes))
 
 
