@@ -12,7 +12,7 @@ AXES = 360
 SOURCES = '89769f069d2f2840'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
-    'accel_coupling': 10.31,
+    'accel_coupling': 10.6,
     'drift': 7.52,
     'duplicates': 6.0,
     'flicker': 7.32,
@@ -25,7 +25,7 @@ PENALTY = {
     'random_walk': 6.0,
     'rate_quantization': 6.0,
     'rts': 9.09,
-    'shared_noise': 8.0,
+    'shared_noise': 6.48,
     'shock': 6.0,
     'slow_periodic': 10.78,
     'spikes': 6.0,
