@@ -15,6 +15,7 @@ def register(commands: Any) -> None:
     """Add the command."""
     c = commands.add_parser(
         'analyse',
+        aliases=['analyze'],
         help='Allan curves, noise coefficients and imu.yaml of a bag',
         description='Read a bag, fit the noise model, write a study: study.yaml, imu.yaml '
         '(Kalibr), allan.csv, allan.png, report.html, evidence.npz.',
