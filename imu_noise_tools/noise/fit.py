@@ -380,7 +380,8 @@ def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
         begun = replace(basis, order=_BENT, values=(0.0,) * _BENT.terms)
         more = search.from_point(
             _with_basis(found.likelihood, begun), np.append(found.x, begun.values))
-        return _finite(more, search, found)
+        if np.isfinite(more.nll) and _flat(more) and not _lacks(more):
+            return more
     margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
     likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))
     return _finite(search.from_point(likelihood, found.x), search, found)
