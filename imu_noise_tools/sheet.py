@@ -89,7 +89,7 @@ def read(data: Any, where: str = 'sheet') -> Sheet:
         unknown = [k for k in entries or () if k not in _ENTRIES]
         if not isinstance(entries, Mapping) or not entries or unknown:
             raise InputError(f'{where}: {sensor} {unknown or "is empty"}',
-                             f'known are {", ".join(_ENTRIES)}; {EXAMPLE}')
+                             f'choose from {", ".join(_ENTRIES)}; {EXAMPLE}')
         for entry in _ENTRIES:
             if entry in entries:
                 slot, three = _read(entries[entry], entry, sensor, bool(side), where)

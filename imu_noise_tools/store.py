@@ -76,7 +76,7 @@ def _float(dumper, value):
 _Dumper.add_representer(float, _float)
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """Return a value with numpy's numbers, tuples and mappings made plain."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
@@ -89,7 +89,7 @@ def plain(value):
     return value
 
 
-def dump_yaml(data) -> str:
+def dump_yaml(data: Any) -> str:
     """Return YAML text: block style outside, flow style for small mappings inside."""
     return yaml.dump(
         plain(data),
@@ -101,7 +101,7 @@ def dump_yaml(data) -> str:
     )
 
 
-def load_yaml(path):
+def load_yaml(path: str | Path) -> Any:
     """
     Return the plain data of a YAML file.
 
@@ -126,7 +126,7 @@ def load_yaml(path):
         raise InputError(f'{path}: {error}', 'analyse the bag again with --force') from None
 
 
-def parse_yaml(text: str):
+def parse_yaml(text: str) -> Any:
     """Return the plain data of a short YAML text (the answer of a service)."""
     return plain_yaml(text)
 
@@ -329,7 +329,7 @@ def study_files(study: Study) -> dict[str, bytes | str]:
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
 
-def read(folder) -> dict:
+def read(folder: str | Path) -> dict:
     """Return the plain data of a folder's study.yaml; raise InputError for anything else."""
     path = Path(folder) / 'study.yaml'
     if not path.is_file():
@@ -381,7 +381,7 @@ def _misshapen(data, shape, where: str = '') -> str:
     return next((found for i, v, s in inside if (found := _misshapen(v, s, i))), '')
 
 
-def load(folder, intervals: bool = True) -> Study:
+def load(folder: str | Path, intervals: bool = True) -> Study:
     """
     Return the study of a folder, its models fitted again to the evidence.
 
@@ -427,7 +427,7 @@ def load(folder, intervals: bool = True) -> Study:
         ) from None
 
 
-def load_arrays(path) -> dict[str, np.ndarray]:
+def load_arrays(path: str | Path) -> dict[str, np.ndarray]:
     """
     Return the arrays of an .npz file, never unpickling.
 

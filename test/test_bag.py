@@ -392,7 +392,7 @@ def test_zstd_sqlite3_and_rosbag1_by_storage(tmp_path):
     )
     assert open_record(small).n == record.n
     assert (write_bag(tmp_path / 'lite', record, storage='sqlite3') / 'lite_0.db3').is_file()
-    with pytest.raises(UsageError, match='storages are'):
+    with pytest.raises(UsageError, match='choose from mcap'):
         write_bag(tmp_path / 'x', record, storage='tape')
 
 

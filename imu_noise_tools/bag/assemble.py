@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .container import Progress
+from .container import Batch, Progress
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
 from .source import Bag
 from .topics import Choice, COVARIATES, covariates_of
@@ -90,7 +90,7 @@ class Reader:
             width = {VECTOR: 3}.get(type) or len(COVARIATES[type])
             self.columns = Columns(memory, room, stamp=0, receive=0, values=width)
 
-    def add(self, batch) -> None:
+    def add(self, batch: Batch) -> None:
         """Decode a batch and keep what is needed of it."""
         found = decode(batch)
         self.unreadable += int(np.sum(~found.readable))

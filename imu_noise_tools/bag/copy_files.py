@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 import zstandard
 
-from .container import Batch, Damaged, Progress, rows
+from .container import BagFile, Batch, Damaged, Progress, rows
 from .decode import decode, Decoded, DOUBLES, IMU
 from .encode import definition, imu_values, serialise
 from .mcap import Chunk, McapFile, Other
@@ -79,7 +79,7 @@ class Copy:
         self.at = 0
         self.added = 0
 
-    def wanted(self, file) -> set[int]:
+    def wanted(self, file: BagFile) -> set[int]:
         """Return the connections of a file that hold the Imu topic."""
         return {c.id for c in file.connections if c.topic == self.base and c.type == self.type}
 

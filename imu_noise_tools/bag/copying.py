@@ -22,8 +22,8 @@ from ..core.record import ImuRecord
 
 
 def copy_bag(
-    source,
-    target,
+    source: str | Path,
+    target: str | Path,
     transform: Callable[[ImuRecord], ImuRecord | Changed],
     *,
     topic: str | None = None,

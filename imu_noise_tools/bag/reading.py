@@ -25,7 +25,7 @@ KINDS = ('rate', 'delta', 'integrated')
 
 
 def open_record(
-    path,
+    path: str | Path,
     topic: str | None = None,
     *,
     gyro_unit: str | None = None,
@@ -98,7 +98,7 @@ def open_record(
     return replace(first, beside=tuple(others))
 
 
-def topics(path) -> list[TopicInfo]:
+def topics(path: str | Path) -> list[TopicInfo]:
     """
     Return the topics of a bag (of a table: its one record), without reading the messages.
 

@@ -51,7 +51,7 @@ class Bag:
 
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path):
         self.path = Path(path)
         self.files: list[BagFile] = []
         self.origins: list[Path] = []       # of each file, before it was unpacked

@@ -31,7 +31,7 @@ CSV_COLUMNS = (
 )
 
 
-def table_kind(path) -> str:
+def table_kind(path: str | Path) -> str:
     """Return ``csv`` or ``npz`` by the name of a file, or nothing."""
     suffix = Path(path).suffix.lower()
     return suffix[1:] if suffix in ('.csv', '.npz') and not Path(path).is_dir() else ''

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 import io
 from pathlib import Path
 import re
+from typing import Any
 
 import numpy as np
 import yaml
@@ -43,15 +44,15 @@ BLOCK = 4096
 
 
 def write_bag(
-    path,
+    path: str | Path,
     record: ImuRecord | Iterable[Block],
     *,
     storage: str | None = None,
     topic: str = TOPIC,
     frame_id: str = '',
     compression: str = '',
-    gyro_covariance=None,
-    accel_covariance=None,
+    gyro_covariance: np.ndarray | None = None,
+    accel_covariance: np.ndarray | None = None,
     force: bool = False,
     progress: Progress = None,
 ) -> Path:
@@ -191,7 +192,7 @@ class Content:
         else:
             self.blocks = record
 
-    def write(self, writer, progress: Progress) -> None:
+    def write(self, writer: Any, progress: Progress) -> None:
         """Write all of it, the covariates with the block of their time."""
         ids = {name: writer.topic(name, type, self.encoding) for name, type in self.topics.items()}
         done = 0

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Correction:
         """Effects beyond scale, cross-axis and bias that are taken out of the outputs."""
         return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
 
-    def apply(self, raw, temperature=None, force=None) -> np.ndarray:
+    def apply(self, raw: np.ndarray, temperature: Any = None, force: Any = None) -> np.ndarray:
         """
         Return x for raw samples, (n, 3) or (3,).
 

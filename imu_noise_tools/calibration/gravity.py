@@ -45,7 +45,7 @@ def normal_gravity(latitude_deg: float, height_m: float = 0.0) -> float:
 
 
 def gravity(given: float | None = None, latitude: float | None = None,
-            height: float | None = None):
+            height: float | None = None) -> tuple[float, str]:
     """
     Return (gravity in m/s^2, where it comes from in words).
 

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -207,7 +209,7 @@ def averaged(record: ImuRecord, gravity: float) -> Poses:
                     time=[record.t.mean()])
 
 
-def temperatures(record: ImuRecord, found: list[Rest]):
+def temperatures(record: ImuRecord, found: list[Rest]) -> Any:
     """Return the mean temperature of each rest, or None where none was recorded."""
     t = record.covariates.get('temperature')
     return None if t is None else np.array([t[r.samples()].mean() for r in found])
@@ -259,7 +261,7 @@ def _some(items, most: int = 4) -> str:
     return ', '.join(items[:most]) + more
 
 
-def counted(names) -> dict[str, int]:
+def counted(names: Iterable[str]) -> dict[str, int]:
     """Return how often each of the six faces was seen, in their order."""
     names = list(names)
     return {face: sum(n == face for n in names) for face in FACES}

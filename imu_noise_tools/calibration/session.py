@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,9 @@ class Session:
         self._windows: list[np.ndarray] = []
         self._since = -np.inf               # stamp from which the next turn counts
 
-    def feed(self, stamp_s: float, gyro, accel, temperature: float | None = None) -> None:
+    def feed(
+        self, stamp_s: float, gyro: Any, accel: Any, temperature: float | None = None
+    ) -> None:
         """
         Take one sample: gyro (3,) rad/s, accel (3,) m/s^2.
 
@@ -247,12 +250,14 @@ class Session:
         """What the loop works on; raise InputError where nothing is solved."""
         return self.solved().problem
 
-    def apply(self, gyro, accel, temperature: float | None = None):
+    def apply(self, gyro: Any, accel: Any, temperature: float | None = None) -> tuple[Any, Any]:
         """Return (gyro, accel), (3,) each, the calibrated sensor corrected."""
         return applied(self.solved().correction, gyro, accel, temperature)
 
 
-def applied(correction: Correction, gyro, accel, temperature: float | None = None):
+def applied(
+    correction: Correction, gyro: Any, accel: Any, temperature: float | None = None
+) -> tuple[Any, Any]:
     """Return (gyro, accel), (3,) each, one of them corrected and the other as it came."""
     if correction.sensor == 'accel':
         return np.asarray(gyro, float), correction.apply(accel, temperature)

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -108,7 +110,7 @@ def base_model() -> Model:
 
 
 def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
-        known=None) -> Fit[Solved]:
+        known: Mapping[str, Any] | None = None) -> Fit[Solved]:
     """
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
@@ -164,7 +166,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
 class _State:
     """Where the iteration stands: inputs and coefficients."""
 
-    def __init__(self, poses, keys=(), theta=()):
+    def __init__(self, poses: Poses, keys: Any = (), theta: Any = ()):
         self.poses = poses
         self.values = {k: float(v) for k, v in zip(keys, theta)}
 
@@ -176,19 +178,19 @@ class _State:
                 s[i, j] = self.values.get((label, f'S_{row}{column}'), s[i, j] if i == j else 0.0)
         return s
 
-    def filled(self, model):
+    def filled(self, model: Model) -> Model:
         """Return the model with the coefficients as its values."""
         return Model(e if isinstance(e, Scatter) else e.with_values(
             **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.parameters}) for e
                      in model)
 
     @property
-    def scale(self):
+    def scale(self) -> np.ndarray:
         """S, (3, 3)."""
         return self._matrix(1.0)
 
     @property
-    def bias(self):
+    def bias(self) -> np.ndarray:
         """b, (3,)."""
         return np.array([self.values.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
 
@@ -251,7 +253,7 @@ def _rough_scale(poses):
     return np.eye(3) * (spread / size if size > 0 and spread > 0 else 1.0)
 
 
-def start(poses):
+def start(poses: Poses) -> Any:
     """
     Return (S, b) of the axis-aligned ellipsoid through the outputs: sum_k a_k o_k^2 + c_k o_k = 1.
 
@@ -269,7 +271,15 @@ def start(poses):
     return np.diag(radius * size / poses.magnitude), centre * size + middle[:, 0]
 
 
-def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, free) -> float:
+def restricted(
+    model: Model,
+    effect: Scatter,
+    amplitude: float,
+    poses: Poses,
+    scale: np.ndarray,
+    tilt: float,
+    free: bool,
+) -> float:
     """Return the restricted log-likelihood with one scatter's amplitude."""
     trial = effect.with_values(**{effect.parameters[0].name: amplitude})
     trial = model.with_effect(trial) if effect.label in model else model + trial
@@ -277,7 +287,9 @@ def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, fre
     return system.log_restricted(log_det)
 
 
-def best_amplitude(model: Model, effect: Scatter, poses, scale, tilt, free) -> tuple[float, float]:
+def best_amplitude(
+    model: Model, effect: Scatter, poses: Poses, scale: np.ndarray, tilt: float, free: bool
+) -> tuple[float, float]:
     """Return (amplitude of greatest restricted likelihood, that log-likelihood)."""
     lower, upper = np.log(effect.bounds(poses, scale))
     grid = np.linspace(lower, upper, 25)

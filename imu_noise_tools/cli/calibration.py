@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser(
         'calibrate', help='scale, cross-axis sensitivity and bias from six faces, many poses, or '
@@ -63,7 +66,7 @@ def register(commands) -> None:
     c.set_defaults(func=apply)
 
 
-def calibrate(args) -> int:
+def calibrate(args: argparse.Namespace) -> int:
     """Run ``calibrate``."""
     from ..core.errors import UsageError
     from ..tasks import calibration as tasks
@@ -117,7 +120,7 @@ def calibrate(args) -> int:
     return 0
 
 
-def apply(args) -> int:
+def apply(args: argparse.Namespace) -> int:
     """Run ``apply``."""
     from ..tasks import calibration as tasks
     common.load_own_effects(args)

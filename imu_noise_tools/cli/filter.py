@@ -5,10 +5,14 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterable
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the command."""
     c = commands.add_parser(
         'filter',
@@ -64,7 +68,7 @@ def register(commands) -> None:
     c.set_defaults(func=filter_bag)
 
 
-def values_of(pairs) -> dict:
+def values_of(pairs: Iterable[str]) -> dict:
     """
     Return ``{label: {parameter: value}}`` of ``label.parameter=value``.
 
@@ -89,7 +93,7 @@ def values_of(pairs) -> dict:
     return out
 
 
-def filter_bag(args) -> int:
+def filter_bag(args: argparse.Namespace) -> int:
     """Run ``filter``."""
     from ..core.errors import UsageError
     from ..tasks import filter as tasks

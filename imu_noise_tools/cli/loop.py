@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser(
         'compare', help='the model beside the measurement: where does it fail?'
@@ -105,7 +108,7 @@ def _register_export(commands) -> None:
     c.set_defaults(func=export)
 
 
-def compare(args) -> int:
+def compare(args: argparse.Namespace) -> int:
     """Run ``compare``."""
     from .. import store
     from . import text
@@ -160,7 +163,7 @@ def _against(study, args) -> int:
     return 0
 
 
-def diagnose(args) -> int:
+def diagnose(args: argparse.Namespace) -> int:
     """Run ``diagnose``."""
     from .. import store
     from ..report import terminal
@@ -208,7 +211,7 @@ def _print_steps(args, study, steps):
         print('nothing is missing that the diagnosis can name: no effect added')
 
 
-def add(args) -> int:
+def add(args: argparse.Namespace) -> int:
     """Run ``add``."""
     from ..loop.effect import find_effect
     from .. import store
@@ -228,7 +231,7 @@ def add(args) -> int:
     return 0
 
 
-def remove(args) -> int:
+def remove(args: argparse.Namespace) -> int:
     """Run ``remove``."""
     from ..tasks import loop as tasks
 
@@ -238,7 +241,7 @@ def remove(args) -> int:
     return 0
 
 
-def history(args) -> int:
+def history(args: argparse.Namespace) -> int:
     """Run ``history``."""
     from .. import store
     from ..report import terminal
@@ -251,7 +254,7 @@ def history(args) -> int:
     return 0
 
 
-def effects(args) -> int:
+def effects(args: argparse.Namespace) -> int:
     """Run ``effects``."""
     from . import text
     from ..core.errors import unknown
@@ -306,7 +309,7 @@ def _list_formats(args, formats: dict[str, str]) -> int:
     return 0
 
 
-def export(args) -> int:
+def export(args: argparse.Namespace) -> int:
     """Run ``export``."""
     from .. import export as exports, store
     from ..core import files

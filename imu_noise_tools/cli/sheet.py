@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 EXAMPLE = """example of SHEET.yaml (units as on the sheet; each entry may be three values, x y z):
@@ -17,7 +20,7 @@ EXAMPLE = """example of SHEET.yaml (units as on the sheet; each entry may be thr
 """
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the command."""
     import argparse
 
@@ -31,7 +34,7 @@ def register(commands) -> None:
     c.set_defaults(func=sheet)
 
 
-def sheet(args) -> int:
+def sheet(args: argparse.Namespace) -> int:
     """Run ``sheet``."""
     from ..report.terminal import table
     from ..store import study_to_dict

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from . import common
 
@@ -22,7 +23,7 @@ SPEC = """example of SPEC.yaml:
 """
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser('inspect', help='topics, rate, stamps, health of a bag, with advice')
     c.add_argument('bag', metavar='BAG')
@@ -71,7 +72,7 @@ def register(commands) -> None:
     c.set_defaults(func=plan)
 
 
-def inspect(args) -> int:
+def inspect(args: argparse.Namespace) -> int:
     """Run ``inspect``."""
     from dataclasses import asdict
     from ..tasks.inspect import inspect as task
@@ -114,7 +115,7 @@ def _inspected(found) -> dict:
     }
 
 
-def simulate(args) -> int:
+def simulate(args: argparse.Namespace) -> int:
     """Run ``simulate``."""
     from pathlib import Path
     from ..tasks.simulate import simulate as task, truth_of
@@ -139,7 +140,7 @@ def _planned(row) -> str:
     return f'below {row["upper95"]:.3g}' if row.get('upper95') else ''
 
 
-def plan(args) -> int:
+def plan(args: argparse.Namespace) -> int:
     """Run ``plan``."""
     from ..core.errors import UsageError
     from ..tasks.plan import plan as task

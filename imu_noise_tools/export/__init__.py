@@ -13,10 +13,13 @@ takes them as ``calibration``, a :class:`~imu_noise_tools.export._calibration.In
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 import pkgutil
+from typing import Any
 
 from ._calibration import read
 from ..core.errors import unknown, UsageError
+from ..loop.study import Study
 
 
 def formats() -> list[str]:
@@ -29,7 +32,7 @@ def descriptions() -> dict[str, str]:
     return {name: _module(name).DESCRIPTION for name in formats()}
 
 
-def export(study, name: str, calibration=None, **options) -> str:
+def export(study: Study, name: str, calibration: str | Path | None = None, **options: Any) -> str:
     """
     Return the text of one format.
 

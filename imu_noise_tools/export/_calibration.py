@@ -60,7 +60,7 @@ def lower(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (r.T * signs), (q * signs).T
 
 
-def read(folder) -> Inverse:
+def read(folder: str | Path) -> Inverse:
     """
     Return the calibration of a folder that calibrate wrote.
 

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ._values import left_out, number, PARAMETERS, rests_on, Value, value_of
@@ -127,11 +129,11 @@ def commented(said: list[str], mark: str = '#') -> str:
     return ''.join(f'{mark} {" ".join(s.split())}\n' for s in said)
 
 
-def numbers_of(values) -> str:
+def numbers_of(values: Any) -> str:
     """Return numbers in brackets."""
     return '[' + ', '.join(number(float(x)) for x in np.ravel(values)) + ']'
 
 
-def rows_of(matrix, indent: str) -> str:
+def rows_of(matrix: Any, indent: str) -> str:
     """Return a matrix as rows of YAML."""
     return ''.join(f'{indent}- {numbers_of(row)}\n' for row in np.atleast_2d(matrix))

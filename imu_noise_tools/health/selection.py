@@ -51,7 +51,9 @@ class Selection:
     screen: bool = True
 
     @classmethod
-    def of(cls, start='', duration='', mask='', screen: bool = True) -> Selection:
+    def of(
+        cls, start: str = '', duration: str = '', mask: str = '', screen: bool = True
+    ) -> Selection:
         """Return what is meant by texts as typed; raise UsageError where they make no sense."""
         return cls(
             _time('--start', start) if start else None,

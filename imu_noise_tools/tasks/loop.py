@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ..loop.study import Study
 BEYOND = 3.0  # standard deviations
 
 
-def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
+def change(folder: str | Path, what: Callable[[Study], object]) -> tuple[Study, object]:
     """Load a study, do something to it, rewrite all of its files; return it and what came back."""
     study = store.load(folder)
     if study.source.get('sheet'):
@@ -28,7 +29,7 @@ def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
     return study, result
 
 
-def outputs(study: Study, folder) -> dict[str, str | bytes]:
+def outputs(study: Study, folder: str | Path) -> dict[str, str | bytes]:
     """Return all files of a study of any domain by name; ``folder`` is what the page names."""
     return part('tasks', study.domain).outputs(study, folder)
 

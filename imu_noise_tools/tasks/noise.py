@@ -10,7 +10,7 @@ import csv
 from dataclasses import replace
 import io
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -191,17 +191,17 @@ def _one_source(record: ImuRecord) -> dict:
 
 
 def analyse(
-    bag,
-    out=None,
+    bag: str | Path,
+    out: str | Path | None = None,
     *,
-    topic=None,
-    rate_hz=None,
-    input_kind='rate',
-    gyro_unit=None,
-    accel_unit=None,
-    force=False,
+    topic: str | None = None,
+    rate_hz: float | None = None,
+    input_kind: str = 'rate',
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
+    force: bool = False,
     progress: Progress | None = None,
-    **options,
+    **options: Any,
 ) -> tuple[Study, Path]:
     """
     Analyse a bag and write its study.
@@ -238,7 +238,7 @@ def analyse(
     return study, folder
 
 
-def look_again(study: Study, bag, progress: Progress | None = None) -> None:
+def look_again(study: Study, bag: str | Path, progress: Progress | None = None) -> None:
     """
     Draw a study's evidence anew from its recording, with what effects known since then look at.
 
@@ -279,7 +279,7 @@ def look_again(study: Study, bag, progress: Progress | None = None) -> None:
         study.states[target] = assess(p, study.states[target].model)
 
 
-def default_folder(bag) -> Path:
+def default_folder(bag: str | Path) -> Path:
     """Return ``<bag>.study`` beside the bag."""
     path = Path(bag)
     return (
@@ -287,7 +287,7 @@ def default_folder(bag) -> Path:
     )
 
 
-def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
     """
     Return all files of a noise study by name.
 

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import cast
+from pathlib import Path
+from typing import Any, cast
 
 from .. import store
 from ..loop.effect import Estimate, find_effect, Model
@@ -16,7 +17,8 @@ _EFFECTS = {'N': 'white', 'B': 'flicker', 'K': 'random_walk'}
 
 
 def plan(
-    folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted: float = 0.2
+    folder: str | Path | None, given: Any, *, sensor: str = 'gyro', rate_hz: float = 100.0,
+    wanted: float = 0.2
 ) -> list[dict]:
     """
     Return one row a parameter: what an hour gives, and how long a record must be.

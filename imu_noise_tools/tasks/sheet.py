@@ -16,12 +16,12 @@ from ..sheet import read, Sheet
 MEETS, MISSES, OPEN = 'meets', 'does not meet', 'cannot tell'
 
 
-def load(path) -> Sheet:
+def load(path: str | Path) -> Sheet:
     """Return the sheet of a YAML file; raises what reading it raises."""
     return read(store.load_yaml(path), str(path))
 
 
-def sheet(path, out, force: bool = False) -> tuple[Study, Path]:
+def sheet(path: str | Path, out: str | Path, force: bool = False) -> tuple[Study, Path]:
     """
     Write a sheet as a study: study.yaml, evidence.npz, imu.yaml where the sheet gives a walk.
 
@@ -43,7 +43,7 @@ def sheet(path, out, force: bool = False) -> tuple[Study, Path]:
     return study, Path(out)
 
 
-def against(study: Study, path) -> list[dict]:
+def against(study: Study, path: str | Path) -> list[dict]:
     """
     Return one row a coefficient that both give: measured, stated, and whether the axis meets it.
 
