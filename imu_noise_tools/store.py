@@ -62,7 +62,7 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
-def _float(dumper, value):
+def _float(dumper: yaml.SafeDumper, value: float) -> Any:
     text = (
         repr(value)
         if math.isfinite(value)
@@ -268,7 +268,7 @@ def history_of(data: Mapping) -> list[Step]:
     return [_step_of(d) for d in data.get('history') or ()]
 
 
-def _step_of(d) -> Step:
+def _step_of(d: Any) -> Step:
     return Step(
         d['target'],
         tuple(d['effects']),
@@ -281,8 +281,8 @@ def _step_of(d) -> Step:
     )
 
 
-def _diagnosis_of(domain, d) -> Diagnosis:
-    def estimate(parameter, e):
+def _diagnosis_of(domain: str, d: Any) -> Diagnosis:
+    def estimate(parameter: Parameter, e: Any) -> Estimate:
         if parameter.choices:
             number = parameter.number(e['value'])
             return Estimate(number, None, None, point=number)
@@ -296,7 +296,7 @@ def _diagnosis_of(domain, d) -> Diagnosis:
             e.get('point', e.get('value')),
         )
 
-    def finding(f):
+    def finding(f: Any) -> Finding:
         known = find_effect(domain, f['effect'])
         given = {known.parameter(k): v for k, v in f.get('parameters', {}).items()}
         found = {p.name: estimate(p, v) for p, v in given.items()}
@@ -305,7 +305,7 @@ def _diagnosis_of(domain, d) -> Diagnosis:
                        f.get('evidence', ''), f.get('probability'),
                        explains=f.get('explains'), against=f.get('against', ''))
 
-    def tests(some):
+    def tests(some: Any) -> tuple[Finding, ...]:
         return tuple(Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'],
                              evidence=f['evidence']) for f in some or ())
 
@@ -354,7 +354,7 @@ def read(folder: str | Path) -> dict:
     return data
 
 
-def _misshapen(data, shape, where: str = '') -> str:
+def _misshapen(data: Any, shape: Any, where: str = '') -> str:
     """
     Return where plain data is not of a shape, or nothing.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 import sqlite3
-from typing import NamedTuple
+from typing import Any, NamedTuple
 import zlib
 
 import numpy as np
@@ -288,7 +288,7 @@ class Copy:
             )
 
 
-def _count_up(files, name: str, more: int) -> None:
+def _count_up(files: Any, name: str, more: int) -> None:
     for entry in files if isinstance(files, list) else []:
         if isinstance(entry, dict) and Path(str(entry.get('path'))).name == name:
             held = entry.get('message_count')

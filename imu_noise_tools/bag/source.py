@@ -68,7 +68,7 @@ class Bag:
         """Return itself."""
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close all files."""
         self.close()
 
@@ -290,7 +290,7 @@ def _kind_of_name(path: Path) -> bool:
     )
 
 
-def _nothing(path, why: str) -> InputError:
+def _nothing(path: Path, why: str) -> InputError:
     return InputError(
         f'{path}: nothing can be recovered from it ({why})', 'record again, or repair the file'
     )

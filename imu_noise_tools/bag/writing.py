@@ -157,7 +157,7 @@ def _write_one(
 class Summary:
     """What a bag's metadata says: messages by topic, first and last time."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.count: dict[str, int] = {}
         self.first, self.last = 2 ** 63 - 1, 0
 

@@ -68,5 +68,5 @@ def export(study: Study, name: str, calibration: str | Path | None = None, **opt
     return module.text(study, **options)
 
 
-def _module(name: str):
+def _module(name: str) -> Any:
     return importlib.import_module(f'{__name__}.{name}')

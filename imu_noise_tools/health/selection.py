@@ -90,7 +90,7 @@ class Selection:
         )
 
 
-def _time(option: str, text, least: float = 0.0) -> Time:
+def _time(option: str, text: str, least: float = 0.0) -> Time:
     """Return a length of time as typed: seconds, or per cent."""
     share = str(text).strip().endswith('%')
     try:
