@@ -42,6 +42,7 @@ _ROUNDS = 12  # of choosing bands and fitting again
 _ORDERS = tuple(Order(*order) for order in (
     (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True), (3, 0), (0, 3),
     (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4), (4, 4, True)))
+_BENT = Order(1, 0)  # of one that is too little to be seen
 _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
@@ -369,11 +370,18 @@ def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
     """
     Return the fit made again with a margin for what was too little to be seen.
 
-    What is set aside does not end where a band still agrees: its neighbours are left out too.
+    What is set aside does not end where a band still agrees: its neighbours are left out too, or,
+    where it reaches to the fast end, one term of a response is left open.
 
     """
     basis = found.likelihood.explained
     assert basis is not None
+    if not basis.order.terms and bands.sum(basis.weight)[-1] == 0:
+        begun = replace(basis, order=_BENT, values=(0.0,) * _BENT.terms)
+        more = search.from_point(
+            _with_basis(found.likelihood, begun), np.append(found.x, begun.values))
+        if np.isfinite(more.nll) and _flat(more) and not _lacks(more):
+            return more
     margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
     likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))
     return _finite(search.from_point(likelihood, found.x), search, found)

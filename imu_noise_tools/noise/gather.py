@@ -189,20 +189,14 @@ class _Gathering:
             for a in sorted(heard):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
                 self.shaken[a] = bins.f, shared.share(bins, power)
+        length = max(1, self.used // SLOW)
         for a, (f, share) in self.shaken.items():
-            c = coefficients[a]
-            out[a + shared.LATER] = later = shared.later(c)
-            if share is not None:
-                at = np.maximum(np.arange(len(c)), 1) / (2 * len(c) * self.dt)
-                w = np.interp(np.log(at), np.log(f), share)
-                out[a + shared.SHAKEN] = c * w
-                out[a + shared.SHAKEN + shared.LATER] = later * w
-            self.memory.rest()
-        if first:
-            length = max(1, self.used // SLOW)
-            self.slow_derived = {
-                k: _block_means(idct(c, type=2, norm='ortho'), length) for k, c in out.items()}
-        return {k: self.memory.keep(c) for k, c in out.items()}
+            for name, c in shared.signals(a, coefficients[a], self.dt, f, share):
+                if first:
+                    self.slow_derived[name] = _block_means(idct(c, type=2, norm='ortho'), length)
+                out[name] = self.memory.keep(c)
+                self.memory.rest()
+        return out
 
     def common(self) -> Common:
         """Return what all axes share: slow means, cross-spectra, the lowest coefficients."""

@@ -117,6 +117,25 @@ def share(bins: Bins, power: np.ndarray) -> np.ndarray | None:
     return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
 
 
+def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarray | None):
+    """
+    Yield (name, coefficients (n,)) of what is derived of an axis, one at a time.
+
+    ``c`` (n,) are its coefficients, ``above`` at ``f`` (Hz) the share of its power that is not its
+    own noise.
+
+    """
+    weight = None
+    if above is not None:
+        k = np.maximum(np.arange(len(c)), 1)
+        weight = np.interp(np.log(k / (2 * len(c) * dt)), np.log(f), above)
+        yield axis + SHAKEN, c * weight
+    c = later(c)
+    yield axis + LATER, c
+    if weight is not None:
+        yield axis + SHAKEN + LATER, c * weight
+
+
 def spread(pair, channel: str) -> np.ndarray:
     """
     Return the power (b,) by which a derived channel misses its source, of a gain of 1.
