@@ -33,7 +33,7 @@ fuzz: $(READY)
 
 lint: $(READY)
 	$(PY) -m flake8
-	$(PY) -m pydocstyle imu_noise_tools bench launch
+	$(PY) -m pydocstyle imu_noise_tools bench doc launch
 	$(PY) -m mypy
 
 clean:

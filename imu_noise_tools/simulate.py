@@ -114,7 +114,7 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
 def _size(spec):
     if not isinstance(spec, Mapping):
         raise InputError(
-            'the specification is no mapping', 'see imu_noise simulate --help for an example'
+            'the specification is not a mapping', 'see imu_noise simulate --help for an example'
         )
     try:
         rate, duration, seed = (
@@ -124,7 +124,8 @@ def _size(spec):
         )
     except KeyError as error:
         raise InputError(
-            f'{error.args[0]}: missing in the specification', 'e.g. rate_hz: 100, duration_s: 3600'
+            f'{error.args[0]} is missing from the specification',
+            'e.g. rate_hz: 100, duration_s: 3600'
         ) from None
     except (TypeError, ValueError):
         raise InputError(
@@ -150,7 +151,7 @@ def _size(spec):
 def _mapping(spec, name):
     found = spec.get(name) or {}
     if not isinstance(found, Mapping):
-        raise InputError(f'{name}: is no mapping', 'see imu_noise simulate --help for an example')
+        raise InputError(f'{name}: not a mapping', 'see imu_noise simulate --help for an example')
     return found
 
 
@@ -161,14 +162,14 @@ def _numbers(values, where):
     except (TypeError, ValueError, AttributeError):
         found = {'': np.nan}
     if not np.all(np.isfinite(list(found.values()))):
-        raise InputError(f'{where}: its values must be numbers', 'e.g. period_s: 600')
+        raise InputError(f'{where}: values must be numbers', 'e.g. period_s: 600')
     return found
 
 
 def _axes(targets):
     for a in targets:
         if a not in AXES:
-            raise InputError(f'targets.{a}: no such axis', f'axes are {", ".join(AXES)}')
+            raise InputError(f'targets.{a}: unknown axis', f'choose from {", ".join(AXES)}')
         _mapping(targets, a)
     sensors = {sensor_of(a) for a in targets}
     return [a for a in AXES if sensor_of(a) in sensors]
@@ -217,7 +218,7 @@ def _covariates(spec, t, seed):
     out = {}
     for name, values in spec.items():
         if name != 'temperature':
-            raise InputError(f'covariates.{name}: unknown', 'known is temperature')
+            raise InputError(f'covariates.{name}: unknown covariate', 'choose from temperature')
         v = {
             'base': 25.0,
             'swing': 0.0,
@@ -230,8 +231,8 @@ def _covariates(spec, t, seed):
         unknown = set(values) - set(v)
         if unknown:
             raise InputError(
-                f'covariates.temperature: {", ".join(sorted(map(str, unknown)))} unknown',
-                f'known are {", ".join(v)}',
+                f'covariates.temperature: unknown {", ".join(sorted(map(str, unknown)))}',
+                f'choose from {", ".join(v)}',
             )
         v.update(values)
         if not (v['period_s'] > 0 and v['settle_s'] > 0):
@@ -252,7 +253,7 @@ def _covariates(spec, t, seed):
 def _move(spec, data, t):
     for kind, v in spec.items():
         if kind not in MOTIONS:
-            raise InputError(f'motion.{kind}: unknown', f'known are {", ".join(MOTIONS)}')
+            raise InputError(f'motion.{kind}: unknown motion', f'choose from {", ".join(MOTIONS)}')
         v = dict(_mapping(spec, kind))
         axis = v.pop('axis', 'no axis')
         v = _numbers(v, f'motion.{kind}')

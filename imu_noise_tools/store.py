@@ -62,7 +62,7 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
-def _float(dumper, value):
+def _float(dumper: yaml.SafeDumper, value: float) -> Any:
     text = (
         repr(value)
         if math.isfinite(value)
@@ -76,7 +76,7 @@ def _float(dumper, value):
 _Dumper.add_representer(float, _float)
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """Return a value with numpy's numbers, tuples and mappings made plain."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
@@ -89,7 +89,7 @@ def plain(value):
     return value
 
 
-def dump_yaml(data) -> str:
+def dump_yaml(data: Any) -> str:
     """Return YAML text: block style outside, flow style for small mappings inside."""
     return yaml.dump(
         plain(data),
@@ -101,7 +101,7 @@ def dump_yaml(data) -> str:
     )
 
 
-def load_yaml(path):
+def load_yaml(path: str | Path) -> Any:
     """
     Return the plain data of a YAML file.
 
@@ -111,7 +111,7 @@ def load_yaml(path):
     path = Path(path)
     try:
         if path.stat().st_size > 64 << 20:
-            raise InputError(f'{path}: larger than 64 MB', 'this is no study')
+            raise InputError(f'{path}: larger than 64 MB', 'not a study')
         text = path.read_text(encoding='utf-8')
         return plain_yaml(text)
     except OSError as error:
@@ -120,13 +120,13 @@ def load_yaml(path):
         ) from None
     except UnicodeDecodeError:
         raise InputError(
-            f'{path}: not readable as YAML (no text)', 'analyse the bag again with --force'
+            f'{path}: not readable as YAML (not text)', 'analyse the bag again with --force'
         ) from None
     except ValueError as error:
         raise InputError(f'{path}: {error}', 'analyse the bag again with --force') from None
 
 
-def parse_yaml(text: str):
+def parse_yaml(text: str) -> Any:
     """Return the plain data of a short YAML text (the answer of a service)."""
     return plain_yaml(text)
 
@@ -268,7 +268,7 @@ def history_of(data: Mapping) -> list[Step]:
     return [_step_of(d) for d in data.get('history') or ()]
 
 
-def _step_of(d) -> Step:
+def _step_of(d: Any) -> Step:
     return Step(
         d['target'],
         tuple(d['effects']),
@@ -281,8 +281,8 @@ def _step_of(d) -> Step:
     )
 
 
-def _diagnosis_of(domain, d) -> Diagnosis:
-    def estimate(parameter, e):
+def _diagnosis_of(domain: str, d: Any) -> Diagnosis:
+    def estimate(parameter: Parameter, e: Any) -> Estimate:
         if parameter.choices:
             number = parameter.number(e['value'])
             return Estimate(number, None, None, point=number)
@@ -296,15 +296,16 @@ def _diagnosis_of(domain, d) -> Diagnosis:
             e.get('point', e.get('value')),
         )
 
-    def finding(f):
+    def finding(f: Any) -> Finding:
         known = find_effect(domain, f['effect'])
-        found = {k: estimate(known.parameter(k), v) for k, v in f.get('parameters', {}).items()}
+        given = {known.parameter(k): v for k, v in f.get('parameters', {}).items()}
+        found = {p.name: estimate(p, v) for p, v in given.items()}
         effect = known({k: v.point for k, v in found.items() if v.point is not None})
         return Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '',
                        f.get('evidence', ''), f.get('probability'),
                        explains=f.get('explains'), against=f.get('against', ''))
 
-    def tests(some):
+    def tests(some: Any) -> tuple[Finding, ...]:
         return tuple(Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'],
                              evidence=f['evidence']) for f in some or ())
 
@@ -328,7 +329,7 @@ def study_files(study: Study) -> dict[str, bytes | str]:
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
 
-def read(folder) -> dict:
+def read(folder: str | Path) -> dict:
     """Return the plain data of a folder's study.yaml; raise InputError for anything else."""
     path = Path(folder) / 'study.yaml'
     if not path.is_file():
@@ -353,7 +354,7 @@ def read(folder) -> dict:
     return data
 
 
-def _misshapen(data, shape, where: str = '') -> str:
+def _misshapen(data: Any, shape: Any, where: str = '') -> str:
     """
     Return where plain data is not of a shape, or nothing.
 
@@ -380,7 +381,7 @@ def _misshapen(data, shape, where: str = '') -> str:
     return next((found for i, v, s in inside if (found := _misshapen(v, s, i))), '')
 
 
-def load(folder, intervals: bool = True) -> Study:
+def load(folder: str | Path, intervals: bool = True) -> Study:
     """
     Return the study of a folder, its models fitted again to the evidence.
 
@@ -426,7 +427,7 @@ def load(folder, intervals: bool = True) -> Study:
         ) from None
 
 
-def load_arrays(path) -> dict[str, np.ndarray]:
+def load_arrays(path: str | Path) -> dict[str, np.ndarray]:
     """
     Return the arrays of an .npz file, never unpickling.
 
@@ -442,7 +443,7 @@ def load_arrays(path) -> dict[str, np.ndarray]:
             if size > max(AT_LEAST, EXPANSION * path.stat().st_size):
                 raise InputError(
                     f'{path}: would unpack to {size / 1e9:.0f} GB',
-                    'this is no evidence of a study',
+                    'not the evidence of a study',
                 )
         with np.load(path, allow_pickle=False) as data:
             return {k: data[k] for k in data.files}

@@ -520,7 +520,8 @@ def _louder(s, shape, strength):
 def _variance_change(s, strength):
     """White noise steps, is loud for a while, drifts or swings: mean variance 1 + strength^2."""
     kind = s.rng.choice(['step', 'stretch', 'drift', 'period'])
-    values = {'time': 0.0, 'period': 0.0, 'duration': 0.0}
+    values = {'time': 0.0, 'period': 0.0, 'duration': 0.0,
+              'form': float(['step', 'stretch', 'drift', 'period'].index(kind))}
     if kind == 'step':
         values['time'] = s.span * s.rng.uniform(0.2, 0.8)
         shape = (s.t >= values['time']).astype(float)

@@ -122,9 +122,11 @@ def hidden(name, make, rng, strength, sensor='gyro', noise=1e-4):
 
 
 @pytest.mark.parametrize('name, make, sensor, noise', [
-    ('quadratic', spread, 'accel', 1e-3), ('asymmetry', spread, 'accel', 1e-3),
-    ('cubic', table, 'gyro', 1e-4),
-    ('temperature', table, 'gyro', 1e-4), ('g_sensitivity', table, 'gyro', 1e-4)])
+    ('quadratic', spread, 'accel', 1e-3),
+    pytest.param('asymmetry', spread, 'accel', 1e-3, marks=pytest.mark.thorough),
+    pytest.param('cubic', table, 'gyro', 1e-4, marks=pytest.mark.thorough),
+    pytest.param('temperature', table, 'gyro', 1e-4, marks=pytest.mark.thorough),
+    ('g_sensitivity', table, 'gyro', 1e-4)])
 def test_hidden_effect_is_found(name, make, sensor, noise):
     """At 5 to 15 standard errors the verdict is right 9 times of 10, never another name."""
     rng = np.random.default_rng(3)
@@ -155,7 +157,8 @@ def test_nothing_hidden_is_complete(make, sensor, noise):
     assert found.count('complete') >= 19, found
 
 
-@pytest.mark.parametrize('name', ['quadratic', 'asymmetry'])
+@pytest.mark.parametrize('name', [
+    'quadratic', pytest.param('asymmetry', marks=pytest.mark.thorough)])
 def test_twins_of_six_faces(name):
     """With six faces i^2 and |i| are one: undecidable, with the poses that would tell."""
     rng = np.random.default_rng(6)

@@ -88,7 +88,7 @@ def test_one_bag_a_face_and_a_sign_upside_down():
     good = [record(*s, path=f'bench_{f}.npz') for f, s in parts.items()]
     assert tasks.calibrate_records(good).calibration.poses.names == tuple(sim.AXES)
     turned = [record(s[0], s[1], -s[2], path=f'bench_{f}.npz') for f, s in parts.items()]
-    with pytest.raises(InputError, match=r'\+x is up by its name, but -x reads \+g: upside down'):
+    with pytest.raises(InputError, match=r'by its name \+x is up, but -x reads \+g: upside down'):
         tasks.calibrate_records(turned)
 
 

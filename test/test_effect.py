@@ -79,7 +79,7 @@ def test_naming_a_class_registers_it():
 
 def test_domains_do_not_mix():
     assert 'tone' not in registry('noise')
-    with pytest.raises(UsageError, match='no noise effect named tone') as error:
+    with pytest.raises(UsageError, match='unknown noise effect tone') as error:
         find_effect('noise', 'tone')
     assert 'white' in error.value.remedy or not registry('noise')
 
@@ -156,7 +156,8 @@ def test_a_sum_of_models_and_of_a_list():
 def test_what_is_there_once_is_refused_twice():
     with pytest.raises(UsageError, match='already has floor'):
         Floor() + Floor()
-    with pytest.raises(UsageError, match='no test_effect effect named flor') as error:
+    with pytest.raises(
+            UsageError, match='unknown test_effect effect flor: did you mean floor') as error:
         model_of(DOMAIN, ['flor'])
     assert 'floor' in error.value.remedy
 

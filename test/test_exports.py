@@ -317,7 +317,7 @@ def test_rules_for_the_axes(study, name):
     for sensor in SENSORS:
         np.testing.assert_allclose(found[sensor][0], wanted[sensor, 'N'] ** 2, rtol=2e-6)
     if name not in OF_EACH:
-        with pytest.raises(UsageError, match='one value a sensor'):
+        with pytest.raises(UsageError, match='one value per sensor'):
             export.export(study, name, axes='each')
         return
     wanted = truth(study, 'each')

@@ -50,7 +50,7 @@ def study(tmp_path_factory):
      'the stamps run backward'),
     ({'gyro': np.random.default_rng(1).random((500, 3)), 't': np.full(500, 7.0)},
      'the stamps do not advance'),
-    ({'gyro': np.random.default_rng(1).random((500, 3))}, 'it has neither t nor rate_hz'),
+    ({'gyro': np.random.default_rng(1).random((500, 3))}, 'neither t nor rate_hz'),
 ])
 def test_a_table_is_refused_for_what_is_so(tmp_path, arrays, words):
     np.savez(tmp_path / 'x.npz', **arrays)
@@ -86,7 +86,7 @@ def test_what_was_doubtful_is_said_before_a_refusal(tmp_path):
     _, said = run('analyse', tmp_path / 'y.bag', '--topic', '/nowhere', status=1)
     first, last = said.splitlines()
     assert first.startswith('warning:') and 'cut short' in first
-    assert last.startswith('imu_noise:') and 'has no topic /nowhere' in last
+    assert last.startswith('imu_noise:') and 'no topic /nowhere' in last
     moving = bad_input.still(50)
     moving.gyro[2000:3000] += 1.0
     moving.gyro[10] = np.nan
@@ -155,3 +155,18 @@ def test_a_comparison_fits_a_terminal(study):
     for words in ((), (study,)):
         out, _ = run('compare', study, *words, columns=80)
         assert max(len(line) for line in out.splitlines() if str(study) not in line) <= 80
+
+
+@pytest.mark.parametrize('words, meant', [
+    (('analise', 'x'), 'analyse'), (('exprt', 'x'), 'export'), (('calibrat', 'x'), 'calibrate'),
+    (('analyse', 'x', '--method', 'slope'), 'slopes'), (('effects', 'flickr'), 'flicker'),
+    (('export', 'x', '--format', 'open_vins', '-o', '-'), 'openvins')])
+def test_what_is_mistyped_is_answered_with_the_nearest(words, meant):
+    _, said = run(*words, status=2)
+    assert f'did you mean {meant}?' in said
+
+
+def test_the_other_spelling_is_taken(tmp_path):
+    """American users type analyze."""
+    _, said = run('analyze', tmp_path / 'x.npz', status=1)
+    assert 'no such file' in said

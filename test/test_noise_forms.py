@@ -102,3 +102,37 @@ def test_what_was_read_in_coarse_steps_goes_on_between_them():
     noisy = 0.5 * np.round(2 * true + 0.8 * np.random.default_rng(0).standard_normal(len(t)))
     np.testing.assert_array_equal(unrounded(noisy), noisy)
     np.testing.assert_array_equal(unrounded(true), true)
+
+
+@pytest.mark.parametrize('later', [0, 3])
+def test_one_source_is_heard_at_any_phase_through_the_noise_of_the_axes(later):
+    """
+    A mount of Q 12 at 4 Hz, a few times above each axis's own noise there, later on gyro_x.
+
+    Another axis brings its own noise along: times a plain gain it would stand in the rest of the
+    spectrum, and what is missed in the band would be too much.
+    """
+    rng, rate, n = np.random.default_rng([9, later]), 50.0, 30_000
+    w, r = 2 * np.pi * 4.0 / rate, np.exp(-np.pi * 4.0 / 12 / rate)
+    source, push = np.zeros(n + 2000), rng.standard_normal(n + 2000)
+    for k in range(2, n + 2000):
+        source[k] = 2 * r * np.cos(w) * source[k - 1] - r * r * source[k - 2] + push[k]
+    source /= np.std(source)
+    x = rng.standard_normal((n, 3))
+    for axis, (gain, shift) in enumerate([(0.3, later), (0.35, 0), (-0.25, 0)]):
+        x[:, axis] += gain * source[1000 - shift:1000 - shift + n]
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    problem = NoiseProblem(gather(record, ['gyro_x', 'gyro_y', 'gyro_z'])['gyro_x'])
+    found = {}
+    for names in (('white',), ('white', 'shared_noise')):
+        fit = problem.point(model_of('noise', names))
+        found[names] = {f.name: f for f in problem.omnibus(fit)}
+    before, after = found.values()
+    views = 'coherence', 'frequency'
+    failing = [sum(max(x[k].gain, 0.0) for k in views) for x in (before, after)]
+    assert failing[0] > 100 and failing[1] < 0.25 * failing[0]
+    assert min(after[k].p_value for k in ('frequency', 'shape')) > 1e-3
+    assert fit.model['shared_noise'].chosen('heard') == 'vibration'
+    quarter, gain = (fit.model['shared_noise'][k] for k in ('later', 'gain'))
+    assert np.arctan2(quarter, gain) % np.pi == pytest.approx(
+        (later * w + 0.5) % np.pi - 0.5, abs=0.25) or later == 0 and abs(quarter) < 0.2

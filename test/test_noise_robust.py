@@ -9,9 +9,11 @@ The records are made with the bench's generator, which shares nothing with the p
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 import sys
 
+from matplotlib.image import imread
 import numpy as np
 import pytest
 from scipy.signal import butter, freqz, iirpeak, lfilter
@@ -21,6 +23,7 @@ from imu_noise_tools import export
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of
 from imu_noise_tools.export._values import covering, HORIZON
+from imu_noise_tools.health import MOTION_KEPT
 from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.noise.curve import bin_weights
 from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
@@ -28,7 +31,8 @@ from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.response import open_response, Order, Rational
-from imu_noise_tools.tasks.noise import analyse_record
+from imu_noise_tools.plots.noise import pictures
+from imu_noise_tools.tasks.noise import analyse_record, outputs
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
 import robust  # noqa: E402, I100, I201, I202
@@ -136,7 +140,7 @@ def test_a_tied_response_is_one_at_both_ends():
     w = bins.count.astype(float)
     x = gain2 * np.random.default_rng(5).chisquare(w) / w
     free, tied = (Rational(x, w, bins, Order(2, 2, t)) for t in (False, True))
-    values, level, v = tied.fit(free.fit()[0][1:])
+    values, level, v = tied.fit([(Order(2, 2), free.fit()[0])])
     assert len(values) == Order(2, 2, True).terms == 3
     assert level == pytest.approx(1, rel=0.01)
     assert v[-1] == pytest.approx(level, rel=0.02)
@@ -239,6 +243,22 @@ def test_a_hump_matters_and_is_said_in_every_file():
     assert np.all(written >= c.dev[some] * (1 - 1e-9))
     number = yaml.safe_load(text)['gyroscope_noise_density']
     assert number == pytest.approx(values['N'], rel=1e-5)
+
+
+@pytest.mark.parametrize('kept', [True, False])
+def test_what_keeps_motion_is_marked_in_every_file(kept):
+    y = [noise([8, k])[0] for k in range(3)]
+    study = analyse_record(record_of(y), keep_motion=kept)
+    files = outputs(study)
+    for name in ('study.yaml', 'report.html', 'imu.yaml'):
+        assert (MOTION_KEPT in ' '.join(files[name].split()).replace('# ', '')) is kept, name
+    head, first = files['allan.csv'].splitlines()[:2]
+    assert head.endswith(',model,motion' if kept else ',model')
+    assert first.endswith(',kept') is kept
+    drawn = imread(BytesIO(pictures(study)['allan']))
+    study.source.pop('keep_motion', None)
+    plain = imread(BytesIO(pictures(study)['allan']))
+    assert bool(np.any(drawn != plain)) is kept
 
 
 def test_what_changes_no_curve_is_sufficient():

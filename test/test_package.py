@@ -10,6 +10,8 @@ import json
 import os
 from pathlib import Path
 import re
+import runpy
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -17,7 +19,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 NAME = 'imu_noise_tools'
-SOURCES = ('imu_noise_tools', 'test', 'bench', 'launch')
+SOURCES = ('imu_noise_tools', 'test', 'bench', 'doc', 'launch')
 
 
 def python_files(root: Path) -> list[Path]:
@@ -46,6 +48,13 @@ def test_versions_are_equal(root):
     assert version == card.findtext('version').strip() == newest.group(1)
 
 
+def test_the_table_of_effects_is_that_of_the_registry(root):
+    """Else: python doc/effects_table.py --write."""
+    script = runpy.run_path(str(root / 'doc' / 'effects_table.py'))
+    lines, begin, end = script['written']()
+    assert lines[begin:end] == script['table']()
+
+
 def test_card_is_an_ament_python_package(root):
     card = ElementTree.parse(root / 'package.xml').getroot()
     assert card.get('format') == '3' and card.findtext('name') == NAME
@@ -71,6 +80,52 @@ def test_every_message_package_in_use_is_a_dependency(root):
     assert ros <= stated, f'package.xml misses {sorted(ros - stated)}'
 
 
+def test_every_dependency_is_a_key_of_rosdep(root):
+    """Against a stored list: a key that does not exist stops rosdep install."""
+    card = ElementTree.parse(root / 'package.xml').getroot()
+    known = {line.strip() for line in (root / 'test' / 'rosdep_keys.txt').read_text().splitlines()
+             if not line.startswith('#')}
+    stated = {e.text for e in card if e.tag.endswith('depend')}
+    assert len(stated) > 15 and stated <= known, sorted(stated - known)
+
+
+def test_what_the_package_imports_is_to_be_had_by_who_follows_the_readme(root):
+    """Each comes by a key of package.xml, by README's pip line, or with one of these."""
+    card = ElementTree.parse(root / 'package.xml').getroot()
+    keys = {e.text for e in card.iter('exec_depend')}
+    named = re.search(r'no rosdep key: `pip install ([^`]+)`', (root / 'README.md').read_text())
+    had = {k.removeprefix('python3-').removesuffix('-pip') for k in keys}
+    had |= set(named.group(1).split()) | {'lz4'}            # rosbags needs it itself
+    used = set()
+    for path in (root / NAME).rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                used |= {a.name.split('.')[0] for a in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                used.add(node.module.split('.')[0])
+    used -= set(sys.stdlib_module_names) | {NAME}
+    assert {'numpy', 'scipy', 'rosbags', 'zstandard', 'rclpy'} <= used
+    assert used <= had, f'nothing says how to get {sorted(used - had)}'
+    listed = {re.match(r'[\w.-]+', r).group() for r in setup_arguments(root)['install_requires']}
+    assert set(named.group(1).split()) | {'lz4', 'rosbags'} <= listed
+
+
+@pytest.mark.thorough
+def test_an_old_pip_puts_the_command_on_the_path(root, tmp_path):
+    """That of Python 3.10's ensurepip, without wheel: it must not run setup.py install."""
+    copy = tmp_path / 'source'
+    shutil.copytree(root, copy, ignore=shutil.ignore_patterns('.git', '.venv*', '*.egg-info'))
+    subprocess.run([sys.executable, '-m', 'venv', tmp_path / 'venv'], check=True)
+    pip = [tmp_path / 'venv' / 'bin' / 'python', '-m', 'pip']
+    old = subprocess.run([*pip, 'install', '-q', 'pip==22.0.2'], capture_output=True, text=True)
+    if old.returncode:
+        pytest.skip('no package index')
+    subprocess.run([*pip, 'uninstall', '-q', '-y', 'wheel'], capture_output=True)
+    done = subprocess.run([*pip, 'install', '--no-deps', copy], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / 'venv' / 'bin' / 'imu_noise').is_file(), done.stdout
+
+
 def test_console_scripts(root):
     given = setup_arguments(root)['entry_points']['console_scripts']
     scripts = dict(re.fullmatch(r'(\w+) = (\S+)', line).groups() for line in given)
@@ -92,8 +147,10 @@ def test_every_module_is_in_the_package(root):
     assert folders <= packages, f'no __init__.py in {sorted(folders - packages)}'
 
 
+@pytest.mark.thorough       # `make lint` says the same
 @pytest.mark.parametrize('tool', [
-    ('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'launch')], ids=lambda tool: tool[0])
+    ('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'doc', 'launch')],
+    ids=lambda tool: tool[0])
 def test_lint(root, tool):
     pytest.importorskip(tool[0])
     if tool[0] == 'flake8':

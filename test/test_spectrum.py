@@ -146,7 +146,7 @@ def test_white_noise_passes_unchanged():
 def test_gauss_markov_in_a_finite_record(ratio):
     """From Tc far longer than the record, where it is a random walk, to Tc of a few samples."""
     tc = N * DT / ratio
-    covariance = toeplitz(gauss_markov.autocovariance(2.0, tc, np.arange(N) * DT))
+    covariance = toeplitz(4.0 * np.exp(-np.arange(N) * DT / tc))
     exact = _expected_power(covariance)
     bins = spectrum.bins_of(N, DT)
     ours = spectrum.expected(lambda f: gauss_markov.psd(f, 2.0, tc, DT), bins)[:40]
@@ -236,7 +236,7 @@ def test_sampled_gauss_markov_against_its_covariance(tc):
     """Allan variance from the autocovariance of the samples, for every ratio of dt to tc."""
     m = 64
     a = np.concatenate([-np.ones(m), np.ones(m)]) / m
-    exact = 0.5 * a @ toeplitz(gauss_markov.autocovariance(1.0, tc, np.arange(2 * m) * DT)) @ a
+    exact = 0.5 * a @ toeplitz(np.exp(-np.arange(2 * m) * DT / tc)) @ a
     # for dt << tc the covariance itself cancels: compare with K^2 tau/3, K^2 = 2 sigma^2/tc
     if tc > 1e5:
         exact = 2 / tc * m * DT / 3 * (1 + 1 / (2 * m ** 2))

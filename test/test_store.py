@@ -98,6 +98,23 @@ def test_diagnosis_survives(study, folder, tmp_path):
             == [(f.name, f.probability, f.p_value, f.evidence) for f in other]
 
 
+def test_a_diagnosis_by_a_former_name_of_a_parameter(folder):
+    """``pattern`` of duplicates was ``regular``, and its value the number of the choice."""
+    def parameters(**given):
+        return {k: {'value': v, 'std': None, 'unit': '1'} for k, v in given.items()}
+
+    data = yaml.safe_load((folder / 'study.yaml').read_text(encoding='utf-8'))
+    data['diagnosis'] = {'gyro_x': {'verdict': 'missing', 'ranked': [
+        {'effect': 'duplicates', 'gain': 30.0, 'parameters': parameters(fraction=0.5, regular=1.0)}
+    ], 'failed': [], 'advice': ''}}
+    (folder / 'study.yaml').write_text(store.dump_yaml(data), encoding='utf-8')
+    back = store.load(folder)
+    (found,) = back.diagnosis['gyro_x'].ranked
+    assert found.effect.chosen('pattern') == 'regular' and found.effect['fraction'] == 0.5
+    written = store.study_to_dict(back)['diagnosis']['gyro_x']['ranked'][0]['parameters']
+    assert written['pattern']['value'] == 'regular' and 'regular' not in written
+
+
 def test_form_of_the_file(folder):
     """What DESIGN calls a contract: names, nulls with limits, plain numbers."""
     data = yaml.safe_load((folder / 'study.yaml').read_text(encoding='utf-8'))
@@ -313,7 +330,7 @@ def test_entries_missing_or_of_another_kind(folder):
 
 def test_an_effect_nobody_knows(folder):
     edited(folder, targets={'gyro_x': {'effects': {'hum': {'effect': 'hum'}}}})
-    refused(folder, 'no noise effect named hum')
+    refused(folder, 'unknown noise effect hum')
     with pytest.raises(InputError) as error:
         store.load(folder)
     assert '--effects-from' in error.value.remedy

@@ -149,10 +149,10 @@ def test_undo_takes_out_the_last():
 def test_misuse_is_said():
     s = begin('white')
     for call, message in (
-            (lambda: s.add(['flicke']), 'no noise effect named flicke'),
+            (lambda: s.add(['flicke']), 'unknown noise effect flicke: did you mean flicker'),
             (lambda: s.add(['white']), 'already has white'),
             (lambda: s.add(['flicker'], ['gyro_q']), 'the study has no gyro_q'),
-            (lambda: s.remove('flicker'), 'no target has flicker'),
+            (lambda: s.remove('flicker'), 'flicker is in no model'),
             (lambda: s.compare(['gyro_z']), 'the study has no gyro_z')):
         with pytest.raises(UsageError, match=message) as error:
             call()

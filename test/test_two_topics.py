@@ -147,6 +147,7 @@ def test_the_study_says_what_each_sensor_is(studies):
     assert ACCEL in page and GYRO in page
 
 
+@pytest.mark.thorough       # of one topic test_ladder_processes.py has it
 def test_the_loop_goes_on_from_disk(studies):
     """What is loaded again is compared, diagnosed and added to, for both sensors alike."""
     out, _ = run('diagnose', studies / 'both', '--json')

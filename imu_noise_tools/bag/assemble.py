@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .container import Progress
+from .container import Batch, Progress
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
 from .source import Bag
 from .topics import Choice, COVARIATES, covariates_of
@@ -90,7 +90,7 @@ class Reader:
             width = {VECTOR: 3}.get(type) or len(COVARIATES[type])
             self.columns = Columns(memory, room, stamp=0, receive=0, values=width)
 
-    def add(self, batch) -> None:
+    def add(self, batch: Batch) -> None:
         """Decode a batch and keep what is needed of it."""
         found = decode(batch)
         self.unreadable += int(np.sum(~found.readable))
@@ -155,8 +155,9 @@ def record_of(
     made = _made_of(choice, parts, apart, said, memory)
     if rate_hz is not None and len(made) > 1:
         raise InputError(
-            f'{bag.path}: {" and ".join(choice.names)} have a rate each, --rate-hz gives one',
-            'choose one of them with --topic',
+            f'{bag.path}: {" and ".join(choice.names)} have different rates, --rate-hz gives '
+            'only one',
+            'choose one topic with --topic',
         )
     covariates = [
         (readers[t.name], readers[t.name].columns.take()) for t in beside
@@ -185,7 +186,8 @@ def _made_of(
     said[:] = [s for s in said if 'part is all zero' not in s]
     if base.gyro is None or accel.accel is None:
         empty = choice.gyro if base.gyro is None else choice.accel
-        raise InputError(f'{empty} holds no such part', 'choose another pair with --topic')
+        raise InputError(
+            f'{empty} lacks the readings that are asked of it', 'choose another pair with --topic')
     together = _together(base, accel, memory)
     alike = abs(len(accel.stamp) / len(base.stamp) - 1) < 0.01
     if apart and not (alike and together is not None):
@@ -213,8 +215,8 @@ def _record(
     rate = rate_hz or regular_rate(t)
     if rate is None:
         raise InputError(
-            f'{bag.path}: {topic} has no rate to be had from its stamps',
-            'give one with --rate-hz',
+            f'{bag.path}: cannot determine the sample rate of {topic} from its stamps',
+            'give it with --rate-hz',
         )
     return ImuRecord(
         gyro=part.gyro,
@@ -247,7 +249,7 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
         if reader.unreadable:
             raise InputError(
                 f'{bag.path}: no message of {reader.topic} has the layout of {reader.type}',
-                'it is of a custom type under a standard name; publish it as sensor_msgs/Imu',
+                'a custom type under a standard name? publish it as sensor_msgs/Imu',
             )
         raise InputError(
             f'{bag.path}: nothing of {reader.topic} can be recovered, it has no messages',
@@ -257,7 +259,7 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
     reader.columns.memory.rest()
     stamp, receive = arrays['stamp'], arrays['receive']
     if not stamp.any():
-        said.append(f'{reader.topic}: all stamps are zero; the times of receiving were used')
+        said.append(f'{reader.topic}: all stamps are zero; the receive times were used')
         stamp = receive
     if reader.type == VECTOR:
         return Part(stamp, receive, arrays['values'], arrays['values'], reader.frame_id)
@@ -273,7 +275,7 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
             data.append(x)
     if data[0] is None and data[1] is None:
         raise InputError(
-            f'{bag.path}: {reader.topic} holds neither rates nor accelerations',
+            f'{bag.path}: {reader.topic} has neither angular rates nor accelerations',
             'choose another --topic',
         )
     return Part(stamp, receive, data[0], data[1], reader.frame_id)
@@ -351,11 +353,11 @@ def _resample(
     if known.max() < at.min() or known.min() > at.max():
         at, known = part.receive, arrays['receive']
         if known.max() < at.min() or known.min() > at.max():
-            said.append(f'{reader.topic}: recorded at another time than the Imu; not used')
+            said.append(f'{reader.topic}: recorded at a different time than the Imu; not used')
             return
         said.append(
-            f'{reader.topic}: its stamps are not of the clock of the Imu; the times of '
-            'receiving were used'
+            f'{reader.topic}: its stamps come from another clock than the Imu\'s; the receive '
+            'times were used'
         )
     order = np.argsort(known, kind='stable')
     zero = known[order[0]]

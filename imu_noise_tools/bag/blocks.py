@@ -38,7 +38,7 @@ class Block(NamedTuple):
     frame_id: str
 
 
-def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[Block]:
+def iter_blocks(path: str | Path, topic: str | None = None, block: int = 4096) -> Iterator[Block]:
     """
     Yield the samples of a record block by block, in memory that does not grow with the bag.
 
@@ -84,7 +84,7 @@ def iter_blocks(path, topic: str | None = None, block: int = 4096) -> Iterator[B
                 )
 
 
-def iter_raw(path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]:
+def iter_raw(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]:
     """
     Yield the Imu messages one by one, for replay: receive time (ns), CDR bytes, header stamp (ns).
 

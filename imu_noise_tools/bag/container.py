@@ -229,6 +229,6 @@ def _zstd(raw: bytes, limit: int) -> bytes:
     return bytes(out)
 
 
-def size_of(file) -> int:
+def size_of(file: Any) -> int:
     """Return the size of an open file."""
     return os.fstat(file.fileno()).st_size

@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 import sqlite3
-from typing import NamedTuple
+from typing import Any, NamedTuple
 import zlib
 
 import numpy as np
 import yaml
 import zstandard
 
-from .container import Batch, Damaged, Progress, rows
+from .container import BagFile, Batch, Damaged, Progress, rows
 from .decode import decode, Decoded, DOUBLES, IMU
 from .encode import definition, imu_values, serialise
 from .mcap import Chunk, McapFile, Other
@@ -62,11 +62,10 @@ class Copy:
         self.bag, self.name, self.progress = bag, name, progress
         if any(c.topic == name for c in bag.connections):
             raise InputError(
-                f'{bag.path}: has a topic {name} already', 'start from the original bag'
+                f'{bag.path}: the topic {name} exists already', 'start from the original bag'
             )
         choice = choose(bag, topic)
         self.base, self.type = choice.base, choice.type
-        self.keep_gyro, self.keep_accel = changed.gyro is None, changed.accel is None
         receive = [
             batch.receive[decode(batch).readable]
             for batch in bag.batches([self.base], [self.type])
@@ -80,7 +79,7 @@ class Copy:
         self.at = 0
         self.added = 0
 
-    def wanted(self, file) -> set[int]:
+    def wanted(self, file: BagFile) -> set[int]:
         """Return the connections of a file that hold the Imu topic."""
         return {c.id for c in file.connections if c.topic == self.base and c.type == self.type}
 
@@ -289,7 +288,7 @@ class Copy:
             )
 
 
-def _count_up(files, name: str, more: int) -> None:
+def _count_up(files: Any, name: str, more: int) -> None:
     for entry in files if isinstance(files, list) else []:
         if isinstance(entry, dict) and Path(str(entry.get('path'))).name == name:
             held = entry.get('message_count')

@@ -22,8 +22,8 @@ from ..core.record import ImuRecord
 
 
 def copy_bag(
-    source,
-    target,
+    source: str | Path,
+    target: str | Path,
     transform: Callable[[ImuRecord], ImuRecord | Changed],
     *,
     topic: str | None = None,
@@ -90,12 +90,12 @@ def copy_bag(
 
 def _check_kind(source: Path, target: Path) -> None:
     if target.exists() and source.exists() and target.samefile(source):
-        raise UsageError(f'{target}: is the bag itself', 'write to another place')
+        raise UsageError(f'{target}: is the bag that is read', 'choose another name')
     asked = SUFFIX.get(target.suffix.lower())
     held = SUFFIX.get(Path(source.name.removesuffix('.zstd').removesuffix('.zst')).suffix.lower())
     if source.is_dir() and asked or not source.is_dir() and asked and held and asked != held:
         raise UsageError(
-            f'{target}: a copy is of the kind of {source.name}', 'give it such a name'
+            f'{target}: the copy must be of the same format as {source.name}', 'choose such a name'
         )
 
 
@@ -130,7 +130,7 @@ def _more_columns(source: Path, changed: Changed, new_topic: str) -> dict[str, n
         if x is not None:
             if f'{name}_{ending}' in arrays or f'{name}_x_{ending}' in arrays:
                 raise InputError(
-                    f'{source}: has {name}_{ending} already', 'start from the original'
+                    f'{source}: {name}_{ending} exists already', 'start from the original'
                 )
             arrays[f'{name}_{ending}'] = x
     return arrays

@@ -13,11 +13,11 @@ that has not, by the deserialiser of rosbags. Both give the same bits.
 from __future__ import annotations
 
 from functools import cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .container import Batch, rows
+from .container import Batch, Connection, rows
 
 IMU = 'sensor_msgs/msg/Imu'
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
@@ -138,12 +138,12 @@ def _frame(batch: Batch) -> str:
 
 
 @cache
-def _store(encoding: str):
+def _store(encoding: str) -> Any:
     from rosbags.typesys import get_typestore, Stores
     return get_typestore(Stores.ROS1_NOETIC if encoding == 'ros1' else Stores.ROS2_JAZZY)
 
 
-def _plain(raw: bytes, connection, count: int) -> tuple[int, str, list[float]] | None:
+def _plain(raw: bytes, connection: Connection, count: int) -> tuple[int, str, list[float]] | None:
     """Return stamp, frame_id and doubles of one message, or None where it cannot be read."""
     store = _store(connection.encoding)
     read = store.deserialize_ros1 if connection.encoding == 'ros1' else store.deserialize_cdr
@@ -156,7 +156,7 @@ def _plain(raw: bytes, connection, count: int) -> tuple[int, str, list[float]] |
     return (stamp, message.header.frame_id, values) if len(values) == count else None
 
 
-def _doubles(message) -> list[float]:
+def _doubles(message: Any) -> list[float]:
     """Return all numbers after the header, in order."""
     found: list[float] = []
     for name in message.__dataclass_fields__:

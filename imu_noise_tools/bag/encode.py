@@ -59,8 +59,13 @@ def split_stamp(stamp: np.ndarray) -> np.ndarray:
     )
 
 
-def imu_values(gyro: np.ndarray | None, accel: np.ndarray | None, gyro_covariance=None,
-               accel_covariance=None, out: np.ndarray | None = None) -> np.ndarray:
+def imu_values(
+    gyro: np.ndarray | None,
+    accel: np.ndarray | None,
+    gyro_covariance: np.ndarray | None = None,
+    accel_covariance: np.ndarray | None = None,
+    out: np.ndarray | None = None,
+) -> np.ndarray:
     """
     Return the doubles of Imu messages, (n, 37).
 

@@ -15,7 +15,7 @@ from .container import Progress
 from .source import Bag
 from .tables import read_table, table_kind, table_size
 from .topics import choose, list_topics, TopicInfo
-from ..core.errors import ImuNoiseError, UsageError
+from ..core.errors import ImuNoiseError, unknown, UsageError
 from ..core.record import ImuRecord, Memory
 from ..core.units import DEG, G0
 
@@ -25,7 +25,7 @@ KINDS = ('rate', 'delta', 'integrated')
 
 
 def open_record(
-    path,
+    path: str | Path,
     topic: str | None = None,
     *,
     gyro_unit: str | None = None,
@@ -80,11 +80,9 @@ def open_record(
     _check(gyro_unit, GYRO_UNITS, 'gyro')
     _check(accel_unit, ACCEL_UNITS, 'accel')
     if input_kind not in KINDS:
-        raise UsageError(
-            f'there is no kind of input {input_kind}', f'kinds are {", ".join(KINDS)}'
-        )
+        raise unknown('kind of input', input_kind, KINDS)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise UsageError(f'a rate of {rate_hz} Hz makes no sense', 'give a positive number')
+        raise UsageError(f'invalid sample rate: {rate_hz} Hz', 'it must be a positive number')
     if table_kind(path):
         record = read_table(Path(path), rate_hz)
     else:
@@ -100,7 +98,7 @@ def open_record(
     return replace(first, beside=tuple(others))
 
 
-def topics(path) -> list[TopicInfo]:
+def topics(path: str | Path) -> list[TopicInfo]:
     """
     Return the topics of a bag (of a table: its one record), without reading the messages.
 
@@ -119,7 +117,7 @@ def topics(path) -> list[TopicInfo]:
 
 def _check(unit: str | None, known: dict[str, float], sensor: str) -> None:
     if unit is not None and unit not in known:
-        raise UsageError(f'there is no {sensor} unit {unit}', f'units are {", ".join(known)}')
+        raise unknown(f'{sensor} unit', unit, known)
 
 
 def _in_si(record: ImuRecord, gyro_unit: str | None, accel_unit: str | None) -> ImuRecord:

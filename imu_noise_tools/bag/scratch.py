@@ -8,6 +8,7 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
+from typing import Any
 import weakref
 
 import numpy as np
@@ -32,7 +33,7 @@ class Scratch(Memory):
         self.large = LARGE if large is None else large
         self._maps: weakref.WeakSet = weakref.WeakSet()
 
-    def empty(self, shape, dtype=float) -> np.ndarray:
+    def empty(self, shape: int | tuple[int, ...], dtype: Any = float) -> np.ndarray:
         """
         Return a new array.
 

@@ -51,7 +51,7 @@ class Bag:
 
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path):
         self.path = Path(path)
         self.files: list[BagFile] = []
         self.origins: list[Path] = []       # of each file, before it was unpacked
@@ -68,7 +68,7 @@ class Bag:
         """Return itself."""
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close all files."""
         self.close()
 
@@ -128,7 +128,7 @@ class Bag:
                 )
         if not parts:
             raise InputError(
-                f'{self.path}: not a bag, there is no .mcap or .db3 file in the folder', NO_BAG
+                f'{self.path}: not a bag: the folder has no .mcap or .db3 file', NO_BAG
             )
         return parts
 
@@ -166,8 +166,8 @@ class Bag:
             ) from error
         if head.startswith(b'#ROSBAG'):
             raise InputError(
-                f'{path}: a bag of a version that is not known',
-                'only version 2.0 of rosbag1 is read',
+                f'{path}: unsupported rosbag version',
+                'only rosbag version 2.0 can be read',
             )
         raise InputError(f'{path}: not a bag', NO_BAG)
 
@@ -290,9 +290,9 @@ def _kind_of_name(path: Path) -> bool:
     )
 
 
-def _nothing(path, why: str) -> InputError:
+def _nothing(path: Path, why: str) -> InputError:
     return InputError(
-        f'{path}: nothing in it can be recovered ({why})', 'record again, or repair the file'
+        f'{path}: nothing can be recovered from it ({why})', 'record again, or repair the file'
     )
 
 

@@ -16,6 +16,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 import sqlite3
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -230,7 +231,7 @@ def _mended(row: tuple) -> tuple:
             row[3] if isinstance(row[3], bytes) else b'')
 
 
-def _whole(tail: bytes, data) -> bool:
+def _whole(tail: bytes, data: Any) -> bool:
     """Tell whether a row's data end before the end of the file: sqlite gives zeros from there."""
     at = tail.rfind(data.rstrip(b'\0')) if isinstance(data, bytes) else -1
     return at < 0 or at + len(data) <= len(tail)

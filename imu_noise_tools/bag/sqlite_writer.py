@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import errno
 from pathlib import Path
 import sqlite3
+from typing import Any
 
 import numpy as np
 
@@ -121,7 +122,7 @@ class SqliteWriter:
         """Return itself."""
         return self
 
-    def __exit__(self, kind, error, _) -> None:
+    def __exit__(self, kind: Any, error: Any, _: Any) -> None:
         """Close; say as an OSError what went wrong in writing."""
         self.database.close()
         if isinstance(error, sqlite3.Error):

@@ -31,7 +31,7 @@ CSV_COLUMNS = (
 )
 
 
-def table_kind(path) -> str:
+def table_kind(path: str | Path) -> str:
     """Return ``csv`` or ``npz`` by the name of a file, or nothing."""
     suffix = Path(path).suffix.lower()
     return suffix[1:] if suffix in ('.csv', '.npz') and not Path(path).is_dir() else ''
@@ -144,10 +144,11 @@ def _stamps(
         t = None
     rate = rate_hz or (None if t is None else regular_rate(t)) or labelled
     if rate is None or not np.isfinite(rate) or rate <= 0:
-        why = 'it has neither t nor rate_hz' if t is None else (
+        why = 'neither t nor rate_hz is there' if t is None else (
             'the stamps run backward' if np.nanmedian(np.diff(t)) < 0 else
             'the stamps do not advance')
-        raise InputError(f'{path}: no rate to be had, {why}', 'give one with --rate-hz')
+        raise InputError(f'{path}: cannot determine the sample rate: {why}',
+                         'give it with --rate-hz')
     if t is None and not rate_hz:
         said.append(
             f'no stamps: {rate:.6g} Hz is only what the file says; such labels are off by up to '

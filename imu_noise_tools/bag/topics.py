@@ -117,7 +117,7 @@ def choose(bag: Bag, topic: str | None) -> Choice:
     """
     known = _names(bag)
     if not known:
-        raise InputError(f'{bag.path}: nothing in it can be recovered, it names no topics',
+        raise InputError(f'{bag.path}: nothing can be recovered from it, it names no topics',
                          'record again, or repair the file')
     if topic:
         return _asked(bag, known, topic)
@@ -135,7 +135,7 @@ def choose(bag: Bag, topic: str | None) -> Choice:
         if pair and len(imu) == 2:
             return Choice(*pair, IMU)
         raise InputError(
-            f'{bag.path}: has {len(imu)} Imu topics: {", ".join(t.name for t in imu)}',
+            f'{bag.path}: {len(imu)} Imu topics: {", ".join(t.name for t in imu)}',
             'choose one with --topic',
         )
     vectors = [t.name for t in known if t.type == VECTOR]
@@ -163,7 +163,7 @@ def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
     for name in topic.split(','):
         same = [t for t in known if t.name.strip('/') == name.strip().strip('/')]
         if not same:
-            raise InputError(f'{bag.path}: has no topic {name.strip()}', _has(known))
+            raise InputError(f'{bag.path}: no topic {name.strip()}', _has(known))
         readable = [t for t in same if t.type in (IMU, VECTOR)]
         if not readable:
             raise InputError(
@@ -171,7 +171,7 @@ def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
             )
         found.append(readable[0])
     if len(found) > 2 or len({t.type for t in found}) > 1:
-        raise InputError(f'{bag.path}: {topic} is not a pair of topics of one type', _has(known))
+        raise InputError(f'{bag.path}: {topic} must name two topics of the same type', _has(known))
     if len(found) == 2:
         gyro_first = _parts(bag, found[0].name) == ('gyro',) or _says(found[0].name, 'gyro')
         gyro, accel = found if gyro_first else found[::-1]
@@ -194,11 +194,11 @@ def _no_imu(bag: Bag, known: list[TopicInfo]) -> InputError:
     custom = [t for t in known if re.search('imu', t.type.rpartition('/')[2], re.IGNORECASE)]
     if custom:
         return InputError(
-            f'{bag.path}: {custom[0].name} is of a custom type, {custom[0].type}, which is not '
-            'read',
+            f'{bag.path}: {custom[0].name} has a custom type, {custom[0].type}, which cannot '
+            'be read',
             f'publish it as sensor_msgs/Imu and record that; {_has(known)}',
         )
-    return InputError(f'{bag.path}: has no Imu topic', f'record sensor_msgs/Imu; {_has(known)}')
+    return InputError(f'{bag.path}: no Imu topic', f'record sensor_msgs/Imu; {_has(known)}')
 
 
 def parts_of(values: np.ndarray) -> tuple[bool, bool]:

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 import io
 from pathlib import Path
 import re
+from typing import Any
 
 import numpy as np
 import yaml
@@ -43,15 +44,15 @@ BLOCK = 4096
 
 
 def write_bag(
-    path,
+    path: str | Path,
     record: ImuRecord | Iterable[Block],
     *,
     storage: str | None = None,
     topic: str = TOPIC,
     frame_id: str = '',
     compression: str = '',
-    gyro_covariance=None,
-    accel_covariance=None,
+    gyro_covariance: np.ndarray | None = None,
+    accel_covariance: np.ndarray | None = None,
     force: bool = False,
     progress: Progress = None,
 ) -> Path:
@@ -95,7 +96,7 @@ def write_bag(
     kind = SUFFIX.get(path.suffix.lower()) or storage or 'mcap'
     if kind not in (*STORAGES, 'csv', 'npz') or storage not in (None, kind):
         raise UsageError(
-            f'{path.name} cannot be written as {storage}', f'storages are {", ".join(STORAGES)}'
+            f'{path.name} cannot be written as {storage}', f'choose from {", ".join(STORAGES)}'
         )
     if kind in ('csv', 'npz'):
         if not isinstance(record, ImuRecord):
@@ -126,8 +127,8 @@ def writing_file(path: Path, force: bool = True) -> Iterator[Path]:
     """
     if path.exists() and not force:
         raise InputError(
-            f'{path}: there is a file of that name already',
-            'choose another place with -o, or --force',
+            f'{path}: the file exists',
+            'choose another name with -o, or replace it with --force',
         )
     with atomic_path(path) as temporary:
         yield temporary
@@ -156,7 +157,7 @@ def _write_one(
 class Summary:
     """What a bag's metadata says: messages by topic, first and last time."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.count: dict[str, int] = {}
         self.first, self.last = 2 ** 63 - 1, 0
 
@@ -191,7 +192,7 @@ class Content:
         else:
             self.blocks = record
 
-    def write(self, writer, progress: Progress) -> None:
+    def write(self, writer: Any, progress: Progress) -> None:
         """Write all of it, the covariates with the block of their time."""
         ids = {name: writer.topic(name, type, self.encoding) for name, type in self.topics.items()}
         done = 0

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Correction:
         """Effects beyond scale, cross-axis and bias that are taken out of the outputs."""
         return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
 
-    def apply(self, raw, temperature=None, force=None) -> np.ndarray:
+    def apply(self, raw: np.ndarray, temperature: Any = None, force: Any = None) -> np.ndarray:
         """
         Return x for raw samples, (n, 3) or (3,).
 
@@ -97,7 +98,7 @@ def from_dict(data: Mapping) -> Correction:
         raise InputError(error.message, f'{error.remedy}; effects of your own: --effects-from '
                                         f'FILE') from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f'this is no calibration ({type(error).__name__}: {error})',
+        raise InputError(f'not a calibration ({type(error).__name__}: {error})',
                          'name what calibrate wrote') from None
     sound = scale.shape == (3, 3) and bias.shape == (3,)
     sound = sound and bool(np.isfinite(scale).all() and np.isfinite(bias).all())

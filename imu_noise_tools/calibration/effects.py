@@ -104,7 +104,7 @@ class Scale(Regressor):
     parameters = _named('S', '1', ('xx', 'yy', 'zz'), 'scale factor')
     feeds = OWN
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the input."""
         return poses.rates
 
@@ -122,7 +122,7 @@ class CrossAxis(Regressor):
     parameters = _named('S', '1', ('xy', 'xz', 'yx', 'yz', 'zx', 'zy'), 'cross-axis sensitivity')
     feeds = _OTHERS
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the input."""
         return poses.rates
 
@@ -140,7 +140,7 @@ class Bias(Regressor):
     parameters = _named('b', '{rate}', title='bias')
     feeds = _EACH
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return ones."""
         return np.ones((1, poses.n))
 
@@ -159,7 +159,7 @@ class Quadratic(Regressor):
     feeds = OWN
     needs = _SIZES
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the square of the input."""
         return poses.rates ** 2
 
@@ -178,7 +178,7 @@ class Cubic(Regressor):
     feeds = OWN
     needs = _SIZES
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the cube of the input."""
         return poses.rates ** 3
 
@@ -197,7 +197,7 @@ class Asymmetry(Regressor):
     feeds = OWN
     needs = _SIZES
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the size of the input."""
         return np.abs(poses.rates)
 
@@ -216,11 +216,11 @@ class Temperature(Regressor):
     feeds = _EACH
     needs = 'the same poses again at another temperature, with a temperature topic'
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the temperature above the reference."""
         return (poses.temperature - poses.reference_temperature)[None]
 
-    def why_not(self, poses):
+    def why_not(self, poses: Poses) -> str:
         """Temperature has to be known, and to change."""
         return super().why_not(poses) or _no_temperature(poses)
 
@@ -239,11 +239,11 @@ class TemperatureScale(Regressor):
     feeds = OWN
     needs = 'the same poses again at another temperature, with a temperature topic'
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return temperature above the reference times the input."""
         return (poses.temperature - poses.reference_temperature) * poses.rates
 
-    def why_not(self, poses):
+    def why_not(self, poses: Poses) -> str:
         """Temperature has to be known, and to change."""
         return super().why_not(poses) or _no_temperature(poses)
 
@@ -263,11 +263,11 @@ class GSensitivity(Regressor):
     sensors = ('gyro',)
     needs = 'turns or rests with each axis up and down, the specific force recorded along'
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the specific force."""
         return poses.force
 
-    def why_not(self, poses):
+    def why_not(self, poses: Poses) -> str:
         """Specific force has to be known."""
         return super().why_not(poses) or _no_force(poses)
 
@@ -289,11 +289,11 @@ class EarthRate(Regressor):
     sensors = ('gyro',)
     needs = 'rests or turns with each axis up and down, until the noise is below 15 deg/h'
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the direction of up."""
         return unit(poses.force)
 
-    def why_not(self, poses):
+    def why_not(self, poses: Poses) -> str:
         """Specific force has to be known."""
         return super().why_not(poses) or _no_force(poses)
 
@@ -315,7 +315,7 @@ class WrongGravity(Regressor):
     sensors = ('accel',)
     needs = 'no pose at all: only the local gravity itself (--gravity, or --latitude and --height)'
 
-    def columns(self, poses):
+    def columns(self, poses: Poses) -> np.ndarray:
         """Return the input."""
         return poses.rates
 
@@ -341,7 +341,7 @@ class Tilt(Scatter):
     tilts = True
     needs = 'each face held several times, put down anew: tilt scatters the lateral readings alone'
 
-    def covariance(self, poses, scale, amplitude):
+    def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
         """
         Return the covariance of outputs of inputs m u, with D the diagonal of S.
 
@@ -359,7 +359,7 @@ class Tilt(Scatter):
         own = np.diag(scale)
         return own[:, None] * at_input * own
 
-    def why_not(self, poses):
+    def why_not(self, poses: Poses) -> str:
         """Poses of unknown direction have no tilt."""
         return super().why_not(poses) or ('' if poses.known
                                           else 'poses of free direction have no tilt')
@@ -379,12 +379,12 @@ class Repeatability(Scatter):
                             title='scatter between poses'),)
     needs = 'each pose held several times: scatter that repeats on no input'
 
-    def bounds(self, poses, scale):
+    def bounds(self, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
         """Up to 0.5 % of the input: more is no bias that wanders."""
         size = poses.magnitude * np.abs(np.diag(scale)).mean() / np.median(poses.amount)
         return 1e-3 * float(np.median(poses.std / poses.amount)) + 1e-12, 5e-3 * size
 
-    def covariance(self, poses, scale, amplitude):
+    def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
         """Return sigma^2 times the identity, in units of the output."""
         return (amplitude * poses.amount)[:, None, None] ** 2 * np.eye(3)
 

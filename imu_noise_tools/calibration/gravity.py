@@ -45,7 +45,7 @@ def normal_gravity(latitude_deg: float, height_m: float = 0.0) -> float:
 
 
 def gravity(given: float | None = None, latitude: float | None = None,
-            height: float | None = None):
+            height: float | None = None) -> tuple[float, str]:
     """
     Return (gravity in m/s^2, where it comes from in words).
 
@@ -57,9 +57,9 @@ def gravity(given: float | None = None, latitude: float | None = None,
 
     """
     if given is not None and latitude is not None:
-        raise UsageError('both a gravity and a latitude are given', 'give one of them')
+        raise UsageError('both --gravity and --latitude are given', 'give only one of them')
     if height is not None and latitude is None:
-        raise UsageError('a height is given without a latitude', 'add --latitude')
+        raise UsageError('--height is given without --latitude', 'add --latitude')
     if given is not None:
         if not 9.6 <= given <= 9.9:
             raise UsageError(f'gravity {given:g} m/s^2 is found nowhere on Earth',

@@ -249,7 +249,9 @@ def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
     return cov
 
 
-def whitener_of(poses: Poses, cov: np.ndarray, scale: np.ndarray, free_direction: bool):
+def whitener_of(
+    poses: Poses, cov: np.ndarray, scale: np.ndarray, free_direction: bool
+) -> tuple[np.ndarray, float]:
     """Return the whitener (n, r, 3) and the log-determinant of what it takes away."""
     if free_direction:
         # gradient of |S^-1 (o - b)|

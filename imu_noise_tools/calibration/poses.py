@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -60,9 +62,20 @@ class Poses:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, sensor, outputs, std, magnitude, inputs=None, amount=None, force=None,
-           temperature=None,
-           reference_temperature=None, time=None, names=None) -> Poses:
+    def of(
+        cls,
+        sensor: str,
+        outputs: Any,
+        std: Any,
+        magnitude: float,
+        inputs: Any = None,
+        amount: Any = None,
+        force: Any = None,
+        temperature: Any = None,
+        reference_temperature: float | None = None,
+        time: Any = None,
+        names: Iterable[str] | None = None,
+    ) -> Poses:
         """Return poses, what is not given filled in: unknown inputs, means, in this order."""
         outputs = np.atleast_2d(np.asarray(outputs, float))
         n = outputs.shape[1]
@@ -95,7 +108,7 @@ class Poses:
         """Mean input of each pose, (3, n): the input itself, or angle over duration."""
         return self.inputs / self.amount
 
-    def take(self, index) -> Poses:
+    def take(self, index: Any) -> Poses:
         """Return some of the poses."""
         index = np.atleast_1d(index)
         return replace(self, names=tuple(self.names[k] for k in index),
@@ -105,7 +118,7 @@ class Poses:
         """Return all poses but one."""
         return self.take(np.delete(np.arange(self.n), k))
 
-    def with_inputs(self, inputs) -> Poses:
+    def with_inputs(self, inputs: Any) -> Poses:
         """Return the poses with these inputs, (3, n)."""
         return replace(self, inputs=np.asarray(inputs, float))
 
@@ -114,7 +127,7 @@ class Poses:
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
-    def from_arrays(cls, arrays) -> Poses:
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> Poses:
         """Return the poses that :meth:`to_arrays` wrote."""
         return cls(sensor=str(arrays['sensor']), names=tuple(str(n) for n in arrays['names']),
                    magnitude=float(arrays['magnitude']),
@@ -125,12 +138,12 @@ class Poses:
 _PER_POSE = ('outputs', 'std', 'inputs', 'amount', 'force', 'temperature', 'time')
 
 
-def joined(parts) -> Poses:
+def joined(parts: Sequence[Poses]) -> Poses:
     """Return poses of several records as one, scaled and referred as the first."""
     first = parts[0]
-    return replace(first, names=tuple(n for p in parts for n in p.names),
-                   **{name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name
-                      in _PER_POSE})
+    together: dict[str, Any] = {
+        name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in _PER_POSE}
+    return replace(first, names=tuple(n for p in parts for n in p.names), **together)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -139,7 +152,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.where(length > 0, length, 1.0)
 
 
-def nearest_face(direction) -> tuple[str, float]:
+def nearest_face(direction: np.ndarray) -> tuple[str, float]:
     """Return the face nearest to a direction (3,), and the angle between them in degrees."""
     direction = np.asarray(direction, float)
     k = int(np.argmax(np.abs(direction)))

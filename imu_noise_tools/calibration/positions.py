@@ -5,14 +5,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
+from ..core.disturbed import calm
 from ..core.errors import InputError
 from ..core.record import ImuRecord
-from ..core.statistics import median_sigma
 from ..core.stillness import LEAST, still_stretches
 
 STILL_S = 2.0           # shortest rest that counts, s
@@ -21,7 +23,6 @@ _SAME_DEG = 0.5         # rests closer than this, one after the other, are one p
 _PIECE_S = 0.5           # shortest part of a rest between knocks
 _BLOCK_S = 0.5
 _TURNING = 0.2          # rad/s: more than the bias of any gyroscope of today
-_KNOCK = 8.0            # a piece of a rest off by this many standard errors is a knock
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
                          'which way is up is read from it')
     found: list[Rest] = []
     for a, b in still_stretches(record, min(seconds, _PIECE_S)):
-        pieces, note = _without_knocks(record, a, b)
+        pieces, note = _between_knocks(record, a, b)
         here = _rest(record, pieces, note)
         if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG:
             note = f'a knock at {record.t[found[-1].end - 1]:.1f} s was left out'
@@ -122,21 +123,13 @@ def _rest(record, pieces, note):
     return Rest(tuple(pieces), record.accel[index].mean(0), gyro, note)
 
 
-def _without_knocks(record, a, b):
+def _between_knocks(record: ImuRecord, a: int, b: int) -> tuple[list[tuple[int, int]], str]:
     """Return the pieces of a rest between its knocks, and a note."""
-    block = max(2, round(0.1 * record.rate_hz))
-    n = (b - a) // block
-    cut = record.accel[a:a + n * block].reshape(n, block, 3)
-    middle, centre = cut.mean(1), np.median(cut.mean(1), axis=0)
-    scale = median_sigma(middle - centre, axis=0)
-    spread = median_sigma(cut.std(1) - np.median(cut.std(1), axis=0), axis=0)
-    bad = ((np.abs(middle - centre) > _KNOCK * scale + 1e-12)
-           | (cut.std(1) - np.median(cut.std(1), axis=0) > _KNOCK * spread + 1e-12)).any(1)
-    if not bad.any() or bad.mean() > 0.2:
-        return [(a, b)], ''
-    edges = np.flatnonzero(np.diff(np.r_[0, (~bad).astype(int), 0])).reshape(-1, 2)
-    pieces = [(a + p * block, a + q * block if q < n else b) for p, q in edges]
-    return pieces, f'a knock at {record.t[a + int(np.argmax(bad)) * block]:.1f} s was left out'
+    pieces = [(a + p, a + q) for p, q in calm(np.asarray(record.accel)[a:b], record.rate_hz)]
+    if pieces == [(a, b)]:
+        return pieces, ''
+    knock = pieces[0][1] if pieces[0][0] == a else a
+    return pieces, f'a knock at {record.t[knock]:.1f} s was left out'
 
 
 def _angle_deg(a, b) -> float:
@@ -207,7 +200,7 @@ def averaged(record: ImuRecord, gravity: float) -> Poses:
     Refuses a wrong unit.
 
     """
-    pieces, note = _without_knocks(record, 0, record.n)
+    pieces, note = _between_knocks(record, 0, record.n)
     found = [_rest(record, pieces, note)]
     outputs = found[0].accel[:, None]
     check_unit(outputs, gravity)
@@ -216,7 +209,7 @@ def averaged(record: ImuRecord, gravity: float) -> Poses:
                     time=[record.t.mean()])
 
 
-def temperatures(record: ImuRecord, found: list[Rest]):
+def temperatures(record: ImuRecord, found: list[Rest]) -> Any:
     """Return the mean temperature of each rest, or None where none was recorded."""
     t = record.covariates.get('temperature')
     return None if t is None else np.array([t[r.samples()].mean() for r in found])
@@ -268,7 +261,7 @@ def _some(items, most: int = 4) -> str:
     return ', '.join(items[:most]) + more
 
 
-def counted(names) -> dict[str, int]:
+def counted(names: Iterable[str]) -> dict[str, int]:
     """Return how often each of the six faces was seen, in their order."""
     names = list(names)
     return {face: sum(n == face for n in names) for face in FACES}

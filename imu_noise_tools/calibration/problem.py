@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -302,7 +304,7 @@ class CalibrationProblem(Problem):
         return (f'rms residual {rms[0]:.2g} -> {rms[1]:.2g} {self.unit}'
                 + (f', most at {", ".join(worst)}' if worst else ''))
 
-    def advice(self, verdict: str, ranked, failed) -> str:
+    def advice(self, verdict: str, ranked: list[Any], failed: list[Finding]) -> str:
         """Return one sentence: what to do next, and which poses would tell what these cannot."""
         if verdict == 'missing':
             return f'add {ranked[0].name}: {ranked[0].effect.hint}'
@@ -327,7 +329,7 @@ class CalibrationProblem(Problem):
                 'tilt': np.asarray(self.tilt)}
 
     @classmethod
-    def from_arrays(cls, arrays) -> CalibrationProblem:
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> CalibrationProblem:
         """
         Return the problem that :meth:`to_arrays` wrote.
 
@@ -385,7 +387,7 @@ def _possible(effect: Effect, estimates) -> bool:
     return True
 
 
-def problems(arrays) -> dict[str, CalibrationProblem]:
+def problems(arrays: Mapping[str, Any]) -> dict[str, CalibrationProblem]:
     """Return the problems, by target, from the arrays of evidence.npz."""
     found: dict[str, dict] = {}
     for name, value in arrays.items():
@@ -395,7 +397,7 @@ def problems(arrays) -> dict[str, CalibrationProblem]:
     return {target: CalibrationProblem.from_arrays(some) for target, some in found.items()}
 
 
-def arrays_of(found) -> dict[str, np.ndarray]:
+def arrays_of(found: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Return the arrays of evidence.npz, which :func:`problems` reads back."""
     return {f'{target}/{key}': value for target, p in found.items() for key,
             value in p.to_arrays().items()}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from .positions import averaged, CONE_DEG, counted, pooled_errors, STILL_S, stil
 from .problem import CalibrationProblem
 from .solution import calibrate, Calibration
 from .turns import turns
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, unknown, UsageError
 from ..core.record import ImuRecord
 from ..core.units import G0
 
@@ -69,7 +70,7 @@ class Session:
                  tilt: float = solve.TILT,
                  method: str | None = None):
         if sensor not in ('accel', 'gyro'):
-            raise UsageError(f'there is no sensor {sensor}', 'sensors are accel and gyro')
+            raise unknown('sensor', sensor, ('accel', 'gyro'))
         if sensor == 'gyro' and (rate is None) == (turn is None):
             raise UsageError('the gyroscope needs a rate or a turn',
                              'set one of rate_deg_s and turn_deg')
@@ -82,7 +83,9 @@ class Session:
         self._windows: list[np.ndarray] = []
         self._since = -np.inf               # stamp from which the next turn counts
 
-    def feed(self, stamp_s: float, gyro, accel, temperature: float | None = None) -> None:
+    def feed(
+        self, stamp_s: float, gyro: Any, accel: Any, temperature: float | None = None
+    ) -> None:
         """
         Take one sample: gyro (3,) rad/s, accel (3,) m/s^2.
 
@@ -147,13 +150,13 @@ class Session:
         pose = averaged(still, self.gravity)
         face, off = nearest_face(pose.outputs[:, 0])
         if expected and expected not in FACES:
-            raise UsageError(f'there is no face {expected}', f'faces are {", ".join(FACES)}')
+            raise unknown('face', expected, FACES)
         if expected and off <= CONE_DEG and face != expected:
             if face[1] == expected[1]:
                 raise InputError(f'{expected} should be up, but {face} reads +g: the sign of '
                                  f'this axis is upside down, '
                                  'or the box is', 'REP-145: +g on the axis that points up; turn '
-                                                  'it over, or mend the driver')
+                                                  'it over, or fix the driver')
             raise InputError(f'{expected} should be up, but {face} is',
                              'turn it and capture again')
         name = face if off <= CONE_DEG else f'pose {len(self._poses) + 1}'
@@ -247,12 +250,14 @@ class Session:
         """What the loop works on; raise InputError where nothing is solved."""
         return self.solved().problem
 
-    def apply(self, gyro, accel, temperature: float | None = None):
+    def apply(self, gyro: Any, accel: Any, temperature: float | None = None) -> tuple[Any, Any]:
         """Return (gyro, accel), (3,) each, the calibrated sensor corrected."""
         return applied(self.solved().correction, gyro, accel, temperature)
 
 
-def applied(correction: Correction, gyro, accel, temperature: float | None = None):
+def applied(
+    correction: Correction, gyro: Any, accel: Any, temperature: float | None = None
+) -> tuple[Any, Any]:
     """Return (gyro, accel), (3,) each, one of them corrected and the other as it came."""
     if correction.sensor == 'accel':
         return np.asarray(gyro, float), correction.apply(accel, temperature)

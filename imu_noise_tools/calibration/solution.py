@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +86,12 @@ class Calibration:
         return Correction(self.sensor, self.S, self.bias, self.fit.model,
                           self.poses.reference_temperature)
 
-    def apply(self, raw, temperature=None, force=None) -> np.ndarray:
+    def apply(
+        self,
+        raw: np.ndarray,
+        temperature: np.ndarray | None = None,
+        force: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Return corrected samples, (n, 3) or (3,); see :class:`Correction`."""
         return self.correction.apply(raw, temperature, force)
 
@@ -101,7 +106,7 @@ def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
               model: Model | None = None,
-              notes=()) -> Calibration:
+              notes: Iterable[str] = ()) -> Calibration:
     """
     Return the calibration of poses, or refuse it with the number that forbids it and what to do.
 
@@ -147,7 +152,9 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     return stated(problem, fit, notes, _doubts(fit, poses, method, tilt))
 
 
-def stated(problem: CalibrationProblem, fit: Fit, notes=(), warnings=()) -> Calibration:
+def stated(
+    problem: CalibrationProblem, fit: Fit, notes: Iterable[str] = (), warnings: Iterable[str] = ()
+) -> Calibration:
     """Return a calibration that was solved before, with ``ols`` beside it."""
     plain = fit if problem.method in ('ols', 'norm') else solve.fit(
         fit.model, problem.poses, 'ols', problem.tilt)

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -13,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from .effects import BASE, Regressor, Scatter
 from .linear import Equations, equations, tilt_of
 from .poses import Poses, unit
-from ..core.errors import FitError, UsageError
+from ..core.errors import FitError, unknown, UsageError
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
 from ..loop.effect import Estimate, Fit, Model, model_of
@@ -108,7 +110,7 @@ def base_model() -> Model:
 
 
 def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
-        known=None) -> Fit[Solved]:
+        known: Mapping[str, Any] | None = None) -> Fit[Solved]:
     """
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
@@ -130,10 +132,10 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
 
     """
     if method not in METHODS:
-        raise UsageError(f'there is no method {method}', f'methods are {", ".join(METHODS)}')
+        raise unknown('method', method, METHODS)
     missing = [name for name in ('scale', 'bias') if name not in model]
     if missing:
-        raise UsageError(f'a calibration model without {" and ".join(missing)}',
+        raise UsageError(f'the calibration model lacks {" and ".join(missing)}',
                          'keep scale and bias in it')
     free = method == 'norm'
     if not free and not poses.known:
@@ -164,7 +166,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
 class _State:
     """Where the iteration stands: inputs and coefficients."""
 
-    def __init__(self, poses, keys=(), theta=()):
+    def __init__(self, poses: Poses, keys: Any = (), theta: Any = ()):
         self.poses = poses
         self.values = {k: float(v) for k, v in zip(keys, theta)}
 
@@ -176,19 +178,19 @@ class _State:
                 s[i, j] = self.values.get((label, f'S_{row}{column}'), s[i, j] if i == j else 0.0)
         return s
 
-    def filled(self, model):
+    def filled(self, model: Model) -> Model:
         """Return the model with the coefficients as its values."""
         return Model(e if isinstance(e, Scatter) else e.with_values(
             **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.parameters}) for e
                      in model)
 
     @property
-    def scale(self):
+    def scale(self) -> np.ndarray:
         """S, (3, 3)."""
         return self._matrix(1.0)
 
     @property
-    def bias(self):
+    def bias(self) -> np.ndarray:
         """b, (3,)."""
         return np.array([self.values.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
 
@@ -211,7 +213,7 @@ def _iterate(model, poses, free, tilt):
         if free:
             size = np.abs(scale).max() ** 3
             if not np.isfinite(size) or abs(np.linalg.det(scale)) < 1e-12 * size:
-                raise FitError('the norm fit runs away', 'add poses in other directions')
+                raise FitError('the norm fit diverges', 'add poses in other directions')
             inner = poses.outputs - rest_of(state.filled(model), scale, poses)
             moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
             change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)
@@ -251,7 +253,7 @@ def _rough_scale(poses):
     return np.eye(3) * (spread / size if size > 0 and spread > 0 else 1.0)
 
 
-def start(poses):
+def start(poses: Poses) -> Any:
     """
     Return (S, b) of the axis-aligned ellipsoid through the outputs: sum_k a_k o_k^2 + c_k o_k = 1.
 
@@ -269,7 +271,15 @@ def start(poses):
     return np.diag(radius * size / poses.magnitude), centre * size + middle[:, 0]
 
 
-def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, free) -> float:
+def restricted(
+    model: Model,
+    effect: Scatter,
+    amplitude: float,
+    poses: Poses,
+    scale: np.ndarray,
+    tilt: float,
+    free: bool,
+) -> float:
     """Return the restricted log-likelihood with one scatter's amplitude."""
     trial = effect.with_values(**{effect.parameters[0].name: amplitude})
     trial = model.with_effect(trial) if effect.label in model else model + trial
@@ -277,7 +287,9 @@ def restricted(model: Model, effect: Scatter, amplitude, poses, scale, tilt, fre
     return system.log_restricted(log_det)
 
 
-def best_amplitude(model: Model, effect: Scatter, poses, scale, tilt, free) -> tuple[float, float]:
+def best_amplitude(
+    model: Model, effect: Scatter, poses: Poses, scale: np.ndarray, tilt: float, free: bool
+) -> tuple[float, float]:
     """Return (amplitude of greatest restricted likelihood, that log-likelihood)."""
     lower, upper = np.log(effect.bounds(poses, scale))
     grid = np.linspace(lower, upper, 25)

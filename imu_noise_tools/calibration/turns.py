@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from .gravity import EARTH_RATE
@@ -210,7 +212,7 @@ def _because(notes) -> str:
     return f' ({"; ".join(notes[:4])})' if notes else ''
 
 
-def refuse_missing_axes(names, option: str, notes=()) -> None:
+def refuse_missing_axes(names: Iterable[str], option: str, notes: Iterable[str] = ()) -> None:
     """Raise InputError where an axis was not turned, or one way only and there is no rest."""
     seen = {n.split()[1][1] for n in names if n.startswith('turn')}
     missing = [k for k in 'xyz' if k not in seen]

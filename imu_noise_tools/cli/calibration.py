@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser(
         'calibrate', help='scale, cross-axis sensitivity and bias from six faces, many poses, or '
@@ -63,18 +66,18 @@ def register(commands) -> None:
     c.set_defaults(func=apply)
 
 
-def calibrate(args) -> int:
+def calibrate(args: argparse.Namespace) -> int:
     """Run ``calibrate``."""
     from ..core.errors import UsageError
     from ..tasks import calibration as tasks
     from ..core.units import DEG
     common.load_own_effects(args)
     if not 0.5 <= args.still <= 60:
-        raise UsageError(f'--still {args.still:g} makes no sense', 'give 0.5 to 60 seconds')
+        raise UsageError(f'invalid --still {args.still:g}', 'it must be 0.5 to 60 (seconds)')
     for name in ('rate', 'turn'):
         value = getattr(args, name)
         if value is not None and not 0 < abs(value) < 1e5:
-            raise UsageError(f'--{name} {value:g} makes no sense', 'give degrees, not zero')
+            raise UsageError(f'invalid --{name} {value:g}', 'give degrees, not zero')
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
             args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force,
@@ -117,7 +120,7 @@ def calibrate(args) -> int:
     return 0
 
 
-def apply(args) -> int:
+def apply(args: argparse.Namespace) -> int:
     """Run ``apply``."""
     from ..tasks import calibration as tasks
     common.load_own_effects(args)

@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterable
 from contextlib import contextmanager
 import json
 import sys
+from typing import Any
 
 
 def names(text: str) -> list[str]:
@@ -15,7 +18,7 @@ def names(text: str) -> list[str]:
     return [x.strip() for x in text.split(',') if x.strip()]
 
 
-def output_options(command, json_of: str) -> None:
+def output_options(command: argparse.ArgumentParser, json_of: str) -> None:
     """Add ``--json``, ``-v`` and ``--effects-from``."""
     command.add_argument(
         '--json',
@@ -32,7 +35,7 @@ def output_options(command, json_of: str) -> None:
     )
 
 
-def selection_options(command) -> None:
+def selection_options(command: argparse.ArgumentParser) -> None:
     """Add the options that choose a part of a record."""
     command.add_argument(
         '--start', default='', metavar='T', help='leave out what is before, s or per cent (10%%)'
@@ -48,14 +51,14 @@ def selection_options(command) -> None:
     )
 
 
-def selection_of(args):
+def selection_of(args: argparse.Namespace) -> Any:
     """Return the part of the record that was asked for."""
     from ..health import Selection
 
     return Selection.of(args.start, args.duration, args.mask, not args.no_screen)
 
 
-def load_own_effects(args) -> None:
+def load_own_effects(args: argparse.Namespace) -> None:
     """Register a user's own effects."""
     if args.effects_from:
         from ..loop.effect import load_effects
@@ -65,7 +68,7 @@ def load_own_effects(args) -> None:
 
 
 @contextmanager
-def progress_line(args):
+def progress_line(args: argparse.Namespace) -> Any:
     """
     Yield a function of (share or None, what) that draws one line.
 
@@ -91,13 +94,13 @@ def progress_line(args):
         sys.stderr.flush()
 
 
-def warn(warnings) -> None:
+def warn(warnings: Iterable[str]) -> None:
     """Print each warning on standard error."""
     for w in warnings:
         print(f'warning: {w}', file=sys.stderr)
 
 
-def print_json(data) -> None:
+def print_json(data: Any) -> None:
     """Print plain JSON (not-a-number becomes null)."""
     from ..store import plain
 

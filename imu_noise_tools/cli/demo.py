@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the command."""
     c = commands.add_parser(
         'demo', help='simulate an IMU with a hidden effect, find it, watch the error fall'
@@ -20,7 +23,7 @@ def register(commands) -> None:
     c.set_defaults(func=demo)
 
 
-def demo(args) -> int:
+def demo(args: argparse.Namespace) -> int:
     """Run ``demo``."""
     from ..tasks.demo import demo as task
 

@@ -5,10 +5,14 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterable
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the command."""
     c = commands.add_parser(
         'filter',
@@ -64,7 +68,7 @@ def register(commands) -> None:
     c.set_defaults(func=filter_bag)
 
 
-def values_of(pairs) -> dict:
+def values_of(pairs: Iterable[str]) -> dict:
     """
     Return ``{label: {parameter: value}}`` of ``label.parameter=value``.
 
@@ -83,20 +87,20 @@ def values_of(pairs) -> dict:
         except ValueError:
             number = float('nan')
         if not (equals and dot and number == number):
-            raise UsageError(f'--set {text} is not understood', 'write e.g. --set white.R=1e-4')
+            raise UsageError(f'invalid --set {text}', 'e.g. --set white.R=1e-4')
         find_effect(DOMAIN, label)({parameter: number})
         out.setdefault(label, {})[parameter] = number
     return out
 
 
-def filter_bag(args) -> int:
+def filter_bag(args: argparse.Namespace) -> int:
     """Run ``filter``."""
     from ..core.errors import UsageError
     from ..tasks import filter as tasks
     from ..core.units import DEG
     common.load_own_effects(args)
     if args.rate_hz is not None and not 0 < args.rate_hz < 1e6:
-        raise UsageError(f'--rate-hz {args.rate_hz:g} makes no sense', 'give a positive number')
+        raise UsageError(f'invalid --rate-hz {args.rate_hz:g}', 'it must be a positive number')
     with common.progress_line(args) as progress:
         done = tasks.filter_bag(
             args.bag,

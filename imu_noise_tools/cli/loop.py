@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser(
         'compare', help='the model beside the measurement: where does it fail?'
@@ -17,6 +20,7 @@ def register(commands) -> None:
     c.add_argument(
         'dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance'
     )
+    c.add_argument('--sheet', metavar='SHEET.yaml', help='a data sheet: which axes meet it?')
     common.output_options(c, 'targets with their pulls')
     c.set_defaults(func=compare)
 
@@ -79,8 +83,9 @@ def _register_changes(commands) -> None:
 def _register_export(commands) -> None:
     """Add ``export``."""
     c = commands.add_parser('export', help='the numbers in the file another program reads')
-    c.add_argument('dir', metavar='DIR', help='a noise study')
-    c.add_argument('--format', required=True, metavar='F', help='e.g. kalibr')
+    c.add_argument('dir', metavar='DIR', nargs='?', help='a noise study')
+    c.add_argument('--list', action='store_true', help='the formats, a line on each')
+    c.add_argument('--format', metavar='F', help='e.g. kalibr')
     c.add_argument(
         '--axes',
         default='worst',
@@ -98,19 +103,21 @@ def _register_export(commands) -> None:
         '--horizon', type=float, metavar='S', help='cover model and data up to S seconds'
     )
     c.add_argument('--calibration', metavar='DIR', help='a calibration to go with it')
-    c.add_argument('-o', '--output', required=True, metavar='FILE', help='-: standard output')
-    common.output_options(c, 'the text of the file')
+    c.add_argument('-o', '--output', metavar='FILE', help='-: standard output')
+    common.output_options(c, 'the text of the file, or the formats')
     c.set_defaults(func=export)
 
 
-def compare(args) -> int:
+def compare(args: argparse.Namespace) -> int:
     """Run ``compare``."""
     from .. import store
     from . import text
     from ..report import terminal
 
     common.load_own_effects(args)
-    study = store.load(args.dir, intervals=bool(args.dir2))
+    study = store.load(args.dir, intervals=bool(args.dir2 or args.sheet))
+    if args.sheet:
+        return _against(study, args)
     if args.dir2:
         other = store.load(args.dir2)
         from ..tasks import loop
@@ -141,7 +148,22 @@ def compare(args) -> int:
     return 0
 
 
-def diagnose(args) -> int:
+def _against(study, args) -> int:
+    """Compare a study with a data sheet."""
+    from ..report.terminal import table
+    from ..tasks import sheet
+
+    rows = sheet.against(study, args.sheet)
+    if args.json:
+        common.print_json({'sheet': rows})
+        return 0
+    print(table([(r['target'], r['parameter'], r['measured_shown'], r['interval_shown'],
+                  r['sheet_shown'], f'{r["ratio"]:.3g}', r['verdict']) for r in rows],
+                ('axis', '', 'measured', '95 %', 'sheet', 'ratio', 'verdict')))
+    return 0
+
+
+def diagnose(args: argparse.Namespace) -> int:
     """Run ``diagnose``."""
     from .. import store
     from ..report import terminal
@@ -189,7 +211,7 @@ def _print_steps(args, study, steps):
         print('nothing is missing that the diagnosis can name: no effect added')
 
 
-def add(args) -> int:
+def add(args: argparse.Namespace) -> int:
     """Run ``add``."""
     from ..loop.effect import find_effect
     from .. import store
@@ -209,7 +231,7 @@ def add(args) -> int:
     return 0
 
 
-def remove(args) -> int:
+def remove(args: argparse.Namespace) -> int:
     """Run ``remove``."""
     from ..tasks import loop as tasks
 
@@ -219,7 +241,7 @@ def remove(args) -> int:
     return 0
 
 
-def history(args) -> int:
+def history(args: argparse.Namespace) -> int:
     """Run ``history``."""
     from .. import store
     from ..report import terminal
@@ -232,10 +254,10 @@ def history(args) -> int:
     return 0
 
 
-def effects(args) -> int:
+def effects(args: argparse.Namespace) -> int:
     """Run ``effects``."""
     from . import text
-    from ..core.errors import UsageError
+    from ..core.errors import unknown
     from ..loop.domains import DOMAINS
     from ..loop.effect import registry
 
@@ -243,8 +265,7 @@ def effects(args) -> int:
     if args.name:
         found = [registry(d)[args.name] for d in DOMAINS if args.name in registry(d)]
         if not found:
-            known = ', '.join(n for d in DOMAINS for n in registry(d))
-            raise UsageError(f'there is no effect named {args.name}', f'known are {known}')
+            raise unknown('effect', args.name, [n for d in DOMAINS for n in registry(d)])
     else:
         found = [c for d in DOMAINS for c in registry(d).values()]
     if args.json:
@@ -277,21 +298,37 @@ def effects(args) -> int:
     return 0
 
 
-def export(args) -> int:
+def _list_formats(args, formats: dict[str, str]) -> int:
+    """Print what the numbers can be written as."""
+    from ..report.terminal import table
+
+    if args.json:
+        common.print_json({'formats': formats})
+    else:
+        print(table(list(formats.items()), ('format', 'what is written')))
+    return 0
+
+
+def export(args: argparse.Namespace) -> int:
     """Run ``export``."""
     from .. import export as exports, store
     from ..core import files
-    from ..core.errors import InputError, UsageError
+    from ..core.errors import InputError, unknown, UsageError
 
+    if args.list:
+        return _list_formats(args, exports.descriptions())
+    missing = [name for name, given in (
+        ('DIR', args.dir), ('--format', args.format), ('-o', args.output)) if given is None]
+    if missing:
+        raise UsageError(f'export needs {" and ".join(missing)}',
+                         'e.g. export DIR --format kalibr -o FILE; --list shows the formats')
     common.load_own_effects(args)
     if args.format not in exports.formats():
-        raise UsageError(
-            f'there is no format {args.format}', f'known are {", ".join(exports.formats())}'
-        )
+        raise unknown('format', args.format, exports.formats())
     if not args.inflate > 0:
-        raise UsageError(f'--inflate {args.inflate:g} makes no sense', 'give a factor above zero')
+        raise UsageError(f'invalid --inflate {args.inflate:g}', 'it must be above zero')
     if args.horizon is not None and not args.horizon > 0:
-        raise UsageError(f'--horizon {args.horizon:g} makes no sense', 'give seconds above zero')
+        raise UsageError(f'invalid --horizon {args.horizon:g}', 'it must be above zero (seconds)')
     study = store.load(args.dir)
     if study.domain != 'noise':
         raise InputError(

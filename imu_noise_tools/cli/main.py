@@ -6,26 +6,37 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import importlib
 import importlib.util
 import os
 import sys
 import warnings
 
-from ..core.errors import ImuNoiseError, UsageError
+from ..core.errors import ImuNoiseError, unknown, UsageError
 
 # The matrices here are small: threads of a linear algebra library cost more than they bring.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
-MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'demo')
+MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'demo')
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that answers a mistyped command or choice with the nearest."""
+
+    def _check_value(self, action, value) -> None:
+        known = [str(c) for c in action.choices or ()]
+        if known and value not in action.choices:
+            error = unknown(action.dest, value, known)
+            raise argparse.ArgumentError(None, str(error))
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
     from .. import __version__
 
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog='imu_noise',
         description='How good is my IMU, and what is wrong with my model of it?',
         epilog='Start with: imu_noise inspect BAG; imu_noise analyse BAG; imu_noise diagnose '
@@ -39,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def main(argv=None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """
     Run one command.
 

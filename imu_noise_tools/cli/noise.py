@@ -5,13 +5,17 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 from . import common
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the command."""
     c = commands.add_parser(
         'analyse',
+        aliases=['analyze'],
         help='Allan curves, noise coefficients and imu.yaml of a bag',
         description='Read a bag, fit the noise model, write a study: study.yaml, imu.yaml '
         '(Kalibr), allan.csv, allan.png, report.html, evidence.npz.',
@@ -93,13 +97,13 @@ def _record_options(c) -> None:
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
 
 
-def analyse(args) -> int:
+def analyse(args: argparse.Namespace) -> int:
     """Run ``analyse``."""
     from ..core.errors import UsageError
     from ..tasks import noise as tasks
 
     if args.points < 2:
-        raise UsageError(f'--points {args.points} is too few', 'give two or more')
+        raise UsageError(f'invalid --points {args.points}', 'it must be two or more')
     selection = common.selection_of(args)
     common.load_own_effects(args)
     deviation = (

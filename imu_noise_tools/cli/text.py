@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import textwrap
+from typing import Any
 
 from ..core import units
 from ..core.clock import PATTERNS
+from ..loop.effect import Effect, Parameter
 from ..report.terminal import table, width
 
 
-def unit_of(parameter) -> str:
+def unit_of(parameter: Parameter) -> str:
     """Return a parameter's unit for gyroscope and accelerometer; of a choice, its names."""
     if parameter.choices:
         return ' | '.join(parameter.choices)
@@ -20,7 +23,7 @@ def unit_of(parameter) -> str:
     return gyro if gyro == accel else f'{gyro} | {accel}'
 
 
-def effects_table(classes) -> str:
+def effects_table(classes: Iterable[type[Effect]]) -> str:
     """Return what is known, a line each."""
     rows = [
         (c.domain, c.name, ', '.join(
@@ -31,7 +34,7 @@ def effects_table(classes) -> str:
     return table(rows, ('problem', 'effect', 'parameters', 'what it is'))
 
 
-def effect(cls) -> str:
+def effect(cls: type[Effect]) -> str:
     """Return an effect's page."""
     out = [f'{cls.name} ({cls.domain}): {cls.title}', '']
     for head, body in (
@@ -55,7 +58,7 @@ def effect(cls) -> str:
     return '\n'.join(out)
 
 
-def sketch(example) -> list[str]:
+def sketch(example: Any) -> list[str]:
     """
     Return its Allan deviation as a small picture in text.
 
@@ -82,7 +85,7 @@ def sketch(example) -> list[str]:
     ]
 
 
-def changes(found, first, second) -> str:
+def changes(found: Any, first: str, second: str) -> str:
     """Return what changed between two records beyond chance."""
     rows = [
         (c['target'], c['what'], c['first'], c['second'], c['sigmas'], c['verdict']) for c in found
@@ -92,7 +95,7 @@ def changes(found, first, second) -> str:
     )
 
 
-def disturbed(found) -> list[str]:
+def disturbed(found: Any) -> list[str]:
     """Return the disturbed stretches of a record: when, what, how large, set aside or not."""
     unit = {'gyro': 'rad/s', 'accel': 'm/s^2'}
     rows = []
@@ -111,7 +114,7 @@ def disturbed(found) -> list[str]:
     ).split('\n')
 
 
-def inspection(found) -> str:
+def inspection(found: Any) -> str:
     """Return a bag's topics and the health of its record, of each sensor where they are apart."""
     topics = [(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role)
               for t in found.topics]
@@ -145,7 +148,7 @@ def _health(found) -> list[str]:
     look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
     line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
     if h.received:
-        line('times of receiving', PATTERNS[h.received])
+        line('receive times', PATTERNS[h.received])
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')

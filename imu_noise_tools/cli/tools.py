@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from . import common
 
@@ -22,7 +23,7 @@ SPEC = """example of SPEC.yaml:
 """
 
 
-def register(commands) -> None:
+def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser('inspect', help='topics, rate, stamps, health of a bag, with advice')
     c.add_argument('bag', metavar='BAG')
@@ -71,7 +72,7 @@ def register(commands) -> None:
     c.set_defaults(func=plan)
 
 
-def inspect(args) -> int:
+def inspect(args: argparse.Namespace) -> int:
     """Run ``inspect``."""
     from dataclasses import asdict
     from ..tasks.inspect import inspect as task
@@ -114,7 +115,7 @@ def _inspected(found) -> dict:
     }
 
 
-def simulate(args) -> int:
+def simulate(args: argparse.Namespace) -> int:
     """Run ``simulate``."""
     from pathlib import Path
     from ..tasks.simulate import simulate as task, truth_of
@@ -132,7 +133,14 @@ def simulate(args) -> int:
     return 0
 
 
-def plan(args) -> int:
+def _planned(row) -> str:
+    """Return the value that is planned for, or its limit."""
+    if row['value'] is not None:
+        return f'{row["value"]:.3g}'
+    return f'below {row["upper95"]:.3g}' if row.get('upper95') else ''
+
+
+def plan(args: argparse.Namespace) -> int:
     """Run ``plan``."""
     from ..core.errors import UsageError
     from ..tasks.plan import plan as task
@@ -155,7 +163,7 @@ def plan(args) -> int:
         print(
             text.table(
                 [
-                    (r['target'], r['parameter'], f'{r["value"]:.3g}', r['one_hour'], r['record'])
+                    (r['target'], r['parameter'], _planned(r), r['one_hour'], r['record'])
                     for r in rows
                 ],
                 (

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from .errors import InputError, UsageError
+from .errors import InputError, unknown
 
 DEVIATIONS = ('oadev', 'adev', 'mdev', 'hdev', 'totdev')
 # Samples per pass: the working array stays in the cache, and its dot product is too short for
@@ -168,9 +168,7 @@ def curve(
 
     """
     if deviation not in DEVIATIONS:
-        raise UsageError(
-            f'there is no deviation {deviation}', f'known are {", ".join(DEVIATIONS)}'
-        )
+        raise unknown('deviation', deviation, DEVIATIONS)
     n = len(y)
     m = cluster_sizes(n, points, octaves)
     if deviation == 'oadev':

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
-from .statistics import row_medians
+from .statistics import median_sigma, row_medians
 
 FRAME_S = 0.25
 LEAST_FRAME = 16        # samples
@@ -35,6 +35,9 @@ PAUSE_S = 1.0           # what is nearer than this is one disturbance
 JUMP = 10.0             # a step is so many robust standard deviations of what levels change by
 STEPS = 3               # an axis that steps more often has popcorn noise
 MOST_LISTED = 100
+PIECE_S = 0.1           # of a short rest
+KNOCK = 8.0             # a piece off by this many robust standard deviations is a knock
+MOST_KNOCKED = 0.2      # share of the pieces; beyond it is shaken, not knocked
 
 
 def disturbances(record: ImuRecord) -> tuple[Disturbance, ...]:
@@ -73,6 +76,29 @@ def disturbances(record: ImuRecord) -> tuple[Disturbance, ...]:
     listed += _steps(record, axes, middle, found, length)
     listed += _clipped(record)
     return tuple(sorted(listed, key=lambda d: d.begin)[:MOST_LISTED])
+
+
+def calm(data: np.ndarray, rate_hz: float) -> list[tuple[int, int]]:
+    """
+    Return the sample ranges of a rest of a few seconds, (n, 3), between its knocks.
+
+    Such a rest is too short for coincidences to be counted: pieces of a tenth of a second whose
+    mean or scatter on any axis is far off those of the others are knocks; where many are, the
+    sensor is shaken and none is.
+
+    """
+    block = max(2, round(PIECE_S * rate_hz))
+    n = len(data) // block
+    cut = data[:n * block].reshape(n, block, 3)
+    middle, scatter = cut.mean(1), cut.std(1)
+    middle -= np.median(middle, axis=0)
+    scatter -= np.median(scatter, axis=0)
+    bad = ((np.abs(middle) > KNOCK * median_sigma(middle, axis=0) + 1e-12)
+           | (scatter > KNOCK * median_sigma(scatter, axis=0) + 1e-12)).any(1)
+    if not bad.any() or bad.mean() > MOST_KNOCKED:
+        return [(0, len(data))]
+    edges = np.flatnonzero(np.diff(np.r_[0, (~bad).astype(int), 0])).reshape(-1, 2).tolist()
+    return [(p * block, q * block if q < n else len(data)) for p, q in edges]
 
 
 def _levels(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,11 @@
 
 """The one root of all errors that are meant for a person: what is wrong, where, and what to do."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class ImuNoiseError(Exception):
     """
@@ -45,3 +50,11 @@ class UsageError(ImuNoiseError):
 
 class FitError(ImuNoiseError):
     """A model could not be fitted to usable data (exit status 1)."""
+
+
+def unknown(what: str, name: object, known: Iterable[str]) -> UsageError:
+    """Return the error for a name that is not known, with the nearest one and all that are."""
+    names = list(known)
+    near = get_close_matches(str(name), names, 1)
+    meant = f'did you mean {near[0]}? ' if near else ''
+    return UsageError(f'unknown {what} {name}', f'{meant}choose from {", ".join(names)}')

@@ -211,7 +211,7 @@ def scratch_folder() -> Path:
     try:
         name = Path(tempfile.gettempdir()) / 'imu_noise'
     except OSError as error:
-        raise InputError('there is no temporary folder to unpack into', 'set TMPDIR') from error
+        raise InputError('no temporary folder to unpack into', 'set TMPDIR') from error
     with _mapped(name.parent):
         _sweep(name)
         folder = _sibling(name)
@@ -317,19 +317,19 @@ def _refuse_what_is_in_the_way(path: str | Path, target: Path, force: bool) -> N
     if not target.exists():
         return
     if not target.is_dir():
-        raise InputError(f'{path}: there is a file of that name', 'choose another place with -o')
+        raise InputError(f'{path}: is a file', 'choose another name with -o')
     held = {p.name for p in target.iterdir()}
     if not held:
         return
     if not held & set(MARKERS):
         raise InputError(
-            f'{path}: there is a folder that holds other things', 'choose another place with -o'
+            f'{path}: the folder holds other files', 'choose another name with -o'
         )
     if not force:
-        what = 'a study' if 'study.yaml' in held else 'something of that name'
+        what = 'a study' if 'study.yaml' in held else 'an output of that name'
         raise InputError(
-            f'{path}: there is {what} already',
-            'choose another place with -o, or --force to replace it',
+            f'{path}: {what} exists already',
+            'choose another name with -o, or replace it with --force',
         )
 
 

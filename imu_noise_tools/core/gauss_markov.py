@@ -29,11 +29,6 @@ def innovation_variance(sigma: float, tc: float, dt: float) -> float:
     return float(-(sigma**2) * np.expm1(-2 * dt / tc))
 
 
-def autocovariance(sigma: float, tc: float, lag: np.ndarray) -> np.ndarray:
-    """Return sigma^2 exp(-|lag|/tc), lag in s."""
-    return sigma**2 * np.exp(-np.abs(lag) / tc)
-
-
 def psd(f: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
     """
     Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import DTypeLike
 
-from .errors import UsageError
+from .errors import unknown, UsageError
 
 AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
 SENSORS = ('gyro', 'accel')
@@ -20,7 +20,7 @@ SENSORS = ('gyro', 'accel')
 def sensor_of(axis: str) -> str:
     """Return ``gyro`` or ``accel`` for an axis; raise UsageError for an unknown axis."""
     if axis not in AXES:
-        raise UsageError(f'there is no axis {axis}', f'axes are {", ".join(AXES)}')
+        raise unknown('axis', axis, AXES)
     return axis.partition('_')[0]
 
 

@@ -19,9 +19,15 @@ MAD = 1.482602218505602         # standard deviation over median absolute deviat
 FAR = (101, 149, 211)  # samples: longer than any hold
 
 
-def interval(value: Any, std: Any) -> tuple[Any, Any]:
-    """Return (low, high), within which 95 % of what is normal about a value lies."""
-    return value - TWO_SIDED * std, value + TWO_SIDED * std
+def interval(value: Any, std: Any, positive: bool = False) -> tuple[Any, Any]:
+    """
+    Return (low, high), within which 95 % of what is normal about a value lies.
+
+    Of what is ``positive``, low is not below zero.
+
+    """
+    low, high = value - TWO_SIDED * std, value + TWO_SIDED * std
+    return (max(low, 0.0), high) if positive else (low, high)
 
 
 def row_medians(rows: np.ndarray) -> np.ndarray:

@@ -13,10 +13,13 @@ takes them as ``calibration``, a :class:`~imu_noise_tools.export._calibration.In
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 import pkgutil
+from typing import Any
 
 from ._calibration import read
-from ..core.errors import UsageError
+from ..core.errors import unknown, UsageError
+from ..loop.study import Study
 
 
 def formats() -> list[str]:
@@ -29,7 +32,7 @@ def descriptions() -> dict[str, str]:
     return {name: _module(name).DESCRIPTION for name in formats()}
 
 
-def export(study, name: str, calibration=None, **options) -> str:
+def export(study: Study, name: str, calibration: str | Path | None = None, **options: Any) -> str:
     """
     Return the text of one format.
 
@@ -53,17 +56,17 @@ def export(study, name: str, calibration=None, **options) -> str:
 
     """
     if name not in formats():
-        raise UsageError(f'there is no format {name}', f'known are {", ".join(formats())}')
+        raise unknown('format', name, formats())
     module = _module(name)
     if calibration is not None:
         if not getattr(module, 'CALIBRATION', False):
             able = [n for n in formats() if getattr(_module(n), 'CALIBRATION', False)]
             raise UsageError(
-                f'--calibration: what {name} reads has no place for scale factors and biases',
-                f'correct the bag with imu_noise apply; those that have: {", ".join(able)}')
+                f'--calibration: {name} has no place for scale factors and biases',
+                f'correct the bag with imu_noise apply, or choose from {", ".join(able)}')
         options['calibration'] = read(calibration)
     return module.text(study, **options)
 
 
-def _module(name: str):
+def _module(name: str) -> Any:
     return importlib.import_module(f'{__name__}.{name}')

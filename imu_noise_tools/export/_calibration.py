@@ -60,7 +60,7 @@ def lower(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (r.T * signs), (q * signs).T
 
 
-def read(folder) -> Inverse:
+def read(folder: str | Path) -> Inverse:
     """
     Return the calibration of a folder that calibrate wrote.
 
@@ -83,6 +83,7 @@ def read(folder) -> Inverse:
     except (KeyError, TypeError, ValueError, OSError):
         S = bias = {}
     good = all(np.isfinite(x).all() for x in (*S.values(), *bias.values()))
+    good = good and set(S) <= {'accel', 'gyro'}
     if not S or not good or min(abs(np.linalg.det(x)) for x in S.values()) < 1e-12:
         raise InputError(f'{path}: not a calibration that can be used', 'calibrate again')
     return Inverse(str(folder), S, bias)

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ._values import left_out, number, PARAMETERS, rests_on, Value, value_of
@@ -93,15 +95,21 @@ class Numbers:
         if self.horizon is not None:
             said.append('Chosen so that the Allan deviation covers model and data up to '
                         f'{self.horizon:g} s')
-        for sensor in self.sensors:
-            for parameter in 'NK':
-                said.append(self._measured(sensor, parameter))
+        there = [(s, p) for s in self.sensors for p in 'NK' if self._gives(s, p)]
+        said += [self._measured(*some) for some in there]
         said += rests_on(self.study, self.horizon)
         out = left_out(self.study, self.horizon)
         if out:
             said.append('Not in N and K: ' + '; '.join(out))
-        notes = [n for s in self.sensors for p in 'NK' for n in self.value(s, p).notes]
+        notes = [n for some in there for n in self.value(*some).notes]
         return said + list(dict.fromkeys(notes))
+
+    def _gives(self, sensor: str, parameter: str) -> bool:
+        """Tell whether the study gives a coefficient at all: what states values may not."""
+        try:
+            return bool(self.value(sensor, parameter).axes)
+        except InputError:
+            return False
 
     def _measured(self, sensor: str, parameter: str) -> str:
         """Return what was measured of a coefficient, axis by axis, with intervals."""
@@ -121,11 +129,11 @@ def commented(said: list[str], mark: str = '#') -> str:
     return ''.join(f'{mark} {" ".join(s.split())}\n' for s in said)
 
 
-def numbers_of(values) -> str:
+def numbers_of(values: Any) -> str:
     """Return numbers in brackets."""
     return '[' + ', '.join(number(float(x)) for x in np.ravel(values)) + ']'
 
 
-def rows_of(matrix, indent: str) -> str:
+def rows_of(matrix: Any, indent: str) -> str:
     """Return a matrix as rows of YAML."""
     return ''.join(f'{indent}- {numbers_of(row)}\n' for row in np.atleast_2d(matrix))

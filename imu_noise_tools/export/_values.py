@@ -15,7 +15,8 @@ from typing import cast
 
 import numpy as np
 
-from ..core.errors import UsageError
+from ..core.errors import InputError, unknown, UsageError
+from ..health import MOTION_KEPT
 from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
 from ..loop.study import Study
@@ -38,9 +39,9 @@ class Value:
     def one(self, rule: str) -> float:
         """Return the largest (``worst``) or the rms (``mean``) over the axes."""
         if rule not in RULES:
-            raise UsageError(f'--axes {rule} is unknown', f'known are {", ".join(RULES)}')
+            raise unknown('--axes', rule, RULES)
         if rule == 'each':
-            raise UsageError('this format holds one value a sensor', 'use --axes worst or mean')
+            raise UsageError('this format holds one value per sensor', 'use --axes worst or mean')
         return (
             max(self.values)
             if rule == 'worst'
@@ -72,6 +73,10 @@ def value_of(
         values.append(np.nan if value is None else value)
         if note:
             notes.append(f'{axis}: {note}')
+    if np.isnan(values).any():
+        raise InputError(f'{study.source.get("path")}: gives no {parameter} of the {sensor}',
+                         'bias instability is not a random walk: give --horizon S, which covers it'
+                         if parameter == 'K' else 'state it')
     return Value(tuple(values), tuple(axes), tuple(notes))
 
 
@@ -115,8 +120,7 @@ def rests_on(study: Study, horizon: float | None = None) -> list[str]:
     """Return what the numbers of each axis rest on, where its model does not hold everywhere."""
     out = []
     if study.source.get('keep_motion'):
-        out.append('analysed with --keep-motion: the record may hold motion, which is no noise '
-                   'of the sensor')
+        out.append(MOTION_KEPT)
     for axis, state in study.states.items():
         found = cast(NoiseProblem, state.problem).matters(state.fit)
         places = sorted(found.failures[:4], key=lambda f: f.low)

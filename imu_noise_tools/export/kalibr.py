@@ -12,6 +12,8 @@ zero, and N is multiplied by sqrt(update_rate).
 
 from __future__ import annotations
 
+from typing import Any
+
 from ._values import left_out, number, rests_on, value_of
 from ..loop.study import Study
 
@@ -25,9 +27,10 @@ KEYS = (
 
 
 def text(
-    study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float | None = None, **_
+    study: Study, axes: str = 'worst', inflate: float = 1.0, horizon: float | None = None,
+    **_: Any
 ) -> str:
-    """Return imu.yaml; one value a sensor, by the rule ``axes``, times ``inflate``."""
+    """Return imu.yaml; one value per sensor, by the rule ``axes``, times ``inflate``."""
     lines = [
         '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), '
         'SI units.',

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class Design:
             'noise': self.noise[0].labels,
         }
 
-    def with_r(self, r) -> Design:
+    def with_r(self, r: Any) -> Design:
         """Return the design with the variance of the white noise of each axis, (axes,), given."""
         return Design(
             self.motion,
@@ -94,7 +95,11 @@ def white(model: Model) -> FilterEffect:
 
 
 def design(
-    motion=AUTO, noise=('white',), alpha: float = 1.0, values=None, axes: int = 3
+    motion: Any = AUTO,
+    noise: Any = ('white',),
+    alpha: float = 1.0,
+    values: Any = None,
+    axes: int = 3,
 ) -> Design:
     """
     Return a design from names.
@@ -120,7 +125,7 @@ def design(
 
     """
     if not 0 < float(alpha) <= 1:
-        raise UsageError(f'alpha is {alpha}', 'it must be above 0 and at most 1')
+        raise UsageError(f'invalid alpha {alpha}', 'it must be above 0 and at most 1')
     values = (
         [values or {}] * axes if values is None or isinstance(values, Mapping) else list(values)
     )

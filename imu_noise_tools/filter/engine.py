@@ -11,6 +11,7 @@ Every flaw of a real stream handled, switching while it runs.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -54,23 +55,23 @@ class History:
         self.z = np.zeros((self.size, self.axes))
         self.score = np.full((self.size, self.axes), np.nan)
 
-    def append(self, t, z):
+    def append(self, t: float, z: np.ndarray) -> None:
         """Keep a sample; its score is set later."""
         at = self.count % self.size
         self.t[at], self.z[at], self.score[at] = t, z, np.nan
         self.count += 1
 
-    def mark(self, score):
+    def mark(self, score: np.ndarray) -> None:
         """Set the score of the newest sample."""
         self.score[(self.count - 1) % self.size] = score
 
-    def latest(self, n: int | None = None):
+    def latest(self, n: int | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (t, z, score) of the last n samples, oldest first."""
         n = min(self.count, self.size if n is None else min(n, self.size))
         at = np.arange(self.count - n, self.count) % self.size
         return self.t[at], self.z[at], self.score[at]
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget all."""
         self.count = 0
 
@@ -98,11 +99,11 @@ class Engine:
 
     def __init__(
         self,
-        motion=AUTO,
-        noise=('white',),
+        motion: Any = AUTO,
+        noise: Any = ('white',),
         alpha: float = 1.0,
         rate_hz: float | None = None,
-        values=None,
+        values: Any = None,
         history: int = 32768,
         axes: int = 3,
     ):
@@ -138,7 +139,7 @@ class Engine:
         )
         self._entries[0] = self._bank.table.at(0)
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget the stream, keep the settings."""
         self.history.clear()
         self.counts = Counts()
@@ -149,7 +150,7 @@ class Engine:
         """Nominal rate, once known."""
         return 1 / self._clock.interval if self._clocked else None
 
-    def step(self, stamp_s: float, gyro) -> tuple[np.ndarray, np.ndarray] | None:
+    def step(self, stamp_s: float, gyro: Any) -> tuple[np.ndarray, np.ndarray] | None:
         """
         Take one message; return (rate (3,), variance (3,)), or None where it is refused.
 
@@ -259,7 +260,7 @@ class Engine:
         bank = self._bank
         bank.table, bank.start = table, Bank(table, self.axes).start
 
-    def switch(self, **settings):
+    def switch(self, **settings: Any) -> None:
         """
         Change motion, noise, alpha or values while running, without a jump in the output.
 

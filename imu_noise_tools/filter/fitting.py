@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.optimize import minimize
 
 from .predict import by_bank, predict
-from .statespace import FilterEffect, jumps, Motion, state_space, white_of
-from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
+from .statespace import FilterEffect, jumps, Look, Motion, state_space, white_of
+from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..core.units import si
 from ..loop.effect import Effect, Estimate, Model
 
@@ -36,7 +38,7 @@ class Likelihood:
 class Free:
     """The free parameters of a model as a vector, in logarithms where they are searched for so."""
 
-    def __init__(self, model: Model, fixed):
+    def __init__(self, model: Model, fixed: Any):
         self.model = model
         self.lines = {(e.label, e.line) for e in model.of(FilterEffect)}
         self.parts = [
@@ -69,7 +71,7 @@ class Free:
             ]
         )
 
-    def at(self, x) -> Model:
+    def at(self, x: np.ndarray) -> Model:
         """Return the model at x, held within bounds."""
         model = self.model
         for (label, p), v in zip(self.parts, x):
@@ -82,7 +84,7 @@ class Free:
         return np.log(max(value, 1e-300)) if p.log else value
 
 
-def start(model: Model, fixed, look, evaluate: Likelihood) -> Model | None:
+def start(model: Model, fixed: Any, look: Look, evaluate: Likelihood) -> Model | None:
     """
     Return the model with starting values.
 
@@ -124,7 +126,7 @@ def _complete(model: Model) -> bool:
     return any(not e.jumps for e in model.of(Motion)) and white_of(model) is not None
 
 
-def maximise(model: Model, fixed, evaluate: Likelihood) -> tuple[Model, float]:
+def maximise(model: Model, fixed: Any, evaluate: Likelihood) -> tuple[Model, float]:
     """Return the model at its largest likelihood, from its own values, and that log-likelihood."""
     free = Free(model, fixed)
     x = free.vector()
@@ -177,8 +179,8 @@ def _pattern(free: Free, x, evaluate, rounds: int = 9):
 
 
 def estimates(
-    model: Model, fixed, log_likelihood: float, evaluate: Likelihood, sensor: str = 'gyro'
-):
+    model: Model, fixed: Any, log_likelihood: float, evaluate: Likelihood, sensor: str = 'gyro'
+) -> Any:
     """
     Return the estimate of each parameter, and flags.
 
@@ -213,11 +215,8 @@ def estimates(
         std = sd[i]
         if p.log:
             spread = min(float(sd[i]), 50.0)
-            low, high, std = (
-                value * np.exp(-TWO_SIDED * spread),
-                value * np.exp(TWO_SIDED * spread),
-                value * min(spread, 1e3),
-            )
+            low, high = value * np.exp(interval(0.0, spread))
+            std = value * min(spread, 1e3)
         entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
         able = p.amplitude and label not in whites     # without R there is no filter
         if able and _vanishes(free, x, i, log_likelihood, evaluate):

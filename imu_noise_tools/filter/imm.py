@@ -17,6 +17,7 @@ times faster than stacked matrices, online as in bulk.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -66,7 +67,7 @@ class Coefficients:
             [[[getattr(s, name) for s in axis] for axis in c.spaces] for c in choices]
         ).swapaxes(1, 2)
 
-    def at(self, which) -> Entries:
+    def at(self, which: Any) -> Entries:
         """
         Return the entries for lanes, chunk after chunk with all axes each.
 
@@ -142,7 +143,7 @@ class Bank:
         for k, p in self.p.items():
             p[:, lanes] = self.start[k][:, lanes]
 
-    def mix(self, e: Entries):
+    def mix(self, e: Entries) -> None:
         """
         Let the modes interact.
 
@@ -163,7 +164,7 @@ class Bank:
                   for (i, j), b in (((i, j), p[i, j] + off[i] * off[j]) for i, j in self.pairs)}
         self.x = [m + s for m, s in zip(mean, shift)]
 
-    def predict(self, e: Entries):
+    def predict(self, e: Entries) -> None:
         """Carry every mode over the interval: P^- = Phi P Phi^T/alpha + Q."""
         phi, p, alpha = e.phi, self.p, self.table.alpha
 
@@ -181,7 +182,7 @@ class Bank:
             new[i, j] = v + e.q[i, j] if (i, j) in e.q else v
         self.p = new
 
-    def update(self, z: np.ndarray, e: Entries):
+    def update(self, z: np.ndarray, e: Entries) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
         Weigh the samples z (lanes,) in.
 
@@ -232,7 +233,7 @@ class Bank:
         gain = w * a + (1 - w) * b
         return gain, w / s + (1 - w) / wide - w * (1 - w) * (a - b) ** 2, top + np.log(good + bad)
 
-    def rate(self):
+    def rate(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the rate and its variance, over all modes, (lanes,) each."""
         x = _sum(w * self.x[i] for i, w in self.moving)
         var = _sum(
@@ -243,7 +244,7 @@ class Bank:
         mean = (self.mu * x).sum(0)
         return mean, (self.mu * (var + (x - mean) ** 2)).sum(0)
 
-    def step(self, z: np.ndarray, e: Entries | None):
+    def step(self, z: np.ndarray, e: Entries | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
         Mix, predict and update with samples z (lanes,).
 
@@ -256,7 +257,7 @@ class Bank:
         self.prior = self.mu
         return self.update(z, self.table.at(0) if e is None else e)
 
-    def score(self, nu, s, e: Entries) -> np.ndarray:
+    def score(self, nu: np.ndarray, s: np.ndarray, e: Entries) -> np.ndarray:
         """
         Return the normalised innovation, (lanes,), of a mixture its transform.
 
@@ -267,7 +268,7 @@ class Bank:
             return (nu / np.sqrt(s))[0]
         return self.transform(nu, s, e)
 
-    def transform(self, nu, s, e: Entries) -> np.ndarray:
+    def transform(self, nu: np.ndarray, s: np.ndarray, e: Entries) -> np.ndarray:
         """
         Return the standard normal value at the sample's place in its predicted distribution.
 

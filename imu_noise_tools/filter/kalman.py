@@ -11,6 +11,7 @@ Fading memory (alpha < 1) weighs the past down: P^- = Phi P Phi^T/alpha + Q.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +24,16 @@ SETTLED = (
 LOG_2PI = float(np.log(2 * np.pi))
 
 
-def predict(space: StateSpace, x, p, alpha: float = 1.0):
+def predict(
+    space: StateSpace, x: Any, p: Any, alpha: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (x, P) one interval later; x (d,) or (d, axes)."""
     return space.phi @ x, space.phi @ p @ space.phi.T / alpha + space.q
 
 
-def update(space: StateSpace, x, p, z):
+def update(
+    space: StateSpace, x: np.ndarray, p: np.ndarray, z: Any
+) -> tuple[np.ndarray, np.ndarray, Any, float]:
     """
     Return (x, P, innovation, S) with the sample z weighed in; Joseph form.
 
@@ -72,7 +77,14 @@ class Steady:
         return float(self.space.rate @ self.after @ self.space.rate)
 
 
-def riccati(phi, q, h, r, alpha: float = 1.0, doublings: int = 50) -> np.ndarray | None:
+def riccati(
+    phi: np.ndarray,
+    q: np.ndarray,
+    h: np.ndarray,
+    r: float,
+    alpha: float = 1.0,
+    doublings: int = 50,
+) -> np.ndarray | None:
     """
     Return the predicted covariance P^- in steady state, or None where there is none.
 
@@ -137,7 +149,7 @@ def _powers(a: np.ndarray, b: int) -> np.ndarray:
     return out[:b + 1]
 
 
-def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray):
+def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray) -> Any:
     """
     Filter z (n,) or (n, axes) from the state x (d,) or (d, axes) at constant gain.
 
@@ -212,7 +224,12 @@ class Run:
 
 
 def resume(
-    space: StateSpace, z: np.ndarray, x, p, alpha: float = 1.0, steady: Steady | None = None
+    space: StateSpace,
+    z: np.ndarray,
+    x: np.ndarray,
+    p: np.ndarray,
+    alpha: float = 1.0,
+    steady: Steady | None = None,
 ) -> Run:
     """
     Filter evenly spaced z (n,) from the prediction (x, P) of its first sample.
@@ -245,7 +262,7 @@ def run(space: StateSpace, z: np.ndarray, alpha: float = 1.0, steady: Steady | N
                   steady or steady_state(space, alpha))
 
 
-def log_likelihood(innovations: np.ndarray, s) -> float:
+def log_likelihood(innovations: np.ndarray, s: Any) -> float:
     """
     Return the log-likelihood of innovations (n,) with variances s.
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -37,8 +38,8 @@ class Modes:
     stay: float
 
 
-def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wander=WANDER,
-                  acceleration=ACCELERATION) -> Modes:
+def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wander: Any = WANDER,
+                  acceleration: Any = ACCELERATION) -> Modes:
     """
     Return the default bank.
 

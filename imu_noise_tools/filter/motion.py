@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from .oscillation import Oscillation, parameters
-from .statespace import Block, Motion, nothing
+from .statespace import Block, Look, Motion, nothing
 from ..core.units import DEG
-from ..loop.effect import Parameter
+from ..loop.effect import Effect, Parameter
 
 DIFFUSE = (
     3000 * DEG
@@ -46,7 +46,7 @@ class ConstantRate(Motion):
     hint = 'right at rest and on a rate table; in motion something must drive the rate'
     reference = 'Qian, Xia, Que, Zhang 2010'
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the integrator alone."""
         return _integrator([[1.0]], [[0.0]])
 
@@ -81,16 +81,16 @@ class ArIncrement(Motion):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return the paper's: phi = 0.107, q = 4e-4 (deg/s)^2."""
         return cls({'phi': 0.107, 'q': 4e-4 * DEG ** 2})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return bandwidths from a thousandth to a tenth of the rate."""
         return [cls({'phi': 0.1, 'q': f * look.r}) for f in (1e-6, 1e-4, 1e-2, 1.0)]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return one step, whatever dt: the paper counts in messages."""
         phi, q = self['phi'], self['q']
         return _integrator([[1, 1], [0, phi]], [[0, 0], [0, q]], q / (1 - phi ** 2))
@@ -112,16 +112,16 @@ class AngularAcceleration(Motion):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return motion by hand: 100 (deg/s^2)^2/s."""
         return cls({'q': 100 * DEG ** 2})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return bandwidths (q/(R dt))^(1/4)/2 pi from a hundredth to a fifth of the rate."""
         return [cls({'q': x ** 4 * look.r / look.dt ** 3}) for x in np.geomspace(0.003, 1.0, 8)]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the doubly integrated white noise."""
         q = self['q'] * np.array([[dt ** 3 / 3, dt ** 2 / 2], [dt ** 2 / 2, dt]])
         return _integrator([[1, dt], [0, 1]], q, (100 * DEG) ** 2)
@@ -146,16 +146,16 @@ class Jerk(Motion):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return motion by hand: 1e4 (deg/s^3)^2/s."""
         return cls({'q': 1e4 * DEG ** 2})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return bandwidths (q/(R dt))^(1/6)/2 pi from a hundredth to a fifth of the rate."""
         return [cls({'q': x ** 6 * look.r / look.dt ** 5}) for x in np.geomspace(0.01, 1.0, 7)]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the triply integrated white noise."""
         power = np.array(
             [
@@ -188,12 +188,12 @@ class Singer(Motion):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return turns by hand: 50 deg/s^2 for half a second."""
         return cls({'sigma': 50 * DEG, 'tc': 0.5})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """
         Return manoeuvres of a few samples to many seconds.
 
@@ -208,7 +208,7 @@ class Singer(Motion):
             if tc > 2 * look.dt
         ]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the sampled form; its series where dt << tc and the closed one cancels."""
         sigma2, tc = self['sigma'] ** 2, self['tc']
         x = dt / tc
@@ -237,7 +237,7 @@ class Harmonic(Oscillation, Motion):
     parameters = parameters(1e-6, band)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return the paper's rocking by 50 deg at 10 s."""
         return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1, 'tc': 1e4})
 
@@ -259,12 +259,12 @@ class RateStep(Motion):
                   Parameter('rate', 'Hz', 1e-4, 10.0, title='steps in a second'))
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a step of 30 deg/s every ten seconds."""
         return cls({'size': 30 * DEG, 'rate': 0.1})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """
         Return steps of two to two hundred times the noise.
 
@@ -279,6 +279,6 @@ class RateStep(Motion):
             for rate in (0.03, 0.2, 2.0)
         ]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return what a bank of two makes of it: with and without a jump in this interval."""
         return nothing(step=(min(0.5, self['rate'] * dt), self['size'] ** 2))

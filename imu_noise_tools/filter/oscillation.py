@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .statespace import Block, FilterEffect
+from .statespace import Block, FilterEffect, Look
 from ..core import gauss_markov
 from ..loop.effect import Effect, Parameter
 
@@ -45,7 +45,7 @@ class Oscillation(FilterEffect):
     band: ClassVar[tuple[float, float]]
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return the two strongest lines of the band."""
         low, high = cls.band
         found = [(f, a) for f, a in look.lines if low <= f <= min(high, 0.49 / look.dt)][:2]

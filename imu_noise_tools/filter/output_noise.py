@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from .oscillation import Oscillation, parameters
-from .statespace import Block, nothing, OutputNoise
+from .statespace import Block, Look, nothing, OutputNoise
 from ..core import gauss_markov
 from ..core.units import DEG
 from ..loop.effect import Effect, Model, Parameter
@@ -44,16 +44,16 @@ class White(OutputNoise):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return the ADIS16350's 0.60 deg/s."""
         return cls({'R': 0.36 * DEG ** 2})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return what third differences show."""
         return [cls({'R': look.r})]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return R."""
         return nothing(r=self['R'])
 
@@ -73,13 +73,13 @@ class NoiseLevel(OutputNoise):
     parameters = (Parameter('factor', '1', 1e-4, 1e4, title='variance over what was stated'),)
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return some levels, and that of the third differences over what they should be."""
         return [
             cls({'factor': float(np.clip(f, 1e-3, 1e3))}) for f in (0.3, 1.5, np.mean(look.u**2))
         ]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the factor."""
         return nothing(r_factor=self['factor'])
 
@@ -102,12 +102,12 @@ class GaussMarkov(OutputNoise):
     several = True
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return half a degree a second over 0.1 s."""
         return cls({'sigma': 0.5 * DEG, 'tc': 0.1})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return colours of a few samples to a tenth of the record."""
         longest = 0.1 * len(look.z) * look.dt
         return [
@@ -116,7 +116,7 @@ class GaussMarkov(OutputNoise):
             for k in (0.1, 0.5, 2.0)
         ]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return one AR(1) state."""
         sigma, tc = self['sigma'], self['tc']
         return Block(
@@ -150,11 +150,11 @@ class RandomWalk(OutputNoise):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a MEMS gyroscope's."""
         return cls({'K': 1e-6})
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the Gauss-Markov state that wanders alike for an hour."""
         return GaussMarkov({'sigma': self['K'] * np.sqrt(LONGEST / 2), 'tc': LONGEST}).block(dt)
 
@@ -177,7 +177,7 @@ class Sinusoid(Oscillation, OutputNoise):
     parameters = parameters(1e-8, band)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return one degree a second at 20 Hz."""
         return cls({'amplitude': DEG, 'frequency': 20.0, 'tc': STEADY})
 
@@ -204,12 +204,12 @@ class Outliers(OutputNoise):
                   Parameter('factor', '1', 4.0, 1e6, title='their variance over R'))
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return one sample in a hundred, ten times the noise."""
         return cls({'fraction': 0.01, 'factor': 100.0})
 
     @classmethod
-    def guesses(cls, look):
+    def guesses(cls, look: Look) -> list[Effect]:
         """Return from one in a thousand to one in twenty, 3 to 100 times the noise."""
         if not look.tails:
             return []
@@ -219,7 +219,7 @@ class Outliers(OutputNoise):
             for c in (10.0, 100.0, 1e3, 1e4)
         ]
 
-    def block(self, dt):
+    def block(self, dt: float) -> Block:
         """Return the mixture."""
         return nothing(outliers=(self['fraction'], self['factor']))
 

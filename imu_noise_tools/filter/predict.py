@@ -11,6 +11,7 @@ Many sets of values at once where it must be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,7 @@ def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Predi
 
 def by_bank(
     models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, scores: bool = True
-):
+) -> Any:
     """
     Return log-likelihoods (k,) and scores (k, n - settle) of k models of one structure.
 

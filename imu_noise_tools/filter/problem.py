@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -182,7 +182,7 @@ class FilterProblem(Problem):
         total = sum(v.excess * len(v.pull) for v in score.views.values())
         return {'nats_per_sample': float(total / (2 * len(u))), 'nis': float(np.mean(u * u))}
 
-    def advice(self, verdict: str, ranked, failed) -> str:
+    def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         """Say what to do next."""
         if verdict == 'missing':
             return f'add {ranked[0].name}: {registry(DOMAIN)[ranked[0].name].hint}'
@@ -252,7 +252,7 @@ def _line_near(z, f, dt):
 
 
 def problem_of(
-    t: np.ndarray, z: np.ndarray, target: str, stated=None, alpha: float = 1.0
+    t: np.ndarray, z: np.ndarray, target: str, stated: Any = None, alpha: float = 1.0
 ) -> FilterProblem:
     """
     Return the problem of one axis of a record.
@@ -276,7 +276,7 @@ def problem_of(
     return FilterProblem(z, 1 / rate_hz, target, stated, alpha)
 
 
-def problems(arrays) -> dict[str, FilterProblem]:
+def problems(arrays: Mapping[str, Any]) -> dict[str, FilterProblem]:
     """Return the problem of each axis from the arrays of evidence.npz."""
     out = {}
     for target in [str(a) for a in arrays['targets']]:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,11 @@ class Filtered:
 
 
 def filter_record(
-    t: np.ndarray, z: np.ndarray, design: Design, rate_hz: float | None = None, progress=None
+    t: np.ndarray,
+    z: np.ndarray,
+    design: Design,
+    rate_hz: float | None = None,
+    progress: Any = None,
 ) -> Filtered:
     """
     Filter samples z (n, axes) at stamps t (s) in the order in which they came.
@@ -178,7 +183,7 @@ def _by_chunks(z, keys, design, clock, progress):
 class _Lanes:
     """A bank that filters several chunks at once; ``keys`` are those of the whole record."""
 
-    def __init__(self, keys, design: Design, clock: Clock, chunks: int, axes: int):
+    def __init__(self, keys: Any, design: Design, clock: Clock, chunks: int, axes: int):
         kinds, self.which = np.unique(np.where(keys == RESTART, 0, keys), return_inverse=True)
         self.table = Coefficients([design.modes(clock.span(int(k))) for k in kinds], design.alpha)
         self.common = [self.table.at(i).tiled(chunks) for i in range(len(kinds))]
@@ -188,7 +193,7 @@ class _Lanes:
         self.axes = axes
         self.bank = Bank(self.table, chunks * axes)
 
-    def step(self, samples, at, first: bool):
+    def step(self, samples: np.ndarray, at: Any, first: bool) -> Any:
         """Return (rate, variance, score) of one sample a lane, at these places of the record."""
         bank = self.bank
         now = self.which[at]

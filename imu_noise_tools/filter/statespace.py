@@ -16,7 +16,7 @@ covariance would grow without end in what cannot.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -159,7 +159,7 @@ class OutputNoise(FilterEffect):
     kind: ClassVar[str] = 'noise'
 
 
-def nothing(**parts) -> Block:
+def nothing(**parts: Any) -> Block:
     """Return a block without states: only R, outliers or a step."""
     empty = np.zeros((0, 0))
     return Block(empty, empty, np.zeros(0), empty, **parts)

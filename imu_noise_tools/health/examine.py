@@ -65,7 +65,7 @@ class Health:
     backward: int
     jitter_s: float | None              # scatter of the stamps about an even clock
     stamps: str                         # what they look like, a key of core.clock.PATTERNS
-    received: str                       # the same of the times of receiving; empty: none
+    received: str                       # the same of the receive times; empty: none
     tick_s: float                       # step of the grid the stamps lie on; 0: none
     resolvable: int                     # fewer samples lost in a row would not show
     clock_steps: int                    # how often the clock of the stamps was set

@@ -31,6 +31,9 @@ LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
 MOST_SET_ASIDE = 0.05       # share of the time that is set aside by itself
 PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
+MOTION_KEPT = (
+    'analysed with --keep-motion: the record may hold motion, which is no noise of the sensor'
+)
 RECORDING = (
     'lay the IMU on something solid, at rest and away from people and machines, and record it '
     'still for at least 60 s (hours, for all but the white noise)'
@@ -97,13 +100,14 @@ def prepare(
         memory.rest()
     except ImuNoiseError as error:
         raise error.after(*record.warnings)
+    record = record.warned(*([MOTION_KEPT] if keep_motion else []))
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
 
 
 def _enough(record: ImuRecord) -> None:
     if record.n < LEAST_SAMPLES:
-        raise InputError(f'{_name(record)} has {record.n} samples, too few to analyse',
-                         f'record at least {LEAST_SAMPLES}, better some hours')
+        raise InputError(f'{_name(record)} has only {record.n} samples, too few to analyse',
+                         f'record at least {LEAST_SAMPLES}, ideally some hours')
 
 
 def _name(record: ImuRecord) -> str:
@@ -115,7 +119,8 @@ def _without_pauses(record: ImuRecord) -> tuple[ImuRecord, SampleClock]:
     clock = fit_clock(record.t)
     if clock is None:
         raise InputError(
-            f'{_name(record)} has no rate to be had from its stamps', 'give one with --rate-hz'
+            f'cannot determine the sample rate of {_name(record)} from its stamps',
+            'give it with --rate-hz'
         )
     where = clock.pauses()
     if not len(where):
@@ -139,7 +144,7 @@ def _finite_enough(record: ImuRecord) -> None:
         raise InputError(
             f'{_name(record)}: {100 * bad / record.n:.3g} % of the samples are not finite (NaN '
             'or infinite)',
-            'mend the driver and record again',
+            'fix the driver and record again',
         )
 
 
@@ -210,7 +215,7 @@ def _set_aside(
     out = _merged([*((d.begin, d.end, d.kind) for d in chosen), *masked])
     total = sum(b - a for a, b, _ in out)
     if masked and total > 0.9 * record.duration_s:
-        raise UsageError('--mask leaves too little to analyse', 'mask less')
+        raise UsageError('--mask leaves too little to analyse', 'mask less of it')
     if chosen:
         record = record.warned(
             f'{_stretches(chosen)} set aside from the noise fit (--no-screen keeps it in)'
@@ -327,7 +332,7 @@ def _rate_doubts(record: ImuRecord) -> list[str]:
         span = float(record.receive_t[-1] - record.receive_t[0])
         if span > 10 and abs(record.duration_s / span - 1) > 0.01:
             said.append(
-                f'the stamps span {record.duration_s:.5g} s and the times of receiving '
+                f'the stamps span {record.duration_s:.5g} s and the receive times '
                 f'{span:.5g} s; '
                 'the stamps were used'
             )

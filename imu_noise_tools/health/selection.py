@@ -51,7 +51,9 @@ class Selection:
     screen: bool = True
 
     @classmethod
-    def of(cls, start='', duration='', mask='', screen: bool = True) -> Selection:
+    def of(
+        cls, start: str = '', duration: str = '', mask: str = '', screen: bool = True
+    ) -> Selection:
         """Return what is meant by texts as typed; raise UsageError where they make no sense."""
         return cls(
             _time('--start', start) if start else None,
@@ -78,7 +80,7 @@ class Selection:
         end = begin + self.duration.seconds(last - first) if self.duration else math.inf
         if begin >= last:
             raise UsageError(
-                f'--start lies behind the end: the record has {last - first:.6g} s', HOW
+                f'--start is past the end: the recording lasts {last - first:.6g} s', HOW
             )
         inside = np.flatnonzero((record.t >= begin) & (record.t <= end))
         a, b = (int(inside[0]), int(inside[-1]) + 1) if len(inside) else (0, 0)
@@ -88,7 +90,7 @@ class Selection:
         )
 
 
-def _time(option: str, text, least: float = 0.0) -> Time:
+def _time(option: str, text: str, least: float = 0.0) -> Time:
     """Return a length of time as typed: seconds, or per cent."""
     share = str(text).strip().endswith('%')
     try:
@@ -96,7 +98,7 @@ def _time(option: str, text, least: float = 0.0) -> Time:
     except ValueError:
         value = math.nan
     if not least <= value < math.inf or share and value > 100:
-        raise UsageError(f'{option} {text} is no length of time', HOW)
+        raise UsageError(f'invalid {option} {text}', HOW)
     return Time(value / 100 if share else value, share)
 
 
@@ -109,6 +111,6 @@ def _masks(text: str) -> tuple[tuple[float, float], ...]:
         except ValueError:
             begin = end = math.nan
         if not 0 <= begin < end < math.inf:
-            raise UsageError(f'--mask {text} is no list of stretches', HOW_MASK)
+            raise UsageError(f'invalid --mask {text}', HOW_MASK)
         out.append((begin, end))
     return tuple(out)

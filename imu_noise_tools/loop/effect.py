@@ -25,7 +25,7 @@ import numpy as np
 
 from . import verdict
 from .domains import DOMAINS, package
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, unknown, UsageError
 
 Details = TypeVar('Details')     # what a domain keeps of a fit
 Capable = TypeVar('Capable')     # a kind of effect
@@ -60,6 +60,8 @@ class Parameter:
     choices : tuple of str
         Names, where it is one of a few: it is written and read by name everywhere, and its value
         among the numbers of a fit is the index (:meth:`choice`).
+    formerly : str
+        Its name in older studies.
 
     """
 
@@ -73,13 +75,15 @@ class Parameter:
     discrete: bool = False
     title: str = ''
     choices: tuple[str, ...] = ()
+    formerly: str = ''
 
     @classmethod
-    def choice(cls, name: str, choices: Iterable[str], title: str = '') -> Parameter:
+    def choice(cls, name: str, choices: Iterable[str], title: str = '',
+               formerly: str = '') -> Parameter:
         """Return a parameter that is one of a few names."""
         names = tuple(choices)
         return cls(name, '1', 0, len(names) - 1, log=False, discrete=True, title=title,
-                   choices=names)
+                   choices=names, formerly=formerly)
 
     def number(self, value: Any) -> float:
         """
@@ -95,10 +99,11 @@ class Parameter:
         except (TypeError, ValueError):
             number = float('nan')
             if not self.choices:
-                raise UsageError(f'{self.name} is {value!r}', 'give a number') from None
+                raise UsageError(
+                    f'{self.name} = {value!r} is not a number', 'give a number') from None
         if self.choices and number not in range(len(self.choices)):
             raise UsageError(
-                f'{self.name} cannot be {value}', f'choose from {", ".join(self.choices)}'
+                f'invalid {self.name} {value}', f'choose from {", ".join(self.choices)}'
             )
         return number
 
@@ -200,9 +205,9 @@ class Effect:
 
     @classmethod
     def parameter(cls, name: str) -> Parameter:
-        """Return a parameter by its name; raise KeyError where there is none."""
+        """Return a parameter by its name or former name; raise KeyError without one."""
         for p in cls.parameters:
-            if p.name == name:
+            if name in (p.name, p.formerly):
                 return p
         raise KeyError(name)
 
@@ -251,7 +256,7 @@ class Model:
             return effect
         if not effect.several:
             raise UsageError(
-                f'the model already has {effect.label}', 'an effect of this kind is there once'
+                f'the model already has {effect.label}', 'it can hold only one of this kind'
             )
         k = 2
         while f'{effect.name}.{k}' in taken:
@@ -363,9 +368,7 @@ def find_effect(domain: str, name: str) -> type[Effect]:
     known = registry(domain)
     plain = re.sub(r'\.\d+$', '', name)
     if plain not in known:
-        raise UsageError(
-            f'there is no {domain} effect named {name}', f'known are {", ".join(known)}'
-        )
+        raise unknown(f'{domain} effect', name, known)
     return known[plain]
 
 
@@ -404,7 +407,7 @@ def load_effects(path: str | Path) -> list[str]:
     except UsageError:
         raise
     except (Exception, SystemExit) as error:
-        raise InputError(f'{path}: {type(error).__name__}: {error}', 'mend the file') from error
+        raise InputError(f'{path}: {type(error).__name__}: {error}', 'fix the file') from error
     found = [
         n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
     ]

@@ -196,7 +196,7 @@ class Study:
         names = [t for t in self.chosen(targets) if label in self.states[t].model]
         if not names:
             some = sorted({x for t in self.chosen(targets) for x in self.states[t].model.labels})
-            raise UsageError(f'no target has {label} in its model', f'there is {", ".join(some)}')
+            raise UsageError(f'{label} is in no model', f'choose from {", ".join(some)}')
         steps = []
         for t in names:
             before = self.states[t]

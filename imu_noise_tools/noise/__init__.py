@@ -21,7 +21,8 @@ from .kinds import (
     Response,
     Spectrum,
 )
-from .problem import arrays_of, NoiseProblem, problems
+from .problem import NoiseProblem
+from .stated import arrays_of, problems
 
 TITLE = 'Noise of an IMU at rest'
 NEXT = (('imu_noise export {study} --format kalibr -o imu.yaml',

@@ -20,7 +20,7 @@ from .evidence import Evidence
 from .kinds import Line, Mean, NoiseEffect, Spectrum
 from ..core import units
 from ..core.errors import UsageError
-from ..core.statistics import ONE_SIDED, TWO_SIDED
+from ..core.statistics import interval, ONE_SIDED
 from ..loop.effect import Estimate, Fit, Model
 
 FLAT = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: the flat part is 0.664 B
@@ -117,7 +117,7 @@ class _CurveTerms:
 def _from_square(square: float, spread: float, unit: str) -> Estimate:
     """Return an amplitude from its square and the standard deviation of that."""
     value = float(np.sqrt(square))
-    low, high = (float(np.sqrt(max(square + k * spread, 0))) for k in (-TWO_SIDED, TWO_SIDED))
+    low, high = np.sqrt(interval(square, spread, positive=True)).tolist()
     if low > 0:
         return Estimate(value, spread / (2 * value), (low, high), unit, point=value)
     upper = float(np.sqrt(square + ONE_SIDED * spread))

@@ -19,13 +19,16 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.special import digamma
 
 from .kinds import Defect, Line, measured
+from .shared import derived, SHAKEN
 from ..core import allan
 from ..core.record import sensor_of
 from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Estimate, Model
 
+NEAR = 12  # bins on either side of a line that tell the level there
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
 
@@ -85,7 +88,27 @@ class Common:
 
     def pair(self, a: str, b: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of two channels; with itself, the power."""
-        return self.cross[min(a, b), max(a, b), part]
+        found = self.cross.get((min(a, b), max(a, b), part))
+        if found is None and (derived(a) or derived(b)):
+            return np.zeros(next(len(v) for k, v in self.cross.items() if k[2] == part))
+        return self.cross[min(a, b), max(a, b), part] if found is None else found
+
+    def holds(self, channel: str) -> bool:
+        """Tell whether a channel was recorded or derived."""
+        return channel in self.slow
+
+    def first(self, channel: str, part: str) -> np.ndarray:
+        """Return the first coefficients (k,) of a channel, 0 of one that was not derived."""
+        found = self.low.get((channel, part))
+        if found is None and derived(channel):
+            return np.zeros(next(len(v) for k, v in self.low.items() if k[1] == part))
+        return self.low[channel, part] if found is None else found
+
+    def blocks(self, channel: str) -> np.ndarray:
+        """Return the block means (s,) of a channel, 0 of one that was not derived."""
+        if channel not in self.slow and derived(channel):
+            return np.zeros(len(self.slow_t))
+        return self.slow[channel]
 
 
 @dataclass(frozen=True)
@@ -155,7 +178,11 @@ class Evidence:
     @property
     def channels(self) -> tuple[str, ...]:
         """Other axes and covariates that were recorded."""
-        return tuple(k for k in self.common.slow if k != self.axis)
+        return tuple(k for k in self.common.slow if k != self.axis and not derived(k))
+
+    def shaken(self, axis: str) -> bool:
+        """Tell whether an axis hears, above its own noise, what another hears."""
+        return self.common.holds(axis + SHAKEN)
 
     def cross(self, channel: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of this axis with another channel."""
@@ -165,21 +192,27 @@ class Evidence:
         """Return a row of the line table with its errors, which are the Cramer-Rao bound."""
         frequency, a, b, _ = (float(x) for x in self.line_table[row])
         amplitude, t = float(np.hypot(a, b)), self.duration
-        at = self.whole.bins.index(max(1, min(self.whole.n - 1, int(2 * t * frequency))))
-        level = float(np.median(self.whole.power[max(0, at - 5):at + 6]))
+        level = self._level(frequency)
         return MeasuredLine(
             measured(frequency, float(np.sqrt(3 * level / (np.pi**2 * amplitude**2 * t**3)))),
             measured(amplitude, float(np.sqrt(level / t))),
         )
 
+    def _level(self, frequency: float) -> float:
+        """Return the power around a frequency: the geometric mean of bins, what it lacks added."""
+        bins = self.whole.bins
+        at = bins.index(max(1, min(bins.n - 1, int(2 * self.duration * frequency))))
+        near = np.abs(np.arange(len(bins.f)) - at) <= NEAR
+        # a bin of few coefficients is mostly below its level, and a line took some of them along
+        half = bins.count[near] / 2
+        log = np.log(np.maximum(self.whole.power[near], 1e-300)) + np.log(half) - digamma(half)
+        low, high = np.quantile(log, (0.1, 0.9))
+        return float(np.exp(np.average(np.clip(log, low, high), weights=half)))
+
     def no_line(self, frequency: float | None = None) -> Estimate:
         """Return the amplitude of a line that is not there: 95 % of a Rayleigh amplitude."""
-        power = self.whole.power
-        if frequency is not None:
-            at = self.whole.bins.index(
-                max(1, min(self.whole.n - 1, int(2 * self.duration * frequency))))
-            power = power[max(0, at - 5):at + 6]
-        upper = float(np.sqrt(np.median(power) / self.duration) * 2.45)
+        level = float(np.median(self.whole.power)) if frequency is None else self._level(frequency)
+        upper = float(np.sqrt(level / self.duration) * 2.45)
         return Estimate(None, None, (0.0, upper), upper95=upper, point=0.0,
                         note='not observable: no line stands out of the spectrum')
 

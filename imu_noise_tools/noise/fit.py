@@ -34,14 +34,17 @@ from ..loop.effect import Fit, Model
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
-_HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.7, 0.95))  # or all but these
+_HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
+          (0.7, 0.95))  # or all but these
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
 _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
 _ORDERS = tuple(Order(*order) for order in (
     (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True), (3, 0), (0, 3),
     (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4), (4, 4, True)))
+_BENT = Order(1, 0)  # of one that is too little to be seen
 _TERM = 4.0  # nats that a term of the response must be worth
+_MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
@@ -334,9 +337,12 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
     best = supported_by(bands, x, w, np.ones(len(x)), _BAND)
     chosen = None
     slow = bins.f < _FLAT * 0.5 / bins.dt
-    untied: dict[tuple[int, int], np.ndarray] = {}
+    known: dict[Order, np.ndarray] = {}
+    enough = np.inf
     for order in _ORDERS:
-        near = untied.get(order[:2])
+        if order.terms > enough:
+            continue
+        near = [(o, a) for o, a in known.items() if order.twice and o.within(order)]
         weight = np.ones(len(x))
         for _ in range(3):
             tried = Rational(x, w * weight, bins, order).fit(near)
@@ -345,16 +351,16 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
             values, level, v = tried
             if np.max(np.abs(np.log(v[slow] / level))) > _FLATNESS:
                 break
-            near = values
+            known[order] = values
             score = supported_by(bands, x, w, v, _BAND) - _TERM * order.terms
             if score > best:
                 best, chosen = score, (order, weight, values)
+                if np.all(judge(bands, x / v, w, 0.0).kept):
+                    enough = order.terms + _MORE
             now = judge(bands, x / v, w, 0.0).weight * (v > DEEP * level)
             if np.array_equal(now, weight) or np.sum(now > 0) < 8:
                 break
             weight = now
-        if near is not None:
-            untied[order[:2]] = near[1:]
     if chosen is not None:
         order, weight, values = chosen
         yield Explained(bins.f, weight, order, tuple(values)), np.append(found.x, values)
@@ -364,11 +370,18 @@ def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
     """
     Return the fit made again with a margin for what was too little to be seen.
 
-    What is set aside does not end where a band still agrees: its neighbours are left out too.
+    What is set aside does not end where a band still agrees: its neighbours are left out too, or,
+    where it reaches to the fast end, one term of a response is left open.
 
     """
     basis = found.likelihood.explained
     assert basis is not None
+    if not basis.order.terms and bands.sum(basis.weight)[-1] == 0:
+        begun = replace(basis, order=_BENT, values=(0.0,) * _BENT.terms)
+        more = search.from_point(
+            _with_basis(found.likelihood, begun), np.append(found.x, begun.values))
+        if np.isfinite(more.nll) and _flat(more) and not _lacks(more):
+            return more
     margin = basis.weight * ~bands.beside(basis.weight)[bands.of]
     likelihood = _with_basis(found.likelihood, replace(basis, weight=margin))
     return _finite(search.from_point(likelihood, found.x), search, found)
@@ -405,10 +418,8 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
 def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:
     """Return (measured over model, degrees of freedom) of all bins, (b,)."""
     likelihood = found.likelihood
-    model = likelihood.with_search(found.x)
-    v, _ = likelihood.spectra(model)
-    power = likelihood.solve_linear(model, v).power if likelihood.linear_slots else \
-        likelihood.power
+    _, linear, v, _ = likelihood.value(found.x)
+    power = linear.power if likelihood.linear_slots else likelihood.power
     return power / v, likelihood.full_weight
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.fft import idct
 from scipy.special import ndtri
 
+from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
@@ -115,6 +116,8 @@ class _Gathering:
         self.clean: dict[str, np.ndarray] = {}
         self.cross: dict[tuple[str, str, str], np.ndarray] = {}
         self.low: dict[tuple[str, str], np.ndarray] = {}
+        self.shaken: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+        self.slow_derived: dict[str, np.ndarray] = {}
 
     def samples(self, axis: str, **curve) -> None:
         """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
@@ -168,12 +171,32 @@ class _Gathering:
             c = cosine_transform(values[begin:begin + length])
             coefficients[other] = self.memory.keep(c)
             self.memory.rest()
+        coefficients |= self._derived(coefficients, bins, whole is not None)
         binned = _cross_powers(coefficients, bins, self.memory)
         self.cross |= {(a, b, name): power for (a, b), power in binned.items()}
         for axis in self.axes:
             self.own[axis][name] = Part(length, self.dt, binned[axis, axis], lines[axis], fine)
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
+
+    def _derived(self, coefficients, bins: Bins, first: bool) -> dict[str, np.ndarray]:
+        """Return what is derived of the axes that hear something together."""
+        out: dict[str, np.ndarray] = {}
+        if first:
+            heard = shared.heard_together(
+                {a: self.clean.get(a, self.record.column(a)) for a in self.record.axes
+                 if a in coefficients})
+            for a in sorted(heard):
+                power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
+                self.shaken[a] = bins.f, shared.share(bins, power)
+        length = max(1, self.used // SLOW)
+        for a, (f, share) in self.shaken.items():
+            for name, c in shared.signals(a, coefficients[a], self.dt, f, share):
+                if first:
+                    self.slow_derived[name] = _block_means(idct(c, type=2, norm='ortho'), length)
+                out[name] = self.memory.keep(c)
+                self.memory.rest()
+        return out
 
     def common(self) -> Common:
         """Return what all axes share: slow means, cross-spectra, the lowest coefficients."""
@@ -182,7 +205,7 @@ class _Gathering:
         for name, values in {'t': self.t, **self.clean, **self.covariates}.items():
             slow[name] = _block_means(values[:self.used], length)
             self.memory.rest()
-        return Common(length, slow.pop('t'), slow, self.cross, self.low)
+        return Common(length, slow.pop('t'), slow | self.slow_derived, self.cross, self.low)
 
 
 def _looks(y: np.ndarray, clean: np.ndarray, used: int) -> list[np.ndarray]:

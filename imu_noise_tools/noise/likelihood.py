@@ -14,6 +14,7 @@ parameters move by Fisher scoring with Levenberg's damping.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.fft import dct
@@ -33,6 +34,7 @@ from .kinds import (
     Spectrum,
 )
 from .response import OPEN, OpenResponse
+from .shared import spread
 from ..core.spectrum import Bins, leaked
 from ..loop.effect import Fit, Model, Parameter
 
@@ -133,6 +135,10 @@ class Likelihood:
         self.mean, self.explained, self.full_weight = mean, explained, self.weight
         if explained is not None:
             self.weight = self.weight * explained.on(self.bins)
+        self._spreads = {
+            n: spread(partial(evidence.common.pair, part=part), n)
+            for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
+        self._spreads = {k: v for k, v in self._spreads.items() if np.any(v)}
         self._slow: np.ndarray | None = None
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
@@ -215,8 +221,8 @@ class Likelihood:
         power = np.maximum(power, 1e-300)
         slow = self._slow
         if slow is not None:
-            low = self.evidence.common.low
-            slow = slow - beta @ [low[name, self.part_name][: len(slow)] for name in names]
+            first = self.evidence.common.first
+            slow = slow - beta @ [first(name, self.part_name)[: len(slow)] for name in names]
             if self._known is not None:
                 power = self._less_known(power, slow)
         return power, slow
@@ -341,7 +347,17 @@ class Likelihood:
             # is what is measured
             total = total + self.evidence.resolution**2 * self.dt / 6
             total = total + leaked(total, self.bins)
-        return np.maximum(total, 1e-290), each
+        return np.maximum(total + self._missed(model), 1e-290), each
+
+    def _missed(self, model: Model) -> np.ndarray:
+        """Return the power (b,) of a shared source that the couplings' channels miss."""
+        out = np.zeros(len(self.power))
+        for e in model.of(Coupling) if self._spreads else ():
+            linear = (p.name for p in e.parameters if p.linear)
+            for channel, name in zip(e.channels(self.evidence), linear):
+                if channel in self._spreads:
+                    out = out + e.values.get(name, 0.0) ** 2 * self._spreads[channel]
+        return out
 
     def _spectrum(self, effect, model):
         """Return what one effect puts into the bins, as expected behind the sensor's responses."""
@@ -355,6 +371,11 @@ class Likelihood:
             nothing = np.zeros(0)
             return np.inf, Linear(nothing, nothing, self.power, self.weight, 0.0), v, each
         linear = self.solve_linear(model, v)
+        if self._spreads:       # what a shaken source is missed by goes with the gains
+            for slot, value in zip(self.linear_slots, linear.beta):
+                model = model.with_values({slot.label: {slot.parameter.name: float(value)}})
+            v, each = self.spectra(model)
+            linear = self.solve_linear(model, v)
         nll = (
             0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))
             + 0.5 * linear.log_det

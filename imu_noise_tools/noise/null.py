@@ -12,7 +12,7 @@ AXES = 360
 SOURCES = '89769f069d2f2840'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
-    'accel_coupling': 10.31,
+    'accel_coupling': 10.6,
     'drift': 7.52,
     'duplicates': 6.0,
     'flicker': 7.32,
@@ -30,7 +30,7 @@ PENALTY = {
     'slow_periodic': 10.78,
     'spikes': 6.0,
     'step': 13.69,
-    'temperature': 7.6,
+    'temperature': 8.5,
     'transient': 8.01,
     'variance_change': 14.83,
     'white': 6.0,

@@ -16,9 +16,9 @@ from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
 from .kinds import Line, Spectrum
 from .materiality import Materiality, materiality
-from .plan import duration_for, in_words
+from .plan import durations_for, range_in_words
 from ..core.allan import dominant_shape
-from ..core.errors import UsageError
+from ..core.errors import unknown
 from ..loop.effect import Finding, Fit, Model, Score, unfitted
 from ..loop.problem import Problem
 
@@ -46,7 +46,7 @@ class NoiseProblem(Problem):
         bias_at: str = 'flat',
     ):
         if method not in METHODS:
-            raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
+            raise unknown('method', method, METHODS)
         self.evidence, self.part = evidence, part
         self.method, self.bias_at = method, bias_at
         self.whole = whole or self
@@ -126,15 +126,10 @@ class NoiseProblem(Problem):
             return out  # a model that does not hold plans no record
         for e in fit.model.of(Spectrum):
             for name, estimate in out.get(e.label, {}).items():
-                if (
-                    estimate.value is None
-                    and estimate.upper95
-                    and (estimate.point or 0) > 1e-3 * estimate.upper95
-                ):
-                    t = duration_for(
-                        fit.model, e.label, name, self.evidence.dt, begin=self.evidence.duration
-                    )
-                    more = f'record {in_words(t)} for 20 %' if t else 'not within 1000 h'
+                if estimate.value is None and estimate.upper95:
+                    t = durations_for(fit.model, fit.estimates, e.label, name, self.evidence.dt,
+                                      begin=self.evidence.duration)
+                    more = f'record {range_in_words(*t)} for 20 %'
                     out[e.label][name] = replace(estimate, note=f'{estimate.note}; {more}')
         return out
 

@@ -45,6 +45,15 @@ class Order(NamedTuple):
         """Values that are free."""
         return self.zeros + self.poles - self.tied
 
+    @property
+    def twice(self) -> bool:
+        """Whether it may have several minima: a resonance has two zeros and two poles."""
+        return min(self.zeros, self.poles) >= 2
+
+    def within(self, other: Order) -> bool:
+        """Tell whether another order, higher or tied, can begin with its values."""
+        return self != other and self.zeros <= other.zeros and self.poles <= other.poles
+
 
 class OpenResponse(Response):
     """A nuisance: gain^2 = (1 + sum p_j t_j(u))/(1 + sum q_j t_j(u)), t_j = T_j(2u-1)-T_j(-1)."""
@@ -105,6 +114,14 @@ def _mixing(order: Order) -> np.ndarray:
     return out
 
 
+def _raised_to(order: Order, lower: Order, values) -> np.ndarray:
+    """Return the values of a lower order as those of an order that holds it."""
+    full = _mixing(lower) @ values
+    out = np.concatenate([full[:lower.zeros], np.zeros(order.zeros - lower.zeros),
+                          full[lower.zeros:], np.zeros(order.poles - lower.poles)])
+    return out[1:] if order.tied else out
+
+
 def _terms(u, most):
     """Return T_j(2u-1) - T_j(-1) for j = 1 ... most, (..., most)."""
     x = 2 * u - 1
@@ -138,21 +155,28 @@ class Rational:
         t = _terms(np.sin(np.pi * f * bins.dt) ** 2, max(order.zeros, order.poles))
         self._top, self._bottom = t[..., :order.zeros], t[..., :order.poles]
 
-    def fit(self, near=None):
+    def fit(self, near=()):
         """
         Return (values (terms,), level, v = level gain^2 (b,)); None where there is none.
 
-        ``near`` are values to start from as well. By Fisher scoring of -ln L = 1/2 sum w (ln v +
-        x/v).
+        ``near`` are (order, values) of lower orders to start from as well. By Fisher scoring of
+        -ln L = 1/2 sum w (ln v + x/v).
 
         """
-        begun = [(self._cost(a), a) for a in self._begun()]
-        if near is not None:
-            a = self._raised(np.append(np.log(np.median(self.x)), near))
-            begun.append((self._cost(a), a))
-        best, a = min(begun, key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)
-        if not np.isfinite(best):
+        near = [self._raised(np.append(np.log(np.median(self.x)), _raised_to(self.order, *one)))
+                for one in near]
+        ended = []
+        for some in ([*self._begun()], near):
+            begun = [(c, a) for c, a in ((self._cost(a), a) for a in some) if np.isfinite(c)]
+            if begun:
+                ended.append(self._descended(*min(begun, key=lambda z: z[0])))
+        if not ended:
             return None
+        _, a = min(ended, key=lambda z: z[0])
+        return a[1:], float(np.exp(a[0])), self._slopes(a)[0]
+
+    def _descended(self, best, a):
+        """Return (-ln L, ln level and values) of the minimum reached from a point."""
         mixing, damping = _mixing(self.order), 1e-3
         for _ in range(_STEPS):
             v, slopes = self._slopes(a)
@@ -171,7 +195,7 @@ class Rational:
             damping = max(damping / 10, 1e-9)
             if gain < _ENOUGH:
                 break
-        return a[1:], float(np.exp(a[0])), self._slopes(a)[0]
+        return best, a
 
     def _split(self, a):
         """Return (P, Q) of (ln level, values)."""

@@ -125,6 +125,8 @@ def estimates(likelihood, x, information, linear, reddest):
         spread = float(std[j] * value) if slot.parameter.log else float(std[j])
         lower_bound, upper_bound = slot.bounds
         lo = profile.crossing(j, -1, CHI2_95, wide)
+        if slot.parameter.amplitude and lo is not None and lo > x[j] and _nothing(slot, x[j], lo):
+            lo = None  # of two maxima one is at nothing
         if slot.parameter.amplitude and lo is None:
             upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or upper_bound)
             hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or upper_bound)
@@ -162,6 +164,11 @@ def estimates(likelihood, x, information, linear, reddest):
             )
         out.setdefault(slot.label, {})[slot.parameter.name] = e
     return out, flags
+
+
+def _nothing(slot, at: float, lo: float) -> bool:
+    """Tell whether an amplitude is next to nothing beside the lower end of an interval."""
+    return slot.from_search(at) < 1e-2 * slot.from_search(lo)
 
 
 class _Profile:

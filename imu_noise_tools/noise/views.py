@@ -188,7 +188,7 @@ def slow_rest(evidence: Evidence, model: Model) -> np.ndarray:
     y, t = e.slow_y.astype(float), e.slow_t
     for c in model.of(Coupling):
         for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
-            y = y - c[p.name] * e.slow_others[channel]
+            y = y - c[p.name] * e.common.blocks(channel)
     for i in claimed_lines(e, model):
         f, a, b, _ = e.line_table[i]
         w = 2 * np.pi * f

@@ -14,6 +14,7 @@ from .panels import (
 )
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from ..core import units
+from ..health import MOTION_KEPT
 from ..loop.diagnosis import Diagnosis
 from ..loop.prediction import State
 from ..loop.study import Study
@@ -30,11 +31,14 @@ def pictures(study: Study, full=()) -> dict[str, bytes]:
     ``series``, ``allan``, and ``target <name>`` of each target that is wanted in full.
 
     """
-    out = {'series': png(series_figure(study)), 'allan': png(allan_figure(study))}
+    figures = {'series': series_figure(study), 'allan': allan_figure(study)}
     for t in full:
-        figure = target_figure(study.states[t], study.diagnosis.get(t), left_out(study, t))
-        out[f'target {t}'] = png(figure)
-    return out
+        figures[f'target {t}'] = target_figure(
+            study.states[t], study.diagnosis.get(t), left_out(study, t))
+    if study.source.get('keep_motion'):
+        for figure in figures.values():
+            figure.text(0.004, 0.004, MOTION_KEPT, fontsize=SMALL, color=MODEL)
+    return {name: png(figure) for name, figure in figures.items()}
 
 
 def left_out(study: Study, target: str):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import PurePath
+from typing import Any
 
 from . import words
 from .markup import badge, bullets, cell, escape, image, page, table
@@ -80,11 +81,11 @@ def _bold(text: str) -> str:
     return f'<b>{escape(text)}</b>'
 
 
-def _error(error) -> str:
+def _error(error: Any) -> str:
     return badge(words.error_in_words(error), 'good' if error.within_chance else 'bad')
 
 
-def _measured(study: Study, shown) -> str:
+def _measured(study: Study, shown: Mapping[str, Any]) -> str:
     out = ['<h2>What was measured</h2>']
     known = words.source_rows(study.source)
     if known:
@@ -112,13 +113,13 @@ def _model(study: Study) -> str:
     return '\n'.join(out)
 
 
-def _curves(shown) -> str:
+def _curves(shown: Mapping[str, Any]) -> str:
     """Return the pictures of all targets together, whichever the domain has."""
     return ''.join(f'<h2>{head}</h2>' + image(shown[name], what, _CAPTIONS[name])
                    for name, (head, what) in _TOGETHER.items() if name in shown)
 
 
-def _fails(study: Study, shown) -> str:
+def _fails(study: Study, shown: Mapping[str, Any]) -> str:
     names = list(dict.fromkeys(n for s in study.states.values() for n in s.error.views))
     if not names:
         return ''
@@ -184,7 +185,7 @@ def _next(study: Study, folder: str) -> str:
         f'<code>{escape(command)}</code> {escape(why)}' for command, why in steps)
 
 
-def _ladder(study: Study, shown) -> str:
+def _ladder(study: Study, shown: Mapping[str, Any]) -> str:
     if not any(s.added or s.removed for s in study.history):
         return ''
     out = ['<h2>What happened when effects were added</h2>']

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 import shutil
 import textwrap
+from typing import Any
 
 from . import words
 from ..loop.diagnosis import Diagnosis
@@ -133,7 +134,7 @@ def table(rows: Iterable[Sequence[object]], head: Sequence[str]) -> str:
     return '\n'.join([lines[0], '  '.join('-' * w for w in width), *lines[1:]])
 
 
-def _head(study, verbose):
+def _head(study: Study, verbose: bool) -> Any:
     known = words.source_rows(study.source)
     short = [value for key, value in known if key in ('file', 'topic', 'duration', 'rate')]
     lines = [f'{study.domain}: ' + ', '.join(short)] if short else [study.domain]

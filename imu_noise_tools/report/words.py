@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 import math
 import shlex
+from typing import Any
 
 import numpy as np
 
@@ -145,13 +146,13 @@ def places_in_words(view: View, most: int = 3) -> str:
     return 'worst ' + ', '.join(f'{place} ({size})' for place, size in said.items())
 
 
-def _near(view, x, y):
+def _near(view: View, x: float, y: float) -> bool:
     if view.unit == 'Hz' and x > 0 and y > 0:
         return abs(math.log(x / y)) < 0.4
     return abs(x - y) < 0.05 * np.ptp(view.x)
 
 
-def _place(view, x):
+def _place(view: View, x: float) -> str:
     if view.unit == 'Hz':
         return f'near {x:.3g} Hz' + (f' (period {duration(1 / x)})' if 0 < x < 0.1 else '')
     if view.unit == 's':
@@ -162,7 +163,7 @@ def _place(view, x):
     return f'at {x:.3g} {view.unit}'.strip()
 
 
-def _size(view, pull):
+def _size(view: View, pull: float) -> str:
     more, less = {'frequency': ('too much', 'too little'), 'variance': ('too high', 'too low'),
                   'distribution': ('too many', 'too few')}.get(view.name, ('', ''))
     return f'{abs(pull):.2g} standard errors {more if pull > 0 else less}'.rstrip()
@@ -299,7 +300,7 @@ def source_rows(source: Mapping) -> list[tuple[str, str]]:
     return out
 
 
-def _source_value(key, value):
+def _source_value(key: str, value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return ', '.join(str(v) for v in value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):

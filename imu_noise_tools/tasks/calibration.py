@@ -9,6 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 import re
+from typing import Any
+
+import numpy as np
 
 from .noise import default_folder
 from .. import calibration as core
@@ -36,7 +39,7 @@ class Calibrated:
     folder: Path | None = None
 
 
-def face_in_name(path) -> str | None:
+def face_in_name(path: str | Path) -> str | None:
     """Return the face that a bag's name says is up (``bench_-z``, ``x_up``), or None."""
     found = _FACE.search(Path(path).stem.lower())
     if not found:
@@ -81,9 +84,9 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
     """
     records = list(records)
     if not records:
-        raise UsageError('no record', 'name a bag')
+        raise UsageError('nothing to calibrate from', 'name a bag')
     if not 0 <= tilt_deg <= 10:
-        raise UsageError(f'a tilt of {tilt_deg:g} deg makes no sense', 'give 0 to 10')
+        raise UsageError(f'invalid tilt: {tilt_deg:g} deg', 'it must be 0 to 10')
     if sensor is None:
         sensor = 'accel' if rate_deg_s is None and turn_deg is None else 'gyro'
     if sensor == 'accel' and not (rate_deg_s is None and turn_deg is None):
@@ -117,17 +120,17 @@ def _faces(records, g, seconds):
         if expected:
             face, _ = core.nearest_face(poses.outputs.mean(1))
             if face == ('-' if expected[0] == '+' else '+') + expected[1]:
-                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g: '
+                raise InputError(f'{r.path}: by its name {expected} is up, but {face} reads +g: '
                                  f'upside down',
                                  'REP-145: +g on the axis that points up; mend the driver\'s '
                                  'sign, or rename the bag')
             if face != expected:
-                raise InputError(f'{r.path}: {expected} is up by its name, but {face} reads +g',
+                raise InputError(f'{r.path}: by its name {expected} is up, but {face} reads +g',
                                  'rename the bag, or check the axes of the driver')
     return numbered(core.joined(parts)), notes
 
 
-def numbered(poses):
+def numbered(poses: core.Poses) -> core.Poses:
     """Return poses that have no name of their own numbered through."""
     names = [f'pose {k + 1}' if n.startswith('pose ') else n for k, n in enumerate(poses.names)]
     return replace(poses, names=tuple(names))
@@ -164,7 +167,7 @@ def as_dict(study: Study) -> dict:
     return store.plain(data)
 
 
-def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
     """Return all files of a calibration study by name; ``folder`` is what the page names."""
     shown = report.pictures(study)
     return {**store.study_files(study), 'calibration.png': shown['poses'],
@@ -172,9 +175,18 @@ def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
             FILE: store.dump_yaml(as_dict(study))}
 
 
-def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, rate_hz=None,
-              force=False,
-              progress: Progress | None = None, **options) -> Calibrated:
+def calibrate(
+    bags: Iterable[str | Path] | str | Path,
+    out: str | Path | None = None,
+    *,
+    topic: str | None = None,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
+    rate_hz: float | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Calibrated:
     """
     Calibrate from bags; write calibration.yaml, a picture, a report and the study.
 
@@ -207,7 +219,7 @@ def calibrate(bags, out=None, *, topic=None, gyro_unit=None, accel_unit=None, ra
     return replace(done, folder=folder)
 
 
-def load_correction(path) -> core.Correction:
+def load_correction(path: str | Path) -> core.Correction:
     """
     Return what corrects samples from a calibration.yaml, or a folder that holds one.
 
@@ -243,7 +255,15 @@ def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
     return record
 
 
-def apply_calibration(bag, out, calibration, *, topic=None, force=False, progress=None) -> Path:
+def apply_calibration(
+    bag: str | Path,
+    out: str | Path,
+    calibration: str | Path,
+    *,
+    topic: str | None = None,
+    force: bool = False,
+    progress: Any = None,
+) -> Path:
     """
     Copy a bag with ``imu/data_calibrated`` beside its topics; return where it is.
 
@@ -265,7 +285,7 @@ def apply_calibration(bag, out, calibration, *, topic=None, force=False, progres
 class Session(core.Session):
     """A person's session that can also be diagnosed, saved and loaded: what the node holds."""
 
-    def __init__(self, *args, **options):
+    def __init__(self, *args: Any, **options: Any):
         super().__init__(*args, **options)
         self._study: Study | None = None
         self._loaded: core.Correction | None = None
@@ -295,7 +315,7 @@ class Session(core.Session):
         self._study = study
         self.calibration = core.of_study(study)
 
-    def diagnose(self):
+    def diagnose(self) -> Any:
         """Return what is missing in the solution's model."""
         return self.study.diagnose()[self.sensor]
 
@@ -304,7 +324,9 @@ class Session(core.Session):
         """What corrects samples: the solution, else what was loaded, else None."""
         return self.calibration.correction if self.calibration is not None else self._loaded
 
-    def apply(self, gyro, accel, temperature=None):
+    def apply(
+        self, gyro: np.ndarray, accel: np.ndarray, temperature: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """
         Return (gyro, accel), (3,) each, corrected.
 
@@ -315,7 +337,7 @@ class Session(core.Session):
             return core.applied(self._loaded, gyro, accel, temperature)
         return super().apply(gyro, accel, temperature)
 
-    def save(self, path) -> Path:
+    def save(self, path: str | Path) -> Path:
         """
         Write calibration.yaml, whole.
 
@@ -327,7 +349,7 @@ class Session(core.Session):
         files.atomic_write(path, store.dump_yaml(as_dict(self.study)))
         return path
 
-    def load(self, path) -> core.Correction:
+    def load(self, path: str | Path) -> core.Correction:
         """Take a calibration.yaml as what is applied until something is solved."""
         loaded = load_correction(path)
         if loaded.sensor != self.sensor:

@@ -46,7 +46,7 @@ SPEC: dict[str, Any] = {
 }
 
 
-def demo(out, progress=None, say: Callable[[str], None] = print) -> dict:
+def demo(out: str | Path, progress: Any = None, say: Callable[[str], None] = print) -> dict:
     """
     Run the story into a folder (made anew); return what was found.
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -92,12 +93,12 @@ class Done:
 
 
 def filter_bag(
-    bag,
-    out,
+    bag: str | Path,
+    out: str | Path,
     *,
-    model=None,
-    motion=AUTO,
-    noise=('white',),
+    model: str | Path | None = None,
+    motion: Any = AUTO,
+    noise: Any = ('white',),
     alpha: float = 1.0,
     values: Mapping | None = None,
     topic: str | None = None,
@@ -161,7 +162,7 @@ def filter_bag(
 
     if not force and folder.exists():
         raise InputError(
-            f'{folder}: is there already', 'use --force to replace it, or another name'
+            f'{folder}: exists already', 'replace it with --force, or choose another name'
         )
     with together:
         written = copy_bag(
@@ -172,7 +173,7 @@ def filter_bag(
                 made['figures'], made['notes'])
 
 
-def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
     """Return all files of a filter's study by name; ``folder`` is what the page names."""
     pictures = report.pictures(study)
     return {**store.study_files(study), 'innovations.png': pictures['innovations'],
@@ -184,7 +185,8 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
     from ..bag import Changed
     if record.gyro is None:
         raise InputError(f'{record.path} has no gyroscope', 'the filter is for angular rates')
-    stated, notes = {}, []
+    stated: Any = {}
+    notes: list[str] = []
     if model is not None:
         rate = rate_hz or record.rate_hz
         motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
@@ -246,7 +248,9 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
     return Study.begin(problems, model, source)
 
 
-def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
+def from_study(
+    folder: str | Path, motion: Any = AUTO, noise: Any = ('white',), dt: float | None = None
+) -> tuple[Any, Any, Any, list[str]]:
     """
     Return (motion, noise, stated values by axis and label, notes) from the folder of a study.
 
@@ -267,7 +271,7 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
         )
     entries = {a: data['targets'][a] for a in AXES if a in data['targets']}
     if not entries:
-        raise InputError(f'{folder}: has no gyroscope axis', 'analyse one')
+        raise InputError(f'{folder}: no gyroscope axis', 'analyse a recording that has one')
     found, notes = {}, []
     for axis, entry in entries.items():
         if data['domain'] == 'noise':
@@ -286,7 +290,7 @@ def from_study(folder, motion=AUTO, noise=('white',), dt: float | None = None):
     noises = [Model(m.of(OutputNoise)) for m in whole]
     wanted = [noise] if isinstance(noise, str) else [] if isinstance(noise, Model) else list(noise)
     if wanted and isinstance(wanted[0], Model):
-        raise UsageError('both a study and models of noise are given', 'give one')
+        raise UsageError('both a study and noise models are given', 'give only one')
     for name in wanted:
         if name and name not in noises[0]:
             noises = [m + find_effect(DOMAIN, name)() for m in noises]

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from ..bag import open_record, Scratch, TopicInfo, topics
 from ..core.errors import InputError
@@ -34,7 +36,12 @@ class Inspection:
     beside: tuple[Inspection, ...] = ()
 
 
-def inspect(bag, topic=None, selection: Selection | None = None, progress=None) -> Inspection:
+def inspect(
+    bag: str | Path,
+    topic: str | None = None,
+    selection: Selection | None = None,
+    progress: Any = None,
+) -> Inspection:
     """Return what a bag, or a part of its record, holds; raises what reading it raises."""
     memory = Scratch()
     selection = selection or Selection()

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -18,15 +19,17 @@ from ..loop.study import Study
 BEYOND = 3.0  # standard deviations
 
 
-def change(folder, what: Callable[[Study], object]) -> tuple[Study, object]:
+def change(folder: str | Path, what: Callable[[Study], object]) -> tuple[Study, object]:
     """Load a study, do something to it, rewrite all of its files; return it and what came back."""
     study = store.load(folder)
+    if study.source.get('sheet'):
+        raise InputError(f'{folder}: a data sheet, no measurement', 'analyse a record of the unit')
     result = what(study)
     files.replace_files(folder, outputs(study, folder))
     return study, result
 
 
-def outputs(study: Study, folder) -> dict[str, str | bytes]:
+def outputs(study: Study, folder: str | Path) -> dict[str, str | bytes]:
     """Return all files of a study of any domain by name; ``folder`` is what the page names."""
     return part('tasks', study.domain).outputs(study, folder)
 

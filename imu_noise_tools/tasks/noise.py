@@ -10,14 +10,14 @@ import csv
 from dataclasses import replace
 import io
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from .. import export, report, store
 from ..bag import open_record, Scratch
 from ..core import files
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, unknown, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare, Selection
 from ..loop.effect import model_of
@@ -79,9 +79,9 @@ def analyse_record(
     """
     model = model_of('noise', effects)
     if not len(model):
-        raise UsageError('no effect to fit', f'e.g. --effects {",".join(DEFAULT_EFFECTS)}')
+        raise UsageError('no effects to fit', f'e.g. --effects {",".join(DEFAULT_EFFECTS)}')
     if method not in METHODS:
-        raise UsageError(f'there is no method {method}', f'known are {", ".join(METHODS)}')
+        raise unknown('method', method, METHODS)
     for a in axes or ():
         sensor_of(a)
     selection = selection or Selection()
@@ -144,7 +144,7 @@ def _axes(ready: Sequence[ImuRecord], axes: Iterable[str] | None) -> list[str]:
     if missing:
         raise InputError(
             f'{path}: {", ".join(missing)} is constant or not recorded',
-            f'there is {", ".join(able)}',
+            f'choose from {", ".join(able)}',
         )
     return axes
 
@@ -191,17 +191,17 @@ def _one_source(record: ImuRecord) -> dict:
 
 
 def analyse(
-    bag,
-    out=None,
+    bag: str | Path,
+    out: str | Path | None = None,
     *,
-    topic=None,
-    rate_hz=None,
-    input_kind='rate',
-    gyro_unit=None,
-    accel_unit=None,
-    force=False,
+    topic: str | None = None,
+    rate_hz: float | None = None,
+    input_kind: str = 'rate',
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
+    force: bool = False,
     progress: Progress | None = None,
-    **options,
+    **options: Any,
 ) -> tuple[Study, Path]:
     """
     Analyse a bag and write its study.
@@ -238,7 +238,7 @@ def analyse(
     return study, folder
 
 
-def look_again(study: Study, bag, progress: Progress | None = None) -> None:
+def look_again(study: Study, bag: str | Path, progress: Progress | None = None) -> None:
     """
     Draw a study's evidence anew from its recording, with what effects known since then look at.
 
@@ -254,7 +254,8 @@ def look_again(study: Study, bag, progress: Progress | None = None) -> None:
 
     """
     if study.domain != NoiseProblem.domain:
-        raise UsageError(f'--bag is not for a {study.domain} study', 'it keeps all samples itself')
+        raise UsageError(
+            f'--bag does not apply to a {study.domain} study', 'it keeps all its samples')
     source, memory = study.source, Scratch()
     streams = source.get('streams') or {'': source}
     topic = ','.join(one['topic'] for one in streams.values() if one.get('topic'))
@@ -278,7 +279,7 @@ def look_again(study: Study, bag, progress: Progress | None = None) -> None:
         study.states[target] = assess(p, study.states[target].model)
 
 
-def default_folder(bag) -> Path:
+def default_folder(bag: str | Path) -> Path:
     """Return ``<bag>.study`` beside the bag."""
     path = Path(bag)
     return (
@@ -286,7 +287,7 @@ def default_folder(bag) -> Path:
     )
 
 
-def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
+def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
     """
     Return all files of a noise study by name.
 
@@ -304,11 +305,18 @@ def outputs(study: Study, folder=None) -> dict[str, str | bytes]:
 
 
 def allan_csv(study: Study) -> str:
-    """Return the curves with the model's deviation beside them."""
+    """
+    Return the curves with the model's deviation beside them.
+
+    With a column ``motion`` more where motion may be in them.
+
+    """
+    kept = ['kept'] if study.source.get('keep_motion') else []
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(
-        ['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model']
+        ['axis', 'tau_s', 'n', 'adev', 'adev_lo', 'adev_hi', 'percent_error', 'edf', 'model',
+         *(['motion'] if kept else [])]
     )
     for axis, state in study.states.items():
         evidence = cast(NoiseProblem, state.problem).evidence
@@ -316,6 +324,6 @@ def allan_csv(study: Study) -> str:
         model = np.sqrt(model_curve(evidence, state.model, c.m))
         for row in zip(c.tau, c.count, c.dev, c.lo, c.hi, c.percent_error, c.edf, model):
             writer.writerow(
-                [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:])]
+                [axis, repr(float(row[0])), int(row[1]), *(repr(float(x)) for x in row[2:]), *kept]
             )
     return text.getvalue()

@@ -5,23 +5,26 @@
 
 from __future__ import annotations
 
-from typing import cast
+from pathlib import Path
+from typing import Any, cast
 
 from .. import store
-from ..loop.effect import find_effect, Model
-from ..noise.plan import duration_for, in_words, precision
+from ..loop.effect import Estimate, find_effect, Model
+from ..noise.plan import durations_for, precision, range_in_words
 from ..noise.problem import NoiseProblem
 
 _EFFECTS = {'N': 'white', 'B': 'flicker', 'K': 'random_walk'}
 
 
 def plan(
-    folder, given, *, sensor: str = 'gyro', rate_hz: float = 100.0, wanted: float = 0.2
+    folder: str | Path | None, given: Any, *, sensor: str = 'gyro', rate_hz: float = 100.0,
+    wanted: float = 0.2
 ) -> list[dict]:
     """
     Return one row a parameter: what an hour gives, and how long a record must be.
 
-    The record is as long as the wanted relative precision takes.
+    The record is as long as the wanted relative precision takes, from the interval of the
+    parameter: ``seconds_at_least`` at its upper end, ``seconds`` at its lower.
 
     Parameters
     ----------
@@ -40,18 +43,20 @@ def plan(
     if folder:
         study = store.load(folder)
         problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
-        models = {t: (s.model, problems[t].evidence.dt) for t, s in study.states.items()}
+        models = {t: (s.model, problems[t].evidence.dt, s.fit.estimates)
+                  for t, s in study.states.items()}
         holds = {t: problems[t].matters(s.fit).sufficient for t, s in study.states.items()}
     else:
         models = {
             sensor: (
                 Model(find_effect('noise', _EFFECTS[k])({k: v}) for k, v in given.items()),
                 1 / rate_hz,
+                {_EFFECTS[k]: {k: Estimate(v, None, None, '')} for k, v in given.items()},
             )
         }
         holds = {sensor: True}
     rows: list[dict] = []
-    for target, (model, dt) in models.items():
+    for target, (model, dt, estimates) in models.items():
         if not holds[target]:
             rows.append({'target': target, 'parameter': 'all', 'value': None, 'one_hour': '',
                          'one_hour_relative': None, 'seconds': None,
@@ -59,16 +64,19 @@ def plan(
             continue
         hour = precision(model, 3600.0, dt)
         for (label, name), share in hour.items():
-            t = duration_for(model, label, name, dt, wanted)
+            e = estimates[label][name]
+            least, most = durations_for(model, estimates, label, name, dt, wanted)
             rows.append(
                 {
                     'target': target,
                     'parameter': f'{label}.{name}',
-                    'value': model[label][name],
+                    'value': e.value,
+                    'upper95': e.upper95,
                     'one_hour': f'{100 * share:.2g} %' if share < 10 else 'nothing',
                     'one_hour_relative': share,
-                    'record': in_words(t) if t else 'more than 1000 h',
-                    'seconds': t,
+                    'record': range_in_words(least, most),
+                    'seconds_at_least': least,
+                    'seconds': most,
                 }
             )
     return rows

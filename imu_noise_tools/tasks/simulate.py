@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from .. import store
 from ..bag import write_bag
@@ -14,7 +15,7 @@ from ..core.errors import ImuNoiseError
 from ..simulate import simulate as simulate_record
 
 
-def simulate(spec, out, force: bool = False) -> dict:
+def simulate(spec: Any, out: str | Path, force: bool = False) -> dict:
     """
     Simulate a specification (a mapping, or the path of a YAML file) into a bag; return the truth.
 

@@ -3,57 +3,73 @@
 
 """Coupling of acceleration into the rate: g-sensitivity and vibration rectification."""
 
+import numpy as np
+
 from ..kinds import Coupling, Parameter
+from ..shared import HEARD, LATER, quarter_later, SHAKEN
+
+
+AXES = tuple('xyz')
 
 
 class AccelCoupling(Coupling):
     """The rate holds a share of each accelerometer axis, and of the squared vibration."""
 
     name = 'accel_coupling'
-    symbol = 'gain_x, gain_y, gain_z, rectification'
+    symbol = 'gain_x, gain_y, gain_z, later_x, later_y, later_z, rectification, heard'
     title = 'g-sensitivity and vibration rectification'
-    equation = 'rate = ... + gain_x a_x + gain_y a_y + gain_z a_z + rectification |a - mean a|^2'
+    equation = (
+        'rate = ... + sum gain_i a_i + later_i H[a_i] + rectification |a - mean a|^2, H a quarter '
+        'of a period later; a as recorded, or what in it stands above its own noise'
+    )
     signature = 'coherence of the gyroscope axis with accelerometer axes, where the mount shakes'
     hint = (
-        'Acceleration and vibration leak into the gyroscope. Damp the mount, move the sensor '
-        'away from the source; calibrate g-sensitivity on several poses.'
+        'Acceleration and vibration leak into the gyroscope, or the mount turns as it shakes. '
+        'Damp the mount, move the sensor away from the source; calibrate g-sensitivity on several '
+        'poses.'
     )
     reference = 'IEEE 1554, g-sensitivity and vibration rectification error'
     needs = 'record the accelerometer along with the gyroscope; it applies to gyroscope axes'
     decide = 'shake the mount gently along one axis after the other, and record the accelerometer'
-    parameters = tuple(
-        Parameter(name, unit, -1e6, 1e6, log=False, amplitude=True, linear=True, title=title)
-        for name, unit, title in (
-            ('gain_x', '{rate}/(m/s^2)', 'share of x'),
-            ('gain_y', '{rate}/(m/s^2)', 'share of y'),
-            ('gain_z', '{rate}/(m/s^2)', 'share of z'),
-            ('rectification', '{rate}/(m/s^2)^2', 'share of the squared vibration'),
-        )
+    parameters = (
+        *(
+            Parameter(name, unit, -1e6, 1e6, log=False, amplitude=True, linear=True, title=title)
+            for name, unit, title in (
+                *((f'gain_{c}', '{rate}/(m/s^2)', f'share of {c}') for c in AXES),
+                *((f'later_{c}', '{rate}/(m/s^2)', f'share of {c} a quarter of a period later')
+                  for c in AXES),
+                ('rectification', '{rate}/(m/s^2)^2', 'share of the squared vibration'),
+            )
+        ),
+        Parameter.choice('heard', HEARD, title='what of the accelerometer'),
     )
+    optional = tuple(f'later_{c}' for c in AXES)
 
     def starts(self, evidence):
         """For gyroscope axes, where the accelerometer was recorded."""
-        return [self] if self.channels(evidence) else []
+        return [e for e in (self.with_values(heard=h) for h in HEARD) if e.channels(evidence)]
 
     def channels(self, evidence):
-        """Return the accelerometer axes and their squared vibration."""
-        names = ('accel_x', 'accel_y', 'accel_z', 'accel_square')
-        return (
-            names
-            if evidence.sensor == 'gyro' and all(n in evidence.channels for n in names)
-            else ()
-        )
+        """Return the accelerometer axes, twice, and their squared vibration."""
+        axes = tuple(f'accel_{c}' for c in AXES)
+        recorded = all(n in evidence.channels for n in (*axes, 'accel_square'))
+        if evidence.sensor != 'gyro' or not recorded:
+            return ()
+        if self.values.get('heard'):
+            if not any(evidence.shaken(a) for a in axes):
+                return ()
+            axes = tuple(a + SHAKEN for a in axes)
+        return (*axes, *(a + LATER for a in axes), 'accel_square')
 
     def apply(self, x, inputs, rng):
         """Add the shares of the accelerometer axes in the inputs."""
-        import numpy as np
-
-        a = np.column_stack([inputs.axes[f'accel_{c}'] for c in 'xyz'])
+        a = np.column_stack([inputs.axes[f'accel_{c}'] for c in AXES])
         a = a - a.mean(axis=0)
-        gains = np.array([self['gain_x'], self['gain_y'], self['gain_z']])
-        return x + a @ gains + self['rectification'] * np.sum(a**2, axis=1)
+        gains, late = (np.array([self[f'{k}_{c}'] for c in AXES]) for k in ('gain', 'later'))
+        x = x + a @ gains + self['rectification'] * np.sum(a**2, axis=1)
+        return x + quarter_later(a) @ late if np.any(late) else x
 
     @classmethod
     def example(cls):
         """Return a g-sensitivity of 0.1 deg/s/g (1.8e-4 rad/s for each m/s^2) on x."""
-        return cls({'gain_x': 1.8e-4, 'gain_y': 0.0, 'gain_z': 0.0, 'rectification': 0.0})
+        return cls({p.name: 0.0 for p in cls.parameters} | {'gain_x': 1.8e-4, 'heard': 'all'})

@@ -6,7 +6,7 @@
 import numpy as np
 
 from ..kinds import Defect, Parameter, Response
-from ...core.statistics import repeats, TWO_SIDED
+from ...core.statistics import interval, repeats
 from ...loop.effect import Estimate, Finding
 
 
@@ -42,7 +42,7 @@ class Duplicates(Defect, Response):
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
         Parameter.choice('pattern', ('random', 'regular'),
-                         title='runs of any length, or always of the same'),
+                         title='runs of any length, or always of the same', formerly='regular'),
     )
 
     @classmethod
@@ -90,8 +90,7 @@ class Duplicates(Defect, Response):
             float(gain),
             effect,
             {
-                'fraction': Estimate(
-                    share, std, (max(share - TWO_SIDED * std, 0), share + TWO_SIDED * std)),
+                'fraction': Estimate(share, std, interval(share, std, positive=True)),
                 'pattern': Estimate(effect['pattern'], None, None),
             },
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '

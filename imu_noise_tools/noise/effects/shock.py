@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 from scipy.special import chdtri, digamma, polygamma
 
 from ..kinds import Defect, Parameter
-from ...core.statistics import row_medians, TWO_SIDED
+from ...core.statistics import interval, row_medians
 from ...loop.effect import Estimate, Finding
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
@@ -116,7 +116,7 @@ class Shock(Defect):
             float(np.sum(kept['worth'])),
             self.with_values(**values),
             {
-                name: Estimate(v, float(s), (max(v - TWO_SIDED * s, 0.0), v + TWO_SIDED * s))
+                name: Estimate(v, float(s), interval(v, float(s), positive=True))
                 for (name, v), s in zip(values.items(), spread.values())
             },
             view='distribution',

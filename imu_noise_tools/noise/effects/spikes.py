@@ -11,11 +11,11 @@ from scipy.special import log_ndtr, ndtri
 from ..kinds import Defect, Parameter
 from ...core.statistics import (
     grid_step,
+    interval,
     median_sigma,
     middle_sigma,
     repeats,
     row_medians,
-    TWO_SIDED,
 )
 from ...loop.effect import Estimate, Finding
 
@@ -144,8 +144,7 @@ class Spikes(Defect):
             float(gain),
             effect,
             {
-                'rate': Estimate(
-                    rate, float(std), (max(rate - TWO_SIDED * std, 0), rate + TWO_SIDED * std)),
+                'rate': Estimate(rate, float(std), interval(rate, float(std), positive=True)),
                 'sigma': Estimate(
                     spread,
                     spread / np.sqrt(2 * k),

@@ -11,17 +11,22 @@ from ..views import block_variance, followed_by, power_in_time, rough_degrees
 from ...core.statistics import interval
 from ...loop.effect import Estimate, Finding
 
+FORMS = ('step', 'stretch', 'drift', 'periodic')
+MOST = 4  # stretches
+TIMES = tuple(('time', 'duration') if k == 1 else (f'time_{k}', f'duration_{k}')
+              for k in range(1, MOST + 1))
+
 
 class VarianceChange(Modulation):
     """The noise itself grows, shrinks or comes and goes: a step, a stretch, a drift, a period."""
 
     name = 'variance_change'
-    symbol = 'factor, time, period, duration'
+    symbol = 'form, factor, time, period, duration'
     title = 'variance that changes in time'
     equation = (
-        'variance x factor from time on, or for a duration; x 1 + (factor - 1) t/T over the '
-        'record (time 0, period 0); or swinging by factor between its extremes with a period, '
-        'largest at time'
+        'variance x factor from time on (step), or for a duration, up to four times (stretch); x '
+        '1 + (factor - 1) t/T over the record (drift); or swinging by factor between its extremes '
+        'with a period, largest at time (periodic)'
     )
     signature = (
         'the dynamic Allan deviation moves; the power of blocks in time scatters more than '
@@ -34,34 +39,38 @@ class VarianceChange(Modulation):
     reference = 'Galleani and Tavella, The dynamic Allan variance, 2009'
     decide = 'record again with everything around switched off'
     parameters = (
+        Parameter.choice('form', FORMS, title='how it changes'),
         Parameter('factor', '1', 1e-3, 1e3, title='ratio of the variances'),
-        Parameter(
-            'time',
-            's',
-            0,
-            1e7,
-            log=False,
-            title='when (step), when largest (period), 0 for a drift',
-        ),
+        Parameter('time', 's', 0, 1e7, log=False, title='when; when largest (periodic)'),
         Parameter('period', 's', 0, 1e7, log=False, title='0 unless periodic'),
         Parameter('duration', 's', 0, 1e7, log=False, title='0 unless it ends again'),
+        *(
+            Parameter(name, 's', 0, 1e7, log=False, title=f'{what} of stretch {k}, 0 for none')
+            for k, pair in enumerate(TIMES[1:], 2)
+            for name, what in zip(pair, ('beginning', 'duration'))
+        ),
     )
 
-    neutral = {'factor': 1.0, 'time': 0.0, 'period': 0.0, 'duration': 0.0}
+    neutral = {p.name: 1.0 if p.name == 'factor' else 0.0 for p in parameters}
 
     def variance(self, t):
         """Return the factor at t (s)."""
         t = np.asarray(t, float)
-        f = self['factor']
-        if self['period'] > 0:
+        f, form = self['factor'], self.chosen('form')
+        if form == 'periodic' and self['period'] > 0:
             swing = (f - 1) / (f + 1)
             return 1 + swing * np.cos(2 * np.pi * (t - self['time']) / self['period'])
-        if self['duration'] > 0:
-            since = t - self['time']
-            return np.where((since >= 0) & (since < self['duration']), f, 1.0)
-        if self['time'] > 0:
+        if form == 'stretch':
+            inside = np.zeros(t.shape, bool)
+            for begin, duration in TIMES:
+                since = t - self[begin]
+                inside |= (since >= 0) & (since < self[duration])
+            return np.where(inside, f, 1.0)
+        if form == 'step':
             return np.where(t >= self['time'], f, 1.0)
-        return 1 + (f - 1) * t / max(float(t[-1]), 1e-300)
+        if form == 'drift':
+            return 1 + (f - 1) * t / max(float(t[-1]), 1e-300)
+        return np.ones(t.shape)
 
     def measure(self, evidence):
         """
@@ -73,21 +82,20 @@ class VarianceChange(Modulation):
         t, x, w = power_in_time(evidence)
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
         w = rough_degrees(x, w)
-        some = sorted(self._shapes(t, x @ w / w.sum()), key=lambda z: z[1] + _nll(z[0], t, x, w))
+        some = sorted(self._shapes(t, x @ w / w.sum(), float(w.sum())),
+                      key=lambda z: z[1] + _nll(z[0], t, x, w))
         found = [self._refined(e, t, x, w, cost) for e, cost in some[:2]]
         gain, effect, std = max(found, key=lambda z: z[0])
         if not gain > 0:
             return None
         f = effect['factor']
-        shape = (
-            f'swings with a period of {effect["period"]:.3g} s'
-            if effect['period'] > 0
-            else f'is another for {effect["duration"]:.4g} s from {effect["time"]:.4g} s on'
-            if effect['duration'] > 0
-            else f'steps at {effect["time"]:.4g} s'
-            if effect['time'] > 0
-            else 'drifts'
-        )
+        shape = {
+            'periodic': f'swings with a period of {effect["period"]:.3g} s',
+            'stretch': 'is another ' + ', '.join(
+                f'for {effect[b]:.4g} s from {effect[a]:.4g} s on' for a, b in TIMES if effect[b]),
+            'step': f'steps at {effect["time"]:.4g} s',
+            'drift': 'drifts',
+        }[effect.chosen('form')]
         return Finding(
             self.name,
             float(gain),
@@ -103,16 +111,17 @@ class VarianceChange(Modulation):
 
     def _refined(self, start, t, x, w, cost):
         """Return (gain, effect, std) of a shape at its likeliest values, from a start."""
-        names = ['factor', *(k for k in ('time', 'period', 'duration') if start[k] > 0)]
-        steps = {'factor': 1.0, 'time': t[1] - t[0], 'period': start['period'] / len(t),
-                 'duration': t[1] - t[0]}
+        used = [k for k in start.values if k not in ('form', 'factor') and start[k] > 0]
+        names = ['factor', *(used if len(used) < 4 else ())]   # edges of many lie where blocks do
+        steps = {k: t[1] - t[0] for k in used}
+        steps |= {'factor': 1.0, 'period': start['period'] / len(t)}
         scale = np.array([steps[k] for k in names])
 
         def at(z):
             moved = dict(zip(names, [start[k] for k in names] + scale * z))
             factor = start['factor'] * np.exp(np.clip(z[0], -9, 9))
             moved['factor'] = np.clip(factor, 1e-3, 1e3)
-            return self.with_values(**{**start.values, **{k: float(v) for k, v in moved.items()}})
+            return start.with_values(**{k: float(v) for k, v in moved.items()})
 
         def nll(z):
             return _nll(at(z), t, x, w)
@@ -127,12 +136,16 @@ class VarianceChange(Modulation):
             bend = (nll(best.x + h) - 2 * best.fun + nll(best.x - h)) / 0.01
             if bend > 0:
                 std[name] = float((effect['factor'] if j == 0 else scale[j]) / np.sqrt(bend))
-                if name in ('time', 'duration') and not effect['period'] > 0:
+                if name != 'factor' and not effect['period'] > 0:
                     # an edge within a block: its place is told by that block's level alone
                     std[name] = float(np.hypot(std[name], 0.1 * scale[j]))
         return -best.fun - cost, effect, std
 
-    def _shapes(self, t, x):
+    def _of(self, form: str, **values: float):
+        """Return a form with these values, neutral else."""
+        return self.with_values(**self.neutral).with_values(form=form, **values)
+
+    def _shapes(self, t, x, degrees):
         """Return (effect, nats to pay for the search) of each shape near its likeliest values."""
         n = len(x)
         total = np.cumsum(x)
@@ -143,17 +156,17 @@ class VarianceChange(Modulation):
         k = int(np.argmax(profile))
         width = t[1] - t[0]
         yield (
-            self.with_values(
-                factor=float(b[k] / a[k]), time=float(t[i[k]] - width / 2), period=0.0,
-                duration=0.0,
-            ),
+            self._of('step', factor=float(b[k] / a[k]), time=float(t[i[k]] - width / 2)),
             0.5 * np.log(n) + 1,
         )
-        yield self._stretch(t, x), np.log(n) + 2
+        one = self._stretch(t, x)
+        yield one, np.log(n) + 2
+        several = self._stretches(t, x, degrees, one)
+        if several is not None:
+            yield several, np.log(n) * sum(several[k] > 0 for _, k in TIMES) + 2
         slope, begin = np.polyfit(t / t[-1], x, 1)
         factor = np.clip((begin + slope) / max(begin, 0.01 * level), 0.01, 100)
-        yield self.with_values(factor=float(factor), time=0.0, period=0.0,
-                               duration=0.0), 0.0
+        yield self._of('drift', factor=float(factor)), 0.0
         y = x / level - 1
         power = np.abs(np.fft.rfft(y, 4 * n)) ** 2
         power[:6] = 0
@@ -163,11 +176,9 @@ class VarianceChange(Modulation):
         swing = min(abs(z), 0.95)
         peak = float(np.angle(z) / (2 * np.pi) * -period + t[0]) % period
         yield (
-            self.with_values(
-                factor=float((1 + swing) / (1 - swing)),
-                time=peak if peak > 0 else period,
-                period=float(period),
-                duration=0.0,
+            self._of(
+                'periodic', factor=float((1 + swing) / (1 - swing)),
+                time=peak if peak > 0 else period, period=float(period),
             ),
             np.log(n),
         )
@@ -184,15 +195,54 @@ class VarianceChange(Modulation):
         a, b = inside / count, (total[-1] - inside) / (n - count)
         k = int(np.argmin(count * np.log(a) + (n - count) * np.log(b)))
         width = float(t[1] - t[0])
-        return self.with_values(
-            factor=float(np.clip(a[k] / b[k], 1e-3, 1e3)), period=0.0,
+        return self._of(
+            'stretch', factor=float(np.clip(a[k] / b[k], 1e-3, 1e3)),
             time=float(t[i[k]] - width / 2), duration=float(count[k] * width),
         )
+
+    def _stretches(self, t, x, degrees, one):
+        """
+        Return the likeliest course between two levels, from those of one stretch on.
+
+        None where it has not two to four stretches. Levels and course are found in turn, the
+        course by Viterbi's algorithm, ln n nats a switch.
+
+        """
+        inside = block_variance(one, t) != 1
+        for _ in range(4):
+            if not 2 < inside.sum() < len(x) - 2:
+                return None
+            level = np.array([np.mean(x[~inside]), np.mean(x[inside])])
+            cost = 0.5 * degrees * (np.log(level) + x[:, None] / level)
+            inside = _course(cost, 0.5 * np.log(len(x)) + 1)
+        if inside[0]:
+            inside, level = ~inside, level[::-1]
+        edges = np.flatnonzero(np.diff(np.r_[False, inside, False].astype(int))).reshape(-1, 2)
+        if not 2 <= len(edges) <= MOST:
+            return None
+        width = float(t[1] - t[0])
+        values = {'factor': float(np.clip(level[1] / level[0], 1e-3, 1e3))}
+        for (begin, duration), (i, j) in zip(TIMES, edges):
+            values |= {begin: float(t[i] - width / 2), duration: float((j - i) * width)}
+        return self._of('stretch', **values)
 
     @classmethod
     def example(cls):
         """Return a variance that is 2.5 times as large from 100 s on."""
         return cls({**cls.neutral, 'factor': 2.5, 'time': 100.0})
+
+
+def _course(cost, switch: float) -> np.ndarray:
+    """Return in which of two states, (n,) bool, each block is, of least total cost (n, 2)."""
+    best, came = cost[0].copy(), np.zeros((len(cost), 2), int)
+    for k in range(1, len(cost)):
+        stay, change = best, best[::-1] + switch
+        came[k] = np.where(change < stay, [1, 0], [0, 1])
+        best = np.minimum(stay, change) + cost[k]
+    state = [int(np.argmin(best))]
+    for k in range(len(cost) - 1, 0, -1):
+        state.append(int(came[k, state[-1]]))
+    return np.array(state[::-1], bool)
 
 
 def _nll(effect, t, x, w) -> float:
