@@ -47,6 +47,7 @@ _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
+_CREDIBLE = 0.3  # share of the bands that must agree for the others to be called disturbed
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
 
@@ -277,6 +278,7 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
 
     Bands are chosen and fitted in turn until they stay, beginning with those of the slow end, with
     all, and with all but some in the middle; of where that ends, what explains most bands holds.
+    Where that is few of them the model is wrong, not disturbed, and every bin counts.
 
     """
     thorough, search = search, replace(search, cautious=False)
@@ -287,8 +289,9 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     seen: list[np.ndarray] = []
     begins = _beginnings(plain, now, hint)
     ended = [e for e in (_settled(search, bands, plain, b, seen) for b in begins) if e]
-    held = [found for found, _ in sorted(ended, key=lambda e: -e[1])]
-    if not held:
+    ended.sort(key=lambda e: -e[1])
+    held = [found for found, _ in ended]
+    if not held or ended[0][1] < _CREDIBLE * bands.count and not _lacks(plain):
         return plain
     best = _score(bands, held[0])
     for basis, x in _behind_responses(bands, held[0], hint):

@@ -125,7 +125,8 @@ def _with_amplitudes(likelihood, model, share):
     None below a share of where it matters most.
 
     """
-    spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)]
+    spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)
+               and any(p.amplitude for p in e.parameters)]
     for e in spectra:
         amplitude = [p.name for p in e.parameters if p.amplitude]
         rest = {
