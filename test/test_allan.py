@@ -260,7 +260,7 @@ def test_too_short(n):
 
 
 def test_unknown_deviation():
-    with pytest.raises(UsageError, match='no deviation median') as error:
+    with pytest.raises(UsageError, match='unknown deviation median') as error:
         allan.curve(np.arange(100.0), 0.01, deviation='median')
     assert 'oadev' in error.value.remedy
 

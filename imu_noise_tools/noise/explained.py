@@ -28,6 +28,7 @@ AGREES = 4.0  # standard errors within which a band is explained
 NEARLY = 0.02  # or this share of its power
 FAR = 5.0  # standard errors beyond which one bin alone is set aside
 MANY = 200  # coefficients from which the slope inside a band says something
+FEW, SCARCE = 3, 1e-3  # coefficients whose own level is not below this share of the model's
 COST = 0.5 * AGREES**2  # nats that a level of its own costs a band
 
 
@@ -243,7 +244,9 @@ def supported(
     """
     w = np.maximum(weight, 0.5)
     own = -0.5 * weight * (np.log(v) + power / v)
-    free = -0.5 * weight * (np.log(np.maximum(power, 1e-300)) + 1)
+    # one coefficient that happens to be zero, or was solved for, is no level
+    least = np.where(weight < FEW, SCARCE * v, 1e-300)
+    free = -0.5 * weight * (np.log(np.maximum(power, least)) + 1)
     chance = 0.5 * w * (np.log(w / 2) - digamma(w / 2))
     return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - cost)))
 
