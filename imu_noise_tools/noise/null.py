@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 360
-SOURCES = '5d81a596da011b9a'
+SOURCES = '7ccaec6b8f7a6a1f'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 10.35,
@@ -27,7 +27,7 @@ PENALTY = {
     'rts': 9.09,
     'shared_noise': 7.32,
     'shock': 6.0,
-    'slow_periodic': 152.01,
+    'slow_periodic': 10.37,
     'spikes': 6.0,
     'step': 13.95,
     'temperature': 11.13,
