@@ -167,7 +167,7 @@ class Spectrum(NoiseEffect):
         return expected(lambda f: self.psd(f, bins.dt), bins)
 
     def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
-        """Return d ``binned``/d ln parameter, (b,), of the parameters that have it in closed form."""
+        """Return d ``binned``/d ln parameter (b,) of those that have it in closed form."""
         return {}
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
