@@ -14,6 +14,7 @@ Analysis, section 3.2), so that all that follows are geometric sums of p = r e^{
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,7 @@ def _sums(bins: Bins, p: complex) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=8)
-def _angles(bins: Bins):
+def _angles(bins: Bins) -> tuple[Any, ...]:
     """
     Return what the sums take from the bins alone.
 
