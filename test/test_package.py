@@ -111,6 +111,7 @@ def test_what_the_package_imports_is_to_be_had_by_who_follows_the_readme(root):
 
 
 @pytest.mark.thorough
+@pytest.mark.skipif(sys.version_info >= (3, 12), reason='an old pip needs distutils')
 def test_an_old_pip_puts_the_command_on_the_path(root, tmp_path):
     """That of Python 3.10's ensurepip, without wheel: it must not run setup.py install."""
     copy = tmp_path / 'source'
