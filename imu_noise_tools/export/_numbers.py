@@ -137,3 +137,27 @@ def numbers_of(values: Any) -> str:
 def rows_of(matrix: Any, indent: str) -> str:
     """Return a matrix as rows of YAML."""
     return ''.join(f'{indent}- {numbers_of(row)}\n' for row in np.atleast_2d(matrix))
+
+
+AT_REST = ('These are of the sensor at rest. In flight vibration is many times louder; the '
+           'defaults (0.35, 0.015) allow for it: go below them with logs in hand alone')
+
+
+def steps(numbers: Numbers, parameters: tuple, step: float, limits: str,
+          said: list[str]) -> list[tuple[str, float]]:
+    """
+    Return (name, value) of an autopilot's sigmas of a step of so many s: N and K over its root.
+
+    ``parameters`` are (name, sensor, N or K, low, high); what is out of range is put at its end,
+    and ``said``, with ``limits`` for whose range it is.
+
+    """
+    said.append(AT_REST)
+    out = []
+    for name, sensor, parameter, low, high in parameters:
+        value = numbers.one(sensor, parameter) / step ** 0.5
+        kept = min(max(value, low), high)
+        if kept != value:
+            said.append(f'{name} would be {value:.3g}; {limits} {low:g} to {high:g}')
+        out.append((name, kept))
+    return out

@@ -14,7 +14,7 @@ ground stations and pymavlink's mavparm.py read it.
 
 from __future__ import annotations
 
-from ._numbers import commented, Numbers
+from ._numbers import commented, Numbers, steps
 from ._values import number
 from ..loop.study import Study
 
@@ -33,13 +33,6 @@ def text(study: Study, axes: str = 'worst', inflate: float = 1.0,
     numbers = Numbers(study, axes, inflate, horizon)
     said = numbers.about(f'ArduPilot EKF3: sigma of a step of {STEP_S:g} s: N and K over its '
                          'root, SI')
-    said.append('These are of the sensor at rest. In flight vibration is many times louder; the '
-                'defaults (0.35, 0.015) allow for it: go below them with logs in hand alone')
-    lines = ''
-    for name, sensor, parameter, low, high in PARAMETERS:
-        value = numbers.one(sensor, parameter) / STEP_S ** 0.5
-        kept = min(max(value, low), high)
-        if kept != value:
-            said.append(f'{name} would be {value:.3g}; its range is {low:g} to {high:g}')
-        lines += f'{name},{number(kept)}\n'
-    return commented(said) + lines
+    found = steps(numbers, PARAMETERS, STEP_S, 'its range is', said)
+    lines = (f'{name},{number(value)}\n' for name, value in found)
+    return commented(said) + ''.join(lines)

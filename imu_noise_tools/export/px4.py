@@ -15,7 +15,7 @@ name, value, type (9: a float), with tabs between.
 
 from __future__ import annotations
 
-from ._numbers import commented, Numbers
+from ._numbers import commented, Numbers, steps
 from ._values import number
 from ..loop.study import Study
 
@@ -33,13 +33,6 @@ def text(study: Study, axes: str = 'worst', inflate: float = 1.0,
     numbers = Numbers(study, axes, inflate, horizon)
     said = numbers.about(f'PX4 EKF2: sigma of a step of {STEP_S:g} s (EKF2_PREDICT_US): N and K '
                          'over its root, SI')
-    said.append('These are of the sensor at rest. In flight vibration is many times louder; the '
-                'defaults (0.35, 0.015) allow for it: go below them with logs in hand alone')
-    lines = ''
-    for name, sensor, parameter, low, high in PARAMETERS:
-        value = numbers.one(sensor, parameter) / STEP_S ** 0.5
-        kept = min(max(value, low), high)
-        if kept != value:
-            said.append(f'{name} would be {value:.3g}; PX4 allows {low:g} to {high:g}')
-        lines += f'1\t1\t{name}\t{number(kept)}\t9\n'
-    return commented(said) + lines
+    found = steps(numbers, PARAMETERS, STEP_S, 'PX4 allows', said)
+    lines = (f'1\t1\t{name}\t{number(value)}\t9\n' for name, value in found)
+    return commented(said) + ''.join(lines)
