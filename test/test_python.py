@@ -22,7 +22,7 @@ import imu_noise_tools as imu
 from imu_noise_tools.bag import write_bag
 
 ROOT = Path(__file__).resolve().parents[1]
-SPEC = {'rate_hz': 100, 'duration_s': 400, 'seed': 11, 'targets': {
+SPEC = {'rate_hz': 100, 'duration_s': 200, 'seed': 11, 'targets': {
     a: {'white': {'N': 8.7e-5}, 'flicker': {'B': 2.4e-5}} for a in ('gyro_x', 'gyro_y', 'gyro_z')}}
 SPEC['targets']['gyro_x'] = {**SPEC['targets']['gyro_x'],
                              'sinusoid': {'amplitude': 1.5e-4, 'frequency': 23.4}}
@@ -119,7 +119,7 @@ def test_a_study_has_the_numbers_of_the_command(folder, study, tmp_path):
 
 def test_what_a_record_does_not_show_is_none_with_a_limit(study):
     k = next(study[a].K for a in study if study[a].K.value is None)
-    assert k.interval is None and k.upper95 > 0 and k.unit.endswith('/sqrt(Hz)')
+    assert k.upper95 > 0 and 'below' in k.shown and k.unit.endswith('/sqrt(Hz)')
     with pytest.raises(imu.InputError, match='not observable'):
         float(k)
     n = study['accel_x'].N
@@ -183,7 +183,7 @@ def test_sensors_with_a_clock_of_their_own_are_kept_apart(folder):
     assert imu.analyse(whole, axes=['gyro_z'])['gyro_z'].N.value == pytest.approx(
         imu.analyse(folder / 'still.bag', axes=['gyro_z'])['gyro_z'].N.value, rel=1e-12)
     half = imu.analyse(whole, duration='50%', axes=['gyro_z'])
-    assert half.source['duration_s'] == pytest.approx(200, abs=0.1)
+    assert half.source['duration_s'] == pytest.approx(100, abs=0.1)
 
 
 def test_a_filter_writes_the_bag_it_is_told_to(folder, tmp_path):
