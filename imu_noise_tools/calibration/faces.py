@@ -30,8 +30,8 @@ from scipy.stats import t as student
 from .poses import DIRECTIONS, Poses, unit
 from ..core.statistics import TWO_SIDED
 
-#: rms of a cross-axis term before it is measured; data sheets state 0.5 to 2 % at most
-CROSS = 0.007
+#: rms of a cross-axis term before it is measured: within 1 %, as data sheets state it, uniformly
+CROSS = 0.01 / np.sqrt(3)
 LEAST = 1e-5            # rad: no face is better than that
 ANY = 0.2               # rad: a pose that is called a face by its nearness alone
 #: rms of a rotation of the case before faces speak of it, rad: any
@@ -159,7 +159,13 @@ def settled(scale: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     to_s = np.kron(np.eye(3), keep.T)
     out = to_s @ of_k @ to_s.T
     lost = np.array([kept @ kept - kept[i] ** 2 for i in range(3)]) * np.diag(k) / 2
-    out[[0, 4, 8], [0, 4, 8]] += (lost * min(1.0, 3 / max(q, 3.0))) ** 2
+    unsure = (lost * min(1.0, 3 / max(q, 3.0))) ** 2
+    # a rotation e turns skew into scale: K_ii feels 2 K_ij e_k, and neither factor is certain
+    for e, (i, j) in zip(np.diag(odd @ of_k @ odd.T), ((1, 2), (2, 0), (0, 1))):
+        skew = np.zeros(9)
+        skew[[3 * i + j, 3 * j + i]] = 0.5
+        unsure[[i, j]] += 4 * e * (k[i, j] ** 2 + skew @ of_k @ skew)
+    out[[0, 4, 8], [0, 4, 8]] += unsure
     return r.T @ keep, out
 
 
