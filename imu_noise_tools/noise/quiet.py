@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
+from .explained import Bands
 from .lines import find_peaks, reference_spectrum, take_lines_out
 from ..core.spectrum import Bins, bins_of, CORRECTED, cosine_transform
 from ..core.statistics import gamma_pull_exact
@@ -138,7 +139,9 @@ def _rebinned(y: np.ndarray, dt: float, bins: Bins) -> tuple[np.ndarray, np.ndar
     return power / count, np.where(edges[:-1] >= CORRECTED, count, 0.0)
 
 
-def quiet_from(bins: Bins, bands, power: np.ndarray, quiet: np.ndarray):
+def quiet_from(
+    bins: Bins, bands: Bands, power: np.ndarray, quiet: np.ndarray
+) -> tuple[float, np.ndarray] | None:
     """
     Return (Hz from which the quiet stretches are told apart, bands that are louder), or None.
 
