@@ -169,7 +169,7 @@ def test_licence(root):
 def test_every_file_has_a_licence_header(root):
     """Two SPDX lines, so that a file opens with what it is for."""
     wanted = ('# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers\n'
-              '# SPDX-License-Identifier: Apache-2.0\n')
+              '# SPDX-License-Identifier: Apache-2.0\n\n"""')
     assert not [str(p.relative_to(root)) for p in python_files(root)
                 if (text := p.read_text()).strip() and not text.startswith(wanted)]
 
