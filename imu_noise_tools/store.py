@@ -352,10 +352,9 @@ def study_files(study: Study) -> dict[str, bytes | str]:
     """Return study.yaml and evidence.npz as {name: content}."""
     face = package(study.domain)
     buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer, **face.arrays_of({t: s.problem for t, s in study.states.items()}),
-        **_ladder_arrays(study),
-    )
+    arrays: dict[str, Any] = face.arrays_of({t: s.problem for t, s in study.states.items()})
+    arrays.update(_ladder_arrays(study))
+    np.savez_compressed(buffer, **arrays)
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
 

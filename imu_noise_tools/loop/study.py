@@ -28,7 +28,7 @@ Progress = Callable[[float | None, str], None]      # (share done, what)
 
 @dataclass(frozen=True)
 class Contrast:
-    """The view that a rung changed most: pulls of the model before and after it at x, (k,) each."""
+    """The view that a rung changed most: pulls (k,) at x before and after it."""
 
     view: str
     unit: str
