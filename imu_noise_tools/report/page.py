@@ -68,6 +68,12 @@ def html(study: Study, pictures: Mapping[str, bytes] | None = None,
         _effects(study), _glossary()])
 
 
+def overview(study: Study) -> str:
+    """Return a study as a piece of HTML, for a notebook: verdicts and coefficients, no picture."""
+    each = ''.join(f'<h3>{escape(t)}</h3>{_coefficients(study, t)}' for t in study.targets)
+    return f'<div>{_summary(study)}{each}</div>'
+
+
 # --- what people came for ------------------------------------------------------------------------
 
 def _summary(study: Study) -> str:
