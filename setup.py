@@ -34,6 +34,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', sorted(glob('launch/*.launch.py'))),
         (f'share/{NAME}/config', sorted(glob('config/*.*'))),
+        (f'share/{NAME}/config/sheets', sorted(glob('config/sheets/*.yaml'))),
     ],
     install_requires=[
         'allantools',
@@ -59,6 +60,7 @@ setup(
             'setuptools<80',            # what colcon-core can drive
             'wheel',
         ],
+        'docs': ['furo', 'myst-parser', 'sphinx>=7.2'],
         # Pinned: a new version finds new faults, and a change answers for its own alone.
         'lint': [
             'flake8==7.4.1',
