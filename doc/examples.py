@@ -46,6 +46,7 @@ BLOCK = re.compile(
     r'|^% (?P<word>given|picture): (?P<said>[^\n]*)$', re.M | re.S)
 STATUS = re.compile(r'\s+# exits with (\d+)$')
 NUMBER = re.compile(r'(?<![A-Za-z_])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
+ELSEWHERE = {'python.md'}           # test_python.py runs it, on records of its own
 WIDTH = '100'
 # Shares names between the blocks of a page: a line of code in, a line of what came of it out.
 SERVER = '''
@@ -91,7 +92,8 @@ def blocks(page: str) -> list[Block]:
 
 def pages() -> list[Path]:
     """Return all pages of the manual that hold something to run."""
-    some = sorted(p for p in HERE.rglob('*.md') if 'generated' not in p.parts)
+    some = sorted(p for p in HERE.rglob('*.md')
+                  if 'generated' not in p.parts and p.name not in ELSEWHERE)
     runs = {'console', 'python', 'given', 'picture'}
     return [p for p in some if any(b.kind in runs for b in blocks(p.read_text('utf-8')))]
 

@@ -89,7 +89,8 @@ def shapes():
     for k, (name, values) in enumerate(some.items()):
         effect = find_effect('noise', name)(values)
         both = Model([*white, effect])
-        top = dress(figure.add_subplot(2, 4, k + 1), name, 'τ, s', 'Allan deviation, °/h' * (not k))
+        y = 'Allan deviation, °/h' if k == 0 else ''
+        top = dress(figure.add_subplot(2, 4, k + 1), name, 'τ, s', y)
         top.plot(m * dt, np.sqrt(model_avar(white, m, dt)) / HOUR, '--', color=EFFECTS[0])
         top.plot(m * dt, np.sqrt(model_avar(both, m, dt)) / HOUR, color=MODEL)
         log_scale(top.xaxis, dt, 3000, most=3)

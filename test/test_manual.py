@@ -5,13 +5,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import io
 from pathlib import Path
 import re
+import shlex
 import subprocess
 import sys
 
 import pytest
+
+from imu_noise_tools.cli.main import parser
 
 DOC = Path(__file__).resolve().parents[1] / 'doc'
 LONG = {'tutorial.md'}      # over 40 s of computing
@@ -90,3 +95,77 @@ def test_the_manual_builds_without_a_warning(tmp_path):
     effects = (tmp_path / 'html' / 'generated' / 'effects_noise.html').read_text()
     assert 'gauss_markov' in effects and '<math' in ''.join(
         p.read_text() for p in (tmp_path / 'html' / 'theory').glob('*.html'))
+
+
+def shown_commands():
+    """Return (page, command) of all that is shown and not run: text blocks and inline code."""
+    found = []
+    for page in [*DOC.rglob('*.md'), DOC.parent / 'README.md']:
+        if 'generated' in page.parts or page.name in examples.ELSEWHERE:
+            continue
+        text = page.read_text(encoding='utf-8')
+        lines = [line for b in examples.blocks(text) if b.kind == 'text'
+                 for line in b.text.splitlines()]
+        prose = re.sub(r'^```.*?^```', '', text, flags=re.M | re.S)
+        lines += [' '.join(m.split()) for m in re.findall(r'`([^`]+)`', prose)]
+        found += [(page.relative_to(DOC.parent), line.split('  #')[0].strip()) for line in lines
+                  if re.match(r'(imu_noise|ros2|make|pip install) ', line)]
+    return found
+
+
+def wrong_with(command):
+    """Return what is wrong with a command that is only shown: '' where nothing is."""
+    root = DOC.parent
+    words = shlex.split(command)
+    if words[0] == 'imu_noise':
+        words = [w for w in words if not w.startswith(('…', '...', '[', '|', '>'))]
+        try:
+            with contextlib.redirect_stderr(io.StringIO()) as said:
+                parser().parse_args(words[1:])
+        except SystemExit as end:
+            # what is shown without its arguments names a command
+            bare = len(words) == 2 and 'are required' in said.getvalue()
+            return '' if end.code == 0 or bare else said.getvalue()
+    elif words[0] == 'make':
+        goal = next(w for w in words[1:] if '=' not in w)
+        return '' if re.search(rf'^{goal}:', (root / 'Makefile').read_text(), re.M) else 'target'
+    elif words[:2] == ['ros2', 'launch']:
+        text = (root / 'launch' / words[3]).read_text()
+        return ' '.join(w for w in words[4:]
+                        if f"DeclareLaunchArgument('{w.split(':=')[0]}'" not in text)
+    elif words[:2] == ['ros2', 'run']:
+        known = "'imu_noise'" + (root / 'setup.py').read_text()
+        return '' if f"'{words[3]}'" in known else 'executable'
+    elif words[:3] == ['ros2', 'service', 'call']:
+        _, node, name = words[3].split('/')
+        return '' if (root / 'imu_noise_tools' / 'nodes' / f'{node}.py').exists() and \
+            f"'{name}'" in ''.join(p.read_text() for p in (root / 'imu_noise_tools' / 'nodes')
+                                   .glob('*.py')) else 'service'
+    elif words[0] == 'pip':
+        extras = re.findall(r'\[([\w,]+)\]', command)
+        setup = (root / 'setup.py').read_text()
+        return ' '.join(e for group in extras for e in group.split(',') if f"'{e}':" not in setup)
+    return ''
+
+
+def test_commands_that_are_only_shown_exist():
+    """Those with placeholders, for a robot or for set-up: options, nodes, targets are there."""
+    some = shown_commands()
+    assert len(some) > 30
+    assert not {(str(page), c): said for page, c in some if (said := wrong_with(c))}
+
+
+@pytest.mark.parametrize('command', [
+    'imu_noise analyse', 'imu_noise analyse b --points 7', 'make docs', 'pip install ".[ros]"',
+    'ros2 launch imu_noise_tools live.launch.py imu:=/x', 'ros2 run imu_noise_tools filter',
+    'ros2 service call /analyser/analyse std_srvs/srv/Trigger'])
+def test_a_command_that_exists_passes(command):
+    assert wrong_with(command) == ''
+
+
+@pytest.mark.parametrize('command', [
+    'imu_noise nothing', 'imu_noise analyse b --pints 7', 'make tea', 'pip install ".[tea]"',
+    'ros2 launch imu_noise_tools live.launch.py tea:=/x', 'ros2 run imu_noise_tools tea',
+    'ros2 service call /analyser/tea std_srvs/srv/Trigger'])
+def test_a_command_that_does_not_exist_is_found(command):
+    assert wrong_with(command)
