@@ -10,7 +10,9 @@ from dataclasses import replace
 import hashlib
 from html.parser import HTMLParser
 import math
+from pathlib import Path
 import re
+import shutil
 import subprocess
 import sys
 
@@ -289,6 +291,24 @@ def test_a_rung_keeps_why_it_was_climbed_and_what_it_changed(hidden):
         assert said in story, said
     picture, = [v for k, v in page.attributes if k == 'src']
     assert base64.b64decode(picture.split(',')[1])[:4] == b'\x89PNG'
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(shutil.which('npx') is None, reason='no npx, with which the validator runs')
+def test_pages_are_valid_html(study, pictures, tmp_path):
+    """As html-validate (npm) judges by the HTML standard."""
+    names = []
+    for name, some, shown in (('noise', study, pictures), ('filter', other_study('filter'), {}),
+                              ('calibration', other_study(), {})):
+        names.append(str(tmp_path / f'{name}.html'))
+        Path(names[-1]).write_text(report.html(some, shown), encoding='utf-8')
+    validator = ['npx', '--yes', 'html-validate@10']
+    if subprocess.run([*validator, '--version'], capture_output=True, cwd=tmp_path).returncode:
+        pytest.skip('the validator is not to be had')
+    for preset in ('recommended', 'standard'):
+        done = subprocess.run([*validator, '--preset', preset, *names], capture_output=True,
+                              text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout
 
 
 def test_colours_are_told_apart_by_the_colour_blind():
