@@ -24,6 +24,7 @@ from .turn_problem import arrays_of, problems, TurnsProblem
 from .turns import REFERENCE, refuse_missing_axes, turns
 
 TITLE = 'Calibration of an IMU'
+NUMBERS = ''        # the format whose numbers open the page about a study
 NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a recording'),)
 
 __all__ = [
