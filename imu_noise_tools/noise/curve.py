@@ -35,7 +35,8 @@ def bin_weights(bins: Bins, m: np.ndarray) -> np.ndarray:
     return 2 * wave / (m * np.sin(np.pi * f * bins.dt)) ** 2 * width
 
 
-def effect_avar(evidence: Evidence, model: Model, effect: Effect, m: np.ndarray):
+def effect_avar(evidence: Evidence, model: Model, effect: Effect,
+                m: np.ndarray) -> np.ndarray | None:
     """Return what one effect adds to the Allan variance at cluster sizes m (k,); None: nothing."""
     dt = evidence.dt
     if isinstance(effect, Mean) and type(effect).avar is Mean.avar:

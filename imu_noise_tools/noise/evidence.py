@@ -21,12 +21,12 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import digamma
 
-from .kinds import Defect, Line, measured
+from .kinds import Defect, Line, measured, Modulation
 from .shared import derived, SHAKEN
 from ..core import allan
 from ..core.record import sensor_of
 from ..core.spectrum import Bins, bins_of, folded
-from ..loop.effect import Estimate, Model
+from ..loop.effect import Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
@@ -254,11 +254,11 @@ class Evidence:
             )
         )
 
-    def block_power_of(self, model) -> np.ndarray:
+    def block_power_of(self, model: Model | None) -> np.ndarray:
         """Return the power in time (blocks, bands), without defects where the model holds them."""
         return self.block_power[min(self._screens(model), len(self.block_power) - 1)]
 
-    def cells_of(self, model) -> np.ndarray:
+    def cells_of(self, model: Model | None) -> np.ndarray:
         """
         Return the cells of the distribution.
 
@@ -272,7 +272,7 @@ class Evidence:
                 return self.cells[-1]
         return self.cells[min(self._screens(model), looks - 1)]
 
-    def measured(self, effect):
+    def measured(self, effect: Defect | Modulation) -> Finding | None:
         """Return what a defect finds or a modulation measures here, worked out once."""
         key = type(effect), tuple(sorted(effect.values.items()))
         if key not in self._measured:

@@ -15,6 +15,7 @@ resonance does far from its middle.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -251,7 +252,8 @@ def supported(
     return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - cost)))
 
 
-def stretches(bands: Bands, explained: np.ndarray):
+def stretches(bands: Bands, explained: np.ndarray) -> Iterator[
+        tuple[np.ndarray, float, float]]:
     """
     Yield (bins, low Hz, high Hz) of each stretch that is not explained.
 
@@ -270,7 +272,8 @@ def stretches(bands: Bands, explained: np.ndarray):
         yield np.arange(a, b), float(bands.edges[a]), float(bands.edges[b])
 
 
-def set_aside(bands: Bands, explained, measured, count, v, total) -> tuple[SetAside, ...]:
+def set_aside(bands: Bands, explained: np.ndarray, measured: np.ndarray, count: np.ndarray,
+              v: np.ndarray, total: np.ndarray) -> tuple[SetAside, ...]:
     """
     Return the stretches that are not explained, from low to high frequencies.
 

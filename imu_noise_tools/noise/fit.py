@@ -26,7 +26,7 @@ from .kinds import Mean, Spectrum
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .response import DEEP, OPEN, OpenResponse, Order, Rational
-from .starts import most_promising, reddest, starts
+from .starts import most_promising, reddest, Start, starts
 from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
 from ..core.errors import FitError
 from ..core.statistics import gamma_pull_exact
@@ -98,7 +98,8 @@ class _Search:
         """Starts that are tried."""
         return 6 if self.cautious else 3
 
-    def from_starts(self, plain: Likelihood, proposed, most: int | None = None):
+    def from_starts(self, plain: Likelihood, proposed: list[Start],
+                    most: int | None = None) -> _Found | None:
         """Return the best :class:`_Found` of several starts; None where none is finite."""
         best = None
         for likelihood, x0 in most_promising(plain, proposed, self.mean, most or self.most):
@@ -107,7 +108,7 @@ class _Search:
                 best = found
         return best
 
-    def from_point(self, likelihood: Likelihood, x0) -> _Found:
+    def from_point(self, likelihood: Likelihood, x0: np.ndarray) -> _Found:
         """Return the minimum reached from one point."""
         slowest = reddest(likelihood, x0) if self.cautious else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)

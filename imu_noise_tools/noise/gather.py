@@ -12,7 +12,7 @@ time and kept where a :class:`~imu_noise_tools.core.record.Memory` says.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations_with_replacement
 from typing import cast
 
@@ -59,12 +59,12 @@ def smooth_length(n: int) -> int:
 
 def gather(
     record: ImuRecord,
-    axes,
+    axes: Sequence[str],
     *,
     deviation: str = 'oadev',
     points: int = 100,
     octaves: bool = False,
-    progress=None,
+    progress: Callable[[float, str], None] | None = None,
     memory: Memory | None = None,
 ) -> dict[str, Evidence]:
     """

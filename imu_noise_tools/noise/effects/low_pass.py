@@ -5,7 +5,9 @@
 
 import numpy as np
 
+from ..evidence import Evidence
 from ..kinds import Parameter, Response
+from ...loop.effect import Effect
 
 FORMS = (
     'first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages'
@@ -41,7 +43,7 @@ class LowPass(Response):
         Parameter.choice('form', FORMS, title='shape of the fall'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """
         Return the two best cutoffs of each form.
 
@@ -63,17 +65,17 @@ class LowPass(Response):
             return np.average((left - np.average(left, weights=bins.count)) ** 2,
                               weights=bins.count)
 
-        out = []
+        out: list[Effect] = []
         for form in FORMS:
             some = [self.with_values(cutoff=float(c), form=form) for c in tried[form]]
             out += sorted(some, key=roughness)[:2]
         return out
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
         return {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
 
-    def gain2(self, f, dt):
+    def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
         f, c, form = np.asarray(f, float), self['cutoff'], self.chosen('form')
         if form == 'first_order':
@@ -88,7 +90,7 @@ class LowPass(Response):
         return np.maximum(shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0)), 1e-9)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
         return cls({'cutoff': 12.0, 'form': 'first_order'})
 

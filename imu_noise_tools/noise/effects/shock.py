@@ -3,13 +3,16 @@
 
 """Shocks: knocks that ring and die out."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import chdtri, digamma, polygamma
 
-from ..kinds import Defect, Parameter
+from ..evidence import Evidence
+from ..kinds import Defect, Inputs, Parameter
 from ...core.statistics import interval, row_medians
-from ...loop.effect import Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
 SLOW_S = 1.0  # s: what is slower than that is not looked at
@@ -48,7 +51,7 @@ class Shock(Defect):
     )
 
     @classmethod
-    def statistics(cls, y, inputs):
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Keep begin, end, size, decay and worth in nats of each."""
         loud = _loudness(y, inputs.dt)
         if loud is None:
@@ -82,7 +85,7 @@ class Shock(Defect):
         return {**out, 'span': np.array(len(y) * inputs.dt), 'dt': np.array(inputs.dt)}
 
     @classmethod
-    def screen(cls, y, kept, inputs):
+    def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
         """Put the noise before each shock, mirrored, in its place: the level stays as it is."""
         out = y.copy()
         for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
@@ -94,7 +97,7 @@ class Shock(Defect):
                 out[at] = y[np.clip(mirrored, 0, len(y) - 1)]
         return out
 
-    def find(self, evidence):
+    def find(self, evidence: Evidence) -> Finding | None:
         """Weigh the loud stretches against noise as loud as it is around them."""
         kept = evidence.kept(self.name)
         if not kept:
@@ -123,7 +126,7 @@ class Shock(Defect):
             evidence=f'{k} shocks at {times}{" ..." if k > 5 else ""} s',
         )
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add decaying bursts of white noise at random times."""
         out = x.copy()
         span = len(x) * inputs.dt
@@ -135,7 +138,7 @@ class Shock(Defect):
         return out
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return one a minute (0.015 Hz), of 2.9 deg/s (0.05 rad/s), gone within a second."""
         return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2})
 
