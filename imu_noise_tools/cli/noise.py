@@ -26,7 +26,7 @@ def register(commands: Any) -> None:
     c.add_argument(
         '-o', '--output', metavar='DIR', help='where the study goes (default: BAG.study)'
     )
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c, every=True)
     _model_options(c)
     _record_options(c)
     c.add_argument('--force', action='store_true', help='replace a study that is there')

@@ -27,7 +27,7 @@ def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser('inspect', help='topics, rate, stamps, health of a bag, with advice')
     c.add_argument('bag', metavar='BAG')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c, every=True)
     common.selection_options(c)
     common.output_options(c, 'what was found')
     c.set_defaults(func=inspect)

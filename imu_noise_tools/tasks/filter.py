@@ -102,6 +102,8 @@ def filter_bag(
     alpha: float = 1.0,
     values: Mapping | None = None,
     topic: str | None = None,
+    fields: str | None = None,
+    selection: Selection | None = None,
     rate_hz: float | None = None,
     force: bool = False,
     progress: Progress | None = None,
@@ -122,8 +124,11 @@ def filter_bag(
     motion, noise, alpha, values
         As :func:`imu_noise_tools.filter.design.design`; the noise of ``model`` and the noise
         named add.
-    topic : str or None
-        The Imu topic, where there are several.
+    topic, fields : str or None
+        The Imu topic, and what of its messages, as for
+        :func:`imu_noise_tools.bag.open_record`.
+    selection : Selection or None
+        The part that is filtered; the new topic holds no more.
     rate_hz : float or None
         Nominal rate; by default that of the stamps.
     force : bool
@@ -166,7 +171,8 @@ def filter_bag(
         )
     with together:
         written = copy_bag(
-            bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
+            bag, out, transform, topic=topic, fields=fields, new_topic=TOPIC, force=force,
+            progress=share, part=selection.bounds if selection else None,
         )
     study = made['study']
     return Done(written, None if study is None else folder, made['filtered'], study,

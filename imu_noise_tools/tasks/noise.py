@@ -190,17 +190,48 @@ def _one_source(record: ImuRecord) -> dict:
     }
 
 
-def analyse(
+def analyse_bag(
     bag: str | Path,
-    out: str | Path | None = None,
     *,
     topic: str | None = None,
     rate_hz: float | None = None,
     input_kind: str = 'rate',
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
-    force: bool = False,
     progress: Progress | None = None,
+    **options: Any,
+) -> Study:
+    """
+    Return the study of a bag, each sensor of it at its own rate; nothing is written.
+
+    Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise.
+
+    """
+    model_of(
+        'noise', options.get('effects', DEFAULT_EFFECTS)
+    )  # wrong usage is said before anything is read
+    reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
+    memory = Scratch()
+    record = open_record(
+        bag,
+        topic,
+        gyro_unit=gyro_unit,
+        accel_unit=accel_unit,
+        input_kind=input_kind,
+        rate_hz=rate_hz,
+        progress=reading,
+        memory=memory,
+        apart=True,
+    )
+    rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
+    return analyse_record(record, progress=rest, memory=memory, **options)
+
+
+def analyse(
+    bag: str | Path,
+    out: str | Path | None = None,
+    *,
+    force: bool = False,
     **options: Any,
 ) -> tuple[Study, Path]:
     """
@@ -208,31 +239,13 @@ def analyse(
 
     Return both the study and its folder (``<bag>.study`` unless given).
 
-    Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise, and
-    InputError where the folder holds a study already and ``force`` is not given.
+    Raises what :func:`analyse_bag` raises, whose the options are, and InputError where the folder
+    holds a study already and ``force`` is not given.
 
     """
     folder = Path(out) if out is not None else default_folder(bag)
-    model_of(
-        'noise', options.get('effects', DEFAULT_EFFECTS)
-    )  # wrong usage is said before anything is read
     with files.new_folder(folder, force=force) as new:
-        reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
-        memory = Scratch()
-        record = open_record(
-            bag,
-            topic,
-            gyro_unit=gyro_unit,
-            accel_unit=accel_unit,
-            input_kind=input_kind,
-            rate_hz=rate_hz,
-            progress=reading,
-            memory=memory,
-            apart=True,
-        )
-        rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
-        study = analyse_record(record, progress=rest, memory=memory, **options)
-        del record
+        study = analyse_bag(bag, **options)
         for name, data in outputs(study, folder).items():
             files.atomic_write(Path(new) / name, data)
     return study, folder
