@@ -47,9 +47,9 @@ class Changed(NamedTuple):
 
     def take(self, which: np.ndarray) -> Changed:
         """Return some of the samples."""
-        data, written = self[:4], self.written
-        return Changed(*(x if x is None or np.ndim(x) == 1 else x[which] for x in data),
-                       None if written is None else written[which])
+        some = (x if x is None or np.ndim(x) == 1 else x[which] for x in self[:4])
+        written = None if self.written is None else self.written[which]
+        return Changed(*some)._replace(written=written)
 
     def within(self, begin: int, n: int) -> Changed:
         """Return these samples as a part of n, from begin on."""
@@ -65,7 +65,7 @@ class Changed(NamedTuple):
             out.append(x)
         written = np.zeros(n, bool)
         written[place] = True
-        return Changed(*out, written)
+        return Changed(*out)._replace(written=written)
 
 
 class Copy:

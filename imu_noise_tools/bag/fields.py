@@ -28,8 +28,9 @@ from ..core.units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
 ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
-TIME_UNITS = {'s': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1}
-UNITS = {'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS}
+TIME_UNITS = {'s': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1}       # in ns
+UNITS: dict[str, Mapping[str, float]] = {
+    'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS}
 HOW = 'e.g. --fields gyro=gyro_rad,accel=accelerometer_m_s2,stamp=timestamp:us'
 # How many kinds of lengths (of strings, of sequences) are looked for among all messages at once.
 MOST_KINDS = 64
@@ -227,7 +228,7 @@ class Types:
             raise Damaged('not plain CDR')
         walk = _Walk(self, raw)
         walk.message(self.type, '')
-        if not 0 <= len(raw) - walk.at < 8:     # some pad the end
+        if not 0 <= len(raw) - walk.at < 4:     # some pad the end
             raise Damaged('not as long as its definition says')
         return walk.places, walk.lengths
 
@@ -501,4 +502,3 @@ def _text(raw: bytes, place: tuple[int, str, int] | None) -> str:
     if place is None:
         return ''
     return raw[place[0]:place[0] + place[2]].rstrip(b'\0').decode(errors='replace')
-

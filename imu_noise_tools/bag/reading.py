@@ -94,7 +94,8 @@ def open_record(
     else:
         with Bag(path) as bag:
             try:
-                record = record_of(bag, choose(bag, topic, fields), rate_hz, progress, memory, apart)
+                choice = choose(bag, topic, fields)
+                record = record_of(bag, choice, rate_hz, progress, memory, apart)
             except ImuNoiseError as error:
                 raise error.after(*bag.warnings)
     first, *others = (

@@ -20,6 +20,7 @@ from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
+from ..health import Selection
 from ..loop.study import Study
 
 FILE = 'calibration.yaml'

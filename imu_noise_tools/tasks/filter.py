@@ -28,6 +28,7 @@ from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of, START
 from ..filter.recorded import filter_record, Filtered
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
+from ..health import Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
 
