@@ -59,6 +59,7 @@ setup(
             'setuptools<80',            # what colcon-core can drive
             'wheel',
         ],
+        'docs': ['furo', 'myst-parser', 'sphinx>=7.2'],
         # Pinned: a new version finds new faults, and a change answers for its own alone.
         'lint': [
             'flake8==7.4.1',

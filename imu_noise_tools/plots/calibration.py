@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .style import (
@@ -22,11 +25,16 @@ from .style import (
 )
 from ..calibration import Calibration, of_study
 from ..calibration.poses import DIRECTIONS, unit
+from ..loop.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _LOUD = 3.0         # a pose further off than this many standard errors is named
 
 
-def residuals(ax, calibration: Calibration):
+def residuals(ax: Axes, calibration: Calibration) -> Axes:
     """Draw each pose's residual, and shade what other poses predict differently."""
     poses, fit = calibration.poses, calibration.fit
     x = 1 + np.arange(poses.n)
@@ -77,7 +85,7 @@ def _reading_std(system):
     return np.sqrt(np.einsum('nij,nij->ni', back, back))
 
 
-def sphere(axes, calibration: Calibration):
+def sphere(axes: Sequence[Axes], calibration: Calibration) -> Sequence[Axes]:
     """
     Draw the directions that were covered, as equal-area maps for z > 0 and z < 0.
 
@@ -118,7 +126,7 @@ def _lambert(u, sign):
     return k * u[0], k * u[1]
 
 
-def before_and_after(ax, calibration: Calibration):
+def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
     """Draw the error of each pose's magnitude, as it came and corrected; return the axes."""
     poses = calibration.poses
     mean = (poses.outputs / poses.amount).T
@@ -146,7 +154,7 @@ def before_and_after(ax, calibration: Calibration):
     return ax
 
 
-def calibration_figure(calibration: Calibration):
+def calibration_figure(calibration: Calibration) -> Figure:
     """Return the picture of a calibration: residuals, directions, before and after."""
     figure = new_figure(11, 7)
     grid = figure.add_gridspec(2, 3, left=0.075, right=0.985, top=0.90, bottom=0.085,
@@ -169,6 +177,6 @@ def calibration_figure(calibration: Calibration):
     return figure
 
 
-def pictures(study, full=()) -> dict[str, bytes]:
+def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """Return the picture of a calibration study, ``poses``; its one target needs no other."""
     return {'poses': png(calibration_figure(of_study(study)))}

@@ -6,14 +6,19 @@
 from __future__ import annotations
 
 from textwrap import fill
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .style import dress, FAIL, FAINT, GOOD, MEASURED, new_figure, signed_log_scale, SMALL
 from ..loop.study import Step, Study
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-def ladder(ax, study: Study, target: str):
+
+def ladder(ax: Axes, study: Study, target: str) -> Axes:
     """Draw the held-out deviance of each model tried; the green band is chance: 2 std."""
     steps = [s for s in study.history if s.target == target and np.isfinite(s.held_out)]
     dress(ax, target, y='held-out deviance')
@@ -59,7 +64,7 @@ def _name(step: Step, verdict: bool) -> str:
     return f'{done}\n{fill(step.verdict, 9)}' if verdict else done
 
 
-def ladder_figure(study: Study):
+def ladder_figure(study: Study) -> Figure:
     """Return a figure with the ladder of each target, three in a row."""
     count = len(study.targets)
     columns = min(3, count)

@@ -122,7 +122,11 @@ def error_in_words(error: Score) -> str:
     """Return the held-out deviance beside what chance allows."""
     if not math.isfinite(error.excess):
         return 'not known: nothing was left to predict'
-    return f'{error.excess:.2g}, {error.side} (up to {CHANCE * error.std:.2g})'
+    limit = CHANCE * error.std
+    if error.failing and error.excess <= limit:  # the mean hides what one view shows
+        return (f'{error.excess:.2g} in the mean, up to {limit:.2g} by chance; {error.side}: '
+                f'{len(error.failing)} of {len(error.views)} views fail')
+    return f'{error.excess:.2g}, {error.side} (up to {limit:.2g})'
 
 
 def failing(error: Score) -> list[View]:
