@@ -62,7 +62,7 @@ def test_record_with_handling():
     device = sim.Device.drawn(rng, noise=0.02)
     done = tasks.calibrate_records([record(*six_faces(rng, device))])
     c = done.calibration
-    assert c.poses.names == tuple(sim.AXES) and done.calibration.problem.method == 'wls'
+    assert c.poses.names == tuple(sim.AXES) and done.calibration.problem.method == 'faces'
     np.testing.assert_array_less(np.abs(c.bias - device.bias), 4 * c.std[1])
     np.testing.assert_array_less(np.abs(c.S - device.scale), 4 * c.std[0])
     assert done.study.source['gravity_from'].startswith('standard gravity')
@@ -275,7 +275,7 @@ def test_commands(faces_npz, tmp_path, capsys):
     assert {p.name for p in out.iterdir()} >= {'calibration.yaml', 'calibration.png',
                                                'report.html', 'study.yaml', 'evidence.npz'}
     data = yaml.safe_load((out / 'calibration.yaml').read_text())
-    assert data['sensor'] == 'accel' and data['method'] == 'wls' and data['unit'] == 'm/s^2'
+    assert data['sensor'] == 'accel' and data['method'] == 'faces' and data['unit'] == 'm/s^2'
     np.testing.assert_allclose(np.array(data['G']), np.column_stack([data['S'], data['bias']]))
     assert np.shape(data['std']['S']) == (3, 3) and len(data['poses']) == 6
     assert data['faces'] == {'seen': {f: 1 for f in sim.AXES}, 'missing': []}

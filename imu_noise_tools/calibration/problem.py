@@ -34,7 +34,8 @@ class CalibrationProblem(Problem):
     poses : Poses
         The poses.
     method : str
-        ``wls`` or ``norm``; ``ols`` fits plainly and is judged with the weights of ``wls``.
+        ``faces``, ``wls`` or ``norm``; ``ols`` fits plainly and is judged with the weights of
+        ``wls``.
     tilt : float
         Stated tilt of the faces, rad (rms of each of two angles).
 
@@ -60,7 +61,7 @@ class CalibrationProblem(Problem):
 
     @property
     def _free(self) -> bool:
-        return self.method == 'norm'
+        return self.method in ('norm', 'faces')
 
     def _with(self, poses: Poses) -> CalibrationProblem:
         return CalibrationProblem(poses, self.method, self.tilt, self)
@@ -80,11 +81,12 @@ class CalibrationProblem(Problem):
         """
         model = unfitted(model)
         if model not in self._fits:
-            known = None
+            known, tilt = None, self.tilt
             if self.whole is not None and model.of(Scatter):
-                found = self.whole.fit(model).model
-                known = {e.label: e.amplitude for e in found.of(Scatter)}
-            self._fits[model] = solve.fit(model, self.poses, self.method, self.tilt, known)
+                found = self.whole.fit(model)
+                known = {e.label: e.amplitude for e in found.model.of(Scatter)}
+                tilt = found.details.tilt
+            self._fits[model] = solve.fit(model, self.poses, self.method, tilt, known)
         return self._fits[model]
 
     def score(self, fit: Fit) -> Score:
@@ -94,12 +96,14 @@ class CalibrationProblem(Problem):
         Directions of which the other poses say nothing are not counted (nan where none is left).
 
         """
-        scale, system = fit.details.scale, fit.details.equations
-        poses = self.poses
+        system, theta = fit.details.equations, fit.details.theta
+        scale, poses = fit.details.scale, self.poses
         if self._free:
-            poses = _directed(fit, poses)
-        mine, _ = equations(fit.model, poses, scale, self.tilt, self._free)
-        residual = mine.right - mine.matrix @ fit.details.theta
+            # the equations' own S: what is reported may be rotated
+            theta = system.theta
+            scale, poses = _directed(fit, poses)
+        mine, _ = equations(fit.model, poses, scale, fit.details.tilt, self.method, before=False)
+        residual = mine.right - mine.matrix @ theta
         cov = fit.details.cov if fit.details.method == 'ols' else system.cov
         seen = _complement(system, mine.matrix)
         spread = mine.matrix @ cov @ mine.matrix.T
@@ -221,7 +225,7 @@ class CalibrationProblem(Problem):
 
     def _screened(self, fit: Fit) -> list[Finding]:
         """Return each candidate with its gain, by projection: nothing is fitted."""
-        able = [e for e in self._others(fit.model) if not e.why_not(self.poses)]
+        able = [e for e in self._others(fit.model) if not self._why_not(e)]
         out = []
         for e in able:
             gain, rank = self._scatter_gain(fit, e) if isinstance(e, Scatter) else self._gain(fit,
@@ -267,12 +271,17 @@ class CalibrationProblem(Problem):
         for e in self._others(fit.model):
             if self.target not in e.sensors:
                 continue
-            why = e.why_not(self.poses)
+            why = self._why_not(e)
             if not why and isinstance(e, Regressor) and not self._gain(fit, e)[1]:
                 why = 'looks the same as what is already in the model'
             if why:
                 out.append((e.name, why, e.needs))
         return out
+
+    def _why_not(self, effect: Regressor | Scatter) -> str:
+        if self.method == 'faces' and isinstance(effect, Scatter) and effect.tilts:
+            return 'the tilt of these faces is found in every fit'
+        return effect.why_not(self.poses)
 
     @staticmethod
     def _others(model: Model) -> list[Regressor | Scatter]:
@@ -287,7 +296,7 @@ class CalibrationProblem(Problem):
     def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
         """Return the gain in restricted likelihood; 0 where less than is stated fits better."""
         poses, scale = self.poses.with_inputs(fit.details.inputs), fit.details.scale
-        args = (poses, scale, self.tilt, self._free)
+        args = (poses, scale, fit.details.tilt, self.method)
         amplitude, best = solve.best_amplitude(fit.model, effect, *args)
         if effect.tilts and amplitude <= self.tilt:
             return 0.0, 1
@@ -365,16 +374,17 @@ def _log_score(pull, variance, vector, whitener) -> float:
     return float(np.sum(pull ** 2 + np.log(variance)) - np.linalg.slogdet(rows @ rows.T)[1])
 
 
-def _directed(fit: Fit, poses: Poses) -> Poses:
-    """Return poses with the directions that a fit sees in their outputs."""
-    scale, inputs = fit.details.scale, poses.outputs
+def _directed(fit: Fit, poses: Poses) -> tuple[np.ndarray, Poses]:
+    """Return the S of a fit's equations, and poses with the directions it sees in the outputs."""
+    system = fit.details.equations
+    state = solve.State(poses, system.keys, system.theta)
+    scale, bias = state.scale, state.bias
     poses = poses.with_inputs(poses.magnitude
-                              * unit(np.linalg.solve(scale,
-                                                     inputs - fit.details.bias[:, None])))
+                              * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
     for _ in range(5):
         inner = poses.outputs - solve.rest_of(fit.model, scale, poses)
         poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))
-    return poses
+    return scale, poses
 
 
 def _possible(effect: Effect, estimates) -> bool:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from . import solve
+from . import faces, solve
 from .correction import Correction
 from .linear import equations
-from .poses import nearest_face, Poses, unit
-from .positions import CONE_DEG, counted, faced, spread
+from .poses import FACES, nearest_face, Poses, unit
+from .positions import CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
 from ..core.errors import FitError, InputError
 from ..loop.effect import Fit, Model
@@ -23,6 +23,7 @@ from ..loop.study import Study
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
+_TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
 _SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
 
 
@@ -38,7 +39,7 @@ class Calibration:
     fit : Fit
         The fitted model with its estimates.
     plain : Fit
-        The same poses by ``ols`` where they can be: its distance from ``wls`` shows the tilt.
+        The same faces by ``ols`` where there are all six: its distance shows the tilt.
     notes, warnings : tuple of str
         What was done, and what is doubtful.
 
@@ -113,12 +114,13 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     Parameters
     ----------
     poses : Poses
-        From a record, with or without known inputs. Accelerometer poses without are matched to
-        faces, or, when 12 and more point in different directions, fitted by their magnitude alone.
+        From a record, with or without known inputs. Accelerometer poses without are fitted by
+        their magnitudes, cross-axis terms by what faces read across (``faces``); when 12 and more
+        point in different directions, by their magnitude alone (``norm``).
     method : str, optional
-        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
     tilt : float
-        Tilt of the faces, rad (rms of each of two angles).
+        Tilt of the faces, rad (rms of each of two angles), for ``wls``.
     model : Model, optional
         scale + cross_axis + bias unless given.
     notes : iterable of str
@@ -140,6 +142,11 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     method = method or _method(poses)
     if method == 'norm':
         _refuse_little_spread(poses)
+    elif method == 'faces':
+        if poses.sensor != 'accel':
+            raise InputError('the faces are those of an accelerometer', 'use --method wls')
+        poses = named(poses)
+        notes += _refuse_unsupported(poses, notes)
     elif not poses.known:
         poses, more = faced(poses)
         notes += more
@@ -156,8 +163,11 @@ def stated(
     problem: CalibrationProblem, fit: Fit, notes: Iterable[str] = (), warnings: Iterable[str] = ()
 ) -> Calibration:
     """Return a calibration that was solved before, with ``ols`` beside it."""
-    plain = fit if problem.method in ('ols', 'norm') else solve.fit(
-        fit.model, problem.poses, 'ols', problem.tilt)
+    poses, plain = problem.poses, fit
+    if problem.method == 'faces':
+        poses = poses.take([k for k, name in enumerate(poses.names) if name in FACES])
+    if problem.method == 'wls' or problem.method == 'faces' and set(FACES) <= set(poses.names):
+        plain = solve.fit(fit.model, poses, 'ols', problem.tilt)
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
@@ -175,16 +185,16 @@ def _method(poses: Poses) -> str:
     if poses.known or poses.sensor != 'accel':
         return 'wls'
     if spread(poses) < SPREAD_POSES:
-        return 'wls'
+        return 'faces'
     system = _norm_equations(poses)
-    return 'norm' if system.condition < _CONDITION else 'wls'
+    return 'norm' if system.condition < _CONDITION else 'faces'
 
 
 def _norm_equations(poses):
     """Return the equations of the norm fit, near its solution."""
     scale, bias = solve.start(poses)
     inputs = poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None]))
-    return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, True)[0]
+    return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, 'norm')[0]
 
 
 def _refuse_little_spread(poses: Poses) -> None:
@@ -200,6 +210,21 @@ def _refuse_little_spread(poses: Poses) -> None:
         raise InputError(f'the poses are too alike for a norm fit (condition {condition:.0f}, at '
                          f'most '
                          f'{_CONDITION:.0f})', remedy)
+
+
+def _refuse_unsupported(poses: Poses, notes) -> list[str]:
+    """Refuse poses whose magnitudes do not tell scale and bias; else say what one more adds."""
+    directions = unit(poses.outputs)
+    more = faces.next_pose(directions)
+    if faces.condition(directions) > _CONDITION:
+        if all(name in FACES for name in poses.names):
+            _refuse_missing_faces(poses.names, notes)
+        raise InputError(f'the {poses.n} poses do not tell three scale factors and three biases',
+                         more)
+    missing = [f for f, k in counted(poses.names).items() if not k]
+    said = [f'no pose has {", ".join(missing)} up; the others tell what these would'
+            ] if missing else []
+    return [*said, more]
 
 
 def _refuse_missing_faces(names, notes) -> None:
@@ -250,7 +275,13 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
         said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
                     f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
-    if method != 'norm' and dof:
+    if method == 'faces':
+        tilt = fit.details.tilt
+        if _TILTED_DEG < np.degrees(tilt) and tilt != faces.ANY:
+            said.append(f'the faces are tilted by about {np.degrees(tilt):.1f} deg, which scale '
+                        f'factors and biases do not feel and cross-axis terms do: level them, or '
+                        f'hold {SPREAD_POSES} spread poses')
+    elif method != 'norm' and dof:
         lateral = inputs == 0
         own = np.diag(fit.details.scale)[:, None]
         size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0),
@@ -283,7 +314,7 @@ def as_dict(calibration: Calibration) -> Mapping:
         'reference_temperature': float(poses.reference_temperature),
     }
     if c.problem.method != 'norm':
-        out['tilt_deg'] = float(np.degrees(c.problem.tilt))
+        out['tilt_deg'] = float(np.degrees(fit.details.tilt))
         out['ols'] = {'S': c.plain.details.scale.tolist(), 'bias': c.plain.details.bias.tolist()}
     seen = {n: poses.names.count(n) for n in dict.fromkeys(poses.names)}
     if c.sensor == 'accel':

@@ -36,10 +36,11 @@ def register(commands: Any) -> None:
     g.add_argument('--turn', type=float, metavar='DEG',
                    help='gyroscope: angle of hand turns about each axis, from rest to rest')
     c.add_argument('--tilt', type=float, default=1.0, metavar='DEG',
-                   help='how well the faces are level, rms (default: 1)')
-    c.add_argument('--method', choices=('wls', 'ols', 'norm'),
-                   help='weighted (six faces), plain, or by the magnitude alone (default with 12 '
-                        'and more spread poses)')
+                   help='how well the faces are level, rms, for --method wls (default: 1)')
+    c.add_argument('--method', choices=('faces', 'wls', 'ols', 'norm'),
+                   help='by magnitudes, and across them by faces of unknown tilt (default); '
+                        'weighted by a stated tilt; plain; or by the magnitude alone (default '
+                        'with 12 and more spread poses)')
     c.add_argument('--still', type=float, default=2.0, metavar='S',
                    help='shortest rest that is a pose, s (default: 2)')
     common.topic_options(c)
@@ -71,7 +72,6 @@ def calibrate(args: argparse.Namespace) -> int:
     """Run ``calibrate``."""
     from ..core.errors import UsageError
     from ..tasks import calibration as tasks
-    from ..core.units import DEG
     common.load_own_effects(args)
     selection = common.selection_of(args)
     if not 0.5 <= args.still <= 60:
@@ -107,13 +107,8 @@ def calibrate(args: argparse.Namespace) -> int:
     for k, axis in enumerate('xyz'):
         row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
         print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
-    if c.problem.method == 'wls':
-        import numpy as np
-        apart = np.abs(c.plain.details.bias - c.bias).max()
-        print(f'  plain least squares (ols) puts the bias up to {apart:.2g} {unit} elsewhere: '
-              f'that is the tilt of the faces; '
-              f'scale factors are low by some {1e6 * (args.tilt * DEG) ** 2:.0f} ppm with '
-              f'{args.tilt:g} deg')
+    if c.plain is not c.fit:
+        print(f'  {_beside(c)}')
     print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
           f'freedom')
     found = data['diagnosis']
@@ -121,6 +116,16 @@ def calibrate(args: argparse.Namespace) -> int:
     print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
     print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
     return 0
+
+
+def _beside(c: Any) -> str:
+    """Return how far plain least squares is from the solution, and why."""
+    import numpy as np
+    apart = np.abs(c.plain.details.bias - c.bias).max()
+    ppm = 1e6 * np.abs(np.diag(c.plain.details.scale) / np.diag(c.S) - 1).max()
+    return (f'plain least squares (ols) puts the bias up to {apart:.2g} {c.problem.unit} and the '
+            f'scale factors up to {ppm:.0f} ppm elsewhere: the faces are tilted by '
+            f'{np.degrees(c.fit.details.tilt):.2g} deg')
 
 
 def apply(args: argparse.Namespace) -> int:

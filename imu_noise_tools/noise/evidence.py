@@ -47,7 +47,8 @@ class Part:
     The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
 
     ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it. ``fine`` are
-    edges of bins, Hz, beside the usual ones.
+    edges of bins, Hz, beside the usual ones. ``quiet`` (2, b) is the power where nothing is
+    switched on, and the coefficients that tell it; empty (0, b) where nothing ever is.
 
     """
 
@@ -56,11 +57,22 @@ class Part:
     power: np.ndarray
     lines: np.ndarray
     fine: tuple[float, ...] = ()
+    quiet: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def bins(self) -> Bins:
         """The bins."""
         return bins_of(self.n, self.dt, self.fine)
+
+    def quiet_above(self, low: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return (power, coefficients) of the bins, (b,), from ``low`` Hz on where it is quiet."""
+        bins = self.bins
+        count = bins.count.astype(float)
+        if not len(self.quiet):
+            return self.power, count
+        above = bins.f >= low
+        return np.where(above & (self.quiet[1] > 0), self.quiet[0], self.power), \
+            np.where(above, self.quiet[1], count)
 
     @property
     def duration(self) -> float:
@@ -122,8 +134,9 @@ class Evidence:
     2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
     bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
     cells; a second row of either is without defects, and one row more of cells without lines,
-    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``statistics`` maps
-    an effect's name to what it kept.
+    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``loud``
+    (stretches, 2) are the times in which something beside the sensor is switched on, s.
+    ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -143,6 +156,7 @@ class Evidence:
     cells: np.ndarray
     envelope: np.ndarray
     curve: allan.AllanCurve
+    loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -323,7 +337,7 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
                 out.update(
                     {
                         f'{key}/{k}': np.asarray(getattr(value, k))
-                        for k in ('n', 'power', 'lines', 'fine')
+                        for k in ('n', 'power', 'lines', 'fine', 'quiet')
                     }
                 )
             elif isinstance(value, allan.AllanCurve):
@@ -394,6 +408,7 @@ def _one_from_arrays(axis, flat, common):
             flat[f'{p}/power'],
             flat[f'{p}/lines'],
             tuple(flat[f'{p}/fine'].tolist()),
+            flat.get(f'{p}/quiet', np.zeros((0, 0))),
         )
         for p in PARTS
     }
@@ -423,5 +438,6 @@ def _one_from_arrays(axis, flat, common):
         common=common,
         **plain,
         curve=curve,
+        loud=flat.get('loud', np.zeros((0, 2))),
         statistics=statistics,
     )

@@ -69,6 +69,8 @@ class Explained:
         Of the response that is left open; that of none by default.
     values : tuple of float
         Of that response, to start from; empty: no response at all.
+    quiet : float
+        Hz from which only those stretches count in which nothing is switched on; infinite: none.
 
     """
 
@@ -76,11 +78,12 @@ class Explained:
     weight: np.ndarray
     order: Order = Order()
     values: tuple[float, ...] = ()
+    quiet: float = np.inf
 
     @property
     def everything(self) -> bool:
         """Whether nothing is set aside."""
-        return not self.order.terms and bool(np.all(self.weight == 1))
+        return not self.order.terms and bool(np.all(self.weight == 1)) and np.isinf(self.quiet)
 
     def on(self, bins: Bins) -> np.ndarray:
         """Return the weights (b,) on the bins of another part of the same record."""

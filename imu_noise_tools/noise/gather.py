@@ -24,6 +24,7 @@ from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+from .quiet import loud_stretches, quiet_spectrum
 from ..core import allan
 from ..core.record import ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
@@ -132,6 +133,9 @@ class _Gathering:
         self.step(f'{axis}: Allan curve')
         own['resolution'] = grid_step(y)[0]
         own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
+        length = self.used // own['block_power'].shape[1]
+        loud = length * loud_stretches(own['block_power'][-1], own['block_count'])
+        own['loud'] = self.dt * loud
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
 
@@ -175,7 +179,10 @@ class _Gathering:
         binned = _cross_powers(coefficients, bins, self.memory)
         self.cross |= {(a, b, name): power for (a, b), power in binned.items()}
         for axis in self.axes:
-            self.own[axis][name] = Part(length, self.dt, binned[axis, axis], lines[axis], fine)
+            loud = np.round(self.own[axis]['loud'] / self.dt).astype(int) - begin
+            quiet = quiet_spectrum(self.clean[axis][begin:begin + length], loud, self.dt, bins)
+            self.own[axis][name] = Part(
+                length, self.dt, binned[axis, axis], lines[axis], fine, quiet)
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
 

@@ -128,8 +128,8 @@ class Likelihood:
             for p in e.parameters
             if p.linear
         ]
-        self.power = np.maximum(self.part.power, 1e-300)
-        self.weight = self.bins.count.astype(float)
+        power, self.weight = self.part.quiet_above(explained.quiet if explained else np.inf)
+        self.power = np.maximum(power, 1e-300)
         for row in self.part.lines:  # a line took frequency, amplitude and phase with it
             top = int(np.argmax(row))
             self.weight[top] = max(self.weight[top] - 3, 0.0)

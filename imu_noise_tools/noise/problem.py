@@ -229,6 +229,9 @@ class NoiseProblem(Problem):
                 {'from_hz': s.low, 'to_hz': s.high, 'share': s.share, 'power_ratio': s.ratio,
                  'direction': s.direction} for s in fit.details.set_aside
             ]
+        if np.isfinite(fit.details.hint.quiet):
+            out['quiet_from_hz'] = fit.details.hint.quiet
+            out['switched_on_s'] = self.evidence.loud.tolist()
         return out
 
     def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:

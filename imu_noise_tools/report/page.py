@@ -67,6 +67,11 @@ def html(study: Study, pictures: Mapping[str, bytes] | None = None,
         _effects(study)])
 
 
+def overview(study: Study) -> str:
+    """Return a study as a piece of HTML, for a notebook: verdicts and coefficients, no picture."""
+    return f'<div>{_summary(study)}{_model(study)}</div>'
+
+
 def _summary(study: Study) -> str:
     rows = []
     for t, state in study.states.items():

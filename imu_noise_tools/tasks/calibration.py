@@ -71,7 +71,7 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
     tilt_deg : float
         How well the faces are level: rms of each of two angles.
     method : str, optional
-        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
     seconds : float
         Shortest rest that counts as a pose.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +48,12 @@ class Done:
     What filtering a bag gave.
 
     ``bag`` and ``folder`` (of the study; None where the record is too short for one) are what was
-    written; ``figures`` are the innovations' of each axis under the filter that was run; ``notes``
-    say what was left out or is doubtful.
+    written, None where nothing was; ``figures`` are the innovations' of each axis under the filter
+    that was run; ``notes`` say what was left out or is doubtful.
 
     """
 
-    bag: Path
+    bag: Path | None
     folder: Path | None
     filtered: Filtered
     study: Study | None
@@ -64,7 +64,7 @@ class Done:
         """Return the result as plain data."""
         return store.plain(
             {
-                'bag': str(self.bag),
+                'bag': None if self.bag is None else str(self.bag),
                 'study': None if self.folder is None else str(self.folder),
                 'topic': TOPIC,
                 **self.filtered.design.names,
@@ -178,6 +178,28 @@ def filter_bag(
     study = made['study']
     return Done(written, None if study is None else folder, made['filtered'], study,
                 made['figures'], made['notes'])
+
+
+def filter_samples(
+    record: ImuRecord,
+    *,
+    model: str | Path | None = None,
+    motion: Any = AUTO,
+    noise: Any = ('white',),
+    alpha: float = 1.0,
+    values: Mapping | None = None,
+    rate_hz: float | None = None,
+    progress: Progress | None = None,
+) -> tuple[ImuRecord, Done]:
+    """
+    Return a record with filtered rates, and what filtering it gave; nothing is written.
+
+    Options and errors are those of :func:`filter_bag`.
+
+    """
+    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress)
+    done = Done(None, None, made['filtered'], made['study'], made['figures'], made['notes'])
+    return replace(record, gyro=made['changed'].gyro), done
 
 
 def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:

@@ -32,15 +32,22 @@ def sheet(path: str | Path, out: str | Path, force: bool = False) -> tuple[Study
 
     """
     study = load(path).study(str(path))
-    content = store.study_files(study)
-    try:
-        content['imu.yaml'] = export.export(study, 'kalibr')
-    except InputError as error:
-        study.source['notes'].append(f'no imu.yaml: {error.message}')
+    content = outputs(study)
     with files.new_folder(Path(out), force=force) as new:
         for name, data in content.items():
             files.atomic_write(Path(new) / name, data)
     return study, Path(out)
+
+
+def outputs(study: Study) -> dict[str, str | bytes]:
+    """Return the files of a sheet's study by name; without imu.yaml a note says why."""
+    content: dict[str, str | bytes] = {}
+    try:
+        content['imu.yaml'] = export.export(study, 'kalibr')
+    except InputError as error:
+        note = f'no imu.yaml: {error.message}'
+        study.source['notes'] = list(dict.fromkeys([*study.source['notes'], note]))
+    return {**store.study_files(study), **content}
 
 
 def against(study: Study, path: str | Path) -> list[dict]:
