@@ -34,6 +34,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', sorted(glob('launch/*.launch.py'))),
         (f'share/{NAME}/config', sorted(glob('config/*.*'))),
+        (f'share/{NAME}/config/sheets', sorted(glob('config/sheets/*.yaml'))),
     ],
     install_requires=[
         'allantools',

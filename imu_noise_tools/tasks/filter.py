@@ -26,7 +26,7 @@ from ..filter.design import aligned, AUTO, Design, design
 from ..filter.evaluate import Innovations
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of, START
-from ..filter.recorded import filter_record, Filtered
+from ..filter.recorded import filter_record, Filtered, memory
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
 from ..health import Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
@@ -69,6 +69,7 @@ class Done:
                 'topic': TOPIC,
                 **self.filtered.design.names,
                 'alpha': self.filtered.design.alpha,
+                'smooth': self.filtered.smooth,
                 'rate_hz': 1 / self.filtered.clock.interval,
                 'counts': self.filtered.counts,
                 'notes': list(self.notes),
@@ -102,6 +103,7 @@ def filter_bag(
     noise: Any = ('white',),
     alpha: float = 1.0,
     values: Mapping | None = None,
+    smooth: bool = False,
     topic: str | None = None,
     fields: str | None = None,
     selection: Selection | None = None,
@@ -125,6 +127,8 @@ def filter_bag(
     motion, noise, alpha, values
         As :func:`imu_noise_tools.filter.design.design`; the noise of ``model`` and the noise
         named add.
+    smooth : bool
+        Whether each rate knows the samples after it too.
     topic, fields : str or None
         The Imu topic, and what of its messages, as for
         :func:`imu_noise_tools.bag.open_record`.
@@ -147,13 +151,15 @@ def filter_bag(
     """
     from ..bag import copy_bag
     folder = Path(f'{str(out).rstrip("/")}.study')
-    design(motion, noise, alpha, values)  # wrong usage is said before anything is read
+    # wrong usage is said before anything is read
+    memory(design(motion, noise, alpha, values), smooth)
     made: dict = {}
     together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
         within = None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what)
-        made.update(_filtered(record, model, motion, noise, alpha, values, rate_hz, within))
+        made.update(
+            _filtered(record, model, motion, noise, alpha, values, rate_hz, within, smooth))
         if made['study'] is not None:
             new = together.enter_context(files.new_folder(folder, force=force))
             for name, data in outputs(made['study'], folder).items():
@@ -209,7 +215,9 @@ def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | b
             'report.html': report.html(study, pictures, folder=str(folder or 'DIR'))}
 
 
-def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) -> dict:
+def _filtered(
+    record, model, motion, noise, alpha, values, rate_hz, progress, smooth
+) -> dict:
     """Filter a record and study its innovations."""
     from ..bag import Changed
     if record.gyro is None:
@@ -221,7 +229,7 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
         motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
     chosen = design(motion, noise, alpha, values)
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
-                         None if progress is None else lambda p: progress(p, 'filtering'))
+                         None if progress is None else lambda p: progress(p, 'filtering'), smooth)
     c = done.counts
     for count, what in (
         (c['refused'], 'not finite: refused'),
