@@ -10,14 +10,13 @@ import subprocess
 import sys
 
 import bad_input
-from nodes_support import DiagnosticArray, ROOT, values, wait_for
 import numpy as np
 import pytest
-from std_srvs.srv import Trigger
 import yaml
 
 from imu_noise_tools.bag import write_bag
-from imu_noise_tools.nodes import answers, messages
+from imu_noise_tools.nodes import answers
+from nodes_support import DiagnosticArray, messages, ROOT, Trigger, values, wait_for
 
 FRAME = 'imu_left'
 
@@ -53,7 +52,8 @@ def test_monitors_see_how_an_imu_is(ros, bag):
     with ros.listening('/diagnostics', DiagnosticArray) as got:
         for node, name in ((analyser, 'input'), (filtering, 'stream')):
             assert wait_for(lambda: level(got, node, name) == messages.STALE), got[-1:]
-        reader = ros.start('bag_reader', space, bag=str(bag), publish='messages')
+        reader = ros.start('bag_reader', space, bag=str(bag), publish='messages',
+                           readers=['analyser', 'filter'])
         assert wait_for(lambda: level(got, analyser, 'gyro_y') is not None), analyser.text
         seen = of(got, analyser)
         assert {n: s.level for n, s in seen.items()} == {
