@@ -188,6 +188,7 @@ def filter_samples(
     alpha: float = 1.0,
     values: Mapping | None = None,
     rate_hz: float | None = None,
+    smooth: bool = False,
     progress: Progress | None = None,
 ) -> tuple[ImuRecord, Done]:
     """
@@ -196,7 +197,7 @@ def filter_samples(
     Options and errors are those of :func:`filter_bag`.
 
     """
-    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress)
+    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress, smooth)
     done = Done(None, None, made['filtered'], made['study'], made['figures'], made['notes'])
     return replace(record, gyro=made['changed'].gyro), done
 
