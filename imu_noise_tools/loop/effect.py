@@ -225,7 +225,7 @@ class Effect:
 
     @classmethod
     def example(cls) -> Effect:
-        """Return one with values, by default from the middle of their bounds: for tests and help."""
+        """Return one with values, by default the middle of their bounds: for tests and help."""
         return cls(
             {
                 p.name: (
