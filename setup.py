@@ -38,6 +38,7 @@ setup(
     ],
     install_requires=[
         'allantools',
+        'argcomplete',
         'lz4',
         'matplotlib',
         'numpy>=1.26',
@@ -54,6 +55,7 @@ setup(
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'pandas',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',
