@@ -52,6 +52,7 @@ setup(
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fleet': ['dask', 'distributed'],
+        'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

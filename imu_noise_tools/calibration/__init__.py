@@ -21,6 +21,7 @@ from .solve import base_model, fit, ols
 from .turns import refuse_missing_axes, turns
 
 TITLE = 'Calibration of an IMU'
+NUMBERS = ''        # the format whose numbers open the page about a study
 NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a recording'),)
 
 __all__ = [
