@@ -37,10 +37,8 @@ def register(commands: Any) -> None:
         type=common.names,
         default=['auto'],
         metavar='M,…',
-        help=(
-            'auto (default: a bank for any motion), or'
-            ' constant_rate,ar_increment,angular_acceleration,…'
-        ),
+        help='auto (default: a bank for any motion), or '
+             'constant_rate,ar_increment,angular_acceleration,…',
     )
     completion.offer(motion, completion.blocks('Motion'), several=True)
     noise = c.add_argument('--noise', type=common.names, default=['white'], metavar='N,…',
