@@ -156,7 +156,7 @@ class Calibration(Node):
         self._status.publish(messages.diagnostics(self, statuses))
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(Calibration, args, threads_executor)
 
