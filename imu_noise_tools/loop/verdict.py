@@ -28,6 +28,8 @@ LEVEL = 0.005
 HELD_OUT_LEVEL = 0.001
 #: standard deviations up to which a held-out deviance is within chance
 CHANCE = 2.0
+#: standard errors from which one place of a view is named or marked; by chance 1 in 370 is
+STRIKING = 3.0
 #: deviance (three nats) by which a held-out deviance must fall to be more than chance:
 #: an effect that is not there lowers it by as much in one case of a hundred and fifty
 #: (``python bench/hidden_effects.py --set one`` adds one that is not there)
@@ -40,7 +42,8 @@ PRICE = 2.5
 FLEXIBLE = 13.0
 #: ... or this share of what the named form gains, for no real sensor follows a formula for ever
 FLEXIBLE_SHARE = 0.02
-#: share of what a finding claims, or of what failed, by which the failing deviance must fall
+#: share of what a finding claims, or of what failed, by which the failing deviance must fall (a
+#: choice, as the next: most of it)
 HEALED = 0.5
 #: times as much that fails elsewhere makes a finding a side of something else
 SHADOW = 10.0
