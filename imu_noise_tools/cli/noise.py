@@ -166,6 +166,6 @@ def _every(args: argparse.Namespace, studies, refused, folder) -> int:
         return 0
     for name, study in studies.items():
         print(f'{study.source["topic"]}:\n')
-        print(report.text(study, str(folder / name), verbose=args.verbose))
+        print(report.text(study, str(folder / name), verbose=args.verbose, si=args.si))
     print(f'written to {folder}: {" ".join(studies)}, a study each')
     return 0
