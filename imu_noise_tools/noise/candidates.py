@@ -10,6 +10,7 @@ Every registered effect is tried, with the log-likelihood it gains.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -22,6 +23,7 @@ from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
+from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
@@ -156,9 +158,10 @@ def _unlikely(fit: Fit) -> float:
 
 
 def _refitted(evidence, fit, effect):
-    model = Model((*unfitted(fit.model), effect))
-    return fit_part(
-        evidence, model, intervals=False, start=fit.model, hint=fit.details.hint)
+    model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
+    if isinstance(effect, Response):    # what was left open must not do its work
+        hint = replace(hint, order=Order(), values=())
+    return fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
 
 
 def _line(evidence, fit, effect):
