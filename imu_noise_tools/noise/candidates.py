@@ -28,6 +28,7 @@ from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
+SLOW = 256  # coefficients in which what acts on the mean shows
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -161,6 +162,10 @@ def _refitted(evidence, fit, effect):
     model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
     if isinstance(effect, Response):    # what was left open must not do its work
         hint = replace(hint, order=Order(), values=())
+    slow = evidence.whole.bins.last <= SLOW
+    if isinstance(effect, Mean) and np.all(hint.on(evidence.whole.bins)[slow] > 0):
+        # it moves nothing but the slow end, which the fit rests on already
+        return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
     return fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
 
 

@@ -182,7 +182,8 @@ def fit(
     plain = Likelihood(evidence, part, model, mean, basis)
     search = _Search(intervals if cautious is None else cautious, mean)
     # of a half, or on a basis that is known, the start is the end of much the same fit
-    known = start is not None and (mean is not None or basis is not None)
+    known = start is not None and set(model.labels) <= set(start.labels) and (
+        mean is not None or basis is not None)
     found = search.from_starts(plain, starts(plain, start), 1 if known else None)
     if found is None:
         raise FitError(

@@ -104,7 +104,7 @@ class NoiseProblem(Problem):
         fit = self._begun[near]
         out: dict[str, Any] = {'start': fit.model}
         other = {label.partition('.')[0] for label in wanted ^ set(near)}
-        if not other:
+        if not other and any(fit is settled for settled in self._points.values()):
             return {**out, 'basis': fit.details.hint}
         if not any(issubclass(registry('noise')[k], (Spectrum, Response)) for k in other) \
                 or wanted > set(near):

@@ -26,8 +26,8 @@ class LowPass(Response):
     title = "the sensor's own low-pass"
     equation = (
         'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth '
-        '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4), as it is or folded by sampling; moving '
-        'average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)'
+        '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4), as it is or folded by sampling; '
+        'moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)'
     )
     signature = (
         'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no '
