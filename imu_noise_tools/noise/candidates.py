@@ -118,7 +118,7 @@ def _at_bound(evidence: Evidence, effect) -> str:
     """Say that a shape lies at its bound: that is no estimate, another effect is meant."""
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
-        if p.amplitude or p.linear or p.discrete:
+        if p.amplitude or p.linear or p.discrete or p.name in effect.optional:
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)

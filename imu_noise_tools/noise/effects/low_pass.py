@@ -13,6 +13,7 @@ FORMS = (
     'first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
     'butterworth_2_sampled', *DECIMATED
 )
+BEHIND = (0.0, 3e-3)  # shares to start from
 FINER = np.geomspace(0.9, 1.1, 11)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
 CASCADE = 0.319  # of two averages of one length, one behind the other
@@ -43,7 +44,12 @@ class LowPass(Response):
     parameters = (
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
         Parameter.choice('form', FORMS, title='shape of the fall'),
+        # more of it is a Gauss-Markov process beside white noise, as any of it is behind one pole
+        Parameter('behind', '1', 0.0, 0.02, log=False,
+                  title='share of the white noise that arises behind it'),
     )
+    neutral = {'behind': 0.0}
+    optional = ('behind',)
 
     def starts(self, evidence):
         """
@@ -69,7 +75,8 @@ class LowPass(Response):
 
         out = []
         for form in FORMS:
-            some = [self.with_values(cutoff=float(c), form=form) for c in tried[form]]
+            some = [self.with_values(cutoff=float(c), form=form, behind=share)
+                    for c in tried[form] for share in BEHIND]
             best, second = sorted(some, key=roughness)[:2]
             if tried[form] is falls:    # forms differ by less than one step of the cutoff does
                 some = [best.with_values(cutoff=best['cutoff'] * c) for c in FINER]
@@ -83,7 +90,13 @@ class LowPass(Response):
 
     def gain2(self, f, dt):
         """Return the squared gain."""
-        f, c, form = np.asarray(f, float), self['cutoff'], self.chosen('form')
+        form = self.chosen('form')
+        behind = self.values.get('behind', 0.0) if form != 'first_order' else 0.0
+        return np.maximum((self._shape(form, f, dt) + behind) / (1 + behind), 1e-9)
+
+    def _shape(self, form, f, dt):
+        """Return that of a form, with nothing behind it."""
+        f, c = np.asarray(f, float), self['cutoff']
         if form == 'first_order':
             p = np.exp(-2 * np.pi * c * dt)
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(np.pi * f * dt)) ** 2)
@@ -97,12 +110,12 @@ class LowPass(Response):
         if form in DECIMATED:
             return _decimated(f * dt, c * dt, DECIMATED[form])
         shape = _average if form == 'moving_average' else _two_averages
-        return np.maximum(shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0)), 1e-9)
+        return shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0))
 
     @classmethod
     def example(cls):
         """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
-        return cls({'cutoff': 12.0, 'form': 'first_order'})
+        return cls({'cutoff': 12.0, 'form': 'first_order', 'behind': 0.0})
 
 
 _LENGTH = {'moving_average': WINDOW, 'two_averages': CASCADE}
