@@ -10,7 +10,7 @@ PYTHON ?=
 JOBS  ?= $(shell nproc 2>/dev/null || echo 2)
 PYTEST = $(PY) -m pytest -ra -n $(JOBS) --dist loadfile
 
-.PHONY: demo test test-all bench fuzz lint clean
+.PHONY: demo test test-all bench fuzz lint docs clean
 
 demo: $(READY)
 	rm -rf imu_noise_demo
@@ -35,6 +35,15 @@ lint: $(READY)
 	$(PY) -m flake8
 	$(PY) -m pydocstyle imu_noise_tools bench doc launch
 	$(PY) -m mypy
+
+# The manual, into build/manual; what Sphinx warns of is an error.
+docs: $(VENV)/.docs
+	$(PY) -m sphinx -W --keep-going -q -b html doc build/manual
+	@echo 'the manual: build/manual/index.html'
+
+$(VENV)/.docs: $(READY)
+	$(PY) -m pip install -q --use-pep517 -e '.[docs]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) .venv-3.* build install log dist *.egg-info imu_noise_demo .pytest_cache .mypy_cache .hypothesis

@@ -18,6 +18,11 @@ setup(
     long_description='See README.md.',
     maintainer='imu_noise_tools maintainers',
     maintainer_email='maintainers@imu-noise-tools.example',
+    url='https://imu-noise-tools.example/',
+    project_urls={
+        'Source': 'https://imu-noise-tools.example/imu_noise_tools.git',
+        'Tracker': 'https://imu-noise-tools.example/issues',
+    },
     license='Apache-2.0',
     keywords=['ROS', 'IMU', 'Allan variance', 'gyroscope', 'accelerometer', 'calibration'],
     classifiers=[
@@ -34,6 +39,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', sorted(glob('launch/*.launch.py'))),
         (f'share/{NAME}/config', sorted(glob('config/*.*'))),
+        (f'share/{NAME}/config/sheets', sorted(glob('config/sheets/*.yaml'))),
     ],
     install_requires=[
         'allantools',
@@ -50,6 +56,7 @@ setup(
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fleet': ['dask', 'distributed'],
+        'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
@@ -59,6 +66,7 @@ setup(
             'setuptools<80',            # what colcon-core can drive
             'wheel',
         ],
+        'docs': ['furo', 'myst-parser', 'sphinx>=7.2'],
         # Pinned: a new version finds new faults, and a change answers for its own alone.
         'lint': [
             'flake8==7.4.1',

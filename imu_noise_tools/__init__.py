@@ -28,6 +28,57 @@ Uncertainty
 Sources
     IEEE 952 and IEEE 1554 (terms and Allan variance), REP-103, REP-145 (frames).
 
+
+From Python
+    ``import imu_noise_tools as imu``: the names of ``__all__``, from :mod:`imu_noise_tools.api`,
+    which is loaded when one of them is first used.
+
 """
 
+import sys
+
 __version__ = '0.1.0'
+
+__all__ = [
+    'analyse', 'calibrate', 'data_sheet', 'filter', 'FitError', 'ImuNoiseError', 'ImuRecord',
+    'InputError', 'load', 'load_effects', 'open_record', 'simulate', 'Study', 'UsageError']
+
+TYPE_CHECKING = False       # typing's own would load typing
+
+if TYPE_CHECKING:
+    from .api import analyse as analyse     # noqa: I300
+    from .api import calibrate as calibrate
+    from .api import data_sheet as data_sheet
+    from .api import filter as filter
+    from .api import FitError as FitError
+    from .api import ImuNoiseError as ImuNoiseError
+    from .api import ImuRecord as ImuRecord
+    from .api import InputError as InputError
+    from .api import load as load
+    from .api import load_effects as load_effects
+    from .api import open_record as open_record
+    from .api import simulate as simulate
+    from .api import Study as Study
+    from .api import UsageError as UsageError
+else:
+    def __getattr__(name):
+        if name not in __all__:
+            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+        from . import api
+        return getattr(api, name)
+
+
+def __dir__() -> list[str]:
+    return [*(n for n in globals() if n.startswith('__')), *__all__]
+
+
+class _Package(type(sys)):      # type: ignore[misc]
+    """This module, in which the rooms ``filter`` and ``simulate`` do not hide the functions."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Leave out a room that the import system binds here under the name of a function."""
+        if not (name in __all__ and isinstance(value, type(sys))):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -62,7 +62,7 @@ def test_record_with_handling():
     device = sim.Device.drawn(rng, noise=0.02)
     done = tasks.calibrate_records([record(*six_faces(rng, device))])
     c = done.calibration
-    assert c.poses.names == tuple(sim.AXES) and done.calibration.problem.method == 'wls'
+    assert c.poses.names == tuple(sim.AXES) and done.calibration.problem.method == 'faces'
     np.testing.assert_array_less(np.abs(c.bias - device.bias), 4 * c.std[1])
     np.testing.assert_array_less(np.abs(c.S - device.scale), 4 * c.std[0])
     assert done.study.source['gravity_from'].startswith('standard gravity')
@@ -115,7 +115,6 @@ def test_refusals_of_records():
         swing = np.column_stack([np.sin(1.7 * t), np.cos(1.3 * t), np.sin(2.1 * t + 1)])
         tasks.calibrate_records([record(t, swing, 6 * swing)])
     for wrong in ({'sensor': 'accel', 'turn_deg': 360}, {'gravity': 9.8, 'latitude': 3},
-                  {'sensor': 'gyro'},
                   {'rate_deg_s': 10, 'turn_deg': 360}, {'tilt_deg': 50}):
         with pytest.raises(UsageError):
             tasks.calibrate_records([record(t, gyro, accel)], **wrong)
@@ -275,7 +274,7 @@ def test_commands(faces_npz, tmp_path, capsys):
     assert {p.name for p in out.iterdir()} >= {'calibration.yaml', 'calibration.png',
                                                'report.html', 'study.yaml', 'evidence.npz'}
     data = yaml.safe_load((out / 'calibration.yaml').read_text())
-    assert data['sensor'] == 'accel' and data['method'] == 'wls' and data['unit'] == 'm/s^2'
+    assert data['sensor'] == 'accel' and data['method'] == 'faces' and data['unit'] == 'm/s^2'
     np.testing.assert_allclose(np.array(data['G']), np.column_stack([data['S'], data['bias']]))
     assert np.shape(data['std']['S']) == (3, 3) and len(data['poses']) == 6
     assert data['faces'] == {'seen': {f: 1 for f in sim.AXES}, 'missing': []}

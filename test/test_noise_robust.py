@@ -26,10 +26,12 @@ from imu_noise_tools.export._values import covering, HORIZON
 from imu_noise_tools.health import MOTION_KEPT
 from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.noise.curve import bin_weights
+from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.quiet import loud_stretches
 from imu_noise_tools.noise.response import open_response, Order, Rational
 from imu_noise_tools.plots.noise import pictures
 from imu_noise_tools.tasks.noise import analyse_record, outputs
@@ -315,3 +317,62 @@ def test_swings_that_come_and_go_are_no_spikes():
     assert level == pytest.approx(2 * robust.TRUTH['N'] ** 2, rel=0.05)
     found = fit(evidence, model_of('noise', BASE)).estimates['white']['N']
     assert found.value == pytest.approx(robust.TRUTH['N'], rel=0.03)
+
+
+def test_what_is_switched_on_and_off_is_left_out_where_it_shows():
+    """A machine that runs for a fifth of the time: N is that of the rest, B and K of it all."""
+    y, rng = noise(41)
+    begin, end = 30_000, 48_000
+    machine = lfilter(*butter(2, (0.3, 0.6), 'band'), robust.white(N, DT, rng))
+    y[begin:end] += 3 * machine[begin:end]
+    evidence = axis_of(y)
+    (first, last), = evidence.loud
+    assert first <= begin * DT <= first + 30 and last - 30 <= end * DT <= last
+    found = fit(evidence, model_of('noise', BASE))
+    n = found.estimates['white']['N']
+    assert n.ci95[0] < robust.TRUTH['N'] < n.ci95[1]
+    assert n.ci95[1] / n.ci95[0] < 1.015 and np.isfinite(found.details.basis.quiet)
+    assert f'{first:.4g} to {last:.4g} s' in ' '.join(found.flags)
+    # the whole record's power is what is stated as not explained, and the halves rest on theirs
+    assert any(s.low < 8 < s.high and s.ratio > 1.5 for s in found.details.set_aside)
+    for part in ('first', 'second'):
+        half = fit(evidence, model_of('noise', BASE), part, mean=found, intervals=False)
+        assert half.model['white']['N'] == pytest.approx(robust.TRUTH['N'], rel=0.02)
+    again = from_arrays(to_arrays({'gyro_x': evidence}))['gyro_x']
+    assert np.array_equal(again.loud, evidence.loud)
+    assert fit(again, model_of('noise', BASE)).model['white'] == found.model['white']
+
+
+def test_what_the_model_knows_is_not_left_out():
+    """With the band that is switched on in the model, its power is that of the whole record."""
+    y, rng = noise(42)
+    begin, end = 20_000, 40_000
+    y[begin:end] += 2 * lfilter(*iirpeak(0.4, 8), robust.white(N, DT, rng))[begin:end]
+    evidence = axis_of(y)
+    assert len(evidence.loud) == 1
+    found = fit(evidence, model_of('noise', (*BASE, 'narrowband')))
+    assert found.details.basis is None or not np.isfinite(found.details.basis.quiet)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_nothing_is_switched_on_where_noise_is_steady(seed):
+    y, rng = noise([43, seed])
+    lines = y + 1e-3 * np.sin(2 * np.pi * 3.3 * DT * np.arange(N))
+    narrow = y + 5 * lfilter(*iirpeak(0.3, 400), robust.white(N, DT, rng))
+    for some in (y, lines, narrow, lfilter(*butter(2, 0.3), y)):
+        evidence = axis_of(some)
+        assert not len(evidence.loud) and not evidence.whole.quiet.size
+
+
+def test_two_machines_leave_the_quiet_between_them():
+    count = np.full(6, 40)
+    power = np.random.default_rng(44).chisquare(40, (200, 6)) / 40
+    power[30:50, 4] *= 4
+    power[120:160, 2:5] *= 3
+    found = loud_stretches(power, count)
+    assert len(found) == 2      # and a window more on either side
+    for (a, b), (first, last) in zip(found, ((30, 50), (120, 160))):
+        assert first - 4 <= a < first and last < b <= last + 4
+    power = np.random.default_rng(45).chisquare(40, (200, 6)) / 40
+    power[:150, 1] *= 5         # what runs for most of the time is the record
+    assert not len(loud_stretches(power, count))

@@ -14,7 +14,8 @@ from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, ro
 from imu_noise_tools.loop.effect import find_effect
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 
-SPIKES, DUPLICATES = (find_effect('noise', k) for k in ('spikes', 'duplicates'))
+SPIKES, DUPLICATES, SHOCK = (
+    find_effect('noise', k) for k in ('spikes', 'duplicates', 'shock'))
 N = 40_000
 
 
@@ -172,3 +173,32 @@ def test_a_spike_that_was_held_is_taken_out_whole():
     held = y[np.arange(len(y)) // 4 * 4]
     index, clean = found(held)
     assert list(index) == [500, 501, 502, 503] and np.max(np.abs(clean)) < 6
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_knock_that_is_gone_within_a_tenth_of_a_second_is_a_shock(seed):
+    """Taken for single spikes, what rings on beside them would stay."""
+    y, t = noise([12, seed]), np.arange(15)
+    inputs = Inputs(np.arange(N) * 0.02, 0.02)
+    begins = np.random.default_rng([13, seed]).integers(100, N - 100, 6)
+    for i in begins:
+        y[i:i + 15] += 100 * np.exp(-t / 3) * np.sin(1.1 * t + 1)
+    kept = SHOCK.statistics(y, inputs)
+    assert all(np.any((kept['begin'] <= i) & (i < kept['end'])) for i in begins)
+    assert np.max(np.abs(SHOCK.screen(y, kept, inputs))) < 6
+
+
+@pytest.mark.parametrize('share', [0.001, 0.01, 0.03])
+def test_spikes_are_no_shocks_however_many(share):
+    y = noise(14)
+    y = y + 40 * np.random.default_rng(15).standard_normal(N) * (
+        np.random.default_rng(16).random(N) < share)
+    assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+
+
+@pytest.mark.parametrize('held', [4, 8])
+def test_a_spike_that_was_held_is_no_shock(held):
+    y = noise(17)
+    y[np.arange(500, N, 5000)] += 60
+    y = y[np.arange(N) // held * held]
+    assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))

@@ -45,7 +45,8 @@ def test_what_fails_is_not_within_chance():
     some = score(0.55, -0.15, -0.15, -0.15)
     assert some.excess <= 2 * some.std and some.failing == ['0']
     assert not some.within_chance and some.side == 'beyond chance'
-    assert 'beyond chance' in words.error_in_words(some)
+    said = words.error_in_words(some)
+    assert 'in the mean' in said and 'beyond chance: 1 of 4 views fail' in said
     assert [v.name for v in words.failing(some)] == ['0']
 
 

@@ -5,14 +5,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import null_space
 
+from . import faces
 from .effects import BASE, Regressor, Scatter, Tilt
 from .poses import Poses, unit
+from ..core.errors import FitError
 from ..loop.effect import Model
 
 _SMALL = 1e-8       # relative: a direction the poses do not determine
@@ -32,12 +36,12 @@ class Equations:
     right : ndarray (N,)
         Whitened outputs.
     pose : ndarray (N,)
-        To which pose an equation belongs.
+        To which pose an equation belongs; -1, in front, for what was known before.
     keys : tuple of (label, parameter)
         What the coefficients are.
-    whitener : ndarray (n, r, 3)
+    whitener : ndarray (n, r, 3), or list of (r, 3)
         What turns the three outputs of a pose into its r equations: 3, or 1 where only the
-        magnitude is known.
+        magnitude is known; of a turn between rests 2.
 
     """
 
@@ -45,7 +49,7 @@ class Equations:
     right: np.ndarray
     pose: np.ndarray
     keys: tuple[tuple[str, str], ...]
-    whitener: np.ndarray
+    whitener: Any
 
     @cached_property
     def _decomposed(self):
@@ -54,6 +58,11 @@ class Equations:
         u, s, vt = np.linalg.svd(self.matrix / size, full_matrices=False)
         keep = s > _SMALL * s[0]
         return u[:, keep], s[keep], vt, keep, size
+
+    @property
+    def basis(self) -> np.ndarray:
+        """Orthonormal basis of what the coefficients explain, (N, rank)."""
+        return self._decomposed[0]
 
     @property
     def rank(self) -> int:
@@ -135,6 +144,8 @@ class Equations:
 
         """
         u = self._decomposed[0]
+        before = np.zeros((len(self.right) - len(columns), columns.shape[1]))
+        columns = np.vstack([before, columns])
         size = np.linalg.norm(columns, axis=0)
         columns = columns[:, size > 0] / size[size > 0]
         fresh = columns - u @ (u.T @ columns)
@@ -216,6 +227,12 @@ def keys_of(model: Model, free_direction: bool) -> tuple[tuple[str, str], ...]:
                  if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE))
 
 
+def elements(keys: Sequence[tuple[str, str]]) -> list[tuple[int, int, int]]:
+    """Return (column, i, j) of every S_ij among coefficients."""
+    return [(k, 'xyz'.index(name[-2]), 'xyz'.index(name[-1])) for k, (label, name)
+            in enumerate(keys) if label in ('scale', 'cross_axis')]
+
+
 def terms_of(model: Model, poses: Poses, scale: np.ndarray, free_direction: bool) -> np.ndarray:
     """Return the columns of every coefficient of :func:`keys_of`, (3, n, m)."""
     parts = []
@@ -232,7 +249,7 @@ def tilt_of(model: Model, stated: float) -> float:
 
 
 def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
-               free_direction: bool) -> np.ndarray:
+               method: str) -> np.ndarray:
     """
     Return the covariance of each pose's outputs, (n, 3, 3): noise, tilt and the model's scatter.
 
@@ -242,7 +259,10 @@ def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
     cov = np.zeros((poses.n, 3, 3))
     cov[:, range(3), range(3)] = poses.std.T ** 2
     scatter = model.of(Scatter)
-    if not free_direction and tilt > 0 and not any(e.tilts for e in scatter):
+    if method == 'faces':
+        cov += faces.covariance(poses, scale, tilt)
+        scatter = [e for e in scatter if not e.tilts]
+    elif method != 'norm' and tilt > 0 and not any(e.tilts for e in scatter):
         cov += Tilt().covariance(poses, scale, tilt)
     for e in scatter:
         cov += e.covariance(poses, scale, e.amplitude)
@@ -258,7 +278,10 @@ def whitener_of(
         w = np.linalg.solve(scale.T, unit(poses.inputs)).T
         variance = np.einsum('ni,nij,nj->n', w, cov, w)
         return (w / np.sqrt(variance)[:, None])[:, None, :], float(np.log(variance).sum())
-    lower = np.linalg.cholesky(cov)
+    try:
+        lower = np.linalg.cholesky(cov)
+    except np.linalg.LinAlgError:       # of a scale that has gone astray
+        raise FitError('the fit diverges', 'add poses in other directions') from None
     log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
     return np.linalg.inv(lower), float(log_det)
 
@@ -269,13 +292,25 @@ def whitened(whitener: np.ndarray, terms: np.ndarray) -> np.ndarray:
     return rows.reshape(-1, terms.shape[2])
 
 
-def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
-              free_direction: bool) -> tuple[Equations, float]:
-    """Return the whitened equations around S = scale, and the log-determinant taken away."""
-    cov = covariance(model, poses, scale, tilt, free_direction)
-    whitener, log_det = whitener_of(poses, cov, scale, free_direction)
-    terms = terms_of(model, poses, scale, free_direction)
-    right = np.einsum('nri,in->nr', whitener, poses.outputs).ravel()
+def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method: str,
+              before: bool = True) -> tuple[Equations, float]:
+    """
+    Return the whitened equations around S = scale, and the log-determinant taken away.
+
+    ``before`` puts what is known without any pose in front, where the method knows something.
+
+    """
+    free = method == 'norm'
+    cov = covariance(model, poses, scale, tilt, method)
+    whitener, log_det = whitener_of(poses, cov, scale, free)
+    matrix = whitened(whitener, terms_of(model, poses, scale, free))
+    outputs, keys = poses.outputs, keys_of(model, free)
+    if method == 'faces':
+        outputs = outputs - faces.offset(poses, scale)
+    right = np.einsum('nri,in->nr', whitener, outputs).ravel()
     pose = np.repeat(np.arange(poses.n), whitener.shape[1])
-    return Equations(whitened(whitener, terms), right, pose, keys_of(model, free_direction),
-                     whitener), log_det
+    if method == 'faces' and before:
+        rows = faces.prior(elements(keys), scale, len(keys))
+        matrix = np.vstack([rows, matrix])
+        right, pose = np.r_[np.zeros(len(rows)), right], np.r_[np.full(len(rows), -1), pose]
+    return Equations(matrix, right, pose, keys, whitener), log_det

@@ -231,29 +231,33 @@ def check_unit(outputs: np.ndarray, gravity: float) -> None:
                      'convert with the nominal scale of the data sheet first')
 
 
-def faced(poses: Poses, cone_deg: float = CONE_DEG) -> tuple[Poses, tuple[str, ...]]:
+def named(poses: Poses, cone_deg: float = CONE_DEG) -> Poses:
     """
-    Return the poses that are faces, with their nominal inputs and names, and notes on the others.
+    Return the poses, those that are faces with their names and nominal inputs.
 
     A pose is a face when its direction lies within a cone about an axis, whatever its distance
     from g.
 
     """
-    keep, names, doubtful, away = [], [], [], []
-    for k, o in enumerate(poses.outputs.T):
-        face, angle = nearest_face(o)
-        if angle > cone_deg:
-            away.append(f'{poses.names[k]} ({angle:.0f} deg from {face})')
-            continue
-        if angle > cone_deg / 2:
-            doubtful.append(f'{poses.names[k]} ({angle:.0f} deg from {face})')
-        keep.append(k)
-        names.append(face)
+    found = [nearest_face(o) for o in poses.outputs.T]
+    names = tuple(face if angle <= cone_deg else poses.names[k]
+                  for k, (face, angle) in enumerate(found))
+    none = np.full(3, np.nan)
+    aims = np.array([DIRECTIONS.get(n, none) for n in names]).reshape(-1, 3).T
+    return replace(poses, inputs=poses.magnitude * aims, names=names)
+
+
+def faced(poses: Poses, cone_deg: float = CONE_DEG) -> tuple[Poses, tuple[str, ...]]:
+    """Return the poses that are faces, as :func:`named` names them, and notes on the others."""
+    found = [nearest_face(o) for o in poses.outputs.T]
+    off = [(angle, f'{name} ({angle:.0f} deg from {face})')
+           for name, (face, angle) in zip(poses.names, found)]
+    away = [said for angle, said in off if angle > cone_deg]
+    doubtful = [said for angle, said in off if cone_deg / 2 < angle <= cone_deg]
     notes = [f'left out as no face: {_some(away)}'] if away else []
     notes += [f'off their faces: {_some(doubtful)}'] if doubtful else []
-    inputs = poses.magnitude * np.array([DIRECTIONS[f] for f in names]).reshape(-1, 3).T
-    some = poses.take(np.array(keep, int))
-    return replace(some, inputs=inputs, names=tuple(names)), tuple(notes)
+    keep = [k for k, (angle, _) in enumerate(off) if angle <= cone_deg]
+    return named(poses, cone_deg).take(np.array(keep, int)), tuple(notes)
 
 
 def _some(items, most: int = 4) -> str:

@@ -61,7 +61,7 @@ class Session:
     tilt : float
         Tilt of the faces, rad.
     method : str, optional
-        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
 
     """
 

@@ -11,18 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from . import solve
+from . import faces, solve
+from .axes import refuse_crossed_axes
+from .between import time_offset, Turns
 from .correction import Correction
 from .linear import equations
-from .poses import nearest_face, Poses, unit
-from .positions import CONE_DEG, counted, faced, spread
+from .poses import FACES, nearest_face, Poses, unit
+from .positions import CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
+from .turn_problem import TurnsProblem
 from ..core.errors import FitError, InputError
 from ..loop.effect import Fit, Model
 from ..loop.study import Study
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
+_TURN_ROWS = 12                 # equations of turns that nine coefficients are asked of
+_TURN_STD = 0.01                # a scale known worse is no calibration
+_TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
 _SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
 
 
@@ -38,7 +44,7 @@ class Calibration:
     fit : Fit
         The fitted model with its estimates.
     plain : Fit
-        The same poses by ``ols`` where they can be: its distance from ``wls`` shows the tilt.
+        The same faces by ``ols`` where there are all six: its distance shows the tilt.
     notes, warnings : tuple of str
         What was done, and what is doubtful.
 
@@ -113,12 +119,13 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     Parameters
     ----------
     poses : Poses
-        From a record, with or without known inputs. Accelerometer poses without are matched to
-        faces, or, when 12 and more point in different directions, fitted by their magnitude alone.
+        From a record, with or without known inputs. Accelerometer poses without are fitted by
+        their magnitudes, cross-axis terms by what faces read across (``faces``); when 12 and more
+        point in different directions, by their magnitude alone (``norm``).
     method : str, optional
-        ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
     tilt : float
-        Tilt of the faces, rad (rms of each of two angles).
+        Tilt of the faces, rad (rms of each of two angles), for ``wls``.
     model : Model, optional
         scale + cross_axis + bias unless given.
     notes : iterable of str
@@ -140,6 +147,11 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     method = method or _method(poses)
     if method == 'norm':
         _refuse_little_spread(poses)
+    elif method == 'faces':
+        if poses.sensor != 'accel':
+            raise InputError('the faces are those of an accelerometer', 'use --method wls')
+        poses = named(poses)
+        notes += _refuse_unsupported(poses, notes)
     elif not poses.known:
         poses, more = faced(poses)
         notes += more
@@ -156,35 +168,85 @@ def stated(
     problem: CalibrationProblem, fit: Fit, notes: Iterable[str] = (), warnings: Iterable[str] = ()
 ) -> Calibration:
     """Return a calibration that was solved before, with ``ols`` beside it."""
-    plain = fit if problem.method in ('ols', 'norm') else solve.fit(
-        fit.model, problem.poses, 'ols', problem.tilt)
+    poses, plain = problem.poses, fit
+    if problem.method == 'faces':
+        poses = poses.take([k for k, name in enumerate(poses.names) if name in FACES])
+    if problem.method == 'wls' or problem.method == 'faces' and set(FACES) <= set(poses.names):
+        plain = solve.fit(fit.model, poses, 'ols', problem.tilt)
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
-def of_study(study: Study) -> Calibration:
-    """Return the calibration a study stands at; raise InputError for another domain."""
+def calibrate_turns(turns: Turns, model: Model | None = None,
+                    notes: Iterable[str] = ()) -> Calibration:
+    """
+    Return the gyroscope's calibration by the turns between rests, or refuse it.
+
+    Raises
+    ------
+    InputError
+        The turns do not tell every coefficient.
+    FitError
+        The two sensors' axes contradict each other, or the solution is no calibration.
+
+    """
+    refuse_crossed_axes(turns)
+    if 2 * turns.n < _TURN_ROWS:
+        raise InputError(f'{turns.n} turns between poses do not tell nine scale and cross-axis '
+                         f'terms of a gyroscope', f'hold {_TURN_ROWS // 2 + 1} poses or more, '
+                         'turning about all axes between them')
+    problem = TurnsProblem.of(turns)
+    fit = problem.fit(model or solve.base_model())
+    _refuse_failure(fit, problem.poses, 'turns')
+    # what the turns tell by their geometry: a scatter that an effect explains is the loop's
+    noise = np.median(turns.spread)
+    worst = float(np.max(standard_deviations(fit)[0]) * noise / np.hypot(noise, fit.details.tilt))
+    if worst > _TURN_STD:
+        raise InputError(f'the turns between poses tell the gyroscope\'s scale to '
+                         f'{100 * worst:.1f} % only', 'turn about all axes, by 90 deg and more')
+    said = [*notes, 'the Earth\'s rate (at most 15.04 deg/h) stays in the bias and in the turns']
+    return stated(problem, fit, said, fit.flags)
+
+
+def offset_of(calibration: Calibration) -> dict[str, float] | None:
+    """Return by how much the accelerometer's stamps are later than the gyroscope's, s, and std."""
+    problem = calibration.problem
+    if not isinstance(problem, TurnsProblem):
+        return None
+    turns = problem.data
+    heat = turns.temperature if np.isfinite(turns.temperature).all() else None
+    rates = calibration.correction.apply(turns.gyro, heat, turns.force)
+    size = float(np.median(np.linalg.norm(turns.rests.force, axis=0)))
+    value, std = time_offset(turns, rates, size)
+    return {'value': value, 'std': std}
+
+
+def of_study(study: Study, target: str | None = None) -> Calibration:
+    """Return the calibration a study stands at, of its first sensor or the one named."""
     if study.domain != CalibrationProblem.domain:
         raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
-    state = next(iter(study.states.values()))
+    target = study.chosen(None if target is None else [target])[0]
+    state = study.states[target]
     assert isinstance(state.problem, CalibrationProblem)
-    return stated(state.problem, state.fit, study.source.get('notes', ()),
-                  study.source.get('warnings', ()))
+    said = study.source
+    if target != study.targets[0]:
+        said = said.get(target, {})
+    return stated(state.problem, state.fit, said.get('notes', ()), said.get('warnings', ()))
 
 
 def _method(poses: Poses) -> str:
     if poses.known or poses.sensor != 'accel':
         return 'wls'
     if spread(poses) < SPREAD_POSES:
-        return 'wls'
+        return 'faces'
     system = _norm_equations(poses)
-    return 'norm' if system.condition < _CONDITION else 'wls'
+    return 'norm' if system.condition < _CONDITION else 'faces'
 
 
 def _norm_equations(poses):
     """Return the equations of the norm fit, near its solution."""
     scale, bias = solve.start(poses)
     inputs = poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None]))
-    return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, True)[0]
+    return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, 'norm')[0]
 
 
 def _refuse_little_spread(poses: Poses) -> None:
@@ -200,6 +262,21 @@ def _refuse_little_spread(poses: Poses) -> None:
         raise InputError(f'the poses are too alike for a norm fit (condition {condition:.0f}, at '
                          f'most '
                          f'{_CONDITION:.0f})', remedy)
+
+
+def _refuse_unsupported(poses: Poses, notes) -> list[str]:
+    """Refuse poses whose magnitudes do not tell scale and bias; else say what one more adds."""
+    directions = unit(poses.outputs)
+    more = faces.next_pose(directions)
+    if faces.condition(directions) > _CONDITION:
+        if all(name in FACES for name in poses.names):
+            _refuse_missing_faces(poses.names, notes)
+        raise InputError(f'the {poses.n} poses do not tell three scale factors and three biases',
+                         more)
+    missing = [f for f, k in counted(poses.names).items() if not k]
+    said = [f'no pose has {", ".join(missing)} up; the others tell what these would'
+            ] if missing else []
+    return [*said, more]
 
 
 def _refuse_missing_faces(names, notes) -> None:
@@ -237,8 +314,8 @@ def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
                            f'{nominal:.3g} on average', 'check the units and the poses')
     if poses.sensor == 'gyro' and not _SCALES[0] < nominal < _SCALES[1]:
         raise FitError(f'the turns come out {nominal:.3g} times as large as they should',
-                       'check --turn or --rate '
-                       '(degrees), the unit of the gyroscope and the sample rate')
+                       ('check ' if method == 'turns' else 'check --turn or --rate (degrees), ')
+                       + 'the unit of the gyroscope and the sample rate')
 
 
 def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
@@ -250,7 +327,13 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
         said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
                     f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
-    if method != 'norm' and dof:
+    if method == 'faces':
+        tilt = fit.details.tilt
+        if _TILTED_DEG < np.degrees(tilt) and tilt != faces.ANY:
+            said.append(f'the faces are tilted by about {np.degrees(tilt):.1f} deg, which scale '
+                        f'factors and biases do not feel and cross-axis terms do: level them, or '
+                        f'hold {SPREAD_POSES} spread poses')
+    elif method != 'norm' and dof:
         lateral = inputs == 0
         own = np.diag(fit.details.scale)[:, None]
         size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0),
@@ -282,8 +365,11 @@ def as_dict(calibration: Calibration) -> Mapping:
         'magnitude': float(poses.magnitude),
         'reference_temperature': float(poses.reference_temperature),
     }
-    if c.problem.method != 'norm':
-        out['tilt_deg'] = float(np.degrees(c.problem.tilt))
+    if c.problem.method == 'turns':
+        out['scatter_deg'] = float(np.degrees(fit.details.tilt))
+        out['left_out_deg'] = float(np.degrees(c.problem.summary(fit)['left_out_rms']))
+    elif c.problem.method != 'norm':
+        out['tilt_deg'] = float(np.degrees(fit.details.tilt))
         out['ols'] = {'S': c.plain.details.scale.tolist(), 'bias': c.plain.details.bias.tolist()}
     seen = {n: poses.names.count(n) for n in dict.fromkeys(poses.names)}
     if c.sensor == 'accel':

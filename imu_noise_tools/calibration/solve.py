@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fitting a calibration: ``ols``, ``wls`` and ``norm``; any model, observable or not."""
+"""Fitting a calibration by one of :data:`METHODS`; any model, observable or not."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from . import faces
 from .effects import BASE, Regressor, Scatter
-from .linear import Equations, equations, tilt_of
+from .linear import elements, Equations, equations, tilt_of
 from .poses import Poses, unit
 from ..core.errors import FitError, unknown, UsageError
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
 from ..loop.effect import Estimate, Fit, Model, model_of
 
-METHODS = ('ols', 'wls', 'norm')
+METHODS = ('faces', 'wls', 'ols', 'norm')
 TILT = np.radians(1.0)
+_CLOSE = {'norm': 1e-10, 'faces': 1e-7}
 _TURNS = 60             # iterations; the norm fit converges quadratically, in five or six
 
 
@@ -47,7 +49,7 @@ class Solved:
     residual : ndarray (3, n)
         Outputs less what the model says of them.
     tilt : float
-        Stated tilt, rad.
+        Tilt of the faces, rad: stated, or for ``faces`` found.
     method : str
         One of :data:`METHODS`.
 
@@ -115,10 +117,11 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
     ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles),
-    ``norm`` uses the magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a
-    common rotation.
+    ``faces`` finds tilt and directions along with them (:mod:`.faces`), ``norm`` uses the
+    magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
 
-    ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses.
+    ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses;
+    for ``faces`` with the ``tilt`` that was found there.
 
     ``Fit.details`` are :class:`Solved`.
 
@@ -137,33 +140,54 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     if missing:
         raise UsageError(f'the calibration model lacks {" and ".join(missing)}',
                          'keep scale and bias in it')
-    free = method == 'norm'
-    if not free and not poses.known:
+    if method in ('ols', 'wls') and not poses.known:
         raise UsageError(f'{method} needs poses of known direction', 'use --method norm')
     for e in model.of(Regressor):
         why = e.why_not(poses)
         if why and (poses.sensor not in e.sensors or not np.isfinite(e.columns(poses)).all()):
             raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
-    system, state, log_det = _iterate(model, poses, free, tilt)
+    found = faces.tilt_found(poses, *start(poses)) if method == 'faces' and known is None else None
+    if found:
+        tilt = found[0]
+    system, state, log_det = _iterate(model, poses, method, tilt)
     for e in model.of(Scatter):
         amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale,
-                                                                tilt, free)[0]
+                                                                tilt, method)[0]
         model = model.with_effect(e.with_values(**{e.parameters[0].name: amplitude}))
     if model.of(Scatter):
-        system, state, log_det = _iterate(model, state.poses, free, tilt)
+        system, state, log_det = _iterate(model, state.poses, method, tilt)
     theta, cov = system.theta, system.cov
     if method == 'ols':
         theta, cov = _unweighted(system)
-    if not free:
+    if method in ('ols', 'wls'):
         rms = tilt_of(model, tilt)
         cov = cov + _common_tilt(system.keys, theta, rms)
         if method == 'wls':
-            cov = cov + _leak(_State(state.poses, system.keys, theta), system, cov, rms)
-    state = _State(state.poses, system.keys, theta)
-    return _report(model, state, system, cov, log_det, method, tilt, known)
+            cov = cov + _leak(State(state.poses, system.keys, theta), system, cov, rms)
+    state = State(state.poses, system.keys, theta)
+    around = state.values
+    if method == 'faces':
+        cov = cov + faces.widened(system, state.poses, state.scale, tilt, found[1] if found else 0)
+        state, cov = _settled(state, system, cov)
+        # what is not beyond chance is left out of a value, but not out of its interval
+        around = {k: around[k] if k[0] == 'cross_axis' else v for k, v in state.values.items()}
+    return report(model, state, system, cov, log_det, method, tilt, known, around)
 
 
-class _State:
+def _settled(state, system, cov):
+    """Return state and covariance with no more common rotation than the poses speak of."""
+    where = {(i, j): k for k, i, j in elements(system.keys)}
+    at = [where[i, j] for i in range(3) for j in range(3)]
+    turn, small = faces.settled(state.scale, cov[np.ix_(at, at)])
+    move = np.eye(len(cov))
+    move[np.ix_(at, at)] = np.kron(np.eye(3), turn.T)
+    theta = move @ np.array(list(state.values.values()))
+    cov = move @ cov @ move.T
+    cov[np.ix_(at, at)] = small
+    return State(state.poses.with_inputs(turn.T @ state.poses.inputs), system.keys, theta), cov
+
+
+class State:
     """Where the iteration stands: inputs and coefficients."""
 
     def __init__(self, poses: Poses, keys: Any = (), theta: Any = ()):
@@ -195,34 +219,39 @@ class _State:
         return np.array([self.values.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
 
 
-def _iterate(model, poses, free, tilt):
-    """Solve with the S (and for ``norm`` the directions) of the last time, until they stay."""
+def _iterate(model, poses, method, tilt):
+    """Solve with the S (and for unknown directions these) of the last time, until they stay."""
+    free = method in ('norm', 'faces')
     scale, bias = start(poses) if free else (_rough_scale(poses), np.zeros(3))
-    if free and not poses.known:
+    if method == 'norm' and not poses.known or method == 'faces':
         poses = poses.with_inputs(poses.magnitude
                                   * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
-    state = _State(poses)
     # without unknown directions S enters the weights alone, unless an effect changes the input
     weights = 1e-10 if any(e.at_input for e in model.of(Regressor)) else 1e-4
     for _ in range(_TURNS):
-        system, log_det = equations(model, poses, scale, tilt, free)
-        state = _State(poses, system.keys, system.theta)
+        system, log_det = equations(model, poses, scale, tilt, method)
+        state = State(poses, system.keys, system.theta)
         new = state.scale if free else _sound(state.scale, system)
         change = np.abs(new - scale).max() / np.abs(scale).max()
         scale = new
         if free:
-            size = np.abs(scale).max() ** 3
-            if not np.isfinite(size) or abs(np.linalg.det(scale)) < 1e-12 * size:
-                raise FitError('the norm fit diverges', 'add poses in other directions')
-            inner = poses.outputs - rest_of(state.filled(model), scale, poses)
-            moved = poses.magnitude * unit(np.linalg.solve(scale, inner))
-            change = max(change, np.abs(moved - poses.inputs).max() / poses.magnitude)
-            poses = poses.with_inputs(moved)
-            state.poses = poses
-        if change < (1e-10 if free else weights):
+            state.poses, moved = poses, _directed(model, state, poses)
+            change = max(change, np.abs(moved.inputs - poses.inputs).max() / poses.magnitude)
+            poses = state.poses = moved
+        if change < (_CLOSE[method] if free else weights):
             return system, state, log_det
-    raise FitError(f'the {"norm" if free else "weighted"} fit does not converge',
+    raise FitError(f'the {"weighted" if not free else method} fit does not converge',
                    'add poses in other directions, or look for a pose that moved')
+
+
+def _directed(model, state, poses):
+    """Return poses with the directions that S and b see in their outputs."""
+    scale = state.scale
+    size = np.abs(scale).max() ** 3
+    if not np.isfinite(size) or abs(np.linalg.det(scale)) < 1e-12 * size:
+        raise FitError('the norm fit diverges', 'add poses in other directions')
+    inner = poses.outputs - rest_of(state.filled(model), scale, poses)
+    return poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))
 
 
 def _sound(scale, system):
@@ -278,24 +307,24 @@ def restricted(
     poses: Poses,
     scale: np.ndarray,
     tilt: float,
-    free: bool,
+    method: str,
 ) -> float:
     """Return the restricted log-likelihood with one scatter's amplitude."""
     trial = effect.with_values(**{effect.parameters[0].name: amplitude})
     trial = model.with_effect(trial) if effect.label in model else model + trial
-    system, log_det = equations(trial, poses, scale, tilt, free)
+    system, log_det = equations(trial, poses, scale, tilt, method)
     return system.log_restricted(log_det)
 
 
 def best_amplitude(
-    model: Model, effect: Scatter, poses: Poses, scale: np.ndarray, tilt: float, free: bool
+    model: Model, effect: Scatter, poses: Poses, scale: np.ndarray, tilt: float, method: str
 ) -> tuple[float, float]:
     """Return (amplitude of greatest restricted likelihood, that log-likelihood)."""
     lower, upper = np.log(effect.bounds(poses, scale))
     grid = np.linspace(lower, upper, 25)
 
     def loss(x):
-        return -restricted(model, effect, np.exp(x), poses, scale, tilt, free)
+        return -restricted(model, effect, np.exp(x), poses, scale, tilt, method)
 
     values = [loss(x) for x in grid]
     k = int(np.argmin(values))
@@ -351,17 +380,22 @@ def _leak(state, system, cov, tilt):
     return np.einsum('mnk,kn,lnk->ml', per_reading, sensitivity @ lateral, per_reading)
 
 
-def _report(model, state, system, cov, log_det, method, tilt, known):
-    free, poses, keys = method == 'norm', state.poses, system.keys
+def report(model: Model, state: State, system: Equations, cov: np.ndarray, log_det: float,
+           method: str, tilt: float, known: Mapping[str, Any] | None,
+           around: Mapping[tuple[str, str], float]) -> Fit[Solved]:
+    """Return the fit that a state and its equations make; ``around``: centres of intervals."""
+    poses, keys = state.poses, system.keys
     std = np.sqrt(np.diag(cov))
-    value = dict(zip(keys, zip(state.values.values(), std, system.determined)))
-    sensor, flags, estimates, effects = poses.sensor, [], {}, []
+    value = dict(zip(keys, zip(state.values.values(), std, system.determined, around.values())))
+    sensor, flags, estimates = poses.sensor, [], {}
+    effects: list[Any] = []
+    e: Any
     for e in model.effects:
         if isinstance(e, Scatter):
             name = e.parameters[0].name
             estimates[e.label] = {name: Estimate(e[name], None, None, point=e[name], fixed=True)
                                   if known else
-                                  _scatter_estimate(model, e, poses, state.scale, tilt, free)}
+                                  _scatter_estimate(model, e, poses, state.scale, tilt, method)}
             effects.append(e)
             continue
         mine = {p.name: _estimate(p, value.get((e.label, p.name)), sensor, e.name in BASE)
@@ -385,10 +419,10 @@ def _estimate(parameter, found, sensor, base: bool) -> Estimate:
     if found is None:
         return Estimate(0.0, None, None, unit_, point=0.0, fixed=True,
                         note='set to zero: a common rotation cannot be seen from magnitudes alone')
-    value, std, determined = found
+    value, std, determined, centre = found
     if not determined:
         return Estimate(None, None, None, unit_, point=value, note='not determined by these poses')
-    ci95 = interval(value, std)
+    ci95 = interval(centre, std)
     if not base and ci95[0] <= 0 <= ci95[1]:
         return Estimate(None, std, ci95, unit_, upper95=abs(value) + ONE_SIDED * std,
                         point=value,
@@ -396,16 +430,16 @@ def _estimate(parameter, found, sensor, base: bool) -> Estimate:
     return Estimate(value, std, ci95, unit_, point=value)
 
 
-def _scatter_estimate(model, effect, poses, scale, tilt, free) -> Estimate:
+def _scatter_estimate(model, effect, poses, scale, tilt, method) -> Estimate:
     """Return the estimate of a scatter's amplitude by its restricted profile likelihood."""
     parameter = effect.parameters[0]
     lower, upper = effect.bounds(poses, scale)
     grid = np.exp(np.linspace(np.log(lower), np.log(upper), 400))
     coarse = grid[::8]
-    profile = np.array([restricted(model, effect, a, poses, scale, tilt, free) for a in coarse])
+    profile = np.array([restricted(model, effect, a, poses, scale, tilt, method) for a in coarse])
     profile = np.interp(np.log(grid), np.log(coarse), profile)
     best = effect.values[parameter.name]
-    top = max(profile.max(), restricted(model, effect, best, poses, scale, tilt, free))
+    top = max(profile.max(), restricted(model, effect, best, poses, scale, tilt, method))
     inside = grid[profile > top - CHI2_95 / 2]
     unit_ = si(parameter.unit, poses.sensor)
     ci95 = (float(inside[0]), float(inside[-1])) if len(inside) else (best, best)

@@ -23,7 +23,8 @@ def register(commands: Any) -> None:
                    help='one bag with all poses, or a bag a pose')
     c.add_argument('-o', '--output', metavar='DIR', help='where it goes (default: BAG.study)')
     c.add_argument('--sensor', choices=('accel', 'gyro'),
-                   help='default: accel; gyro with --rate or --turn')
+                   help='default: both, the gyroscope by the turns between the poses; gyro with '
+                        '--rate or --turn')
     c.add_argument('--gravity', type=float, metavar='G',
                    help='local gravity, m/s^2 (default: 9.80665)')
     c.add_argument('--latitude', type=float, metavar='DEG',
@@ -36,13 +37,15 @@ def register(commands: Any) -> None:
     g.add_argument('--turn', type=float, metavar='DEG',
                    help='gyroscope: angle of hand turns about each axis, from rest to rest')
     c.add_argument('--tilt', type=float, default=1.0, metavar='DEG',
-                   help='how well the faces are level, rms (default: 1)')
-    c.add_argument('--method', choices=('wls', 'ols', 'norm'),
-                   help='weighted (six faces), plain, or by the magnitude alone (default with 12 '
-                        'and more spread poses)')
+                   help='how well the faces are level, rms, for --method wls (default: 1)')
+    c.add_argument('--method', choices=('faces', 'wls', 'ols', 'norm'),
+                   help='by magnitudes, and across them by faces of unknown tilt (default); '
+                        'weighted by a stated tilt; plain; or by the magnitude alone (default '
+                        'with 12 and more spread poses)')
     c.add_argument('--still', type=float, default=2.0, metavar='S',
                    help='shortest rest that is a pose, s (default: 2)')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
+    common.part_options(c)
     c.add_argument('--rate-hz', type=float, metavar='R',
                    help='sample rate, in place of the stamps')
     c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
@@ -60,7 +63,7 @@ def register(commands: Any) -> None:
                    help='the bag to write, of the same kind')
     c.add_argument('--calibration', metavar='DIR', required=True,
                    help='a folder that calibrate wrote, or a calibration.yaml')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
     c.add_argument('--force', action='store_true', help='replace a bag that is there')
     common.output_options(c, 'what was written')
     c.set_defaults(func=apply)
@@ -70,8 +73,8 @@ def calibrate(args: argparse.Namespace) -> int:
     """Run ``calibrate``."""
     from ..core.errors import UsageError
     from ..tasks import calibration as tasks
-    from ..core.units import DEG
     common.load_own_effects(args)
+    selection = common.selection_of(args)
     if not 0.5 <= args.still <= 60:
         raise UsageError(f'invalid --still {args.still:g}', 'it must be 0.5 to 60 (seconds)')
     for name in ('rate', 'turn'):
@@ -80,7 +83,8 @@ def calibrate(args: argparse.Namespace) -> int:
             raise UsageError(f'invalid --{name} {value:g}', 'give degrees, not zero')
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
-            args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force,
+            args.bags, args.output, topic=args.topic, fields=args.fields, selection=selection,
+            rate_hz=args.rate_hz, force=args.force,
             progress=progress,
             gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
             accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
@@ -92,10 +96,23 @@ def calibrate(args: argparse.Namespace) -> int:
     if args.json:
         common.print_json(data)
         return 0
-    c = done.calibration
+    for c in (done.calibration, done.gyro):
+        if c is not None:
+            _show(c, data if done.gyro is None else data[c.sensor], done.study.source)
+    if 'time_offset' in data:
+        late = data['time_offset']
+        print(f'the accelerometer is {1e3 * late["value"]:.1f} ms later than the gyroscope '
+              f'(±{1e3 * late["std"]:.1f})')
+    print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
+    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
+    return 0
+
+
+def _show(c: Any, data: Any, source: Any) -> None:
+    """Print what one sensor came to."""
     unit = c.problem.unit
     print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
-          + (f', gravity {data["gravity"]:.5f} m/s^2: {done.study.source["gravity_from"]}'
+          + (f', gravity {source["gravity"]:.5f} m/s^2: {source["gravity_from"]}'
              if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
@@ -104,20 +121,24 @@ def calibrate(args: argparse.Namespace) -> int:
     for k, axis in enumerate('xyz'):
         row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
         print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
-    if c.problem.method == 'wls':
-        import numpy as np
-        apart = np.abs(c.plain.details.bias - c.bias).max()
-        print(f'  plain least squares (ols) puts the bias up to {apart:.2g} {unit} elsewhere: '
-              f'that is the tilt of the faces; '
-              f'scale factors are low by some {1e6 * (args.tilt * DEG) ** 2:.0f} ppm with '
-              f'{args.tilt:g} deg')
+    if c.plain is not c.fit:
+        print(f'  {_beside(c)}')
+    if 'left_out_deg' in data:
+        print(f'  turns left out miss gravity by {data["left_out_deg"]:.2f} deg rms')
     print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
-    print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
-    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
-    return 0
+
+
+def _beside(c: Any) -> str:
+    """Return how far plain least squares is from the solution, and why."""
+    import numpy as np
+    apart = np.abs(c.plain.details.bias - c.bias).max()
+    ppm = 1e6 * np.abs(np.diag(c.plain.details.scale) / np.diag(c.S) - 1).max()
+    return (f'plain least squares (ols) puts the bias up to {apart:.2g} {c.problem.unit} and the '
+            f'scale factors up to {ppm:.0f} ppm elsewhere: the faces are tilted by '
+            f'{np.degrees(c.fit.details.tilt):.2g} deg')
 
 
 def apply(args: argparse.Namespace) -> int:
@@ -127,7 +148,8 @@ def apply(args: argparse.Namespace) -> int:
     with common.progress_line(args) as progress:
         share = (lambda p: progress(p, 'correcting')) if progress else None
         written = tasks.apply_calibration(args.bag, args.output, args.calibration,
-                                          topic=args.topic, force=args.force,
+                                          topic=args.topic, fields=args.fields,
+                                          force=args.force,
                                           progress=share)
     if args.json:
         common.print_json({'written': str(written), 'topic': tasks.CALIBRATED})

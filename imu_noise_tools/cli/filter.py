@@ -52,6 +52,11 @@ def register(commands: Any) -> None:
         help='fading memory, 0 < A <= 1 (default: 1, none)',
     )
     c.add_argument(
+        '--smooth',
+        action='store_true',
+        help='let each rate know the samples after it too: nearer than any live filter can be',
+    )
+    c.add_argument(
         '--set',
         action='append',
         default=[],
@@ -59,7 +64,8 @@ def register(commands: Any) -> None:
         dest='values',
         help='a value of an effect, in SI, e.g. white.R=1e-4',
     )
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
+    common.part_options(c)
     c.add_argument(
         '--rate-hz', type=float, metavar='R', help='nominal rate, in place of that of the stamps'
     )
@@ -101,6 +107,7 @@ def filter_bag(args: argparse.Namespace) -> int:
     common.load_own_effects(args)
     if args.rate_hz is not None and not 0 < args.rate_hz < 1e6:
         raise UsageError(f'invalid --rate-hz {args.rate_hz:g}', 'it must be a positive number')
+    selection = common.selection_of(args)
     with common.progress_line(args) as progress:
         done = tasks.filter_bag(
             args.bag,
@@ -109,8 +116,11 @@ def filter_bag(args: argparse.Namespace) -> int:
             motion=args.motion,
             noise=args.noise,
             alpha=args.alpha,
+            smooth=args.smooth,
             values=values_of(args.values) or None,
             topic=args.topic,
+            fields=args.fields,
+            selection=selection,
             rate_hz=args.rate_hz,
             force=args.force,
             progress=progress,
@@ -124,6 +134,7 @@ def filter_bag(args: argparse.Namespace) -> int:
         f'{data["counts"]["samples"]} samples at {data["rate_hz"]:.4g} Hz, motion'
         f' {", ".join(data["motion"])}, noise {", ".join(data["noise"])}'
         + (f', alpha {args.alpha:g}' if args.alpha < 1 else '')
+        + (', smoothed' if args.smooth else '')
     )
     print(
         '          noise of a sample, deg/s    innovations: mean square (1)   lag 1 (0)  '

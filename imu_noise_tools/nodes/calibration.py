@@ -45,7 +45,7 @@ class Calibration(Node):
                     0.2, 60.0),
             Setting('tilt_deg', 1.0, 'how well faces are level, rms', 'deg', 0.0, 10.0),
             Setting('method', 'auto', 'how poses are solved',
-                    choices=('auto', 'wls', 'ols', 'norm')),
+                    choices=('auto', 'faces', 'wls', 'ols', 'norm')),
             Setting('file', '', f'loaded at the start if there, written by ~/save (else {FILE})',
                     fixed=True))
         self._session = Session(
@@ -156,7 +156,7 @@ class Calibration(Node):
         self._status.publish(messages.diagnostics(self, statuses))
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(Calibration, args, threads_executor)
 

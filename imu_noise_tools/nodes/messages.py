@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import struct
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
@@ -15,10 +16,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, Imu
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from . import answers
 from ..bag.container import Batch, Connection
 from ..bag.decode import ACCEL, decode, DOUBLES, GYRO, IMU
 from ..core.record import AXES
-from ..store import dump_yaml
 
 BLOCK_COLUMNS = ('stamp', *AXES)
 CURVE_COLUMNS = ('tau', 'adev', 'lo', 'hi', 'model', 'log10_tau', 'log10_adev')
@@ -85,6 +86,12 @@ def rate_of(raw: bytes) -> tuple[int, tuple[float, float, float], bool]:
     return sec * 10 ** 9 + nanosec, tuple(rate), covariance != -1.0
 
 
+def frame_of(raw: bytes) -> str:
+    """Return the frame of an Imu message."""
+    length = struct.unpack_from('<I', raw, 12)[0]
+    return raw[16:16 + length].rstrip(b'\0').decode(errors='replace')
+
+
 def with_rate(raw: bytes, rate: Iterable[float], variance: Iterable[float]) -> bytes:
     """Return the message with another rate (rad/s) and variance; all else is copied."""
     x, y, z = variance
@@ -93,7 +100,8 @@ def with_rate(raw: bytes, rate: Iterable[float], variance: Iterable[float]) -> b
     return bytes(out)
 
 
-def with_vectors(raw: bytes, gyro=None, accel=None) -> bytes:
+def with_vectors(raw: bytes, gyro: np.ndarray | None = None,
+                 accel: np.ndarray | None = None) -> bytes:
     """Return the message with another rate (rad/s) or acceleration (m/s^2); all else is copied."""
     out, body = bytearray(raw), _body(raw)
     for first, vector in ((GYRO.start, gyro), (ACCEL.start, accel)):
@@ -133,7 +141,8 @@ def rows_of(message: Float64MultiArray) -> tuple[str, list[str], np.ndarray]:
     return rows.label, columns.label.split(','), data.reshape(rows.size, columns.size)
 
 
-def block(first: int, stamps, gyro, accel) -> Float64MultiArray:
+def block(first: int, stamps: np.ndarray, gyro: np.ndarray,
+          accel: np.ndarray) -> Float64MultiArray:
     """
     Return a block of samples for ``imu/buffer``.
 
@@ -154,7 +163,8 @@ def samples_of_block(message: Float64MultiArray) -> tuple[int, Samples]:
     return int(first), Samples(stamps, rows[:, 1:4].copy(), rows[:, 4:7].copy())
 
 
-def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
+def curve(tau: np.ndarray, adev: np.ndarray, lo: np.ndarray, hi: np.ndarray,
+          model: np.ndarray | None = None, label: str = '') -> Float64MultiArray:
     """Return an Allan curve; log10 columns too, since some viewers have no such axes."""
     model = np.full(len(tau), np.nan) if model is None else model
     with np.errstate(divide='ignore'):
@@ -164,12 +174,13 @@ def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
 
 # ---- what people read ----
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR,
+                          DiagnosticStatus.STALE)
 
 
 def status(name: str, message: str,
            values: Mapping[str, object] | Iterable[tuple[str, object]] = (),
-           level=OK) -> DiagnosticStatus:
+           level: bytes = OK) -> DiagnosticStatus:
     """Return one status; numbers are written so that they can be plotted (units are in keys)."""
     pairs = values.items() if isinstance(values, Mapping) else values
     return DiagnosticStatus(
@@ -182,13 +193,20 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
     Return one target of study.yaml as a status: values and intervals with their unit in the key.
 
     A single capital (N, B, K, Q, R) names itself; other parameters bear the label of their effect.
+    A model beyond chance is a warning, unless what it leaves out changes nothing; one without the
+    value of a coefficient and without a limit to it is an error.
 
     """
     values: list[tuple[str, object]] = []
+    level, text = OK, ' + '.join(entry['effects'])
+    if not entry['error'].get('within_chance', True) and not entry.get('sufficient'):
+        level, text = WARN, f'{text}: beyond chance'
     for label, effect in entry['effects'].items():
         for name, e in effect.items():
             if not isinstance(e, Mapping):
                 continue
+            if e.get('value') is None and e.get('upper95') is None:
+                level, text = ERROR, f'{label}.{name} could not be estimated'
             capital = len(name) == 1 and name.isupper() and '.' not in label
             key = name if capital else f'{label}.{name}'
             lo, hi = e.get('ci95') or (None, None)
@@ -196,7 +214,7 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
                 ('', e.get('value')), ('_std', e.get('std')), ('_lo', lo), ('_hi', hi),
                 ('_upper95', e.get('upper95')))]
     values += [(k, v) for k, v in entry['error'].items() if isinstance(v, (int, float))]
-    return status(target, ' + '.join(entry['effects']), values)
+    return status(target, text, values, level)
 
 
 def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
@@ -216,20 +234,27 @@ def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
     return status(target, text, values, level)
 
 
+def copied(one: DiagnosticStatus) -> DiagnosticStatus:
+    """Return the same status again, to be changed."""
+    return DiagnosticStatus(level=one.level, name=one.name, message=one.message,
+                            hardware_id=one.hardware_id, values=list(one.values))
+
+
 def _number(value) -> str:
     if isinstance(value, (bool, np.bool_)):
         return str(bool(value)).lower()
     return repr(float(value)) if isinstance(value, (float, np.floating)) else str(value)
 
 
-def diagnostics(node, statuses: Iterable[DiagnosticStatus], frame_id='') -> DiagnosticArray:
+def diagnostics(node: Any, statuses: Iterable[DiagnosticStatus],
+                frame_id: str = '') -> DiagnosticArray:
     """Return an array of statuses, stamped with the time of a node."""
     out = DiagnosticArray(status=list(statuses))
     out.header.stamp, out.header.frame_id = node.get_clock().now().to_msg(), frame_id
     return out
 
 
-def image(node, pixels: np.ndarray) -> Image:
+def image(node: Any, pixels: np.ndarray) -> Image:
     """Return an image of RGB pixels (height, width, 3), uint8, stamped with the node's time."""
     pixels = np.ascontiguousarray(pixels, np.uint8)
     out = Image(height=pixels.shape[0], width=pixels.shape[1], encoding='rgb8',
@@ -239,8 +264,8 @@ def image(node, pixels: np.ndarray) -> Image:
     return out
 
 
-def answer(response, result, success: bool = True):
-    """Fill a Trigger's response: its message is YAML."""
+def answer(response: Any, result: Any, success: bool = True) -> Any:
+    """Fill a Trigger's response: its message is YAML in one line, with a summary first."""
     response.success = success
-    response.message = dump_yaml(result)
+    response.message = answers.text(result)
     return response

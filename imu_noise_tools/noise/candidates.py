@@ -11,7 +11,7 @@ Every registered effect is tried, with the log-likelihood it gains.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
+from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from .measured import measure, penalty, with_units
 from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
+if TYPE_CHECKING:
+    from .problem import NoiseProblem
+
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
 SLOW = 256  # coefficients in which what acts on the mean shows
@@ -33,7 +36,7 @@ OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
-def candidates(problem, fit: Fit) -> list[Finding]:
+def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
     """
     Return a finding for each registered effect, best first.
 

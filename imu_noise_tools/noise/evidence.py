@@ -21,12 +21,12 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import digamma
 
-from .kinds import Defect, Line, measured
+from .kinds import Defect, Line, measured, Modulation
 from .shared import derived, SHAKEN
 from ..core import allan
 from ..core.record import sensor_of
 from ..core.spectrum import Bins, bins_of, folded
-from ..loop.effect import Estimate, Model
+from ..loop.effect import Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
@@ -47,7 +47,8 @@ class Part:
     The spectrum of the whole or of a half: one-sided PSD in bins, unit^2/Hz.
 
     ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it. ``fine`` are
-    edges of bins, Hz, beside the usual ones.
+    edges of bins, Hz, beside the usual ones. ``quiet`` (2, b) is the power where nothing is
+    switched on, and the coefficients that tell it; empty (0, b) where nothing ever is.
 
     """
 
@@ -56,11 +57,22 @@ class Part:
     power: np.ndarray
     lines: np.ndarray
     fine: tuple[float, ...] = ()
+    quiet: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def bins(self) -> Bins:
         """The bins."""
         return bins_of(self.n, self.dt, self.fine)
+
+    def quiet_above(self, low: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return (power, coefficients) of the bins, (b,), from ``low`` Hz on where it is quiet."""
+        bins = self.bins
+        count = bins.count.astype(float)
+        if not len(self.quiet):
+            return self.power, count
+        above = bins.f >= low
+        return np.where(above & (self.quiet[1] > 0), self.quiet[0], self.power), \
+            np.where(above, self.quiet[1], count)
 
     @property
     def duration(self) -> float:
@@ -122,8 +134,9 @@ class Evidence:
     2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
     bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
     cells; a second row of either is without defects, and one row more of cells without lines,
-    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``statistics`` maps
-    an effect's name to what it kept.
+    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``loud``
+    (stretches, 2) are the times in which something beside the sensor is switched on, s.
+    ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -143,6 +156,7 @@ class Evidence:
     cells: np.ndarray
     envelope: np.ndarray
     curve: allan.AllanCurve
+    loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -244,21 +258,15 @@ class Evidence:
                 break
         return out
 
-    def _screens(self, model) -> int:
+    def _screens(self, model: Model | None) -> int:
         """1 where the model holds a defect that is taken out of the samples, else 0."""
-        return int(
-            model is not None
-            and any(
-                getattr(type(e).screen, '__func__') is not getattr(Defect.screen, '__func__')
-                for e in model.of(Defect)
-            )
-        )
+        return int(model is not None and any(e.screens() for e in model.of(Defect)))
 
-    def block_power_of(self, model) -> np.ndarray:
+    def block_power_of(self, model: Model | None) -> np.ndarray:
         """Return the power in time (blocks, bands), without defects where the model holds them."""
         return self.block_power[min(self._screens(model), len(self.block_power) - 1)]
 
-    def cells_of(self, model) -> np.ndarray:
+    def cells_of(self, model: Model | None) -> np.ndarray:
         """
         Return the cells of the distribution.
 
@@ -272,7 +280,7 @@ class Evidence:
                 return self.cells[-1]
         return self.cells[min(self._screens(model), looks - 1)]
 
-    def measured(self, effect):
+    def measured(self, effect: Defect | Modulation) -> Finding | None:
         """Return what a defect finds or a modulation measures here, worked out once."""
         key = type(effect), tuple(sorted(effect.values.items()))
         if key not in self._measured:
@@ -323,7 +331,7 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
                 out.update(
                     {
                         f'{key}/{k}': np.asarray(getattr(value, k))
-                        for k in ('n', 'power', 'lines', 'fine')
+                        for k in ('n', 'power', 'lines', 'fine', 'quiet')
                     }
                 )
             elif isinstance(value, allan.AllanCurve):
@@ -394,6 +402,7 @@ def _one_from_arrays(axis, flat, common):
             flat[f'{p}/power'],
             flat[f'{p}/lines'],
             tuple(flat[f'{p}/fine'].tolist()),
+            flat.get(f'{p}/quiet', np.zeros((0, 0))),
         )
         for p in PARTS
     }
@@ -423,5 +432,6 @@ def _one_from_arrays(axis, flat, common):
         common=common,
         **plain,
         curve=curve,
+        loud=flat.get('loud', np.zeros((0, 2))),
         statistics=statistics,
     )

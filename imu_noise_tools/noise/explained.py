@@ -15,6 +15,7 @@ resonance does far from its middle.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,6 +69,8 @@ class Explained:
         Of the response that is left open; that of none by default.
     values : tuple of float
         Of that response, to start from; empty: no response at all.
+    quiet : float
+        Hz from which only those stretches count in which nothing is switched on; infinite: none.
 
     """
 
@@ -75,11 +78,12 @@ class Explained:
     weight: np.ndarray
     order: Order = Order()
     values: tuple[float, ...] = ()
+    quiet: float = np.inf
 
     @property
     def everything(self) -> bool:
         """Whether nothing is set aside."""
-        return not self.order.terms and bool(np.all(self.weight == 1))
+        return not self.order.terms and bool(np.all(self.weight == 1)) and np.isinf(self.quiet)
 
     def on(self, bins: Bins) -> np.ndarray:
         """Return the weights (b,) on the bins of another part of the same record."""
@@ -251,7 +255,8 @@ def supported(
     return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - cost)))
 
 
-def stretches(bands: Bands, explained: np.ndarray):
+def stretches(bands: Bands, explained: np.ndarray) -> Iterator[
+        tuple[np.ndarray, float, float]]:
     """
     Yield (bins, low Hz, high Hz) of each stretch that is not explained.
 
@@ -270,7 +275,8 @@ def stretches(bands: Bands, explained: np.ndarray):
         yield np.arange(a, b), float(bands.edges[a]), float(bands.edges[b])
 
 
-def set_aside(bands: Bands, explained, measured, count, v, total) -> tuple[SetAside, ...]:
+def set_aside(bands: Bands, explained: np.ndarray, measured: np.ndarray, count: np.ndarray,
+              v: np.ndarray, total: np.ndarray) -> tuple[SetAside, ...]:
     """
     Return the stretches that are not explained, from low to high frequencies.
 

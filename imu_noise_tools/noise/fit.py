@@ -22,11 +22,12 @@ from .explained import (
     Bands, Explained, FAR, judge, Judgement, set_aside, SetAside,
     supported as supported_by
 )
-from .kinds import Mean, Spectrum
+from .kinds import Coupling, Mean, Spectrum
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
+from .quiet import quiet_from
 from .response import DEEP, OPEN, OpenResponse, Order, Rational
-from .starts import most_promising, reddest, starts
+from .starts import most_promising, reddest, Start, starts
 from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
 from ..core.errors import FitError
 from ..core.statistics import gamma_pull_exact
@@ -98,7 +99,8 @@ class _Search:
         """Starts that are tried."""
         return 6 if self.cautious else 3
 
-    def from_starts(self, plain: Likelihood, proposed, most: int | None = None):
+    def from_starts(self, plain: Likelihood, proposed: list[Start],
+                    most: int | None = None) -> _Found | None:
         """Return the best :class:`_Found` of several starts; None where none is finite."""
         best = None
         for likelihood, x0 in most_promising(plain, proposed, self.mean, most or self.most):
@@ -107,7 +109,7 @@ class _Search:
                 best = found
         return best
 
-    def from_point(self, likelihood: Likelihood, x0) -> _Found:
+    def from_point(self, likelihood: Likelihood, x0: np.ndarray) -> _Found:
         """Return the minimum reached from one point."""
         slowest = reddest(likelihood, x0) if self.cautious else None
         found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
@@ -192,6 +194,7 @@ def fit(
         )
     if robust and basis is None and mean is None:
         found = _resting_on_what_it_explains(search, found, hint)
+        found = _in_quiet(search, found, hint)
     return _fit_of(found, measured, flags, intervals)
 
 
@@ -216,7 +219,7 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
         fitted,
         {label: said[label] for label in fitted.labels if label in said},
         -nll,
-        (*flags, *_in_words(details)),
+        (*flags, *_in_words(details, likelihood.evidence.loud)),
         details,
         supported_by(Bands.on(likelihood.bins), details.power, details.weight, details.v),
     )
@@ -251,7 +254,7 @@ def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
     return Details(information, v, each, power, weight, ml, slots, basis, explained, aside)
 
 
-def _in_words(details: Details) -> list[str]:
+def _in_words(details: Details, loud: np.ndarray) -> list[str]:
     """Say what the fit does not rest on."""
     aside = details.set_aside
     if not aside:
@@ -270,6 +273,11 @@ def _in_words(details: Details) -> list[str]:
             f'({100 * sum(s.share for s in others):.2g} % of the power)'
         )
     rest = 'on the rest'
+    if np.isfinite(details.hint.quiet):
+        times = ', '.join(f'{a:.4g} to {b:.4g} s' for a, b in loud[:NAMED])
+        more = f' and {len(loud) - NAMED} stretches more' if len(loud) > NAMED else ''
+        rest = f'from {details.hint.quiet:.3g} Hz on what is not from {times}{more}, where ' \
+               'something is switched on, and ' + rest
     if details.hint.order.terms:
         rest += ', and on a response left open there, as of a filter'
     return [f'not explained {", ".join(said)}: the values rest {rest}']
@@ -311,6 +319,30 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     return first
 
 
+def _in_quiet(search: _Search, found: _Found, hint: Explained | None) -> _Found:
+    """
+    Return the fit made again on what is quiet where something is switched on now and then.
+
+    The same where nothing is, or where the model explains what is: its own effects, or sources
+    that are shared, hold it then.
+
+    """
+    likelihood = found.likelihood
+    part, bands = likelihood.part, Bands.on(likelihood.bins)
+    told = quiet_from(likelihood.bins, bands, part.power, part.quiet)
+    if told is None or likelihood.model.of(Coupling):
+        return found
+    low, louder = told
+    basis = likelihood.explained
+    explains = np.all(_judged(bands, found).weight[louder[bands.of]] > 0)
+    if explains and (basis is None or not basis.order.terms):
+        return found
+    every = Explained(likelihood.bins.f, np.ones(len(likelihood.bins.f)), quiet=low)
+    calm = _with_basis(likelihood, every)
+    again = search.from_starts(calm, starts(calm, None))
+    return found if again is None else _resting_on_what_it_explains(search, again, hint)
+
+
 def _score(bands: Bands, found: _Found) -> float:
     """Return ln L where each band may have a level of its own, less what the response costs."""
     likelihood = found.likelihood
@@ -336,7 +368,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
     """Yield (basis, start) with a response left open that does more than the model alone."""
     if hint is not None:
         if hint.order.terms:
-            yield hint, np.append(found.x, hint.values)
+            yield replace(hint, quiet=_quiet(found)), np.append(found.x, hint.values)
         return
     bins = found.likelihood.bins
     x, w = _ratio(found)
@@ -369,7 +401,8 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
             weight = now
     if chosen is not None:
         order, weight, values = chosen
-        yield Explained(bins.f, weight, order, tuple(values)), np.append(found.x, values)
+        basis = Explained(bins.f, weight, order, tuple(values), _quiet(found))
+        yield basis, np.append(found.x, values)
 
 
 def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:
@@ -411,14 +444,20 @@ def _with_basis(likelihood: Likelihood, basis: Explained) -> Likelihood:
 
 def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
     """Return what to begin with."""
-    f = plain.likelihood.bins.f
+    f, quiet = plain.likelihood.bins.f, _quiet(plain)
     if hint is not None:
-        return [Explained(f, now.weight), Explained(f, hint.weight)]
+        return [Explained(f, some, quiet=quiet) for some in (now.weight, hint.weight)]
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
     near = np.abs(gamma_pull_exact(*_ratio(plain))) < FAR
     parts = [span <= share for share in _SPANS[:-1]] + [near]
     parts += [(span < low) | (span > high) for low, high in _HOLES]
-    return [Explained(f, part.astype(float)) for part in parts]
+    return [Explained(f, part.astype(float), quiet=quiet) for part in parts]
+
+
+def _quiet(found: _Found) -> float:
+    """Return the Hz from which a fit rests on quiet stretches alone."""
+    basis = found.likelihood.explained
+    return np.inf if basis is None else basis.quiet
 
 
 def _ratio(found: _Found) -> tuple[np.ndarray, np.ndarray]:

@@ -70,7 +70,7 @@ def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray, knots: int = KNOTS)
     return first - best
 
 
-def spectrum_left(evidence: Evidence, fit: Fit):
+def spectrum_left(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (f, x, w): measured over model power in the bins, and what each counts."""
     view = Likelihood(evidence, 'whole', fit.model, fit)
     power = view.without_couplings(fit.model) if view.couplings else view.power

@@ -12,7 +12,7 @@ time and kept where a :class:`~imu_noise_tools.core.record.Memory` says.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations_with_replacement
 from typing import cast
 
@@ -24,10 +24,11 @@ from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+from .quiet import loud_stretches, quiet_spectrum
 from ..core import allan
 from ..core.record import ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
-from ..core.statistics import grid_step
+from ..core.statistics import grid_step, sum_of_squares
 from ..loop.effect import registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
@@ -59,12 +60,12 @@ def smooth_length(n: int) -> int:
 
 def gather(
     record: ImuRecord,
-    axes,
+    axes: Sequence[str],
     *,
     deviation: str = 'oadev',
     points: int = 100,
     octaves: bool = False,
-    progress=None,
+    progress: Callable[[float, str], None] | None = None,
     memory: Memory | None = None,
 ) -> dict[str, Evidence]:
     """
@@ -132,6 +133,9 @@ class _Gathering:
         self.step(f'{axis}: Allan curve')
         own['resolution'] = grid_step(y)[0]
         own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
+        length = self.used // own['block_power'].shape[1]
+        loud = length * loud_stretches(own['block_power'][-1], own['block_count'])
+        own['loud'] = self.dt * loud
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
 
@@ -175,7 +179,10 @@ class _Gathering:
         binned = _cross_powers(coefficients, bins, self.memory)
         self.cross |= {(a, b, name): power for (a, b), power in binned.items()}
         for axis in self.axes:
-            self.own[axis][name] = Part(length, self.dt, binned[axis, axis], lines[axis], fine)
+            loud = np.round(self.own[axis]['loud'] / self.dt).astype(int) - begin
+            quiet = quiet_spectrum(self.clean[axis][begin:begin + length], loud, self.dt, bins)
+            self.own[axis][name] = Part(
+                length, self.dt, binned[axis, axis], lines[axis], fine, quiet)
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
 
@@ -386,7 +393,7 @@ def _whitened(c, reference, dt):
     np.divide(c[1:], white[1:], out=white[1:])
     y = idct(white, type=2, norm='ortho', overwrite_x=True)
     y -= np.mean(y)
-    y /= np.std(y)
+    y /= np.sqrt(sum_of_squares(y) / len(y))
     return _counted(y, ndtri(np.arange(1, CELLS) / CELLS))
 
 

@@ -15,14 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.fft import dct, idct
 
 from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
 from ..core.statistics import interval
-from ..loop.effect import Effect, Estimate, Fit, Model, Parameter
+from ..loop.effect import Effect, Estimate, Finding, Fit, Model, Parameter
+
+if TYPE_CHECKING:       # evidence knows the kinds; they know it by its type alone
+    from .evidence import Evidence
 
 __all__ = [
     'Coupling',
@@ -36,6 +39,7 @@ __all__ = [
     'Parameter',
     'Response',
     'Spectrum',
+    'StateSpace',
     'binned_behind',
     'measured',
     'model_avar',
@@ -44,6 +48,9 @@ __all__ = [
     'model_psd',
     'psd_behind',
 ]
+
+#: (Phi, Q, H)
+StateSpace: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,7 @@ class NoiseEffect(Effect):
         """
         return {}
 
-    def starts(self, evidence) -> list[Effect]:
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """
         Return where a fit should start from, one effect for each.
 
@@ -128,7 +135,7 @@ class NoiseEffect(Effect):
         return self.neutral.get(
             p.name, 0.0 if p.amplitude or not p.log else float(np.sqrt(p.lower * p.upper)))
 
-    def bounds(self, evidence) -> dict[str, tuple[float, float]]:
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """
         Return bounds narrower than the parameters' own.
 
@@ -137,7 +144,7 @@ class NoiseEffect(Effect):
         """
         return {}
 
-    def bonus(self, evidence, fit: Fit) -> float:
+    def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """Return what the samples say for it, fitted so, beyond the spectrum (nats)."""
         return 0.0
 
@@ -174,7 +181,7 @@ class Spectrum(NoiseEffect):
         """Return the Allan variance at cluster sizes m; by default the quadrature of ``psd``."""
         return quadrature_avar(lambda f: self.psd(f, dt), m, dt)
 
-    def state_space(self, dt: float):
+    def state_space(self, dt: float) -> StateSpace | None:
         """
         Return (Phi, Q, H) with this PSD: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k.
 
@@ -183,7 +190,7 @@ class Spectrum(NoiseEffect):
         """
         return None
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """
         Add a realisation drawn through the DCT.
 
@@ -225,7 +232,7 @@ class Mean(NoiseEffect):
         """Return what it adds to the Allan variance, where that has a closed form; else zero."""
         return np.zeros(len(np.atleast_1d(m)))
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the mean."""
         return x + self.mean(inputs)
 
@@ -262,7 +269,7 @@ class Line(NoiseEffect):
         """
         return [(self[self._frequency()], self[self._amplitude()])]
 
-    def rows(self, evidence, free: list[int]) -> list[int]:
+    def rows(self, evidence: Evidence, free: list[int]) -> list[int]:
         """
         Return which of the free rows of the line table (strongest first) it would hold.
 
@@ -275,7 +282,7 @@ class Line(NoiseEffect):
         near = [i for i in free if wanted and abs(evidence.line_table[i, 0] - wanted) < width]
         return (near or free)[:1]
 
-    def read(self, evidence, rows: list[int]) -> dict[str, Estimate]:
+    def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
         """
         Return an estimate of each parameter, units left out, from its rows or from none.
 
@@ -295,7 +302,7 @@ class Line(NoiseEffect):
                                                 note='no line')
         return found
 
-    def in_words(self, evidence, rows: list[int]) -> str:
+    def in_words(self, evidence: Evidence, rows: list[int]) -> str:
         """Say what these rows are evidence of: where a line is, and how far it stands out."""
         frequency, _, _, z = evidence.line_table[rows[0]]
         rpm = f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
@@ -313,7 +320,7 @@ class Line(NoiseEffect):
             out = out + amplitude**2 * np.sin(m * x) ** 4 / (m * np.sin(x)) ** 2
         return out
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add its lines, each with a random phase."""
         for frequency, amplitude in self.lines():
             phase = rng.uniform(0, 2 * np.pi)
@@ -327,7 +334,7 @@ class Coupling(NoiseEffect):
     views: ClassVar[tuple[str, ...]] = ('coherence', 'frequency', 'time')
     certain = True      # what another channel tells is not the spectrum's doing
 
-    def channels(self, evidence) -> tuple[str, ...]:
+    def channels(self, evidence: Evidence) -> tuple[str, ...]:
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
         raise NotImplementedError
 
@@ -354,7 +361,7 @@ class Response(NoiseEffect):
         """
         return 1.0
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Filter through the DCT: the even extension has no transient at the ends."""
         c = dct(x, type=2, norm='ortho')
         k = np.arange(1, len(x))
@@ -371,7 +378,7 @@ class Modulation(NoiseEffect):
         """Return the factor of the variance at t (s)."""
         raise NotImplementedError
 
-    def measure(self, evidence):
+    def measure(self, evidence: Evidence) -> Finding | None:
         """
         Return a Finding from the power in time, or None.
 
@@ -380,7 +387,7 @@ class Modulation(NoiseEffect):
         """
         return None
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Scale the deviations from the mean."""
         mean = np.mean(x)
         return mean + (x - mean) * np.sqrt(self.variance(inputs.t))
@@ -389,7 +396,7 @@ class Modulation(NoiseEffect):
 class Defect(NoiseEffect):
     """Acts on samples (spikes, held samples): found in the samples, not in the spectrum."""
 
-    def find(self, evidence):
+    def find(self, evidence: Evidence) -> Finding | None:
         """
         Return a Finding from kept statistics, or None.
 
@@ -402,6 +409,11 @@ class Defect(NoiseEffect):
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
         """Return y without the defect, for the spectrum that the other effects are fitted to."""
         return y
+
+    @classmethod
+    def screens(cls) -> bool:
+        """Tell whether it is taken out of the samples, by a ``screen`` of its own."""
+        return next(c for c in cls.__mro__ if 'screen' in vars(c)) is not Defect
 
 
 #: kinds whose values come from the samples, not from the spectral fit

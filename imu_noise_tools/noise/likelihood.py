@@ -13,6 +13,7 @@ parameters move by Fisher scoring with Levenberg's damping.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -57,7 +58,7 @@ class Slot:
         return float(np.exp(x)) if self.parameter.log else float(x)
 
     @property
-    def bounds(self):
+    def bounds(self) -> tuple[float, float]:
         """On the search scale."""
         low, high = self.limits or (self.parameter.lower, self.parameter.upper)
         return self.to_search(max(low, self.parameter.lower)), self.to_search(
@@ -128,8 +129,8 @@ class Likelihood:
             for p in e.parameters
             if p.linear
         ]
-        self.power = np.maximum(self.part.power, 1e-300)
-        self.weight = self.bins.count.astype(float)
+        power, self.weight = self.part.quiet_above(explained.quiet if explained else np.inf)
+        self.power = np.maximum(power, 1e-300)
         for row in self.part.lines:  # a line took frequency, amplitude and phase with it
             top = int(np.argmax(row))
             self.weight[top] = max(self.weight[top] - 3, 0.0)
@@ -237,14 +238,16 @@ class Likelihood:
         beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
 
-    def slow_rest(self, model, v):
+    def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
+        assert self._slow is not None
         return self._coupled(model, v)[3] if self._coupled_names(model) else self._slow
 
-    def design(self, model) -> np.ndarray:
+    def design(self, model: Model) -> np.ndarray:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
         columns = []
         for e in (model[m.label] for m in self.means):
+            assert isinstance(e, Mean)
             key = (e.label, *(e[p.name] for p in e.parameters if not p.linear))
             if key not in self._columns:
                 if len(self._columns) > 8:
@@ -391,7 +394,8 @@ class Likelihood:
             self._units[key] = make()
         return self._units[key]
 
-    def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None):
+    def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None,
+              ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
         model = self.with_search(x)
         v, each = self.spectra(model)
@@ -412,7 +416,7 @@ class Likelihood:
             nll -= penalty * x[reddest]
         return nll, linear, v, each
 
-    def jacobian(self, x, v, each) -> np.ndarray:
+    def jacobian(self, x: np.ndarray, v: np.ndarray, each: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return d ln v / d x, (b, p)."""
         out = np.zeros((len(v), len(x)))
         model = self.with_search(x)
@@ -442,7 +446,9 @@ class Likelihood:
                          else self.spectra(model)[0])
         return (sides[0] - sides[1]) / (2 * h)
 
-    def minimise(self, x0, free=None, penalty=0.0, reddest=None, steps=400, enough=1e-7):
+    def minimise(self, x0: np.ndarray, free: np.ndarray | None = None, penalty: float = 0.0,
+                 reddest: int | None = None, steps: int = 400, enough: float = 1e-7,
+                 ) -> tuple[np.ndarray, float, np.ndarray]:
         """
         Return (x, -ln L, information) from a start.
 

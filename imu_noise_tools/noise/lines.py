@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.spectrum import line_basis, line_coefficients
+from ..core.spectrum import Bins, line_basis, line_coefficients
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
@@ -387,7 +387,8 @@ def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
     return np.column_stack([f, amplitudes])
 
 
-def take_lines_out(c, table, begin, dt, bins):
+def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,
+                   bins: Bins) -> np.ndarray:
     """
     Subtract the lines from the coefficients of a part that begins at a sample, in place.
 

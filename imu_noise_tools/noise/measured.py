@@ -5,18 +5,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from .evidence import Evidence
-from .kinds import Line, MEASURED, Response, Spectrum
+from .kinds import Defect, Line, MEASURED, Modulation, NoiseEffect, Response, Spectrum
 from .null import DEFAULT, PENALTY
 from ..core import units
-from ..loop.effect import Estimate, find_effect, Finding
+from ..loop.effect import Estimate, find_effect, Finding, Model
 
 
-def with_measured(evidence, model):
+def with_measured(evidence: Evidence, model: Model) -> tuple[
+        Model, dict[str, Mapping[str, Estimate]], list[str]]:
     """Give effects that are measured on the samples their values; say where nothing was found."""
-    estimates, flags = {}, []
+    estimates: dict[str, Mapping[str, Estimate]] = {}
+    flags = []
     claimed: set[int] = set()
     # families of lines before those that take what is left
     for e in sorted(model.effects, key=lambda e: not (isinstance(e, Line) and e.family)):
@@ -41,10 +44,12 @@ def penalty(name: str) -> float:
     return PENALTY[known[0]] if known else DEFAULT
 
 
-def measure(evidence: Evidence, effect, claimed: set[int]):
+def measure(evidence: Evidence, effect: NoiseEffect, claimed: set[int]) -> tuple[
+        Mapping[str, float], Mapping[str, Estimate], str]:
     """Return (values, estimates, note) of an effect that is measured on the samples."""
     if isinstance(effect, Line):
         return _measure_line(evidence, effect, claimed)
+    assert isinstance(effect, (Defect, Modulation))
     finding = evidence.measured(effect)
     if finding is not None and not isinstance(effect, (Spectrum, Response)) \
             and finding.gain < penalty(effect.name):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from .candidates import candidates
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
-from .kinds import Line, Modulation, Response, Spectrum
+from .kinds import Line, Modulation, NoiseEffect, Response, Spectrum
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from ..core.allan import dominant_shape
@@ -64,7 +65,7 @@ class NoiseProblem(Problem):
         """Name of the axis."""
         return self.evidence.axis
 
-    def split(self):
+    def split(self) -> list[tuple[Problem, Problem]]:
         """
         Return (to fit, to score).
 
@@ -255,13 +256,17 @@ class NoiseProblem(Problem):
                 {'from_hz': s.low, 'to_hz': s.high, 'share': s.share, 'power_ratio': s.ratio,
                  'direction': s.direction} for s in fit.details.set_aside
             ]
+        if np.isfinite(fit.details.hint.quiet):
+            out['quiet_from_hz'] = fit.details.hint.quiet
+            out['switched_on_s'] = self.evidence.loud.tolist()
         return out
 
-    def advice(self, verdict: str, ranked, failed) -> str:
+    def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         """Return which recording would decide, or where to look."""
         if verdict == 'undecidable':
             able = [f for f in ranked if f.gain > f.penalty and f.effect][:3] or list(ranked[:1])
-            said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able)
+            said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able
+                                 if isinstance(f.effect, NoiseEffect))
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
             where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
@@ -305,7 +310,8 @@ class NoiseProblem(Problem):
         return power_differences(self.evidence, other.evidence)
 
 
-def power_differences(a: Evidence, b: Evidence, bands: int = 6):
+def power_differences(a: Evidence, b: Evidence,
+                      bands: int = 6) -> list[tuple[str, str, str, float]]:
     """
     Compare the measured power of two records in bands of frequency.
 
@@ -334,7 +340,7 @@ def power_differences(a: Evidence, b: Evidence, bands: int = 6):
     return out
 
 
-def problems(arrays) -> dict[str, NoiseProblem]:
+def problems(arrays: Mapping[str, np.ndarray]) -> dict[str, NoiseProblem]:
     """Return the problem of each axis from the arrays of evidence.npz."""
     arrays = dict(arrays)
     method, bias_at = (str(arrays.pop(k)) for k in ('method', 'bias_at'))
@@ -344,7 +350,7 @@ def problems(arrays) -> dict[str, NoiseProblem]:
     }
 
 
-def arrays_of(found: dict[str, NoiseProblem]):
+def arrays_of(found: dict[str, NoiseProblem]) -> dict[str, np.ndarray]:
     """Return the arrays of evidence.npz, which :func:`problems` reads back."""
     some = next(iter(found.values()))
     return {

@@ -13,13 +13,16 @@ mixed autoregressive, moving average process is such a ratio.)
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from .evidence import Evidence
 from .kinds import Parameter, Response
 from ..core.spectrum import Bins, expected
+from ..loop.effect import Effect
 
 OPEN = '(response)'  # label of the response that is left open
 _POSITIVE = 1e-4  # of its largest value, to which P or Q are raised where they begin below zero
@@ -62,7 +65,7 @@ class OpenResponse(Response):
     leaks = False
     order = Order()
 
-    def gain2(self, f, dt):
+    def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain, between floors where the values make none."""
         top, bottom, _ = self._both(f, dt)
         return np.maximum(top, _FLOOR) / np.maximum(bottom, _FLOOR)
@@ -87,7 +90,7 @@ class OpenResponse(Response):
         v = expected(lambda f: self.gain2(f, bins.dt), bins)
         return expected(change, bins) / v[:, None] @ _mixing(self.order)
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Return what it has, or no response at all."""
         return [self.with_values(**{p.name: self.values.get(p.name, 0.0)
                                     for p in self.parameters})]
@@ -155,7 +158,8 @@ class Rational:
         t = _terms(np.sin(np.pi * f * bins.dt) ** 2, max(order.zeros, order.poles))
         self._top, self._bottom = t[..., :order.zeros], t[..., :order.poles]
 
-    def fit(self, near=()):
+    def fit(self, near: Iterable[tuple[Order, np.ndarray]] = (),
+            ) -> tuple[np.ndarray, float, np.ndarray] | None:
         """
         Return (values (terms,), level, v = level gain^2 (b,)); None where there is none.
 
@@ -163,10 +167,10 @@ class Rational:
         -ln L = 1/2 sum w (ln v + x/v).
 
         """
-        near = [self._raised(np.append(np.log(np.median(self.x)), _raised_to(self.order, *one)))
-                for one in near]
+        raised = [self._raised(np.append(np.log(np.median(self.x)), _raised_to(self.order, *one)))
+                  for one in near]
         ended = []
-        for some in ([*self._begun()], near):
+        for some in ([*self._begun()], raised):
             begun = [(c, a) for c, a in ((self._cost(a), a) for a in some) if np.isfinite(c)]
             if begun:
                 ended.append(self._descended(*min(begun, key=lambda z: z[0])))

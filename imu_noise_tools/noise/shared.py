@@ -14,7 +14,7 @@ something together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from scipy.fft import dct, dst, idct
@@ -117,7 +117,8 @@ def share(bins: Bins, power: np.ndarray) -> np.ndarray | None:
     return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
 
 
-def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarray | None):
+def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray,
+            above: np.ndarray | None) -> Iterator[tuple[str, np.ndarray]]:
     """
     Yield (name, coefficients (n,)) of what is derived of an axis, one at a time.
 
@@ -136,7 +137,7 @@ def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarra
         yield axis + SHAKEN + LATER, c * weight
 
 
-def spread(pair, channel: str) -> np.ndarray:
+def spread(pair: Callable[[str, str], np.ndarray], channel: str) -> np.ndarray:
     """
     Return the power (b,) by which a derived channel misses its source, of a gain of 1.
 

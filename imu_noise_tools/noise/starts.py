@@ -5,16 +5,21 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from scipy.optimize import nnls
 
 from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
-from ..loop.effect import Model
+from ..loop.effect import Fit, Model
+
+#: a model with the shapes of its effects, and where its searched parameters start
+Start: TypeAlias = tuple[Model, np.ndarray]
 
 
-def starts(likelihood: Likelihood, given: Model | None):
+def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
     """
     Return search vectors: every combination of shapes the effects propose.
 
@@ -104,7 +109,8 @@ def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
     return q[:, np.abs(np.diag(r)) > 1e-6]
 
 
-def most_promising(plain, starts, mean, most):
+def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
+                   most: int) -> list[tuple[Likelihood, np.ndarray]]:
     """
     Return (likelihood, start) of the starts whose likelihood is best where they stand.
 
@@ -184,13 +190,13 @@ def _with_amplitudes(likelihood, model, share):
     )
 
 
-def smooth(power):
+def smooth(power: np.ndarray) -> np.ndarray:
     """Return the power (b,) as the geometric mean over nine bins."""
     window = np.ones(9) / 9
     return np.exp(np.convolve(np.pad(np.log(power), 4, mode='edge'), window, mode='valid'))
 
 
-def reddest(likelihood, x):
+def reddest(likelihood: Likelihood, x: np.ndarray) -> int | None:
     """
     Return the slot of the amplitude whose spectrum rises most towards low frequencies.
 
@@ -205,7 +211,9 @@ def reddest(likelihood, x):
     model = likelihood.with_search(x)
     rise = {}
     for e in spectra:
-        s = model[e.label].psd(pair, likelihood.dt)
+        at = model[e.label]
+        assert isinstance(at, Spectrum)
+        s = at.psd(pair, likelihood.dt)
         rise[e.label] = np.log(s[0]) - np.log(s[1])
     label = max(rise, key=lambda label: rise[label])
     for j, slot in enumerate(likelihood.slots):

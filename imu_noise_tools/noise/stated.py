@@ -101,7 +101,7 @@ class StatedProblem(NoiseProblem):
         return []
 
 
-def problems(arrays) -> dict[str, NoiseProblem]:
+def problems(arrays: Mapping[str, np.ndarray]) -> dict[str, NoiseProblem]:
     """Return the problem of each axis from the arrays of evidence.npz, measured or stated."""
     if str(arrays['method']) != STATED:
         return measured.problems(arrays)

@@ -5,16 +5,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
 from .kinds import MEASURED
+from .likelihood import Likelihood, Linear
 from .response import OPEN
 from ..core import units
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
-from ..loop.effect import Estimate
+from ..loop.effect import Estimate, Model
+
+#: by label and parameter
+Estimates: TypeAlias = dict[str, dict[str, Estimate]]
 
 
-def with_linear(likelihood, model, linear):
+def with_linear(likelihood: Likelihood, model: Model, linear: Linear) -> Model:
     """Return the model with the solved parameters in it."""
     for slot, value in zip(likelihood.linear_slots, linear.beta):
         model = model.with_effect(
@@ -23,7 +30,7 @@ def with_linear(likelihood, model, linear):
     return model
 
 
-def chosen_estimates(likelihood):
+def chosen_estimates(likelihood: Likelihood) -> Estimates:
     """Return what was chosen among the proposed values."""
     return {
         e.label: {
@@ -52,7 +59,7 @@ def _covariance(information):
     )
 
 
-def marginal(information: np.ndarray, keep) -> np.ndarray:
+def marginal(information: np.ndarray, keep: Sequence[int]) -> np.ndarray:
     """Return the information on some parameters with the others left open (Schur complement)."""
     if len(keep) == len(information):
         return information
@@ -88,7 +95,8 @@ def _linear_estimates(likelihood, linear):
     return out
 
 
-def plain_estimates(likelihood, x, information, linear):
+def plain_estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray,
+                    linear: Linear) -> Estimates:
     """Return values with the standard deviations of the information, without intervals."""
     out = _linear_estimates(likelihood, linear)
     std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0)) if len(x) else np.zeros(0)
@@ -107,7 +115,8 @@ def plain_estimates(likelihood, x, information, linear):
     return out
 
 
-def estimates(likelihood, x, information, linear, reddest):
+def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, linear: Linear,
+              reddest: int | None) -> tuple[Estimates, list[str]]:
     """Return profile-likelihood intervals, upper limits and flags."""
     out = _linear_estimates(likelihood, linear)
     flags: list[str] = []
@@ -177,7 +186,7 @@ class _Profile:
     def __init__(self, likelihood, top, least):
         self.likelihood, self.top, self.least = likelihood, top, least
 
-    def deviance(self, j, at, warm):
+    def deviance(self, j: int, at: float, warm: np.ndarray) -> tuple[float, np.ndarray]:
         """Return 2 (-ln L(at) - min) with all others free, and where they went."""
         free = np.ones(len(self.top), bool)
         free[j] = False
@@ -186,7 +195,7 @@ class _Profile:
         x, nll, _ = self.likelihood.minimise(x, free=free, steps=25)
         return max(2 * (nll - self.least), 0.0), x
 
-    def crossing(self, j, sign, level, step):
+    def crossing(self, j: int, sign: int, level: float, step: float) -> float | None:
         """
         Return where the deviance reaches a level on one side.
 

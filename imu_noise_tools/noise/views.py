@@ -344,7 +344,8 @@ def _hann_degrees(s: np.ndarray) -> float:
     return float(2 * np.sum(s) ** 2 / both)
 
 
-def power_in_time(evidence: Evidence, model: Model | None = None, groups: int = 10):
+def power_in_time(evidence: Evidence, model: Model | None = None,
+                  groups: int = 10) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Return (t, x, w): power of groups of bands in time beside its mean (blocks, groups).
 
@@ -524,7 +525,8 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
     )
 
 
-def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None, part: str = 'whole'):
+def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
+                      part: str = 'whole') -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Return (f, r, w): correlation of DCT coefficients with another channel.
 

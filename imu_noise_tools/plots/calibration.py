@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .style import (
@@ -22,11 +25,16 @@ from .style import (
 )
 from ..calibration import Calibration, of_study
 from ..calibration.poses import DIRECTIONS, unit
+from ..loop.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _LOUD = 3.0         # a pose further off than this many standard errors is named
 
 
-def residuals(ax, calibration: Calibration):
+def residuals(ax: Axes, calibration: Calibration) -> Axes:
     """Draw each pose's residual, and shade what other poses predict differently."""
     poses, fit = calibration.poses, calibration.fit
     x = 1 + np.arange(poses.n)
@@ -40,6 +48,11 @@ def residuals(ax, calibration: Calibration):
         ax.errorbar(x, np.zeros(poses.n), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
                     capsize=2,
                     label='±2 standard errors')
+    elif calibration.problem.method == 'turns':
+        turned = [n.startswith('turn') for n in poses.names]
+        value, unit_ = np.degrees(np.linalg.norm(fit.details.residual, axis=0)), 'deg'
+        ax.bar(x[turned], value[turned], 0.6, color=AXES['x'],
+               label='angle by which a turn misses gravity')
     else:
         # tilt makes lateral readings a hundred times less certain than axial ones: only in
         # standard errors do both show
@@ -77,7 +90,7 @@ def _reading_std(system):
     return np.sqrt(np.einsum('nij,nij->ni', back, back))
 
 
-def sphere(axes, calibration: Calibration):
+def sphere(axes: Sequence[Axes], calibration: Calibration) -> Sequence[Axes]:
     """
     Draw the directions that were covered, as equal-area maps for z > 0 and z < 0.
 
@@ -118,9 +131,12 @@ def _lambert(u, sign):
     return k * u[0], k * u[1]
 
 
-def before_and_after(ax, calibration: Calibration):
+def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
     """Draw the error of each pose's magnitude, as it came and corrected; return the axes."""
     poses = calibration.poses
+    if calibration.problem.method == 'turns':
+        poses = poses.take([k for k, n in enumerate(poses.names) if n.startswith('turn')])
+        poses = poses.with_inputs(calibration.fit.details.inputs[:, :poses.n])
     mean = (poses.outputs / poses.amount).T
     after = calibration.correction.apply(mean,
                                          poses.temperature if np.isfinite(poses.temperature).all()
@@ -146,7 +162,7 @@ def before_and_after(ax, calibration: Calibration):
     return ax
 
 
-def calibration_figure(calibration: Calibration):
+def calibration_figure(calibration: Calibration) -> Figure:
     """Return the picture of a calibration: residuals, directions, before and after."""
     figure = new_figure(11, 7)
     grid = figure.add_gridspec(2, 3, left=0.075, right=0.985, top=0.90, bottom=0.085,
@@ -169,6 +185,7 @@ def calibration_figure(calibration: Calibration):
     return figure
 
 
-def pictures(study, full=()) -> dict[str, bytes]:
-    """Return the picture of a calibration study, ``poses``; its one target needs no other."""
-    return {'poses': png(calibration_figure(of_study(study)))}
+def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
+    """Return the picture of a calibration study, ``poses``; of a second sensor one of its own."""
+    more = {f'target {t}': png(calibration_figure(of_study(study, t))) for t in study.targets[1:]}
+    return {**more, 'poses': png(calibration_figure(of_study(study)))}

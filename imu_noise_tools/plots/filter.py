@@ -5,16 +5,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import cast, TYPE_CHECKING
+
 import numpy as np
 
 from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png
 from ..core.statistics import TWO_SIDED
+from ..filter import FilterProblem
 from ..filter.evaluate import autocorrelation, distribution_view, spectrum_view
+from ..loop.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 POINTS = 4000           # drawn of a series at most
 
 
-def correlation(ax, z, lags: int = 40, title: str = ''):
+def correlation(ax: Axes, z: np.ndarray, lags: int = 40, title: str = '') -> Axes:
     """Draw the autocorrelation of z (n,) with the 95 % limits of white noise."""
     dress(ax, title, 'lag, samples', 'autocorrelation')
     r = autocorrelation(z, lags)
@@ -32,7 +41,8 @@ def correlation(ax, z, lags: int = 40, title: str = ''):
     return ax
 
 
-def innovations(axes, u, dt: float, title: str = ''):
+def innovations(axes: Sequence[Axes], u: np.ndarray, dt: float,
+                title: str = '') -> Sequence[Axes]:
     """
     Draw scores u (n,) into four Axes: in time, spectrum, distribution, autocorrelation.
 
@@ -62,7 +72,7 @@ def _pulls(ax, x, pull):
     return ax
 
 
-def innovations_figure(scores, dt: float):
+def innovations_figure(scores: Mapping[str, np.ndarray], dt: float) -> Figure:
     """Return a figure of :func:`innovations`, a row for each name of ``scores``: its u (n,)."""
     rows = len(scores)
     height = 2.5 * rows + 0.4
@@ -74,14 +84,13 @@ def innovations_figure(scores, dt: float):
     return figure
 
 
-def study_figure(study):
+def study_figure(study: Study) -> Figure:
     """Return the figure of the innovations of a filter's study under its present models."""
-    states = study.states
-    scores = {t: state.problem.prediction(state.fit.model).u
-              for t, state in states.items()}
-    return innovations_figure(scores, next(iter(states.values())).problem.dt)
+    problems = {t: cast(FilterProblem, s.problem) for t, s in study.states.items()}
+    scores = {t: p.prediction(study.states[t].fit.model).u for t, p in problems.items()}
+    return innovations_figure(scores, next(iter(problems.values())).dt)
 
 
-def pictures(study, full=()) -> dict[str, bytes]:
+def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """Return the picture of a filter's study, ``innovations``; no target has one of its own."""
     return {'innovations': png(study_figure(study))}

@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TYPE_CHECKING
 
 from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
 from .panels import (
-    allan, distribution, HATCHED, in_time, psd, pulls, series, shade, suspected, TAU
+    allan, distribution, HATCHED, in_time, psd, pulls, series, set_aside, shade, Stretch,
+    suspected, TAU
 )
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from ..core import units
@@ -20,11 +22,14 @@ from ..loop.prediction import State
 from ..loop.study import Study
 from ..noise import views
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 __all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure',
            'pictures', 'pixels', 'png', 'psd', 'pulls', 'series', 'series_figure', 'target_figure']
 
 
-def pictures(study: Study, full=()) -> dict[str, bytes]:
+def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """
     Return the pictures of a noise study by name.
 
@@ -41,7 +46,7 @@ def pictures(study: Study, full=()) -> dict[str, bytes]:
     return {name: png(figure) for name, figure in figures.items()}
 
 
-def left_out(study: Study, target: str):
+def left_out(study: Study, target: str) -> Sequence[Stretch]:
     """Return the stretches (from, to, why) that a target's fit does not use."""
     streams = study.source.get('streams') or {}
     return streams.get(target.partition('_')[0], study.source).get('left_out') or ()
@@ -53,7 +58,7 @@ def _rows(study: Study) -> list[list[str]]:
     return [r for r in rows if r]
 
 
-def allan_figure(study: Study):
+def allan_figure(study: Study) -> Figure:
     """
     Return all curves of a noise study: a row a sensor, its axes with pulls below, then together.
 
@@ -127,7 +132,8 @@ def _key(figure, hatched=False):
                   frameon=False, handlelength=1.8, borderaxespad=0.2)
 
 
-def target_figure(state: State, diagnosis: Diagnosis | None = None, left_out=()):
+def target_figure(state: State, diagnosis: Diagnosis | None = None,
+                  left_out: Sequence[Stretch] = ()) -> Figure:
     """
     Return one axis in full: Allan deviation, spectrum, pulls, series, noise level, distribution.
 
@@ -156,11 +162,11 @@ def target_figure(state: State, diagnosis: Diagnosis | None = None, left_out=())
     series(figure.add_subplot(below[0]), state, left_out)
     in_time(figure.add_subplot(below[1]), state)
     distribution(figure.add_subplot(below[2]), state)
-    _key(figure, bool(getattr(state.fit.details, 'set_aside', ())))
+    _key(figure, bool(set_aside(state)))
     return figure
 
 
-def series_figure(study: Study):
+def series_figure(study: Study) -> Figure:
     """Return the time series of all axes of a noise study: a column a sensor, a row an axis."""
     rows = _rows(study)
     count = max(len(r) for r in rows)

@@ -10,7 +10,8 @@ Each function draws on an Axes and returns it.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.special import ndtri
@@ -47,6 +48,12 @@ from ..loop.prediction import State
 from ..noise import views
 from ..noise.kinds import Coupling, Inputs, Line, Mean
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: (from, to, why), s from the first sample
+Stretch: TypeAlias = Sequence[Any]
+
 _SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
 _DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}
 RARE = 3.29           # standard errors that one point of a thousand exceeds by chance
@@ -66,7 +73,7 @@ def suspected(diagnosis: Diagnosis | None) -> str:
     return 'something unknown'
 
 
-def allan(ax, state: State, found: Curves | None = None, title: str | None = None):
+def allan(ax: Axes, state: State, found: Curves | None = None, title: str | None = None) -> Axes:
     """
     Draw the measured Allan deviation with its 95 % band, the model, each effect, and the readings.
 
@@ -140,7 +147,7 @@ def _mark(ax, x, y, name, colour, below):
                 fontsize=SMALL, fontweight='bold', color=colour, zorder=7)
 
 
-def pulls(ax, x, pull, label: str = '', xlabel: str = TAU):
+def pulls(ax: Axes, x: np.ndarray, pull: np.ndarray, label: str = '', xlabel: str = TAU) -> Axes:
     """
     Draw standard errors between measurement and model against x on a logarithmic scale.
 
@@ -180,7 +187,7 @@ def _name_run(ax, x, pull, run, label):
             va='bottom' if positive else 'top', fontsize=SMALL, fontweight='bold', color=FAIL)
 
 
-def shade(ax, x, marked):
+def shade(ax: Axes, x: np.ndarray, marked: Sequence[tuple[int, int]]) -> Axes:
     """Shade stretches of x (k,), given as [begin, end) indices, half-way to their neighbours."""
     edges = np.concatenate([x[:1], np.sqrt(x[1:] * x[:-1]), x[-1:]])
     for a, b in marked:
@@ -192,7 +199,7 @@ HATCHED: dict[str, Any] = {
     'facecolor': 'none', 'edgecolor': '#b9b9b9', 'hatch': '////', 'linewidth': 0.0, 'zorder': 0}
 
 
-def psd(ax, state: State):
+def psd(ax: Axes, state: State) -> Axes:
     """Draw the measured noise density with its 95 % band, the model, each effect, lines found."""
     e = evidence_of(state)
     factor, unit = _DENSITY[e.sensor]
@@ -223,10 +230,15 @@ def psd(ax, state: State):
     return ax
 
 
-def hatch(ax, state: State):
+def set_aside(state: State) -> list[dict[str, Any]]:
+    """Return the stretches of the spectrum that the fit does not rest on, as plain data."""
+    return state.problem.basis(state.fit).get('set_aside', [])
+
+
+def hatch(ax: Axes, state: State) -> None:
     """Hatch the stretches of the spectrum that the fit does not rest on."""
-    for s in getattr(state.fit.details, 'set_aside', ()):
-        ax.axvspan(s.low, s.high, **HATCHED)
+    for s in set_aside(state):
+        ax.axvspan(s['from_hz'], s['to_hz'], **HATCHED)
 
 
 def _name_line(ax, e, at, density):
@@ -246,7 +258,8 @@ def _rebinned(f, power, count, per_decade=10):
             np.add.reduceat(power * count, starts) / w, w)
 
 
-def series(ax, state: State, left_out=(), xlabel: bool = True):
+def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
+           xlabel: bool = True) -> Axes:
     """
     Draw the time series: extremes of each column, block means, what the model says of the mean.
 
@@ -291,7 +304,7 @@ def _time_unit(duration):
     return (3600.0, 'h') if duration > 7200 else (60.0, 'min') if duration > 300 else (1.0, 's')
 
 
-def in_time(ax, state: State):
+def in_time(ax: Axes, state: State) -> Axes:
     """Draw the rms of the noise in time beside its mean over the record; grey: chance."""
     e = evidence_of(state)
     t, x, w = views.power_in_time(e, state.model, groups=1)
@@ -306,7 +319,7 @@ def in_time(ax, state: State):
     return ax
 
 
-def distribution(ax, state: State):
+def distribution(ax: Axes, state: State) -> Axes:
     """Draw how many samples lie where a normal distribution puts equally many; grey: chance."""
     e = evidence_of(state)
     cells = e.cells_of(state.model).astype(float)

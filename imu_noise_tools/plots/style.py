@@ -11,22 +11,31 @@ gives one picture, byte for byte.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 import io
 import math
-
+from typing import cast, TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
 MEASURED, MODEL, FAIL, GOOD, FAINT = '#1f2d3d', '#d55e00', '#c0392b', '#1a7f4b', '#7a8793'
 CHANCE = '#e4e9ec'
 # Okabe and Ito (2008), darkened: told apart by the colour-blind too.
 EFFECTS = ('#0072b2', '#009e73', '#9a5fb5', '#b8860b', '#56b4e9', '#cc79a7', '#5d4037', '#607d8b')
-AXES = {'x': '#0072b2', 'y': '#d55e00', 'z': '#009e73'}
+# none is the model's colour, and each is told from it; of the schemes of Okabe and Ito, Tol (2021)
+AXES = {'x': '#0072b2', 'y': '#bb5566', 'z': '#44aa99'}
 SMALL, NORMAL, LARGE = 8, 9, 12
 _RAISED = str.maketrans('-0123456789.', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹·')
 
 
-def new_figure(width: float, height: float, dpi: float = 100):
+def new_figure(width: float, height: float, dpi: float = 100) -> Figure:
     """Return an empty figure of a size in inches, on a canvas of its own."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -35,17 +44,33 @@ def new_figure(width: float, height: float, dpi: float = 100):
     return figure
 
 
-def png(figure) -> bytes:
+def _agg(figure: Figure) -> FigureCanvasAgg:
+    """Return the canvas that :func:`new_figure` gave a figure."""
+    return cast('FigureCanvasAgg', figure.canvas)
+
+
+def png(figure: Figure) -> bytes:
     """Return a figure that :func:`new_figure` made as PNG bytes, the same for the same figure."""
     out = io.BytesIO()
-    figure.canvas.print_png(out, metadata={'Software': None})
+    _agg(figure).print_png(out, metadata={'Software': None})
     return out.getvalue()
 
 
-def pixels(figure) -> np.ndarray:
+def small_png(data: bytes, colours: int = 96) -> bytes:
+    """Return a PNG with few colours: a third of the size, and lines and labels look the same."""
+    from PIL import Image
+    out = io.BytesIO()
+    with Image.open(io.BytesIO(data)) as image:
+        few = image.convert('RGB').quantize(colours, dither=Image.Dither.NONE)
+        few.save(out, 'PNG', optimize=True)
+    return out.getvalue()
+
+
+def pixels(figure: Figure) -> np.ndarray:
     """Return a figure as RGB pixels, (height, width, 3) uint8: what an image message wants."""
-    figure.canvas.draw()
-    return np.ascontiguousarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])
+    canvas = _agg(figure)
+    canvas.draw()
+    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
 def readable(unit: str) -> str:
@@ -67,7 +92,7 @@ def number(value: float) -> str:
     return f'{value:g}'
 
 
-def dress(ax, title: str = '', x: str = '', y: str = ''):
+def dress(ax: Axes, title: str = '', x: str = '', y: str = '') -> Axes:
     """Give an axes its fonts, grid and labels; return it."""
     ax.tick_params(labelsize=SMALL, length=3, color=FAINT)
     for side in ('top', 'right'):
@@ -85,7 +110,7 @@ def dress(ax, title: str = '', x: str = '', y: str = ''):
     return ax
 
 
-def log_scale(axis, low: float, high: float, most: int = 7):
+def log_scale(axis: Axis, low: float, high: float, most: int = 7) -> None:
     """
     Make one axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic from low to high, a tick a decade.
 
@@ -101,7 +126,7 @@ def log_scale(axis, low: float, high: float, most: int = 7):
     _scale(axis, [v for v in at if low <= v <= high], 'log', low, high)
 
 
-def signed_log_scale(axis, linear: float, low: float, high: float):
+def signed_log_scale(axis: Axis, linear: float, low: float, high: float) -> None:
     """Make one axis linear within +-``linear`` and logarithmic beyond, from low to high."""
     first = math.floor(math.log10(linear))
     last = math.floor(math.log10(max(high, 10.0 ** first)) + 1e-9)
@@ -120,7 +145,8 @@ def _scale(axis, ticks, kind, low, high, **options):
     axis.set_minor_locator(NullLocator())
 
 
-def label_lines(ax, lines, avoid=()):
+def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str]],
+                avoid: Iterable[tuple[ArrayLike, ArrayLike]] = ()) -> None:
     """
     Write names on lines, each where it is farthest from all other lines and names.
 
@@ -165,7 +191,8 @@ def label_lines(ax, lines, avoid=()):
         liked -= line_height * np.abs(inside[:, 0] / size[0] - 0.5)
         at = inside[int(np.argmax(room + liked))]
         taken = np.vstack([taken, at])
-        ax.text(*(at / size), name, transform=ax.transAxes, fontsize=SMALL, color=colour,
+        x, y = at / size
+        ax.text(x, y, name, transform=ax.transAxes, fontsize=SMALL, color=colour,
                 ha='center', va='center', zorder=6,
                 bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.85})
 

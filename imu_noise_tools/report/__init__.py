@@ -3,8 +3,8 @@
 
 """A study in words: text for a terminal, and one self-contained HTML page."""
 
-from .page import html
+from .page import html, overview
 from .pictures import pictures
 from .terminal import text
 
-__all__ = ['html', 'pictures', 'text']
+__all__ = ['html', 'overview', 'pictures', 'text']

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,9 @@ from ..filter.design import aligned, AUTO, Design, design
 from ..filter.evaluate import Innovations
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of, START
-from ..filter.recorded import filter_record, Filtered
+from ..filter.recorded import filter_record, Filtered, memory
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
+from ..health import Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
 
@@ -47,12 +48,12 @@ class Done:
     What filtering a bag gave.
 
     ``bag`` and ``folder`` (of the study; None where the record is too short for one) are what was
-    written; ``figures`` are the innovations' of each axis under the filter that was run; ``notes``
-    say what was left out or is doubtful.
+    written, None where nothing was; ``figures`` are the innovations' of each axis under the filter
+    that was run; ``notes`` say what was left out or is doubtful.
 
     """
 
-    bag: Path
+    bag: Path | None
     folder: Path | None
     filtered: Filtered
     study: Study | None
@@ -63,11 +64,12 @@ class Done:
         """Return the result as plain data."""
         return store.plain(
             {
-                'bag': str(self.bag),
+                'bag': None if self.bag is None else str(self.bag),
                 'study': None if self.folder is None else str(self.folder),
                 'topic': TOPIC,
                 **self.filtered.design.names,
                 'alpha': self.filtered.design.alpha,
+                'smooth': self.filtered.smooth,
                 'rate_hz': 1 / self.filtered.clock.interval,
                 'counts': self.filtered.counts,
                 'notes': list(self.notes),
@@ -101,7 +103,10 @@ def filter_bag(
     noise: Any = ('white',),
     alpha: float = 1.0,
     values: Mapping | None = None,
+    smooth: bool = False,
     topic: str | None = None,
+    fields: str | None = None,
+    selection: Selection | None = None,
     rate_hz: float | None = None,
     force: bool = False,
     progress: Progress | None = None,
@@ -122,8 +127,13 @@ def filter_bag(
     motion, noise, alpha, values
         As :func:`imu_noise_tools.filter.design.design`; the noise of ``model`` and the noise
         named add.
-    topic : str or None
-        The Imu topic, where there are several.
+    smooth : bool
+        Whether each rate knows the samples after it too.
+    topic, fields : str or None
+        The Imu topic, and what of its messages, as for
+        :func:`imu_noise_tools.bag.open_record`.
+    selection : Selection or None
+        The part that is filtered; the new topic holds no more.
     rate_hz : float or None
         Nominal rate; by default that of the stamps.
     force : bool
@@ -141,13 +151,15 @@ def filter_bag(
     """
     from ..bag import copy_bag
     folder = Path(f'{str(out).rstrip("/")}.study')
-    design(motion, noise, alpha, values)  # wrong usage is said before anything is read
+    # wrong usage is said before anything is read
+    memory(design(motion, noise, alpha, values), smooth)
     made: dict = {}
     together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
         within = None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what)
-        made.update(_filtered(record, model, motion, noise, alpha, values, rate_hz, within))
+        made.update(
+            _filtered(record, model, motion, noise, alpha, values, rate_hz, within, smooth))
         if made['study'] is not None:
             new = together.enter_context(files.new_folder(folder, force=force))
             for name, data in outputs(made['study'], folder).items():
@@ -166,11 +178,35 @@ def filter_bag(
         )
     with together:
         written = copy_bag(
-            bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
+            bag, out, transform, topic=topic, fields=fields, new_topic=TOPIC, force=force,
+            progress=share, part=selection.bounds if selection else None,
         )
     study = made['study']
     return Done(written, None if study is None else folder, made['filtered'], study,
                 made['figures'], made['notes'])
+
+
+def filter_samples(
+    record: ImuRecord,
+    *,
+    model: str | Path | None = None,
+    motion: Any = AUTO,
+    noise: Any = ('white',),
+    alpha: float = 1.0,
+    values: Mapping | None = None,
+    rate_hz: float | None = None,
+    smooth: bool = False,
+    progress: Progress | None = None,
+) -> tuple[ImuRecord, Done]:
+    """
+    Return a record with filtered rates, and what filtering it gave; nothing is written.
+
+    Options and errors are those of :func:`filter_bag`.
+
+    """
+    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress, smooth)
+    done = Done(None, None, made['filtered'], made['study'], made['figures'], made['notes'])
+    return replace(record, gyro=made['changed'].gyro), done
 
 
 def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
@@ -180,7 +216,9 @@ def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | b
             'report.html': report.html(study, pictures, folder=str(folder or 'DIR'))}
 
 
-def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) -> dict:
+def _filtered(
+    record, model, motion, noise, alpha, values, rate_hz, progress, smooth
+) -> dict:
     """Filter a record and study its innovations."""
     from ..bag import Changed
     if record.gyro is None:
@@ -192,7 +230,7 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
         motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
     chosen = design(motion, noise, alpha, values)
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
-                         None if progress is None else lambda p: progress(p, 'filtering'))
+                         None if progress is None else lambda p: progress(p, 'filtering'), smooth)
     c = done.counts
     for count, what in (
         (c['refused'], 'not finite: refused'),

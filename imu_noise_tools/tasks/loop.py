@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from . import sheet
 from .. import store
 from ..core import files
 from ..core.errors import InputError
@@ -31,7 +32,25 @@ def change(folder: str | Path, what: Callable[[Study], object]) -> tuple[Study, 
 
 def outputs(study: Study, folder: str | Path) -> dict[str, str | bytes]:
     """Return all files of a study of any domain by name; ``folder`` is what the page names."""
+    if study.source.get('sheet'):
+        return sheet.outputs(study)
     return part('tasks', study.domain).outputs(study, folder)
+
+
+def save(study: Study, folder: str | Path, force: bool = False) -> Path:
+    """
+    Write all files of a study into a new folder, and return it.
+
+    Raises
+    ------
+    InputError
+        The folder is there and ``force`` is not given, or it cannot be written.
+
+    """
+    with files.new_folder(Path(folder), force=force) as new:
+        for name, data in outputs(study, folder).items():
+            files.atomic_write(Path(new) / name, data)
+    return Path(folder)
 
 
 def compare_two(first: Study, second: Study) -> list[dict]:

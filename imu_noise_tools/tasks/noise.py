@@ -15,9 +15,9 @@ from typing import Any, cast
 import numpy as np
 
 from .. import export, report, store
-from ..bag import open_record, Scratch
+from ..bag import imus, open_record, Scratch
 from ..core import files
-from ..core.errors import InputError, unknown, UsageError
+from ..core.errors import ImuNoiseError, InputError, unknown, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare, Selection
 from ..loop.effect import model_of
@@ -190,17 +190,53 @@ def _one_source(record: ImuRecord) -> dict:
     }
 
 
-def analyse(
+def analyse_bag(
     bag: str | Path,
-    out: str | Path | None = None,
     *,
     topic: str | None = None,
+    fields: str | None = None,
     rate_hz: float | None = None,
     input_kind: str = 'rate',
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
-    force: bool = False,
     progress: Progress | None = None,
+    **options: Any,
+) -> Study:
+    """
+    Return the study of a bag, each sensor of it at its own rate; nothing is written.
+
+    Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise.
+
+    """
+    model_of(
+        'noise', options.get('effects', DEFAULT_EFFECTS)
+    )  # wrong usage is said before anything is read
+    reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
+    memory = Scratch()
+    record = open_record(
+        bag,
+        topic,
+        fields=fields,
+        gyro_unit=gyro_unit,
+        accel_unit=accel_unit,
+        input_kind=input_kind,
+        rate_hz=rate_hz,
+        progress=reading,
+        memory=memory,
+        apart=True,
+    )
+    rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
+    study = analyse_record(record, progress=rest, memory=memory, **options)
+    if fields:
+        study.source['fields'] = fields
+    return study
+
+
+def analyse(
+    bag: str | Path,
+    out: str | Path | None = None,
+    *,
+    force: bool = False,
     **options: Any,
 ) -> tuple[Study, Path]:
     """
@@ -208,34 +244,67 @@ def analyse(
 
     Return both the study and its folder (``<bag>.study`` unless given).
 
-    Raises what :func:`analyse_record` and :func:`imu_noise_tools.bag.open_record` raise, and
-    InputError where the folder holds a study already and ``force`` is not given.
+    Raises what :func:`analyse_bag` raises, whose the options are, and InputError where the folder
+    holds a study already and ``force`` is not given.
 
     """
     folder = Path(out) if out is not None else default_folder(bag)
-    model_of(
-        'noise', options.get('effects', DEFAULT_EFFECTS)
-    )  # wrong usage is said before anything is read
     with files.new_folder(folder, force=force) as new:
-        reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
-        memory = Scratch()
-        record = open_record(
-            bag,
-            topic,
-            gyro_unit=gyro_unit,
-            accel_unit=accel_unit,
-            input_kind=input_kind,
-            rate_hz=rate_hz,
-            progress=reading,
-            memory=memory,
-            apart=True,
-        )
-        rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
-        study = analyse_record(record, progress=rest, memory=memory, **options)
-        del record
+        study = analyse_bag(bag, **options)
         for name, data in outputs(study, folder).items():
             files.atomic_write(Path(new) / name, data)
     return study, folder
+
+
+def analyse_every(
+    bag: str | Path,
+    out: str | Path | None = None,
+    *,
+    force: bool = False,
+    fields: str | None = None,
+    **options: Any,
+) -> tuple[dict[str, Study], dict[str, str], Path]:
+    """
+    Analyse each IMU of a bag and write a study of each, in a folder of its own below ``out``.
+
+    Returns
+    -------
+    studies : dict
+        By the name of the folder, which is that of the topic.
+    refused : dict
+        Why the others cannot be analysed, by topic.
+    folder : Path
+        Where the folders are.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`analyse`; none of them can be analysed.
+
+    """
+    folder = Path(out) if out is not None else default_folder(bag)
+    studies: dict[str, Study] = {}
+    refused: dict[str, ImuNoiseError] = {}
+    with files.new_folder(folder, force=force) as new:
+        for topic in imus(bag, fields):
+            first = topic.partition(',')[0].strip('/').replace('/', '_') or 'imu'
+            name = next(n for n in (first, *(f'{first}_{k}' for k in range(2, 1000)))
+                        if n not in studies)
+            try:
+                study = analyse_bag(bag, topic=topic or None, fields=fields, **options)
+            except InputError as error:
+                refused[topic] = error
+                continue
+            studies[name] = study
+            Path(new, name).mkdir()
+            for file, data in outputs(study, folder / name).items():
+                files.atomic_write(Path(new) / name / file, data)
+        if not studies:
+            raise next(iter(refused.values()))
+        files.atomic_write(Path(new) / 'studies.yaml', store.dump_yaml({
+            'studies': {n: s.source['topic'] for n, s in studies.items()},
+            'refused': {t: str(e) for t, e in refused.items()}}))
+    return studies, {t: str(e) for t, e in refused.items()}, folder
 
 
 def look_again(study: Study, bag: str | Path, progress: Progress | None = None) -> None:
@@ -259,7 +328,8 @@ def look_again(study: Study, bag: str | Path, progress: Progress | None = None) 
     source, memory = study.source, Scratch()
     streams = source.get('streams') or {'': source}
     topic = ','.join(one['topic'] for one in streams.values() if one.get('topic'))
-    record = open_record(bag, topic or None, memory=memory, apart=True)
+    record = open_record(
+        bag, topic or None, memory=memory, apart=True, fields=source.get('fields'))
     moving = bool(source.get('keep_motion'))
     ready = [prepare(one, keep_motion=moving, memory=memory) for one in record.streams]
     problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}

@@ -5,8 +5,10 @@
 
 import numpy as np
 
-from ..kinds import Coupling, Parameter
+from ..evidence import Evidence
+from ..kinds import Coupling, Inputs, Parameter
 from ..shared import HEARD, LATER, quarter_later, SHAKEN
+from ...loop.effect import Effect
 
 
 AXES = tuple('xyz')
@@ -45,11 +47,11 @@ class AccelCoupling(Coupling):
     )
     optional = tuple(f'later_{c}' for c in AXES)
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """For gyroscope axes, where the accelerometer was recorded."""
         return [e for e in (self.with_values(heard=h) for h in HEARD) if e.channels(evidence)]
 
-    def channels(self, evidence):
+    def channels(self, evidence: Evidence) -> tuple[str, ...]:
         """Return the accelerometer axes, twice, and their squared vibration."""
         axes = tuple(f'accel_{c}' for c in AXES)
         recorded = all(n in evidence.channels for n in (*axes, 'accel_square'))
@@ -61,7 +63,7 @@ class AccelCoupling(Coupling):
             axes = tuple(a + SHAKEN for a in axes)
         return (*axes, *(a + LATER for a in axes), 'accel_square')
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the shares of the accelerometer axes in the inputs."""
         a = np.column_stack([inputs.axes[f'accel_{c}'] for c in AXES])
         a = a - a.mean(axis=0)
@@ -70,6 +72,6 @@ class AccelCoupling(Coupling):
         return x + quarter_later(a) @ late if np.any(late) else x
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a g-sensitivity of 0.1 deg/s/g (1.8e-4 rad/s for each m/s^2) on x."""
         return cls({p.name: 0.0 for p in cls.parameters} | {'gain_x': 1.8e-4, 'heard': 'all'})

@@ -5,7 +5,8 @@
 
 import numpy as np
 
-from ..kinds import Mean, Parameter
+from ..kinds import Inputs, Mean, Parameter
+from ...loop.effect import Effect
 
 
 class Drift(Mean):
@@ -37,11 +38,11 @@ class Drift(Mean):
         ),
     )
 
-    def columns(self, inputs):
+    def columns(self, inputs: Inputs) -> np.ndarray:
         """Return t and t^2/2."""
         return np.column_stack([inputs.t, 0.5 * inputs.t**2])
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a drift that turns back after 25 min, at 9.3 deg/h (4.5e-5 rad/s)."""
         return cls({'rate': 6e-8, 'curvature': -4e-11})

@@ -5,9 +5,10 @@
 
 import numpy as np
 
-from ..kinds import Defect, Parameter, Response
+from ..evidence import Evidence
+from ..kinds import Defect, Inputs, Parameter, Response
 from ...core.statistics import interval, repeats
-from ...loop.effect import Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding
 
 
 class Duplicates(Defect, Response):
@@ -46,7 +47,7 @@ class Duplicates(Defect, Response):
     )
 
     @classmethod
-    def statistics(cls, y, inputs):
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """
         Keep the share of equal neighbours and what chance gives.
 
@@ -73,7 +74,7 @@ class Duplicates(Defect, Response):
             )
         return out
 
-    def find(self, evidence):
+    def find(self, evidence: Evidence) -> Finding | None:
         """Test for more equal neighbours than a Poisson count of the expected ones allows."""
         kept = evidence.kept(self.name)
         if not kept or not kept['held']:
@@ -97,7 +98,7 @@ class Duplicates(Defect, Response):
             'would be by rounding',
         )
 
-    def gain2(self, f, dt):
+    def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain on white noise, scaled to 1 at zero frequency."""
         p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
         if self.chosen('pattern') == 'regular':
@@ -105,7 +106,7 @@ class Duplicates(Defect, Response):
             return np.maximum((np.sin(r * w / 2) / (r * np.sin(w / 2))) ** 2, 1e-9)
         return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
 
-    def crowd(self):
+    def crowd(self) -> float:
         """
         Return the scatter of sums of products of two white axes held together, whitened.
 
@@ -118,7 +119,7 @@ class Duplicates(Defect, Response):
             return 1 / max(1 - p, 1e-6)
         return ((1 + p) ** 2 + p * (1 - p) ** 2 + 2 * p * p) / ((1 - p) * (1 + p) ** 2)
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Hold samples, at random or always the same number of times."""
         n = len(x)
         if self.chosen('pattern') == 'regular':
@@ -129,6 +130,6 @@ class Duplicates(Defect, Response):
         return x[np.maximum.accumulate(np.where(fresh, np.arange(n), 0))]
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Every fifth sample is a repeat."""
         return cls({'fraction': 0.2, 'pattern': 'random'})

@@ -6,7 +6,8 @@
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from ..kinds import Parameter, Spectrum
+from ..kinds import Inputs, Parameter, Spectrum
+from ...loop.effect import Effect
 
 
 class Flicker(Spectrum):
@@ -31,11 +32,11 @@ class Flicker(Spectrum):
     decide = 'record several times longer'
     parameters = (Parameter('B', '{rate}', 1e-12, 1e2, amplitude=True, title='bias instability'),)
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """2 B^2 dt / (2 sin(pi f dt)): 1/f, sampled."""
         return 2 * self['B'] ** 2 * dt / (2 * np.sin(np.pi * np.asarray(f) * dt))
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """
         (2 ln2/pi) B^2 times the sampled form's factor.
 
@@ -53,7 +54,7 @@ class Flicker(Spectrum):
             )
         return flat * factor
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """
         Add the running sum of ARFIMA(0, -1/2, 0) increments, drawn exactly by circulant embedding.
 
@@ -80,6 +81,6 @@ class Flicker(Spectrum):
         return x + self['B'] * (walk - walk[0])
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return the effect of a consumer MEMS gyroscope, 5 deg/h."""
         return cls({'B': 2.4e-5})

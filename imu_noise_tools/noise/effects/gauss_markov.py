@@ -5,8 +5,10 @@
 
 import numpy as np
 
-from ..kinds import Parameter, Spectrum
+from ..evidence import Evidence
+from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ...core import gauss_markov
+from ...loop.effect import Effect
 
 
 class GaussMarkov(Spectrum):
@@ -35,7 +37,7 @@ class GaussMarkov(Spectrum):
         Parameter('tc', 's', 1e-4, 1e6, title='correlation time'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """
         Start from correlation times that the record can show.
 
@@ -49,24 +51,24 @@ class GaussMarkov(Spectrum):
             self.with_values(sigma=1.0, tc=float(tc)) for tc in np.geomspace(shortest, longest, 7)
         ]
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below the interval it is white noise, beyond the record a random walk."""
         return {'tc': (evidence.dt, evidence.duration)}
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(1) spectrum."""
         return gauss_markov.psd(f, self['sigma'], self['tc'], dt)
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the closed form of the sampled process."""
         return gauss_markov.avar(m, self['sigma'], self['tc'], dt)
 
-    def state_space(self, dt):
+    def state_space(self, dt: float) -> StateSpace | None:
         """One decaying state."""
         q = gauss_markov.innovation_variance(self['sigma'], self['tc'], dt)
         return np.array([[gauss_markov.phi(dt, self['tc'])]]), np.array([[q]]), np.ones((1, 1))
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the recursion, started stationary."""
         from scipy.signal import lfilter  # half a second to load
 
@@ -77,6 +79,6 @@ class GaussMarkov(Spectrum):
         return x + lfilter([1.0], [1.0, -gauss_markov.phi(inputs.dt, self['tc'])], w)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return one whose Allan deviation peaks at 19 s, of 8.3 deg/h (4e-5 rad/s)."""
         return cls({'sigma': 4e-5, 'tc': 10.0})

@@ -6,9 +6,10 @@
 import numpy as np
 from scipy.special import bdtrc
 
+from ..evidence import Evidence
 from ..kinds import Line, measured, Parameter
 from ...core.spectrum import folded
-from ...loop.effect import Estimate
+from ...loop.effect import Effect, Estimate
 
 ORDERS = 12
 HIGHEST = (2, 3, 4, 6, 8, ORDERS)  # what the search for f0 takes for the highest order
@@ -52,7 +53,7 @@ class Harmonics(Line):
     )
     neutral = {f'amplitude_{k}': 0.0 for k in range(1, ORDERS + 1)}
 
-    def lines(self):
+    def lines(self) -> list[tuple[float, float]]:
         """Return the orders that are there."""
         return [
             (k * self['frequency'], self[f'amplitude_{k}'])
@@ -60,7 +61,7 @@ class Harmonics(Line):
             if self[f'amplitude_{k}'] > 0
         ]
 
-    def rows(self, evidence, free):
+    def rows(self, evidence: Evidence, free: list[int]) -> list[int]:
         """
         Return the largest set of free rows that stand at orders of one frequency.
 
@@ -88,7 +89,7 @@ class Harmonics(Line):
                     best = f0, {order: free[i] for order, i in found.items()}
         return best
 
-    def read(self, evidence, rows):
+    def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
         """Return f0 by least squares from all orders, and the amplitude of each."""
         near, family = self._family(evidence, rows)
         out = {p.name: evidence.no_line() for p in self.parameters if p.amplitude}
@@ -101,13 +102,14 @@ class Harmonics(Line):
             out[f'amplitude_{k}'] = line.amplitude
             # beyond Nyquist a line that moves up is seen to move down every second time
             sign = 1 if (turns + 0.5) % 1 >= 0.5 else -1
-            off = line.frequency.point - folded(k * near, evidence.dt)
-            f0.append(near + sign * off / k)
-            weight.append((k / line.frequency.std) ** 2)
-        std = float(1 / np.sqrt(np.sum(weight)))
-        return {'frequency': measured(float(np.average(f0, weights=weight)), std), **out}
+            at, std = line.frequency.point, line.frequency.std
+            assert at is not None and std is not None
+            f0.append(near + sign * (at - folded(k * near, evidence.dt)) / k)
+            weight.append((k / std) ** 2)
+        mean = float(np.average(f0, weights=weight))
+        return {'frequency': measured(mean, float(1 / np.sqrt(np.sum(weight)))), **out}
 
-    def in_words(self, evidence, rows):
+    def in_words(self, evidence: Evidence, rows: list[int]) -> str:
         """Name the orders and the speed."""
         f0, family = self._family(evidence, rows)
         orders = ', '.join(str(k) for k in sorted(family))
@@ -117,7 +119,7 @@ class Harmonics(Line):
         )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a fan at 186 rpm (3.1 Hz) with orders 1, 2 and 4, 20.6 deg/h the strongest."""
         return cls({**cls.neutral, 'frequency': 3.1, 'amplitude_1': 1e-4, 'amplitude_2': 5e-5,
                     'amplitude_4': 3e-5})

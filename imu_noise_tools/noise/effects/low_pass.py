@@ -5,7 +5,9 @@
 
 import numpy as np
 
+from ..evidence import Evidence
 from ..kinds import Parameter, Response
+from ...loop.effect import Effect
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
 DECIMATED = {f'butterworth_2_decimated_{k}': k for k in (2, 4, 8)}
@@ -51,7 +53,7 @@ class LowPass(Response):
     neutral = {'behind': 0.0}
     optional = ('behind',)
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """
         Return the two best cutoffs of each form.
 
@@ -73,7 +75,7 @@ class LowPass(Response):
             return np.average((left - np.average(left, weights=bins.count)) ** 2,
                               weights=bins.count)
 
-        out = []
+        out: list[Effect] = []
         for form in FORMS:
             some = [self.with_values(cutoff=float(c), form=form, behind=share)
                     for c in tried[form] for share in BEHIND]
@@ -84,11 +86,11 @@ class LowPass(Response):
             out += [best, second]
         return out
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
         return {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
 
-    def gain2(self, f, dt):
+    def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
         form = self.chosen('form')
         behind = self.values.get('behind', 0.0) if form != 'first_order' else 0.0
@@ -113,7 +115,7 @@ class LowPass(Response):
         return shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0))
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
         return cls({'cutoff': 12.0, 'form': 'first_order', 'behind': 0.0})
 

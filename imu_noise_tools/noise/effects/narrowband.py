@@ -5,8 +5,11 @@
 
 import numpy as np
 
-from ..kinds import Parameter, Spectrum
+from ..evidence import Evidence
+from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ...core import oscillator
+from ...core.spectrum import Bins
+from ...loop.effect import Effect
 
 SHARPEST = 0.25  # cells of 1/T: below, it is a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
@@ -42,7 +45,7 @@ class Narrowband(Spectrum):
         Parameter('rms', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at the peaks that stand highest above the spectrum around them."""
         if {'frequency', 'width'} <= set(self.values):
             return super().starts(evidence)
@@ -53,7 +56,7 @@ class Narrowband(Spectrum):
         some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
         return [self.with_values(frequency=f, width=width) for f, width in some]
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
         f, width = (self.values.get(k) for k in ('frequency', 'width'))
         least = SHARPEST / evidence.duration
@@ -66,24 +69,24 @@ class Narrowband(Spectrum):
         }
 
     @property
-    def centre(self):
+    def centre(self) -> float:
         """Its power is narrower than a grid of frequencies may resolve."""
         return self['frequency']
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(2) spectrum."""
         return oscillator.psd(f, self['rms'], self['frequency'], self['width'], dt)
 
-    def binned(self, bins):
+    def binned(self, bins: Bins) -> np.ndarray:
         """Return its expected power in bins, however narrow it is."""
         return oscillator.binned(bins, self['rms'], self['frequency'], self['width'])
 
-    def slopes(self, bins):
+    def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
         """Return how that follows the centre and the width."""
         found = oscillator.slopes(bins, self['rms'], self['frequency'], self['width'])
         return dict(zip(('frequency', 'width'), found))
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the closed form of the sampled process."""
         return oscillator.avar(m, self['rms'], self['frequency'], self['width'], dt)
 
@@ -91,7 +94,7 @@ class Narrowband(Spectrum):
         r = np.exp(-np.pi * self['width'] * dt)
         return 2 * r * np.cos(2 * np.pi * self['frequency'] * dt), -r * r
 
-    def state_space(self, dt):
+    def state_space(self, dt: float) -> StateSpace | None:
         """Two states: this sample and the last."""
         first, second = self._coefficients(dt)
         q = oscillator.innovation_variance(
@@ -102,7 +105,7 @@ class Narrowband(Spectrum):
             np.array([[1.0, 0.0]]),
         )
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the recursion, started stationary."""
         from scipy.signal import lfilter, lfiltic  # half a second to load
         first, second = self._coefficients(inputs.dt)
@@ -116,6 +119,6 @@ class Narrowband(Spectrum):
         return x + lfilter([1.0], a, w, zi=lfiltic([1.0], a, [last, before]))[0]
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a resonance of Q 10 at 4 Hz, of 20.6 deg/h rms (1e-4 rad/s)."""
         return cls({'frequency': 4.0, 'width': 0.4, 'rms': 1e-4})

@@ -5,7 +5,9 @@
 
 import numpy as np
 
+from ..evidence import Evidence
 from ..kinds import Parameter, Response
+from ...loop.effect import Effect
 
 
 class Notch(Response):
@@ -32,14 +34,14 @@ class Notch(Response):
         Parameter('width', 'Hz', 1e-6, 1e5, title='width between the -3 dB points'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at the deepest dips."""
         if self.fitted:
             return [self]
         dips = evidence.bumps(2, -1)
         return [self.with_values(frequency=f, width=width) for f, width, _ in dips]
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay near the dip that the start is at."""
         top = 0.499 / evidence.dt
         if not self.fitted:
@@ -51,7 +53,7 @@ class Notch(Response):
             'width': (1 / evidence.duration, min(2 * f, 0.25 / evidence.dt)),
         }
 
-    def gain2(self, f, dt):
+    def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
         x = np.tan(np.pi * np.minimum(np.asarray(f, float) * dt, 0.49999))
         x0 = np.tan(np.pi * min(self['frequency'] * dt, 0.499))
@@ -59,6 +61,6 @@ class Notch(Response):
         return np.maximum((x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2), 1e-9)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a notch at 9 Hz, 2 Hz wide."""
         return cls({'frequency': 9.0, 'width': 2.0})

@@ -5,9 +5,11 @@
 
 import numpy as np
 
-from ..kinds import Parameter, Spectrum
+from ..evidence import Evidence
+from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
 from ...core.statistics import grid_gain, grid_step, robust_sigma
+from ...loop.effect import Effect, Fit
 
 
 class Quantization(Spectrum):
@@ -33,12 +35,12 @@ class Quantization(Spectrum):
     mutes = ('distribution', 'variance')  # samples on a coarse grid are not normal
 
     @classmethod
-    def statistics(cls, y, inputs):
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Keep the step of the rate's grid, which is that of the angle over dt, and the noise."""
         step, _ = grid_step(y)
         return {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
 
-    def bonus(self, evidence, fit):
+    def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """
         Count the grid too, less what the spectrum loses by the Q that an angle read to it has.
 
@@ -55,20 +57,21 @@ class Quantization(Spectrum):
         if near == self['Q']:
             return gain
         moved = Likelihood(evidence, 'whole', fit.model.with_effect(self.with_values(Q=near)))
-        x0 = [s.to_search(moved.model[s.label][s.parameter.name]) for s in moved.slots]
+        x0 = np.array([
+            s.to_search(moved.model[s.label][s.parameter.name]) for s in moved.slots])
         free = np.array([s.label != self.label for s in moved.slots])
         lost = fit.log_likelihood + moved.minimise(x0, free=free, enough=1e-3)[1]
         return max(gain - lost, 0.0)
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """2 Q^2 s^2/dt, s = 2 sin(pi f dt)."""
         return 2 * self['Q'] ** 2 * (2 * np.sin(np.pi * np.asarray(f) * dt)) ** 2 / dt
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """3 Q^2/tau^2."""
         return 3 * self['Q'] ** 2 / (np.asarray(m) * dt) ** 2
 
-    def state_space(self, dt):
+    def state_space(self, dt: float) -> StateSpace | None:
         """Two states: this and the last reading's error, (e_k - e_{k-1})/dt with e ~ N(0, Q^2)."""
         return (
             np.array([[0.0, 0.0], [1.0, 0.0]]),
@@ -76,12 +79,12 @@ class Quantization(Spectrum):
             np.array([[1.0, -1.0]]) / dt,
         )
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the difference of white angle errors."""
         e = rng.standard_normal(len(x) + 1) * self['Q']
         return x + np.diff(e) / inputs.dt
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a quantization of the angle of one arc second (4.8e-6 rad)."""
         return cls({'Q': 4.8e-6})

@@ -5,7 +5,8 @@
 
 import numpy as np
 
-from ..kinds import Mean, Parameter
+from ..kinds import Inputs, Mean, Parameter
+from ...loop.effect import Effect
 
 
 class Ramp(Mean):
@@ -32,15 +33,15 @@ class Ramp(Mean):
         ),
     )
 
-    def columns(self, inputs):
+    def columns(self, inputs: Inputs) -> np.ndarray:
         """t."""
         return inputs.t[:, None]
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """R^2 tau^2/2."""
         return (self['R'] * np.asarray(m) * dt) ** 2 / 2
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return 9.7 deg/h in an hour."""
         return cls({'R': 1.3e-8})

@@ -5,9 +5,10 @@
 
 import numpy as np
 
-from ..kinds import Defect, Parameter, Spectrum
+from ..evidence import Evidence
+from ..kinds import Defect, Inputs, Parameter, Spectrum
 from ...core.statistics import grid_gain, grid_step, robust_sigma
-from ...loop.effect import Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding
 
 
 class RateQuantization(Spectrum, Defect):
@@ -53,7 +54,7 @@ class RateQuantization(Spectrum, Defect):
         return () if self['white'] else ('variance',)
 
     @classmethod
-    def statistics(cls, y, inputs):
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Keep the step, the number of levels and the share of samples on the grid."""
         step, levels = grid_step(y)
         return {
@@ -62,7 +63,7 @@ class RateQuantization(Spectrum, Defect):
             'sigma': np.array(robust_sigma(y)),
         }
 
-    def find(self, evidence):
+    def find(self, evidence: Evidence) -> Finding | None:
         """Find the step in the levels; it is an effect from half a standard deviation on."""
         kept = evidence.kept(self.name)
         step, sigma = float(kept['step']), float(kept['sigma'])
@@ -80,19 +81,19 @@ class RateQuantization(Spectrum, Defect):
             'standard deviations',
         )
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """step^2 dt/6, one-sided."""
         return np.full(np.shape(f), self['white'] * self['step'] ** 2 * dt / 6)
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """step^2/(12 m)."""
         return self['white'] * self['step'] ** 2 / 12 / np.asarray(m)
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Round to the step."""
         return self['step'] * np.round(x / self['step'])
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a resolution of 0.05 deg/s (8.7e-4 rad/s)."""
         return cls({'step': 8.7e-4, 'white': 1.0})

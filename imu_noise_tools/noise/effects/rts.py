@@ -9,9 +9,11 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import expit
 
-from ..kinds import Inputs, Mean, model_gain2, Modulation, Parameter, Spectrum
+from ..evidence import Evidence
+from ..kinds import Inputs, Mean, model_gain2, Modulation, Parameter, Spectrum, StateSpace
 from ..views import slow_rest
 from ...core import gauss_markov
+from ...loop.effect import Effect, Fit
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
@@ -45,7 +47,7 @@ class Rts(Spectrum):
         Parameter('tau', 's', 1e-4, 1e6, title='mean dwell in a level'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Start from dwells that the record can show: four samples to a fifth of its length."""
         if 'tau' in self.values:
             return super().starts(evidence)
@@ -54,11 +56,11 @@ class Rts(Spectrum):
             for tau in np.geomspace(4 * evidence.dt, evidence.n * evidence.dt / 5, 7)
         ]
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below two samples it is a white noise that was filtered, beyond the record a step."""
         return {'tau': (2 * evidence.dt, 2 * evidence.duration)}
 
-    def bonus(self, evidence, fit):
+    def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """
         Return what two levels say more than a Gauss-Markov process of the same spectrum.
 
@@ -113,28 +115,28 @@ class Rts(Spectrum):
         c[1:] *= 1 - np.clip(np.interp(k, centre, drift / v), 0, 1)
         return idct(c, type=2, norm='ortho')
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(1) spectrum."""
         return gauss_markov.psd(f, self['step'] / 2, self['tau'] / 2, dt)
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return that of the Gauss-Markov process of the same spectrum."""
         return gauss_markov.avar(m, self['step'] / 2, self['tau'] / 2, dt)
 
-    def state_space(self, dt):
+    def state_space(self, dt: float) -> StateSpace | None:
         """One decaying state of the same spectrum."""
         q = gauss_markov.innovation_variance(self['step'] / 2, self['tau'] / 2, dt)
         phi = gauss_markov.phi(dt, self['tau'] / 2)
         return np.array([[phi]]), np.array([[q]]), np.ones((1, 1))
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add two levels that switch with probability (1 - e^(-2 dt/tau))/2 a sample."""
         flip = rng.random(len(x)) < -0.5 * np.expm1(-2 * inputs.dt / self['tau'])
         flip[0] = rng.random() < 0.5
         return x + self['step'] * (np.cumsum(flip) % 2 - 0.5)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return levels 412 deg/h (0.002 rad/s) apart, each held for 8 s on average."""
         return cls({'step': 2e-3, 'tau': 8.0})
 

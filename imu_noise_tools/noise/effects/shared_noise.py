@@ -5,9 +5,11 @@
 
 import numpy as np
 
-from ..kinds import Coupling, Parameter
+from ..evidence import Evidence
+from ..kinds import Coupling, Inputs, Parameter
 from ..shared import HEARD, LATER, quarter_later, SHAKEN
 from ...core.record import AXES, sensor_of
+from ...loop.effect import Effect
 
 
 class SharedNoise(Coupling):
@@ -46,7 +48,7 @@ class SharedNoise(Coupling):
     )
     optional = ('later', 'other_gain', 'other_later')
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Take the axis of the same sensor that is most coherent with this one, and the third."""
         if 'source' in self.values:
             return [self]
@@ -58,7 +60,7 @@ class SharedNoise(Coupling):
         some = [self.with_values(source=axes[0], other=axes[-1], heard=h) for h in HEARD]
         return [e for e in some if e.channels(evidence)]
 
-    def channels(self, evidence):
+    def channels(self, evidence: Evidence) -> tuple[str, ...]:
         """Return the source and the third axis, each as it is and later."""
         some = [self.chosen(k) if k in self.values else AXES[0] for k in ('source', 'other')]
         if not set(some) <= set(evidence.channels):
@@ -71,7 +73,7 @@ class SharedNoise(Coupling):
             some[1] += LATER + LATER
         return tuple(a + what for a in some for what in ('', LATER))
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the shares of the other axes."""
         for name, prefix in (('source', ''), ('other', 'other_')):
             gain, late = self[f'{prefix}gain'], self[f'{prefix}later']
@@ -82,7 +84,7 @@ class SharedNoise(Coupling):
         return x
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return half of what gyro_y shows."""
         return cls({p.name: 0.0 for p in cls.parameters}
                    | {'gain': 0.5, 'source': 'gyro_y', 'other': 'gyro_z', 'heard': 'all'})

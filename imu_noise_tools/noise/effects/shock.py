@@ -3,18 +3,23 @@
 
 """Shocks: knocks that ring and die out."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.special import chdtri, digamma, polygamma
+from scipy.special import binom, chdtri, digamma, polygamma
 
-from ..kinds import Defect, Parameter
-from ...core.statistics import interval, row_medians
-from ...loop.effect import Estimate, Finding
+from ..evidence import Evidence
+from ..kinds import Defect, Inputs, Parameter
+from ...core.statistics import interval, repeats, row_medians
+from ...loop.effect import Effect, Estimate, Finding
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
 SLOW_S = 1.0  # s: what is slower than that is not looked at
 LEVELS = 24  # stretches in which the usual loudness is looked at, longer than two shocks
-LASTS = 3  # blocks that a shock fills at least; what is shorter is a spike
+LASTS = 3  # blocks that a shock fills at least where half a block may be spikes
+SINGLE = 5.0  # standard deviations of a sample that counts as one
+CHANCE = 1e-2  # expected number of blocks so filled that is believed to be none
 MOST = 0.05  # share of the record that shocks may fill
 LONGEST = 0.02  # share of the record that one may fill; what lasts longer is no shock
 SURE = 15.0  # nats that one is worth at least, the search for it paid
@@ -48,12 +53,12 @@ class Shock(Defect):
     )
 
     @classmethod
-    def statistics(cls, y, inputs):
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Keep begin, end, size, decay and worth in nats of each."""
         loud = _loudness(y, inputs.dt)
         if loud is None:
             return {}
-        ratio, level, degrees, length = loud
+        ratio, level, degrees, length, lasts = loud
         beyond = ratio > chdtri(degrees, 1e-3 / len(ratio)) / degrees
         edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]]).astype(int)))
         found = []
@@ -65,7 +70,7 @@ class Shock(Defect):
             else:
                 runs.append([int(begin), int(end)])
         for begin, end in runs:
-            if np.sum(beyond[begin:end]) < LASTS or end - begin > max(LONGEST * len(ratio), LASTS):
+            if np.sum(beyond[begin:end]) < lasts or end - begin > max(LONGEST * len(ratio), LASTS):
                 continue
             begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
             over = np.maximum(ratio[begin:end] - 1, 0)
@@ -82,7 +87,7 @@ class Shock(Defect):
         return {**out, 'span': np.array(len(y) * inputs.dt), 'dt': np.array(inputs.dt)}
 
     @classmethod
-    def screen(cls, y, kept, inputs):
+    def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
         """Put the noise before each shock, mirrored, in its place: the level stays as it is."""
         out = y.copy()
         for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
@@ -94,7 +99,7 @@ class Shock(Defect):
                 out[at] = y[np.clip(mirrored, 0, len(y) - 1)]
         return out
 
-    def find(self, evidence):
+    def find(self, evidence: Evidence) -> Finding | None:
         """Weigh the loud stretches against noise as loud as it is around them."""
         kept = evidence.kept(self.name)
         if not kept:
@@ -123,7 +128,7 @@ class Shock(Defect):
             evidence=f'{k} shocks at {times}{" ..." if k > 5 else ""} s',
         )
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add decaying bursts of white noise at random times."""
         out = x.copy()
         span = len(x) * inputs.dt
@@ -135,7 +140,7 @@ class Shock(Defect):
         return out
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return one a minute (0.015 Hz), of 2.9 deg/s (0.05 rad/s), gone within a second."""
         return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2})
 
@@ -177,11 +182,13 @@ def _faded(ratio: np.ndarray, end: int, degrees: float) -> int:
 
 def _loudness(y: np.ndarray, dt: float):
     """
-    Return (ratio, level, degrees, length) of blocks of samples, None where nothing can be said.
+    Return (ratio, level, degrees, length, lasts) of blocks, None where nothing can be said.
 
-    The median square of the samples of each over that of the blocks around, and how many degrees
-    of freedom its scatter shows: few where the samples of a block go together. A median does not
-    see single spikes.
+    The median square of the samples of each over that of the blocks around, how many degrees of
+    freedom its scatter shows (few where the samples of a block go together), the samples and how
+    many loud blocks make a shock. A median does not see single spikes: one loud block is enough
+    unless they are so many that they fill half of one by chance, or each is held for several
+    samples.
 
     """
     length = int(np.clip(round(BLOCK_S / dt), 6, 32))
@@ -190,7 +197,8 @@ def _loudness(y: np.ndarray, dt: float):
         return None
     rows = y[:count * length].reshape(count, length)[:, ::max(1, length // 6)]
     slow = median_filter(row_medians(rows), max(int(SLOW_S / dt / length), 5))
-    power = row_medians((rows - slow[:, None]) ** 2) / MEDIAN
+    square = (rows - slow[:, None]) ** 2
+    power = row_medians(square) / MEDIAN
     groups = int(np.clip(count // 50, 1, LEVELS))
     edges = np.linspace(0, count, groups + 1).astype(int)
     usual = np.array([np.median(power[i:j]) for i, j in zip(edges, edges[1:])])
@@ -200,9 +208,13 @@ def _loudness(y: np.ndarray, dt: float):
         return None
     level = np.interp(np.arange(count), 0.5 * (edges[1:] + edges[:-1]), usual)
     ratio = power / level
+    single = np.mean(square > SINGLE**2 * level[:, None])
+    width = rows.shape[1]
+    filled = count * binom(width, width // 2) * single ** (width // 2)
+    lasts = LASTS if filled > CHANCE or repeats(y).held else 1
     low, high = np.quantile(np.log(np.maximum(ratio, 1e-12)), (0.25, 0.75))
     variance = max(((high - low) / 1.349) ** 2, 1e-3)
     # the logarithm of chi-squared over its degrees scatters by psi'(degrees/2)
     grid = np.geomspace(0.5, 200, 200)
     degrees = float(np.interp(-variance, -polygamma(1, grid / 2), grid))
-    return ratio, level, degrees, length
+    return ratio, level, degrees, length, lasts

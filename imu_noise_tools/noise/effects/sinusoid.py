@@ -4,6 +4,7 @@
 """A sinusoid: vibration, mains, an alias."""
 
 from ..kinds import Line, Parameter
+from ...loop.effect import Effect
 
 
 class Sinusoid(Line):
@@ -29,6 +30,6 @@ class Sinusoid(Line):
     )
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a line at 3.7 Hz, of 20.6 deg/h (1e-4 rad/s)."""
         return cls({'amplitude': 1e-4, 'frequency': 3.7})

@@ -5,7 +5,9 @@
 
 import numpy as np
 
-from ..kinds import Mean, Parameter
+from ..evidence import Evidence
+from ..kinds import Inputs, Mean, Parameter
+from ...loop.effect import Effect
 
 
 class SlowPeriodic(Mean):
@@ -38,23 +40,23 @@ class SlowPeriodic(Mean):
         Parameter('period', 's', 1e-2, 1e7, title='period'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at periods from a tenth of the record to twice its length, 24 in all."""
         if 'period' in self.values:
             return [self]
         t = evidence.duration
         return [self.with_values(period=float(p)) for p in 1 / np.linspace(0.5 / t, 10 / t, 24)]
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below a tenth of the record it is a line, beyond twice its length a drift."""
         return {'period': (0.09 * evidence.duration, 2.2 * evidence.duration)}
 
-    def columns(self, inputs, period):
+    def columns(self, inputs: Inputs, period: float) -> np.ndarray:
         """Return cosine and sine."""
         angle = 2 * np.pi * inputs.t / period
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a swing of 20.6 deg/h (1e-4 rad/s) to either side in ten minutes."""
         return cls({'cosine': 6e-5, 'sine': 8e-5, 'period': 600.0})

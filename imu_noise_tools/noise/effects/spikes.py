@@ -3,12 +3,15 @@
 
 """Spikes: isolated outliers."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d
 from scipy.special import log_ndtr, ndtri
 
-from ..kinds import Defect, Parameter
+from ..evidence import Evidence
+from ..kinds import Defect, Inputs, Parameter
 from ...core.statistics import (
     grid_step,
     interval,
@@ -17,7 +20,7 @@ from ...core.statistics import (
     repeats,
     row_medians,
 )
-from ...loop.effect import Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
@@ -53,7 +56,7 @@ class Spikes(Defect):
     )
 
     @classmethod
-    def statistics(cls, y, inputs):
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """
         Keep size of each outlier, the noise around it, and which samples it fills.
 
@@ -111,7 +114,7 @@ class Spikes(Defect):
         }
 
     @classmethod
-    def screen(cls, y, kept, inputs):
+    def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
         """Put what its neighbours say in place of each spike."""
         found = _gain(kept)
         if found is None or found[0] < SURE:
@@ -120,7 +123,7 @@ class Spikes(Defect):
         out[kept['index']] -= kept['excess']
         return out
 
-    def find(self, evidence):
+    def find(self, evidence: Evidence) -> Finding | None:
         """
         Weigh each outlier's likelihood as a spike against that of a normal sample.
 
@@ -156,13 +159,13 @@ class Spikes(Defect):
             f'deviations, the largest {np.max(np.abs(size) / sigma):.0f}',
         )
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add a normal spike to a share of the samples."""
         hit = rng.random(len(x)) < self['rate'] * inputs.dt
         return x + hit * self['sigma'] * rng.standard_normal(len(x))
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return one spike in twenty seconds, of 2.9 deg/s (0.05 rad/s) rms."""
         return cls({'rate': 0.05, 'sigma': 0.05})
 

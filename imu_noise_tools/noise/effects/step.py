@@ -5,7 +5,9 @@
 
 import numpy as np
 
-from ..kinds import Mean, Parameter
+from ..evidence import Evidence
+from ..kinds import Inputs, Mean, Parameter
+from ...loop.effect import Effect
 
 
 class Step(Mean):
@@ -48,7 +50,7 @@ class Step(Mean):
         ),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """
         Start at every 256th part of the record.
 
@@ -65,11 +67,11 @@ class Step(Mean):
         fine = t[best] - 0.5 * (t[1] - t[0])
         return [self.with_values(time=float(x)) for x in np.concatenate([grid, fine])]
 
-    def columns(self, inputs, time):
+    def columns(self, inputs: Inputs, time: float) -> np.ndarray:
         """0 before, 1 after."""
         return (inputs.t >= time).astype(float)[:, None]
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a step of 20.6 deg/h (1e-4 rad/s) after 100 s."""
         return cls({'size': 1e-4, 'time': 100.0})

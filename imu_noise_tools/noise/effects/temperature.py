@@ -5,7 +5,9 @@
 
 import numpy as np
 
-from ..kinds import Mean, Parameter
+from ..evidence import Evidence
+from ..kinds import Inputs, Mean, Parameter
+from ...loop.effect import Effect
 
 
 LEADS, LAGS = 8, 20  # starts of either sign
@@ -51,7 +53,7 @@ class Temperature(Mean):
     neutral = {'lag': 0.0}
     optional = ('curvature', 'cubed')
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Lags from none to a quarter of the record; nothing without a temperature that moves."""
         t = evidence.slow_others.get('temperature')
         if t is None or np.ptp(t) == 0:
@@ -61,7 +63,7 @@ class Temperature(Mean):
         earlier = np.geomspace(least, max(evidence.duration / 50, 2 * least), LEADS)
         return [self.with_values(lag=float(x)) for x in (0.0, *later, *-earlier)]
 
-    def columns(self, inputs, lag):
+    def columns(self, inputs: Inputs, lag: float) -> np.ndarray:
         """Return u, [u^2] and [u^3], each without mean."""
         u = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t, lag)
         u = u - np.mean(u)
@@ -78,7 +80,7 @@ class Temperature(Mean):
         return np.column_stack(out) * scale ** np.arange(1, 4)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
         return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubed': 0.0, 'lag': 0.0})
 

@@ -5,7 +5,9 @@
 
 import numpy as np
 
-from ..kinds import Mean, Parameter
+from ..evidence import Evidence
+from ..kinds import Inputs, Mean, Parameter
+from ...loop.effect import Effect
 
 
 class Transient(Mean):
@@ -39,20 +41,20 @@ class Transient(Mean):
         Parameter('tc', 's', 1e-2, 1e6, title='time constant'),
     )
 
-    def starts(self, evidence):
+    def starts(self, evidence: Evidence) -> list[Effect]:
         """Time constants that settle within the record, but not within a few blocks."""
         t = evidence.duration
         return [self.with_values(tc=float(c)) for c in np.geomspace(t / 200, t / 3, 8)]
 
-    def bounds(self, evidence):
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Bound the settling to half the record; what takes longer is a ramp to it."""
         return {'tc': (5 * evidence.dt, evidence.duration / 2)}
 
-    def columns(self, inputs, tc):
+    def columns(self, inputs: Inputs, tc: float) -> np.ndarray:
         """e^(-t/tc)."""
         return np.exp(-inputs.t / tc)[:, None]
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return 20.6 deg/h (1e-4 rad/s) that falls to 1/e in five minutes."""
         return cls({'amplitude': 1e-4, 'tc': 300.0})

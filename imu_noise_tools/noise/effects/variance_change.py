@@ -6,10 +6,11 @@
 import numpy as np
 from scipy.optimize import minimize
 
+from ..evidence import Evidence
 from ..kinds import Modulation, Parameter
 from ..views import block_variance, followed_by, power_in_time, rough_degrees
 from ...core.statistics import interval
-from ...loop.effect import Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding
 
 FORMS = ('step', 'stretch', 'drift', 'periodic')
 MOST = 4  # stretches
@@ -53,7 +54,7 @@ class VarianceChange(Modulation):
 
     neutral = {p.name: 1.0 if p.name == 'factor' else 0.0 for p in parameters}
 
-    def variance(self, t):
+    def variance(self, t: np.ndarray) -> np.ndarray:
         """Return the factor at t (s)."""
         t = np.asarray(t, float)
         f, form = self['factor'], self.chosen('form')
@@ -72,7 +73,7 @@ class VarianceChange(Modulation):
             return 1 + (f - 1) * t / max(float(t[-1]), 1e-300)
         return np.ones(t.shape)
 
-    def measure(self, evidence):
+    def measure(self, evidence: Evidence) -> Finding | None:
         """
         Return the shape that gains most likelihood over a constant variance.
 
@@ -227,7 +228,7 @@ class VarianceChange(Modulation):
         return self._of('stretch', **values)
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return a variance that is 2.5 times as large from 100 s on."""
         return cls({**cls.neutral, 'factor': 2.5, 'time': 100.0})
 

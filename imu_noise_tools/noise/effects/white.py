@@ -5,7 +5,8 @@
 
 import numpy as np
 
-from ..kinds import Parameter, Spectrum
+from ..kinds import Inputs, Parameter, Spectrum, StateSpace
+from ...loop.effect import Effect
 
 
 class White(Spectrum):
@@ -27,23 +28,23 @@ class White(Spectrum):
         Parameter('N', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True, title='noise density'),
     )
 
-    def psd(self, f, dt):
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """2 N^2."""
         return np.full(np.shape(f), 2 * self['N'] ** 2)
 
-    def avar(self, m, dt):
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """N^2/tau."""
         return self['N'] ** 2 / (np.asarray(m) * dt)
 
-    def state_space(self, dt):
+    def state_space(self, dt: float) -> StateSpace | None:
         """No memory: one state redrawn at each step."""
         return np.zeros((1, 1)), np.array([[self['N'] ** 2 / dt]]), np.ones((1, 1))
 
-    def apply(self, x, inputs, rng):
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add N(0, N^2/dt) to each sample."""
         return x + self['N'] / np.sqrt(inputs.dt) * rng.standard_normal(len(x))
 
     @classmethod
-    def example(cls):
+    def example(cls) -> Effect:
         """Return the effect of a consumer MEMS gyroscope, 0.005 deg/s/sqrt(Hz)."""
         return cls({'N': 8.7e-5})
