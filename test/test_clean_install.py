@@ -130,6 +130,7 @@ COMMANDS = (
     ('plan', 'study'),
     ('sheet', '--list'),
     ('sheet', 'bmi088', '-o', 'sheet'),
+    ('completion', 'bash'),
     ('demo', '-o', 'demo'),
 )
 
