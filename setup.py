@@ -18,6 +18,11 @@ setup(
     long_description='See README.md.',
     maintainer='imu_noise_tools maintainers',
     maintainer_email='maintainers@imu-noise-tools.example',
+    url='https://imu-noise-tools.example/',
+    project_urls={
+        'Source': 'https://imu-noise-tools.example/imu_noise_tools.git',
+        'Tracker': 'https://imu-noise-tools.example/issues',
+    },
     license='Apache-2.0',
     keywords=['ROS', 'IMU', 'Allan variance', 'gyroscope', 'accelerometer', 'calibration'],
     classifiers=[
@@ -51,6 +56,7 @@ setup(
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fleet': ['dask', 'distributed'],
+        'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

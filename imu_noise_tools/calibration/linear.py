@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import null_space
@@ -15,6 +16,7 @@ from scipy.linalg import null_space
 from . import faces
 from .effects import BASE, Regressor, Scatter, Tilt
 from .poses import Poses, unit
+from ..core.errors import FitError
 from ..loop.effect import Model
 
 _SMALL = 1e-8       # relative: a direction the poses do not determine
@@ -37,9 +39,9 @@ class Equations:
         To which pose an equation belongs; -1, in front, for what was known before.
     keys : tuple of (label, parameter)
         What the coefficients are.
-    whitener : ndarray (n, r, 3)
+    whitener : ndarray (n, r, 3), or list of (r, 3)
         What turns the three outputs of a pose into its r equations: 3, or 1 where only the
-        magnitude is known.
+        magnitude is known; of a turn between rests 2.
 
     """
 
@@ -47,7 +49,7 @@ class Equations:
     right: np.ndarray
     pose: np.ndarray
     keys: tuple[tuple[str, str], ...]
-    whitener: np.ndarray
+    whitener: Any
 
     @cached_property
     def _decomposed(self):
@@ -56,6 +58,11 @@ class Equations:
         u, s, vt = np.linalg.svd(self.matrix / size, full_matrices=False)
         keep = s > _SMALL * s[0]
         return u[:, keep], s[keep], vt, keep, size
+
+    @property
+    def basis(self) -> np.ndarray:
+        """Orthonormal basis of what the coefficients explain, (N, rank)."""
+        return self._decomposed[0]
 
     @property
     def rank(self) -> int:
@@ -271,7 +278,10 @@ def whitener_of(
         w = np.linalg.solve(scale.T, unit(poses.inputs)).T
         variance = np.einsum('ni,nij,nj->n', w, cov, w)
         return (w / np.sqrt(variance)[:, None])[:, None, :], float(np.log(variance).sum())
-    lower = np.linalg.cholesky(cov)
+    try:
+        lower = np.linalg.cholesky(cov)
+    except np.linalg.LinAlgError:       # of a scale that has gone astray
+        raise FitError('the fit diverges', 'add poses in other directions') from None
     log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
     return np.linalg.inv(lower), float(log_det)
 

@@ -23,7 +23,8 @@ def register(commands: Any) -> None:
                    help='one bag with all poses, or a bag a pose')
     c.add_argument('-o', '--output', metavar='DIR', help='where it goes (default: BAG.study)')
     c.add_argument('--sensor', choices=('accel', 'gyro'),
-                   help='default: accel; gyro with --rate or --turn')
+                   help='default: both, the gyroscope by the turns between the poses; gyro with '
+                        '--rate or --turn')
     c.add_argument('--gravity', type=float, metavar='G',
                    help='local gravity, m/s^2 (default: 9.80665)')
     c.add_argument('--latitude', type=float, metavar='DEG',
@@ -43,7 +44,8 @@ def register(commands: Any) -> None:
                         'with 12 and more spread poses)')
     c.add_argument('--still', type=float, default=2.0, metavar='S',
                    help='shortest rest that is a pose, s (default: 2)')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
+    common.part_options(c)
     c.add_argument('--rate-hz', type=float, metavar='R',
                    help='sample rate, in place of the stamps')
     c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
@@ -61,7 +63,7 @@ def register(commands: Any) -> None:
                    help='the bag to write, of the same kind')
     c.add_argument('--calibration', metavar='DIR', required=True,
                    help='a folder that calibrate wrote, or a calibration.yaml')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
     c.add_argument('--force', action='store_true', help='replace a bag that is there')
     common.output_options(c, 'what was written')
     c.set_defaults(func=apply)
@@ -72,6 +74,7 @@ def calibrate(args: argparse.Namespace) -> int:
     from ..core.errors import UsageError
     from ..tasks import calibration as tasks
     common.load_own_effects(args)
+    selection = common.selection_of(args)
     if not 0.5 <= args.still <= 60:
         raise UsageError(f'invalid --still {args.still:g}', 'it must be 0.5 to 60 (seconds)')
     for name in ('rate', 'turn'):
@@ -80,7 +83,8 @@ def calibrate(args: argparse.Namespace) -> int:
             raise UsageError(f'invalid --{name} {value:g}', 'give degrees, not zero')
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
-            args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force,
+            args.bags, args.output, topic=args.topic, fields=args.fields, selection=selection,
+            rate_hz=args.rate_hz, force=args.force,
             progress=progress,
             gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
             accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
@@ -92,10 +96,23 @@ def calibrate(args: argparse.Namespace) -> int:
     if args.json:
         common.print_json(data)
         return 0
-    c = done.calibration
+    for c in (done.calibration, done.gyro):
+        if c is not None:
+            _show(c, data if done.gyro is None else data[c.sensor], done.study.source)
+    if 'time_offset' in data:
+        late = data['time_offset']
+        print(f'the accelerometer is {1e3 * late["value"]:.1f} ms later than the gyroscope '
+              f'(±{1e3 * late["std"]:.1f})')
+    print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
+    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
+    return 0
+
+
+def _show(c: Any, data: Any, source: Any) -> None:
+    """Print what one sensor came to."""
     unit = c.problem.unit
     print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
-          + (f', gravity {data["gravity"]:.5f} m/s^2: {done.study.source["gravity_from"]}'
+          + (f', gravity {source["gravity"]:.5f} m/s^2: {source["gravity_from"]}'
              if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
@@ -106,13 +123,12 @@ def calibrate(args: argparse.Namespace) -> int:
         print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
     if c.plain is not c.fit:
         print(f'  {_beside(c)}')
+    if 'left_out_deg' in data:
+        print(f'  turns left out miss gravity by {data["left_out_deg"]:.2f} deg rms')
     print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
-    print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
-    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
-    return 0
 
 
 def _beside(c: Any) -> str:
@@ -132,7 +148,8 @@ def apply(args: argparse.Namespace) -> int:
     with common.progress_line(args) as progress:
         share = (lambda p: progress(p, 'correcting')) if progress else None
         written = tasks.apply_calibration(args.bag, args.output, args.calibration,
-                                          topic=args.topic, force=args.force,
+                                          topic=args.topic, fields=args.fields,
+                                          force=args.force,
                                           progress=share)
     if args.json:
         common.print_json({'written': str(written), 'topic': tasks.CALIBRATED})

@@ -54,6 +54,13 @@ def median_sigma(x: np.ndarray, axis: int | None = None) -> Any:
     return MAD * np.median(np.abs(x), axis=axis)
 
 
+def quantile_sigma(x: np.ndarray, share: float, axis: int | None = None, *,
+                   keepdims: bool = False) -> Any:
+    """Return the standard deviation of x about zero if its middle ``share`` is normal."""
+    size = np.quantile(np.abs(x), share, axis=axis, keepdims=keepdims)
+    return size / ndtri(0.5 + share / 2)
+
+
 def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Return (excess, variance) of each bin, x = measured / model power of w coefficients.

@@ -134,7 +134,8 @@ def _target(study: Study, target: str, shown: Mapping[str, Any]) -> str:
         parts.append(image(full, f'{target} in full', _CAPTIONS['target']))
     added = [s.added for s in study.history if s.target == target and s.added]
     story = badge(f'after adding {", then ".join(added)}', 'faint') if added else ''
-    return folded(f'{_bold(target)} {badge(said, quality)} {story}', '\n'.join(parts), not done)
+    return folded(f'{_bold(target)} {badge(said, quality)} {story}', '\n'.join(parts),
+                  not done or len(study.states) == 1)
 
 
 def _rungs(study: Study, target: str) -> str:
