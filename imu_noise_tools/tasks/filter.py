@@ -196,7 +196,6 @@ def filter_samples(
     noise: Any = ('white',),
     alpha: float = 1.0,
     values: Mapping | None = None,
-    smooth: bool = False,
     rate_hz: float | None = None,
     smooth: bool = False,
     progress: Progress | None = None,
