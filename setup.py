@@ -43,6 +43,7 @@ setup(
     ],
     install_requires=[
         'allantools',
+        'argcomplete',
         'lz4',
         'matplotlib',
         'numpy>=1.26',
@@ -60,6 +61,7 @@ setup(
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'pandas',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',
