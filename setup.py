@@ -34,6 +34,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', sorted(glob('launch/*.launch.py'))),
         (f'share/{NAME}/config', sorted(glob('config/*.*'))),
+        (f'share/{NAME}/config/sheets', sorted(glob('config/sheets/*.yaml'))),
     ],
     install_requires=[
         'allantools',
@@ -50,6 +51,7 @@ setup(
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fleet': ['dask', 'distributed'],
+        'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',

@@ -1,5 +1,6 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
+
 """
 Judge the installed command on records of wild_mechanisms.py, as a black box.
 

@@ -1,5 +1,6 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
+
 """
 Imperfect IMU records made from the physics, to judge the loop with.
 

@@ -37,7 +37,6 @@ nitpick_ignore_regex = [('py:.*', '.*')]
 html_theme = 'furo'
 html_title = 'imu_noise_tools'
 html_math_renderer = 'mathml'
-html_static_path = ['_static']
 html_css_files = ['manual.css']
 html_copy_source = False
 pygments_style = 'friendly'
@@ -53,7 +52,8 @@ def mathml(self, node: nodes.Element, block: bool) -> None:
     code = node.astext()
     if block:
         self.body.append('<div class="math">')
-        code = wrap_math_code(code, pick_math_environment(code) == 'align*')
+        if pick_math_environment(code) == 'align*':
+            code = wrap_math_code(code, as_block=True)
     self.body.append(tex2mathml(code, as_block=block))
     if block:
         self.body.append('</div>\n')
@@ -68,7 +68,10 @@ def generate(app) -> None:
 
 
 def setup(app) -> None:
-    """Register both."""
+    """Register both, and the style sheet by its place (see above)."""
+    source = Path(app.srcdir)
+    app.config.html_static_path = [
+        str(p) for p in (source / 'doc' / '_static', source / '_static') if p.exists()][:1]
     app.add_html_math_renderer(
         'mathml', (lambda self, node: mathml(self, node, False), None),
         (lambda self, node: mathml(self, node, True), None))

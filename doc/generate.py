@@ -20,6 +20,9 @@ import re
 import sys
 from unittest.mock import patch
 
+import figures
+
+import imu_noise_tools
 from imu_noise_tools.cli.main import parser
 from imu_noise_tools.core import units
 from imu_noise_tools.loop.domains import DOMAINS
@@ -184,6 +187,14 @@ def nodes() -> list[str]:
     return lines
 
 
+def results() -> list[str]:
+    """Return bench/RESULTS.md, which stands outside of doc/."""
+    path = Path(imu_noise_tools.__file__).parents[1] / 'bench' / 'RESULTS.md'
+    if not path.exists():
+        return ['# Results', '', 'They are in bench/RESULTS.md of the source tree.']
+    return path.read_text(encoding='utf-8').splitlines()
+
+
 def write(name: str, lines: list[str]) -> None:
     """Write a page where it has changed: Sphinx reads only what is new."""
     path, text = OUT / name, '\n'.join(lines).rstrip() + '\n'
@@ -194,9 +205,11 @@ def write(name: str, lines: list[str]) -> None:
 def main() -> int:
     """Write all of it."""
     OUT.mkdir(exist_ok=True)
+    figures.main()
     for domain in DOMAINS:
         write(f'effects_{domain}.md', effects(domain))
     write('commands.md', commands())
+    write('results.md', results())
     from sphinx.ext.autodoc.mock import mock
 
     with mock(ROS):

@@ -414,8 +414,9 @@ class Study:
 
     def apply(self, record: ImuRecord) -> ImuRecord:
         """Return a record corrected by this calibration; raise InputError for another study."""
-        correction = calibrating.core.of_study(self._of('calibration')).correction
-        return calibrating.corrected(record, correction)
+        study = self._of('calibration')
+        return calibrating.corrected(record, *(calibrating.core.of_study(study, t).correction
+                                               for t in study.targets))
 
     def save(self, folder: str | Path | None = None, *, force: bool = False) -> Path:
         """

@@ -28,10 +28,11 @@ from .core.files import plain_yaml
 from .loop.diagnosis import Diagnosis, Remaining
 from .loop.domains import DOMAINS, package
 from .loop.effect import Estimate, find_effect, Finding, Model, Parameter
-from .loop.study import assess, Step, Study
+from .loop.study import assess, Contrast, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
+_LADDER = 'ladder.'       # what the rungs' pictures show, among the arrays of evidence.npz
 _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': (*_NUMBER, str), 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
 _SHAPE = {
@@ -212,6 +213,11 @@ def step_to_dict(s: Step) -> dict:
     if s.fall is not None:
         out['fall'] = s.fall
     out['verdict'] = s.verdict
+    out['failing'] = list(s.failing)
+    if s.why:
+        out['why'] = [_finding_to_dict(s.target, f) for f in s.why]
+    if s.contrast is not None:
+        out['contrast'] = {'view': s.contrast.view, 'unit': s.contrast.unit}
     return out
 
 
@@ -263,12 +269,13 @@ def _remaining_to_dict(target: str, left: Remaining | None) -> dict | None:
     }
 
 
-def history_of(data: Mapping) -> list[Step]:
-    """Return the ladder of what :func:`read` gave."""
-    return [_step_of(d) for d in data.get('history') or ()]
+def history_of(data: Mapping, arrays: Mapping[str, np.ndarray] | None = None) -> list[Step]:
+    """Return the ladder of what :func:`read` gave, with its pictures' arrays where they are."""
+    return [_step_of(str(data['domain']), d, _contrast_of(k, d.get('contrast'), arrays or {}))
+            for k, d in enumerate(data.get('history') or ())]
 
 
-def _step_of(d: Any) -> Step:
+def _step_of(domain: str, d: Any, contrast: Contrast | None) -> Step:
     return Step(
         d['target'],
         tuple(d['effects']),
@@ -278,32 +285,55 @@ def _step_of(d: Any) -> Step:
         d.get('removed'),
         d.get('fall'),
         d.get('verdict', ''),
+        tuple(d.get('failing') or ()),
+        tuple(_finding_of(domain, f) for f in d.get('why') or ()),
+        contrast,
     )
 
 
-def _diagnosis_of(domain: str, d: Any) -> Diagnosis:
-    def estimate(parameter: Parameter, e: Any) -> Estimate:
-        if parameter.choices:
-            number = parameter.number(e['value'])
-            return Estimate(number, None, None, point=number)
-        return Estimate(
-            e.get('value'),
-            e.get('std'),
-            tuple(e['ci95']) if e.get('ci95') else None,
-            e.get('unit', ''),
-            e.get('upper95'),
-            e.get('note', ''),
-            e.get('point', e.get('value')),
-        )
+def _contrast_of(k: int, d: Any, arrays: Mapping[str, np.ndarray]) -> Contrast | None:
+    found = arrays.get(f'{_LADDER}{k}')
+    if not d or found is None:
+        return None
+    x, before, after = (tuple(float(v) for v in row) for row in found)
+    return Contrast(d['view'], d['unit'], x, before, after)
 
-    def finding(f: Any) -> Finding:
-        known = find_effect(domain, f['effect'])
-        given = {known.parameter(k): v for k, v in f.get('parameters', {}).items()}
-        found = {p.name: estimate(p, v) for p, v in given.items()}
-        effect = known({k: v.point for k, v in found.items() if v.point is not None})
-        return Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '',
-                       f.get('evidence', ''), f.get('probability'),
-                       explains=f.get('explains'), against=f.get('against', ''))
+
+def _ladder_arrays(study: Study) -> dict[str, np.ndarray]:
+    """Return what the rungs' pictures show, (3, k) each: x, pulls before, pulls after."""
+    return {f'{_LADDER}{k}': np.array([s.contrast.x, s.contrast.before, s.contrast.after],
+                                      np.float32)
+            for k, s in enumerate(study.history) if s.contrast is not None}
+
+
+def _estimate_of(parameter: Parameter, e: Any) -> Estimate:
+    if parameter.choices:
+        number = parameter.number(e['value'])
+        return Estimate(number, None, None, point=number)
+    return Estimate(
+        e.get('value'),
+        e.get('std'),
+        tuple(e['ci95']) if e.get('ci95') else None,
+        e.get('unit', ''),
+        e.get('upper95'),
+        e.get('note', ''),
+        e.get('point', e.get('value')),
+    )
+
+
+def _finding_of(domain: str, f: Any) -> Finding:
+    known = find_effect(domain, f['effect'])
+    given = {known.parameter(k): v for k, v in f.get('parameters', {}).items()}
+    found = {p.name: _estimate_of(p, v) for p, v in given.items()}
+    effect = known({k: v.point for k, v in found.items() if v.point is not None})
+    return Finding(f['effect'], f['gain'], effect, found, f.get('penalty', 0.0), '',
+                   f.get('evidence', ''), f.get('probability'),
+                   explains=f.get('explains'), against=f.get('against', ''))
+
+
+def _diagnosis_of(domain: str, d: Any) -> Diagnosis:
+    def findings(some: Any) -> tuple[Finding, ...]:
+        return tuple(_finding_of(domain, f) for f in some or ())
 
     def tests(some: Any) -> tuple[Finding, ...]:
         return tuple(Finding(f['test'], 0.0, view=f['test'], p_value=f['p_value'],
@@ -313,19 +343,18 @@ def _diagnosis_of(domain: str, d: Any) -> Diagnosis:
     if left is not None:
         near = left.get('nearest')
         left = Remaining(tests(left.get('failed')), left.get('share'), left.get('largest_ratio'),
-                         left.get('sufficient'), finding(near) if near else None)
-    return Diagnosis(d['verdict'], tuple(map(finding, d.get('ranked', ()))),
-                     tests(d.get('failed')), d.get('advice', ''),
-                     tuple(map(finding, d.get('found', ()))), left, d.get('sufficient'))
+                         left.get('sufficient'), _finding_of(domain, near) if near else None)
+    return Diagnosis(d['verdict'], findings(d.get('ranked')), tests(d.get('failed')),
+                     d.get('advice', ''), findings(d.get('found')), left, d.get('sufficient'))
 
 
 def study_files(study: Study) -> dict[str, bytes | str]:
     """Return study.yaml and evidence.npz as {name: content}."""
     face = package(study.domain)
     buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer, **face.arrays_of({t: s.problem for t, s in study.states.items()})
-    )
+    arrays: dict[str, Any] = face.arrays_of({t: s.problem for t, s in study.states.items()})
+    arrays.update(_ladder_arrays(study))
+    np.savez_compressed(buffer, **arrays)
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
 
@@ -397,7 +426,8 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
     data = read(folder)
     arrays = load_arrays(Path(folder) / 'evidence.npz')
     try:
-        problems = package(data['domain']).problems(arrays)
+        problems = package(data['domain']).problems(
+            {k: v for k, v in arrays.items() if not k.startswith(_LADDER)})
         states = {}
         for target, entry in data['targets'].items():
             model = Model(
@@ -409,7 +439,7 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
             data['domain'],
             states,
             data.get('source'),
-            history_of(data),
+            history_of(data, arrays),
             {
                 t: _diagnosis_of(data['domain'], d)
                 for t, d in (data.get('diagnosis') or {}).items()

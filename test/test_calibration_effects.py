@@ -13,7 +13,7 @@ import pytest
 
 from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.effects import Regressor, Scatter
-from imu_noise_tools.calibration.problem import arrays_of, problems
+from imu_noise_tools.calibration.turn_problem import arrays_of, problems
 from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, registry
 from imu_noise_tools.loop.prediction import State

@@ -115,7 +115,6 @@ def test_refusals_of_records():
         swing = np.column_stack([np.sin(1.7 * t), np.cos(1.3 * t), np.sin(2.1 * t + 1)])
         tasks.calibrate_records([record(t, swing, 6 * swing)])
     for wrong in ({'sensor': 'accel', 'turn_deg': 360}, {'gravity': 9.8, 'latitude': 3},
-                  {'sensor': 'gyro'},
                   {'rate_deg_s': 10, 'turn_deg': 360}, {'tilt_deg': 50}):
         with pytest.raises(UsageError):
             tasks.calibrate_records([record(t, gyro, accel)], **wrong)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.core.errors import InputError, UsageError
+from imu_noise_tools.loop.domains import DOMAINS
 from imu_noise_tools.loop.effect import (
     Effect,
     find_effect,
@@ -259,3 +260,10 @@ def test_views_that_do_not_apply_are_left_out():
     assert list(s.views) == ['f'] and s.excess == pytest.approx(0.3)
     nothing = Score.of([])
     assert np.isnan(nothing.excess) and not nothing.within_chance
+
+
+@pytest.mark.parametrize('domain', DOMAINS)
+def test_a_power_of_a_unit_is_in_parentheses(domain):
+    """(rad/s)^2 and (m/s^2)^2: rad/s^2 is another unit, and m/s^2^2 is none."""
+    for effect in registry(domain).values():
+        assert not [p.unit for p in effect.parameters if '}^' in p.unit], effect.name

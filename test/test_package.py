@@ -41,7 +41,7 @@ def test_versions_are_equal(root):
     card = ElementTree.parse(root / 'package.xml').getroot()
     module = ast.parse((root / NAME / '__init__.py').read_text())
     stated = [ast.literal_eval(node.value) for node in module.body
-              if isinstance(node, ast.Assign) and node.targets[0].id == '__version__']
+              if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '__version__']
     newest = re.search(r'^(\d+\.\d+\.\d+) ', (root / 'CHANGELOG.rst').read_text(), re.M)
     version = setup_arguments(root)['version']
     assert [version] == stated
@@ -90,12 +90,13 @@ def test_every_dependency_is_a_key_of_rosdep(root):
 
 
 def test_what_the_package_imports_is_to_be_had_by_who_follows_the_readme(root):
-    """Each comes by a key of package.xml, by README's pip line, or with one of these."""
+    """Each comes by a key of package.xml, by README's pip line, with one of these, or is extra."""
     card = ElementTree.parse(root / 'package.xml').getroot()
     keys = {e.text for e in card.iter('exec_depend')}
     named = re.search(r'no rosdep key: `pip install ([^`]+)`', (root / 'README.md').read_text())
     had = {k.removeprefix('python3-').removesuffix('-pip') for k in keys}
-    had |= set(named.group(1).split()) | {'lz4'}            # rosbags needs it itself
+    had |= set(named.group(1).split()) | {'lz4', 'PIL'}     # rosbags and matplotlib need these
+    had |= set(setup_arguments(root)['extras_require']['notebook'])
     used = set()
     for path in (root / NAME).rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -169,7 +170,7 @@ def test_licence(root):
 def test_every_file_has_a_licence_header(root):
     """Two SPDX lines, so that a file opens with what it is for."""
     wanted = ('# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers\n'
-              '# SPDX-License-Identifier: Apache-2.0\n')
+              '# SPDX-License-Identifier: Apache-2.0\n\n"""')
     assert not [str(p.relative_to(root)) for p in python_files(root)
                 if (text := p.read_text()).strip() and not text.startswith(wanted)]
 

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import base64
 from dataclasses import replace
+import hashlib
 from html.parser import HTMLParser
 import math
+from pathlib import Path
 import re
+import shutil
 import subprocess
 import sys
 
@@ -32,11 +35,13 @@ from imu_noise_tools.loop.effect import (
     View,
 )
 from imu_noise_tools.loop.prediction import State
-from imu_noise_tools.loop.study import Step, Study
+from imu_noise_tools.loop.study import Contrast, Step, Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.plots import style
 from imu_noise_tools.report import words
+from imu_noise_tools.report.markup import SCRIPT
 
 DT, N = 0.02, 30000
 KNOWN = registry('noise')
@@ -82,7 +87,7 @@ class Page(HTMLParser):
 
     def __init__(self, source):
         super().__init__()
-        self.tags, self.attributes, self.said, self.stack = [], [], [], []
+        self.tags, self.attributes, self.said, self.stack, self.scripts = [], [], [], [], []
         self.feed(source)
         self.close()
         assert not self.stack
@@ -99,8 +104,10 @@ class Page(HTMLParser):
         assert self.stack.pop() == tag
 
     def handle_data(self, data):
-        """Remember text outside styles."""
-        if 'style' not in self.stack:
+        """Remember scripts, and text outside styles."""
+        if 'script' in self.stack:
+            self.scripts.append(data)
+        elif 'style' not in self.stack:
             self.said.append(data)
 
     @property
@@ -187,9 +194,10 @@ def test_what_to_run_next(study, verdicts, command):
 
 def test_page_tells_the_story_in_order(study, pictures):
     page = Page(report.html(study, pictures, folder='x.study'))
-    parts = ['What was measured', 'What the model says', 'Allan deviation',
-             'Where the model fails', 'What is missing', 'What to run next',
-             'The effects in the model']
+    parts = ['verdict', 'For Kalibr', 'gyroscope_noise_density', 'The recording',
+             'What to run next', 'Axis by axis', 'What the model says', 'Where the model fails',
+             'What is missing', 'view by view', 'What was measured',
+             'The effects in the model', 'The words of this page']
     at = [page.text.index(p) for p in parts]
     assert at == sorted(at)
     for said in ('static.mcap', '50 Hz', '2023-11-14', '3 stamps repeated', 'knock',
@@ -202,13 +210,17 @@ def test_page_tells_the_story_in_order(study, pictures):
 
 def test_page_is_self_contained(study, pictures):
     page = Page(report.html(study, pictures))
-    assert not {'script', 'link', 'iframe', 'object', 'form'} & set(page.tags)
+    assert not {'link', 'iframe', 'object', 'form'} & set(page.tags)
+    assert page.scripts == [SCRIPT]               # and the page's policy admits no other
+    policy, = [v for k, v in page.attributes if k == 'content' and 'script-src' in v]
+    assert policy.startswith("default-src 'none'") and policy.endswith("'")
+    assert base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode() in policy
     sources = [v for k, v in page.attributes if k == 'src']
     assert len(sources) == len(pictures) >= 3
-    for s, data in zip(sources, pictures.values()):
+    for s in sources:
         kind, coded = s.split(',')
         assert kind == 'data:image/png;base64'
-        assert base64.b64decode(coded) == data
+        assert base64.b64decode(coded) in pictures.values()
     assert not [k for k, _ in page.attributes if k.startswith('on') or k == 'href']
     assert 'url(' not in report.html(study, {}) and '@import' not in report.html(study, {})
     assert ('name', 'viewport') in page.attributes
@@ -222,14 +234,17 @@ def test_page_escapes_all_that_comes_from_files(study):
     study = Study('noise', {'gyro_x': replace(study.states['gyro_x'], fit=evil)},
                   {k: EVIL for k in ('path', 'topic', 'frame_id', EVIL)}
                   | {'warnings': [EVIL], 'left_out': [[1.0, 2.0, EVIL]]},
-                  [Step('gyro_x', (EVIL,), 1.0, 0.1, EVIL, verdict=EVIL)],
+                  [Step('gyro_x', (EVIL,), 1.0, 0.1),
+                   Step('gyro_x', (EVIL,), 1.0, 0.1, EVIL, verdict=EVIL, failing=(EVIL,),
+                        why=(finding,), contrast=Contrast(EVIL, EVIL, (1.0, 2.0), (0.0, 9.0),
+                                                          (0.0, 1.0)))],
                   {'gyro_x': Diagnosis('missing', (finding,), (failed,), EVIL)})
-    source = report.html(study, {f'target {EVIL}': b'png'}, folder=EVIL)
+    source = report.html(study, {}, folder=EVIL)
     page = Page(source)
-    assert 'script' not in page.tags
-    assert source.count('alert') > 12 and '<script' not in source
+    assert page.scripts == [SCRIPT]
+    assert source.count('alert') > 12 and source.count('<script') == 1
     assert 'alert("x")' in page.text
-    assert [v for k, v in page.attributes if k == 'alt'][0].startswith('<script>')
+    assert '<script>' in [v for k, v in page.attributes if k == 'alt'][0]
 
 
 def test_page_shows_the_pictures_of_any_domain(study):
@@ -249,14 +264,83 @@ def test_pictures_of_a_study(study, pictures):
     assert list(report.pictures(study)) == ['series', 'allan', 'ladder']
 
 
-def test_the_ladder_is_in_the_page_target_by_target(study):
+def test_each_axis_tells_its_own_story(study):
     study.history = [Step(t, ('white',), 3.0, 0.1, a, verdict='falls')
                      for a in (None, 'ramp') for t in study.targets]
     page = Page(report.html(study, {}))
-    ladder = page.text[page.text.index('What happened'):page.text.index('The effects in')]
-    assert re.findall('gyro_x|accel_z', ladder) == ['gyro_x'] * 2 + ['accel_z'] * 2
+    stories = page.text.split('What happened when effects were added')[1:]
+    assert len(stories) == 2 and all('+ ramp' in story for story in stories)
     assert 'What happened' not in Page(report.html(
         Study('noise', study.states, history=study.history[:2]), {})).text
+
+
+def test_a_rung_keeps_why_it_was_climbed_and_what_it_changed(hidden):
+    study = Study(hidden.domain, hidden.states, hidden.source, hidden.history, hidden.diagnosis)
+    step, = study.add(targets=['gyro_x'])
+    assert step.added == 'sinusoid' and [f.name for f in step.why] == ['sinusoid']
+    assert 'frequency' in study.history[0].failing and 'frequency' not in step.failing
+    worst = np.argmax(np.abs(step.contrast.before))
+    assert step.contrast.view == 'frequency'
+    assert step.contrast.x[worst] == pytest.approx(3.7, rel=0.05)
+    assert abs(step.contrast.after[worst]) < 5 < abs(step.contrast.before[worst])
+    study.diagnose()
+    page = Page(report.html(study, {}))
+    story = page.text[page.text.index('What happened'):page.text.index('What the model says')]
+    for said in ('+ sinusoid', 'failed in: power over frequency', 'Why: sinusoid', 'Physically:',
+                 'falls'):
+        assert said in story, said
+    picture, = [v for k, v in page.attributes if k == 'src']
+    assert base64.b64decode(picture.split(',')[1])[:4] == b'\x89PNG'
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(shutil.which('npx') is None, reason='no npx, with which the validator runs')
+def test_pages_are_valid_html(study, pictures, tmp_path):
+    """As html-validate (npm) judges by the HTML standard."""
+    names = []
+    for name, some, shown in (('noise', study, pictures), ('filter', other_study('filter'), {}),
+                              ('calibration', other_study(), {})):
+        names.append(str(tmp_path / f'{name}.html'))
+        Path(names[-1]).write_text(report.html(some, shown), encoding='utf-8')
+    validator = ['npx', '--yes', 'html-validate@10']
+    if subprocess.run([*validator, '--version'], capture_output=True, cwd=tmp_path).returncode:
+        pytest.skip('the validator is not to be had')
+    for preset in ('recommended', 'standard'):
+        done = subprocess.run([*validator, '--preset', preset, *names], capture_output=True,
+                              text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout
+
+
+def test_colours_are_told_apart_by_the_colour_blind():
+    """Machado, Oliveira and Fernandes (2009), deuteranomaly and protanomaly of severity 1."""
+    blind = {
+        'deuteranopia': [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+                         [-0.011820, 0.042940, 0.968881]],
+        'protanopia': [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+                       [-0.003882, -0.048116, 1.051998]],
+        'none': np.eye(3)}
+    for matrix in blind.values():
+        for palette in (style.AXES.values(), [style.MEASURED, style.MODEL, *style.AXES.values()],
+                        [style.GOOD, style.MODEL], [style.MEASURED, style.FAIL]):
+            seen = [lab(np.asarray(matrix) @ linear(c)) for c in palette]
+            apart = min(np.linalg.norm(a - b)
+                        for i, a in enumerate(seen) for b in seen[:i])
+            assert apart > 15, (palette, apart)       # 2.3 is just noticeable side by side
+
+
+def linear(colour):
+    """Return linear RGB (3,) of a colour #rrggbb."""
+    c = np.array([int(colour[k:k + 2], 16) for k in (1, 3, 5)]) / 255
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb):
+    """Return CIE 1976 L*a*b* of linear RGB (3,), D65."""
+    xyz = np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
+                    [0.0193339, 0.1191920, 0.9503041]]) @ np.clip(rgb, 0, 1)
+    t = xyz / np.array([0.95047, 1.0, 1.08883])
+    f = np.where(t > 216 / 24389, np.cbrt(t), (24389 / 27 * t + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
 @pytest.mark.parametrize('domain', ['calibration', 'filter'])

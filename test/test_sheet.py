@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -15,13 +17,14 @@ import pytest
 import yaml
 
 from imu_noise_tools import export, sheet
-from imu_noise_tools.core.errors import InputError
+from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.store import load
 from imu_noise_tools.tasks import sheet as tasks
 from imu_noise_tools.tasks.noise import analyse_record
 
 DEG, G0 = math.pi / 180, 9.80665
+SHEETS = sorted((Path(__file__).resolve().parents[1] / 'config' / 'sheets').glob('*.yaml'))
 GIVEN = {'name': 'one', 'source': 'nowhere', 'rate_hz': 200, 'one_sided': False,
          'gyro': {'noise_density': '0.014 deg/s/sqrt(Hz)', 'allan_minimum': '8 deg/h'},
          'accel': {'noise_density': ['160 ug/sqrt(Hz)', '160 ug/sqrt(Hz)', '190 ug/sqrt(Hz)'],
@@ -141,3 +144,67 @@ def test_the_command_says_which_axes_meet(tmp_path):
     out, _ = run('compare', tmp_path / 'a', '--sheet', tmp_path / 'one.yaml', '--json')
     found = [r for r in json.loads(out)['sheet'] if r['parameter'] == 'N']
     assert [r['verdict'] for r in found] == ['does not meet'] * 3
+
+
+def test_ten_common_sensors_come_along():
+    assert len(SHEETS) >= 10
+    out, _ = run('sheet', '--list')
+    for path in SHEETS:
+        assert re.search(rf'^{path.stem} ', out, re.M)
+    _, said = run('sheet', 'bmi88', '-o', 'x', status=1)
+    assert 'did you mean bmi088?' in said
+    run('sheet', 'bmi088', status=2)
+
+
+@pytest.mark.parametrize('path', SHEETS, ids=lambda p: p.stem)
+def test_a_sheet_that_comes_along_names_its_source_and_is_plausible(path):
+    """
+    A maker's document, with revision or date, and where in it.
+
+    N of a MEMS gyroscope is 1 to 30 mdeg/s/sqrt(Hz), of an accelerometer 30 to 600 ug/sqrt(Hz);
+    in-run stability 1 to 50 deg/h and 5 to 200 ug.
+    """
+    text = path.read_text(encoding='utf-8')
+    found = tasks.load(path)
+    assert re.search(r'rev\.|20\d\d', found.source), 'a revision or a date'
+    assert re.search(r'table|section|page|leaflet', found.source)
+    assert len([x for x in text.splitlines() if x.startswith('#')]) >= 3
+    assert set(found.values) == {f'{s}_{a}' for s in ('gyro', 'accel') for a in 'xyz'}
+    for axis, values in found.values.items():
+        n = values['white', 'N'] * (2 ** 0.5 if 'one_sided: true' in text else 1)
+        gyro = axis.startswith('gyro')
+        assert (1e-3 * DEG < n < 3e-2 * DEG) if gyro else (3e-5 * G0 < n < 6e-4 * G0)
+        b = values.get(('flicker', 'B'), 5 * DEG / 3600 if gyro else 2e-5 * G0)
+        assert (DEG / 3600 < 0.664 * b < 50 * DEG / 3600) if gyro else 5e-6 < b / G0 < 2e-4
+        assert ('random_walk', 'K') not in values, 'no maker here states one'
+
+
+@pytest.mark.parametrize('path', SHEETS, ids=lambda p: p.stem)
+def test_every_export_takes_a_sheet_that_comes_along(path, tmp_path):
+    """Where the sheet states nothing slow, what wants a walk is refused: none is made up."""
+    given = tasks.load(path)
+    study = given.study(str(path))
+    flicker = any(('flicker', 'B') in v for v in given.values.values())
+    own = {'dlio': {'horizon': None}, 'kalman': {'horizon': None}}
+    for name in export.formats():
+        options = own.get(name, {'horizon': 100.0})
+        if name == 'dlio':
+            with pytest.raises(UsageError, match='no densities'):
+                export.export(study, name, **options)
+        elif flicker or name in ('covariance', 'kalman'):
+            assert len(export.export(study, name, **options)) > 100
+        else:
+            with pytest.raises(InputError, match='states nothing slow'):
+                export.export(study, name, **options)
+    tasks.sheet(path, tmp_path / 'study')
+    again = load(tmp_path / 'study')
+    n = again.states['gyro_x'].fit.estimates['white']['N'].value
+    assert n == pytest.approx(given.values['gyro_x']['white', 'N'])
+
+
+def test_what_a_sheet_says_of_itself_agrees():
+    """The angle random walk and the density of one sheet tell that the density is one-sided."""
+    found = sheet.read({'rate_hz': 200, 'one_sided': True, 'gyro': {
+        'noise_density': '0.008 deg/s/sqrt(Hz)'}}).values['gyro_x']['white', 'N']
+    path = next(p for p in SHEETS if p.stem == 'adis16470')
+    assert tasks.load(path).values['gyro_x']['white', 'N'] == pytest.approx(found, rel=0.01)

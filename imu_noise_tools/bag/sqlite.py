@@ -25,9 +25,11 @@ from .container import Batch, Connection, Counts, Damaged, normal_type, Progress
 
 MAGIC = b'SQLite format 3\0'
 BLOCK = 4096
+# what of the rows of some topics (which) that are sound, from an id on; in the order of their ids
+ROWS = 'SELECT {} FROM messages NOT INDEXED WHERE topic_id IN ({}) {} AND id > ?'
 # numbers of a block of rows as text, the bytes of all of them as one
-JOINED = ('SELECT max(id), count(*), group_concat(topic_id), group_concat(timestamp), '
-          "group_concat(length(data)), CAST(group_concat(data, '') AS BLOB) FROM ({})")
+JOINED = ('max(id), count(*), group_concat(topic_id), group_concat(timestamp), '
+          "group_concat(length(data)), CAST(group_concat(data, '') AS BLOB)")
 #: topics, times (ns) and lengths of rows, and the bytes of all
 Columns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -174,12 +176,13 @@ class SqliteFile:
             self.database.create_function('whole', 1, partial(_whole, tail))
             sound = 'AND whole(data)'
         of = ', '.join('?' * len(topics))
-        ask = ('SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id '
-               f'IN ({of}) AND id > ? {sound} ORDER BY id LIMIT ?')
+        one_by_one, joined = (ROWS.format(what, of, sound) for what in (
+            'id, topic_id, timestamp, data', JOINED))
         after, step, block = 0, 0, BLOCK
         while after + step < 2 ** 62:
             try:
-                found = self._block(ask, (*topics, after + step, block))
+                found = self._joined(joined, (*topics, after + step), block) or self._rows(
+                    one_by_one, (*topics, after + step), block)
             except sqlite3.DatabaseError:
                 self.problems.cut = True
                 # A block is lost with its last row: the rows before the damage come one by one.
@@ -191,24 +194,31 @@ class SqliteFile:
             after, step = max(after + step, found[0]), 0
             yield found
 
-    def _block(self, ask: str, values: tuple) -> tuple[int, Columns] | None:
+    def _joined(self, ask: str, values: tuple[int, ...],
+                block: int) -> tuple[int, Columns] | None:
         """
-        Return id of the last row and columns of the rows that are asked for; None without any.
+        Return id of the last row and columns of the rows whose ids are the next of a block.
 
-        SQL puts the rows together in half the time that handing them over one by one takes.
+        SQL puts them together in a third of the time that handing them over one by one takes. None
+        where it cannot, and where there are none: the ids may have a gap.
 
         """
-        if self.joins:
-            id, n, *text, data = self.database.execute(JOINED.format(ask), values).fetchone()
-            if not n:
-                return None
-            with suppress(ValueError):      # it is no number
-                topic, time, length = (np.fromstring(x or '', np.int64, sep=',') for x in text)
-                whole = len(topic) == len(time) == len(length) == n
-                if whole and length.sum() == len(data or b''):
-                    return id, (topic, time, length, np.frombuffer(data or b'', np.uint8))
+        if not self.joins:
+            return None
+        id, n, *text, data = self.database.execute(
+            f'{ask} AND id <= ?', (*values, values[-1] + block)).fetchone()
+        with suppress(ValueError):      # it is no number
+            topic, time, length = (np.fromstring(x or '', np.int64, sep=',') for x in text)
+            whole = len(topic) == len(time) == len(length) == n > 0
+            if whole and length.sum() == len(data or b''):
+                return id, (topic, time, length, np.frombuffer(data or b'', np.uint8))
+        return None
+
+    def _rows(self, ask: str, values: tuple[int, ...], block: int) -> tuple[int, Columns] | None:
+        """Return id of the last and columns of so many rows at most; None without any."""
+        found = self.database.execute(f'{ask} ORDER BY id LIMIT ?', (*values, block))
         # flipped bits make other types than there should be
-        rows = [_mended(row) for row in self.database.execute(ask, values)]
+        rows = [_mended(row) for row in found]
         if not rows:
             return None
         _, topic, time, blobs = zip(*rows)

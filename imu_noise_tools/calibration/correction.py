@@ -48,7 +48,8 @@ class Correction:
     @property
     def more(self) -> list[Regressor]:
         """Effects beyond scale, cross-axis and bias that are taken out of the outputs."""
-        return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
+        return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input
+                and not e.passing]
 
     def apply(self, raw: np.ndarray, temperature: Any = None, force: Any = None) -> np.ndarray:
         """

@@ -44,6 +44,8 @@ class Regressor(Effect):
     at_input: ClassVar[bool] = False
     sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
     needs: ClassVar[str] = ''           # the poses that show it
+    #: whether it belongs to the session alone: fitted, and not taken out of other records
+    passing: ClassVar[bool] = False
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the rows of I, (rows, n), for the mean input of each pose."""
@@ -223,6 +225,31 @@ class Temperature(Regressor):
     def why_not(self, poses: Poses) -> str:
         """Temperature has to be known, and to change."""
         return super().why_not(poses) or _no_temperature(poses)
+
+
+class Drift(Regressor):
+    """Bias that grows in time by a constant rate, over the session."""
+
+    name = 'drift'
+    symbol = 'd'
+    title = 'drift of the biases in time'
+    equation = 'o_k = d_k t, t since the start of the record'
+    signature = 'residual follows the time of the pose; faces held again at the end differ'
+    hint = 'let it warm up first; hold the first faces again at the end'
+    reference = 'IEEE 1293 (bias trend)'
+    parameters = _named('d', '({rate})/s', title='bias per second')
+    feeds = _EACH
+    passing = True
+    needs = 'faces held again at the end of the session'
+
+    def columns(self, poses: Poses) -> np.ndarray:
+        """Return the time since the start of the record."""
+        return poses.time[None]
+
+    def why_not(self, poses: Poses) -> str:
+        """Poses of several records have no common time."""
+        return super().why_not(poses) or ('' if np.ptp(poses.time) > 0
+                                          else 'all poses are of one time')
 
 
 class TemperatureScale(Regressor):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import null_space
@@ -37,9 +38,9 @@ class Equations:
         To which pose an equation belongs; -1, in front, for what was known before.
     keys : tuple of (label, parameter)
         What the coefficients are.
-    whitener : ndarray (n, r, 3)
+    whitener : ndarray (n, r, 3), or list of (r, 3)
         What turns the three outputs of a pose into its r equations: 3, or 1 where only the
-        magnitude is known.
+        magnitude is known; of a turn between rests 2.
 
     """
 
@@ -47,7 +48,7 @@ class Equations:
     right: np.ndarray
     pose: np.ndarray
     keys: tuple[tuple[str, str], ...]
-    whitener: np.ndarray
+    whitener: Any
 
     @cached_property
     def _decomposed(self):
@@ -56,6 +57,11 @@ class Equations:
         u, s, vt = np.linalg.svd(self.matrix / size, full_matrices=False)
         keep = s > _SMALL * s[0]
         return u[:, keep], s[keep], vt, keep, size
+
+    @property
+    def basis(self) -> np.ndarray:
+        """Orthonormal basis of what the coefficients explain, (N, rank)."""
+        return self._decomposed[0]
 
     @property
     def rank(self) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from . import solve
-from .effects import Regressor, Scatter
+from .effects import Drift, Regressor, Scatter
 from .linear import equations, LeftOut, tilt_of, whitened
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
@@ -89,6 +89,10 @@ class CalibrationProblem(Problem):
             self._fits[model] = solve.fit(model, self.poses, self.method, tilt, known)
         return self._fits[model]
 
+    def without(self, k: int) -> CalibrationProblem:
+        """Return the problem without one pose."""
+        return CalibrationProblem(self.poses.without(k), self.method, self.tilt)
+
     def score(self, fit: Fit) -> Score:
         """
         Score a fit made on other poses by these: squared error over predicted variance.
@@ -112,20 +116,15 @@ class CalibrationProblem(Problem):
         pull = (vector.T @ residual) / np.sqrt(value)
         std = np.sqrt(2 / max(1, len(pull)))
         log_score = _log_score(pull, value, vector, mine.whitener[0]) if poses.n == 1 else None
-        return self._score(np.repeat(poses.time.mean(), len(pull)), pull, std, log_score)
+        return score_of(np.repeat(poses.time.mean(), len(pull)), pull, std, log_score)
 
     def held_out(self, model: Model) -> Score:
         """Return the score of all poses left out in turn: split, fit and score, closed form."""
         left = self.left_out(self.fit(model))
         log_score = sum(_log_score(e / np.sqrt(v), v, vector, w) for e, v, vector, w in
                         zip(left.error, left.variance, left.vectors, left.equations.whitener))
-        return self._score(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std,
-                           log_score)
-
-    @staticmethod
-    def _score(time, pull, std, log_score) -> Score:
-        excess = float(np.mean(pull ** 2) - 1) if len(pull) else float('nan')
-        return Score.of([View('poses', time, pull, excess, float(std), 's', log_score)])
+        return score_of(np.repeat(self.poses.time, left.bins), left.pulls, left.excess_std,
+                        log_score)
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return rms of the residuals and of the errors of poses left out, and chi-squared."""
@@ -152,7 +151,7 @@ class CalibrationProblem(Problem):
             p_value=float(min(1.0, self.poses.n * np.exp(tail[k]))),
             evidence=f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s is '
                      f'{np.sqrt(left.x[k]):.1f} standard errors from what the others predict'))
-        gain, rank = system.gain(self._drift(system))
+        gain, rank = system.gain(self.columns(fit, Drift()))
         if rank:
             found.append(Finding('drift', 0.0, p_value=float(chi2.sf(2 * gain, rank)), view='time',
                                  evidence='residual against the time of the pose'))
@@ -184,10 +183,10 @@ class CalibrationProblem(Problem):
         system, ratio = fit.details.equations, self._overdispersion(fit)
         return float(chi2.sf(system.chi2 / ratio, system.dof / ratio)) if system.dof else 1.0
 
-    def _drift(self, system):
-        t = self.poses.time - self.poses.time.mean()
-        terms = np.einsum('n,ik->ink', t / (np.ptp(t) or 1.0), np.eye(3))
-        return whitened(system.whitener, terms)
+    def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
+        """Return the whitened columns that an effect would add to a fit's equations."""
+        system, poses = fit.details.equations, self.poses.with_inputs(fit.details.inputs)
+        return whitened(system.whitener, effect.terms(poses, fit.details.scale))
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """
@@ -208,7 +207,7 @@ class CalibrationProblem(Problem):
         k = int(np.argmin(tail))
         if tail[k] > np.log(_CHANCE / self.poses.n) or self.poses.n <= 6:
             return {}
-        rest = CalibrationProblem(self.poses.without(k), self.method, self.tilt)
+        rest = self.without(k)
         return {f.name: f.gain for f in rest._screened(rest.fit(fit.model))}
 
     def _log_tail(self, fit: Fit, left: LeftOut) -> np.ndarray:
@@ -289,9 +288,7 @@ class CalibrationProblem(Problem):
         return [e for e in every if isinstance(e, (Regressor, Scatter))]
 
     def _gain(self, fit: Fit, effect: Regressor) -> tuple[float, int]:
-        system = fit.details.equations
-        poses = self.poses.with_inputs(fit.details.inputs)
-        return system.gain(whitened(system.whitener, effect.terms(poses, fit.details.scale)))
+        return fit.details.equations.gain(self.columns(fit, effect))
 
     def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
         """Return the gain in restricted likelihood; 0 where less than is stated fits better."""
@@ -353,6 +350,12 @@ class CalibrationProblem(Problem):
         return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
 
 
+def score_of(time: Any, pull: np.ndarray, std: Any, log_score: float | None) -> Score:
+    """Return the score of pulls: their mean square less one, and what it scatters by."""
+    excess = float(np.mean(pull ** 2) - 1) if len(pull) else float('nan')
+    return Score.of([View('poses', time, pull, excess, float(std), 's', log_score)])
+
+
 def _complement(system, matrix: np.ndarray) -> np.ndarray:
     """Return a basis of the rows that feel nothing a system leaves undetermined, (N, k)."""
     basis, size = system.undetermined, np.linalg.norm(system.matrix, axis=0)
@@ -395,19 +398,3 @@ def _possible(effect: Effect, estimates) -> bool:
             if not p.lower - 3 * e.std <= e.point <= p.upper + 3 * e.std:
                 return False
     return True
-
-
-def problems(arrays: Mapping[str, Any]) -> dict[str, CalibrationProblem]:
-    """Return the problems, by target, from the arrays of evidence.npz."""
-    found: dict[str, dict] = {}
-    for name, value in arrays.items():
-        target, _, key = name.partition('/')
-        if key:
-            found.setdefault(target, {})[key] = value
-    return {target: CalibrationProblem.from_arrays(some) for target, some in found.items()}
-
-
-def arrays_of(found: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
-    return {f'{target}/{key}': value for target, p in found.items() for key,
-            value in p.to_arrays().items()}

@@ -12,17 +12,22 @@ import numpy as np
 from scipy.stats import chi2
 
 from . import faces, solve
+from .axes import refuse_crossed_axes
+from .between import time_offset, Turns
 from .correction import Correction
 from .linear import equations
 from .poses import FACES, nearest_face, Poses, unit
 from .positions import CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
+from .turn_problem import TurnsProblem
 from ..core.errors import FitError, InputError
 from ..loop.effect import Fit, Model
 from ..loop.study import Study
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
+_TURN_ROWS = 12                 # equations of turns that nine coefficients are asked of
+_TURN_STD = 0.01                # a scale known worse is no calibration
 _TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
 _SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
 
@@ -171,14 +176,61 @@ def stated(
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
-def of_study(study: Study) -> Calibration:
-    """Return the calibration a study stands at; raise InputError for another domain."""
+def calibrate_turns(turns: Turns, model: Model | None = None,
+                    notes: Iterable[str] = ()) -> Calibration:
+    """
+    Return the gyroscope's calibration by the turns between rests, or refuse it.
+
+    Raises
+    ------
+    InputError
+        The turns do not tell every coefficient.
+    FitError
+        The two sensors' axes contradict each other, or the solution is no calibration.
+
+    """
+    refuse_crossed_axes(turns)
+    if 2 * turns.n < _TURN_ROWS:
+        raise InputError(f'{turns.n} turns between poses do not tell nine scale and cross-axis '
+                         f'terms of a gyroscope', f'hold {_TURN_ROWS // 2 + 1} poses or more, '
+                         'turning about all axes between them')
+    problem = TurnsProblem.of(turns)
+    fit = problem.fit(model or solve.base_model())
+    _refuse_failure(fit, problem.poses, 'turns')
+    # what the turns tell by their geometry: a scatter that an effect explains is the loop's
+    noise = np.median(turns.spread)
+    worst = float(np.max(standard_deviations(fit)[0]) * noise / np.hypot(noise, fit.details.tilt))
+    if worst > _TURN_STD:
+        raise InputError(f'the turns between poses tell the gyroscope\'s scale to '
+                         f'{100 * worst:.1f} % only', 'turn about all axes, by 90 deg and more')
+    said = [*notes, 'the Earth\'s rate (at most 15.04 deg/h) stays in the bias and in the turns']
+    return stated(problem, fit, said, fit.flags)
+
+
+def offset_of(calibration: Calibration) -> dict[str, float] | None:
+    """Return by how much the accelerometer's stamps are later than the gyroscope's, s, and std."""
+    problem = calibration.problem
+    if not isinstance(problem, TurnsProblem):
+        return None
+    turns = problem.data
+    heat = turns.temperature if np.isfinite(turns.temperature).all() else None
+    rates = calibration.correction.apply(turns.gyro, heat, turns.force)
+    size = float(np.median(np.linalg.norm(turns.rests.force, axis=0)))
+    value, std = time_offset(turns, rates, size)
+    return {'value': value, 'std': std}
+
+
+def of_study(study: Study, target: str | None = None) -> Calibration:
+    """Return the calibration a study stands at, of its first sensor or the one named."""
     if study.domain != CalibrationProblem.domain:
         raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
-    state = next(iter(study.states.values()))
+    target = study.chosen(None if target is None else [target])[0]
+    state = study.states[target]
     assert isinstance(state.problem, CalibrationProblem)
-    return stated(state.problem, state.fit, study.source.get('notes', ()),
-                  study.source.get('warnings', ()))
+    said = study.source
+    if target != study.targets[0]:
+        said = said.get(target, {})
+    return stated(state.problem, state.fit, said.get('notes', ()), said.get('warnings', ()))
 
 
 def _method(poses: Poses) -> str:
@@ -262,8 +314,8 @@ def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
                            f'{nominal:.3g} on average', 'check the units and the poses')
     if poses.sensor == 'gyro' and not _SCALES[0] < nominal < _SCALES[1]:
         raise FitError(f'the turns come out {nominal:.3g} times as large as they should',
-                       'check --turn or --rate '
-                       '(degrees), the unit of the gyroscope and the sample rate')
+                       ('check ' if method == 'turns' else 'check --turn or --rate (degrees), ')
+                       + 'the unit of the gyroscope and the sample rate')
 
 
 def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
@@ -313,7 +365,10 @@ def as_dict(calibration: Calibration) -> Mapping:
         'magnitude': float(poses.magnitude),
         'reference_temperature': float(poses.reference_temperature),
     }
-    if c.problem.method != 'norm':
+    if c.problem.method == 'turns':
+        out['scatter_deg'] = float(np.degrees(fit.details.tilt))
+        out['left_out_deg'] = float(np.degrees(c.problem.summary(fit)['left_out_rms']))
+    elif c.problem.method != 'norm':
         out['tilt_deg'] = float(np.degrees(fit.details.tilt))
         out['ols'] = {'S': c.plain.details.scale.tolist(), 'bias': c.plain.details.bias.tolist()}
     seen = {n: poses.names.count(n) for n in dict.fromkeys(poses.names)}

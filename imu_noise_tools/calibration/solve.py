@@ -171,7 +171,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
         state, cov = _settled(state, system, cov)
         # what is not beyond chance is left out of a value, but not out of its interval
         around = {k: around[k] if k[0] == 'cross_axis' else v for k, v in state.values.items()}
-    return _report(model, state, system, cov, log_det, method, tilt, known, around)
+    return report(model, state, system, cov, log_det, method, tilt, known, around)
 
 
 def _settled(state, system, cov):
@@ -380,11 +380,16 @@ def _leak(state, system, cov, tilt):
     return np.einsum('mnk,kn,lnk->ml', per_reading, sensitivity @ lateral, per_reading)
 
 
-def _report(model, state, system, cov, log_det, method, tilt, known, around):
+def report(model: Model, state: State, system: Equations, cov: np.ndarray, log_det: float,
+           method: str, tilt: float, known: Mapping[str, Any] | None,
+           around: Mapping[tuple[str, str], float]) -> Fit[Solved]:
+    """Return the fit that a state and its equations make; ``around``: centres of intervals."""
     poses, keys = state.poses, system.keys
     std = np.sqrt(np.diag(cov))
     value = dict(zip(keys, zip(state.values.values(), std, system.determined, around.values())))
-    sensor, flags, estimates, effects = poses.sensor, [], {}, []
+    sensor, flags, estimates = poses.sensor, [], {}
+    effects: list[Any] = []
+    e: Any
     for e in model.effects:
         if isinstance(e, Scatter):
             name = e.parameters[0].name

@@ -23,7 +23,8 @@ def register(commands: Any) -> None:
                    help='one bag with all poses, or a bag a pose')
     c.add_argument('-o', '--output', metavar='DIR', help='where it goes (default: BAG.study)')
     c.add_argument('--sensor', choices=('accel', 'gyro'),
-                   help='default: accel; gyro with --rate or --turn')
+                   help='default: both, the gyroscope by the turns between the poses; gyro with '
+                        '--rate or --turn')
     c.add_argument('--gravity', type=float, metavar='G',
                    help='local gravity, m/s^2 (default: 9.80665)')
     c.add_argument('--latitude', type=float, metavar='DEG',
@@ -92,10 +93,23 @@ def calibrate(args: argparse.Namespace) -> int:
     if args.json:
         common.print_json(data)
         return 0
-    c = done.calibration
+    for c in (done.calibration, done.gyro):
+        if c is not None:
+            _show(c, data if done.gyro is None else data[c.sensor], done.study.source)
+    if 'time_offset' in data:
+        late = data['time_offset']
+        print(f'the accelerometer is {1e3 * late["value"]:.1f} ms later than the gyroscope '
+              f'(±{1e3 * late["std"]:.1f})')
+    print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
+    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
+    return 0
+
+
+def _show(c: Any, data: Any, source: Any) -> None:
+    """Print what one sensor came to."""
     unit = c.problem.unit
     print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
-          + (f', gravity {data["gravity"]:.5f} m/s^2: {done.study.source["gravity_from"]}'
+          + (f', gravity {source["gravity"]:.5f} m/s^2: {source["gravity_from"]}'
              if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
@@ -106,13 +120,12 @@ def calibrate(args: argparse.Namespace) -> int:
         print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
     if c.plain is not c.fit:
         print(f'  {_beside(c)}')
+    if 'left_out_deg' in data:
+        print(f'  turns left out miss gravity by {data["left_out_deg"]:.2f} deg rms')
     print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
-    print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
-    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
-    return 0
 
 
 def _beside(c: Any) -> str:

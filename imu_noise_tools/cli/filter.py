@@ -52,6 +52,11 @@ def register(commands: Any) -> None:
         help='fading memory, 0 < A <= 1 (default: 1, none)',
     )
     c.add_argument(
+        '--smooth',
+        action='store_true',
+        help='let each rate know the samples after it too: nearer than any live filter can be',
+    )
+    c.add_argument(
         '--set',
         action='append',
         default=[],
@@ -109,6 +114,7 @@ def filter_bag(args: argparse.Namespace) -> int:
             motion=args.motion,
             noise=args.noise,
             alpha=args.alpha,
+            smooth=args.smooth,
             values=values_of(args.values) or None,
             topic=args.topic,
             rate_hz=args.rate_hz,
@@ -124,6 +130,7 @@ def filter_bag(args: argparse.Namespace) -> int:
         f'{data["counts"]["samples"]} samples at {data["rate_hz"]:.4g} Hz, motion'
         f' {", ".join(data["motion"])}, noise {", ".join(data["noise"])}'
         + (f', alpha {args.alpha:g}' if args.alpha < 1 else '')
+        + (', smoothed' if args.smooth else '')
     )
     print(
         '          noise of a sample, deg/s    innovations: mean square (1)   lag 1 (0)  '

@@ -20,7 +20,9 @@ def register(commands: Any) -> None:
     c.add_argument(
         'dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance'
     )
-    c.add_argument('--sheet', metavar='SHEET.yaml', help='a data sheet: which axes meet it?')
+    c.add_argument('--sheet', metavar='SHEET.yaml',
+                   help='a data sheet (a file, or the name of one that comes along): which axes '
+                        'meet it?')
     common.output_options(c, 'targets with their pulls')
     c.set_defaults(func=compare)
 

@@ -27,8 +27,10 @@ def register(commands: Any) -> None:
     c = commands.add_parser(
         'sheet', help="a data sheet's values and units as a study that every export takes",
         epilog=EXAMPLE, formatter_class=argparse.RawDescriptionHelpFormatter)
-    c.add_argument('sheet', metavar='SHEET.yaml')
-    c.add_argument('-o', '--output', required=True, metavar='DIR')
+    c.add_argument('sheet', metavar='SHEET.yaml', nargs='?',
+                   help='a file, or the name of a sheet that comes with the package')
+    c.add_argument('--list', action='store_true', help='the sheets that come with the package')
+    c.add_argument('-o', '--output', metavar='DIR', help='where the study goes')
     c.add_argument('--force', action='store_true', help='replace what is there')
     common.output_options(c, 'the coefficients')
     c.set_defaults(func=sheet)
@@ -36,10 +38,22 @@ def register(commands: Any) -> None:
 
 def sheet(args: argparse.Namespace) -> int:
     """Run ``sheet``."""
+    from ..core.errors import UsageError
     from ..report.terminal import table
     from ..store import study_to_dict
-    from ..tasks.sheet import sheet as task
+    from ..tasks.sheet import known, load, sheet as task
 
+    if args.list:
+        some = {name: load(path) for name, path in known().items()}
+        if args.json:
+            common.print_json({'sheets': {k: v.source for k, v in some.items()}})
+        else:
+            print(table([(k, v.name, v.source) for k, v in some.items()],
+                        ('sheet', 'sensor', 'source')))
+        return 0
+    if args.sheet is None or args.output is None:
+        raise UsageError('sheet needs SHEET.yaml and -o DIR',
+                         'e.g. sheet bmi088 -o bmi088.study; --list shows those at hand')
     study, folder = task(args.sheet, args.output, force=args.force)
     data = study_to_dict(study)
     if args.json:

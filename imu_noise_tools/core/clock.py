@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from .statistics import median_sigma, middle_sigma, row_medians
+from .statistics import median_sigma, middle_sigma, quantile_sigma, row_medians
 
 SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose level is followed
 SURE = 12.0             # scatters of the levels that a loss has to be
@@ -468,7 +468,7 @@ def _regular(at: np.ndarray, n: int) -> np.ndarray:
 
 def _scatter(x: np.ndarray) -> float:
     """Return the standard deviation of x if its middle four fifths are normal."""
-    return float(np.quantile(np.abs(x), 0.8)) / 1.2816 if len(x) else np.inf
+    return float(quantile_sigma(x, 0.8)) if len(x) else np.inf
 
 
 def _median(levels: np.ndarray, index: np.ndarray, there: np.ndarray) -> np.ndarray:

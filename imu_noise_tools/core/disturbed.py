@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
-from .statistics import median_sigma, row_medians
+from .statistics import median_sigma, quantile_sigma, row_medians
 
 FRAME_S = 0.25
 LEAST_FRAME = 16        # samples
@@ -151,9 +151,7 @@ def _louder(ratio: np.ndarray, width: int) -> np.ndarray:
     rows = ratio[:, :windows * width].reshape(axes, windows, width)
     level = np.log(np.maximum(np.median(rows, axis=2), 1e-3))
     middle = np.median(level, axis=1, keepdims=True)
-    spread = np.maximum(
-        np.quantile(np.abs(level - middle), 0.7, axis=1, keepdims=True) / 1.0364, 0.02
-    )
+    spread = np.maximum(quantile_sigma(level - middle, 0.7, axis=1, keepdims=True), 0.02)
     loud = (level - middle > SURE * spread) & (level - middle > np.log(LOUDER))
     loud &= loud.sum(axis=0) >= 2
     out[:, :windows * width] = np.repeat(loud, width, axis=1)
@@ -226,7 +224,7 @@ def _steps(
         k = np.arange(wide, len(x) - wide)
         slow = (total[k + wide] - 2 * total[k] + total[k - wide]) / wide
         change = np.abs(x[k + 1] - x[k - 2])
-        limits = [JUMP * np.quantile(np.abs(c), 0.8) / 1.2816 for c in (slow, change)]
+        limits = [JUMP * quantile_sigma(c, 0.8) for c in (slow, change)]
         sharp = (np.abs(slow) > limits[0]) & (change > limits[1]) & calm[k]
         sharp &= (change > 0.5 * np.abs(slow)) & (change < 2 * np.abs(slow))
         runs = _runs(sharp, wide)

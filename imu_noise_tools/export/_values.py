@@ -55,6 +55,8 @@ def value_of(
     """
     Return N or K of a sensor; None where the study has none of its axes.
 
+    Of a data sheet that states white noise alone there is no K, whatever the horizon.
+
     Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the
     effect it is fitted for this. Where the model fails and it matters, N and K are those that
     cover the measured curve.
@@ -66,6 +68,11 @@ def value_of(
     values, notes = [], []
     for axis in axes:
         state = study.states[axis]
+        if parameter == 'K' and study.source.get('sheet') and not any(
+                PARAMETERS[x] in state.model for x in 'BK'):
+            raise InputError(f'{study.source.get("path")}: states nothing slow of {axis}, so no K '
+                             'follows from it', 'state allan_minimum, bias_instability or '
+                             'rate_random_walk, or analyse a record')
         if parameter in 'NK' and (horizon is not None or fails(state)):
             values.append(covering(state, horizon)[parameter])
             continue

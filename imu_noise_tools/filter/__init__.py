@@ -17,6 +17,7 @@ from .problem import arrays_of, FilterProblem, problem_of, problems
 from .statespace import Block, FilterEffect, Look, Motion, nothing, OutputNoise
 
 TITLE = 'Innovations of a filter'
+NUMBERS = ''        # the format whose numbers open the page about a study
 NEXT = ()
 
 __all__ = ['arrays_of', 'Block', 'ConstantRate', 'FilterEffect', 'FilterProblem', 'Look', 'Motion',

@@ -72,7 +72,7 @@ class ArIncrement(Motion):
         ),
         Parameter(
             'q',
-            '{rate}^2',
+            '({rate})^2',
             1e-16,
             1.0,
             amplitude=True,
@@ -108,7 +108,9 @@ class AngularAcceleration(Motion):
     reference = 'Bar-Shalom, Li, Kirubarajan 2001, 6.2.2'
     heals = 'autocorrelation'
     parameters = (
-        Parameter('q', '{slope}^2/s', 1e-12, 1e6, amplitude=True, title='density of its changes'),
+        Parameter(
+            'q', '({slope})^2/s', 1e-12, 1e6, amplitude=True, title='density of its changes'
+        ),
     )
 
     @classmethod
@@ -141,7 +143,7 @@ class Jerk(Motion):
     heals = 'autocorrelation'
     parameters = (
         Parameter(
-            'q', '{slope}^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'
+            'q', '({slope})^2/s^3', 1e-12, 1e10, amplitude=True, title='density of its changes'
         ),
     )
 

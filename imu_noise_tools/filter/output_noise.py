@@ -40,7 +40,7 @@ class White(OutputNoise):
     hint = 'N of an analysed study: R = N^2 rate'
     reference = 'IEEE 952 C.1.1'
     parameters = (
-        Parameter('R', '{rate}^2', 1e-16, 1e2, amplitude=True, title='variance of a sample'),
+        Parameter('R', '({rate})^2', 1e-16, 1e2, amplitude=True, title='variance of a sample'),
     )
 
     @classmethod

@@ -12,14 +12,13 @@ import numpy as np
 
 from . import kalman
 from .design import Design, quiet_variance
-from .imm import Bank, Coefficients
+from .lanes import Lanes, Layout
+from .smoother import smooth_chunks
 from .stamps import Clock, DUPLICATE, RESTART
 from .statespace import state_space
 from ..core.clock import median_rate
-from ..core.errors import InputError
+from ..core.errors import InputError, UsageError
 
-WARM_UP = 60.0         # s that a chunk starts ahead, for the bank to forget how it was started
-LANES = 200            # chunks at once: more would spend their time on warming up, fewer on Python
 IRREGULAR = (
     0.002  # share of odd intervals above which the steady state is left for the bank's recursion
 )
@@ -32,6 +31,7 @@ class Filtered:
 
     ``rate`` and its ``variance``; ``score`` the normalised innovations (standard normal if the
     model is right);
+    ``smooth`` whether a rate knows the samples after it too;
     ``used`` (n,) False where a sample was refused (not finite) and rate is NaN; ``counts`` of what
     was met.
 
@@ -44,6 +44,7 @@ class Filtered:
     design: Design
     clock: Clock
     counts: dict = field(default_factory=dict)
+    smooth: bool = False
 
 
 def filter_record(
@@ -52,6 +53,7 @@ def filter_record(
     design: Design,
     rate_hz: float | None = None,
     progress: Any = None,
+    smooth: bool = False,
 ) -> Filtered:
     """
     Filter samples z (n, axes) at stamps t (s) in the order in which they came.
@@ -68,13 +70,19 @@ def filter_record(
         Nominal rate; by default one over the median interval.
     progress : callable or None
         Called with the share done, 0 to 1.
+    smooth : bool
+        Whether each answer knows the samples after it too (fixed interval); the scores stay those
+        of the filter.
 
     Raises
     ------
     InputError
         Fewer than ten finite samples, or stamps that never advance.
+    UsageError
+        To be smoothed with a fading memory.
 
     """
+    memory(design, smooth)
     t, z = np.asarray(t, float), np.asarray(z, float)
     finite = np.isfinite(z).all(axis=1) & np.isfinite(t)
     if finite.sum() < 10:
@@ -101,8 +109,10 @@ def filter_record(
         'restarts': int((keys == RESTART).sum()) - 1,
     }
     work, todo = kept[~twice], keys[~twice]
-    steady = _steady_states(todo, design, clock)
-    if all(steady):
+    steady = [None] if smooth else _steady_states(todo, design, clock)
+    if smooth:
+        parts = smooth_chunks(work, todo, design, clock, progress)
+    elif all(steady):
         parts = _by_steady_state(work, todo, design, clock, steady)
     else:
         parts = _by_chunks(work, todo, design, clock, progress)
@@ -113,7 +123,13 @@ def filter_record(
         whole[finite] = part[back]
         out.append(whole)
     rate, variance, score = out
-    return Filtered(rate, variance, score, finite, design, clock, counts)
+    return Filtered(rate, variance, score, finite, design, clock, counts, smooth)
+
+
+def memory(design: Design, smooth: bool) -> None:
+    """Raise UsageError where a design that fades the past is to be smoothed."""
+    if smooth and design.alpha != 1:
+        raise UsageError('a smoother has no fading memory', 'leave out --alpha or --smooth')
 
 
 def _steady_states(keys: np.ndarray, design: Design, clock: Clock) -> list:
@@ -159,53 +175,12 @@ def _stretches(keys):
 
 def _by_chunks(z, keys, design, clock, progress):
     """Filter chunks side by side, each warmed up on what comes before it."""
-    n, axes = z.shape
-    warm = int(round(WARM_UP / clock.interval))
-    size = max(-(-n // LANES), 4 * warm if n > 8 * warm else n)
-    first = np.arange(-(-n // size)) * size
-    begin, end = np.maximum(first - warm, 0), np.minimum(first + size, n)
-    lanes = _Lanes(keys, design, clock, len(first), axes)
+    layout = Layout(len(z), clock.interval)
+    lanes = Lanes(keys, design, clock, len(layout.first), z.shape[1])
     out = np.empty_like(z), np.empty_like(z), np.empty_like(z)
-    steps = int(np.max(end - begin))
-    for k in range(steps):
-        at = np.minimum(begin + k, n - 1)
-        answers = lanes.step(z[at].ravel(), at, first=k == 0)
-        valid = (begin + k >= first) & (begin + k < end)
-        if valid.any():
-            which = slice(None) if valid.all() else np.repeat(valid, axes)
-            for into, x in zip(out, answers):
-                into[at[valid]] = x[which].reshape(-1, axes)
+    for k in range(layout.steps):
+        at = layout.at(k)
+        layout.put(k, out, lanes.step(z[at].ravel(), at, first=k == 0))
         if progress and k % 1000 == 0:
-            progress(k / steps)
+            progress(k / layout.steps)
     return out
-
-
-class _Lanes:
-    """A bank that filters several chunks at once; ``keys`` are those of the whole record."""
-
-    def __init__(self, keys: Any, design: Design, clock: Clock, chunks: int, axes: int):
-        kinds, self.which = np.unique(np.where(keys == RESTART, 0, keys), return_inverse=True)
-        self.table = Coefficients([design.modes(clock.span(int(k))) for k in kinds], design.alpha)
-        self.common = [self.table.at(i).tiled(chunks) for i in range(len(kinds))]
-        self.regular = len(kinds) == 1
-        self.restart = keys == RESTART
-        self.restarts = bool(self.restart.any())
-        self.axes = axes
-        self.bank = Bank(self.table, chunks * axes)
-
-    def step(self, samples: np.ndarray, at: Any, first: bool) -> Any:
-        """Return (rate, variance, score) of one sample a lane, at these places of the record."""
-        bank = self.bank
-        now = self.which[at]
-        same = self.regular or np.all(now == now[0])
-        e = self.common[now[0]] if same else self.table.at(now)
-        if first:
-            bank.restart(slice(None))
-        else:
-            bank.mix(e)
-            bank.predict(e)
-            if self.restarts and self.restart[at].any():
-                bank.restart(np.repeat(self.restart[at], self.axes))
-        bank.prior = bank.mu
-        nu, s, _ = bank.update(samples, e)
-        return *bank.rate(), bank.score(nu, s, e)

@@ -10,8 +10,9 @@ effects are known however the question came. Its face is
 ``problems(arrays)``, ``arrays_of(problems)``
     its targets (:class:`~imu_noise_tools.loop.problem.Problem`) from the arrays of evidence.npz,
     and back;
-``TITLE``, ``NEXT``
-    of the page about a study; (command, why) once nothing is missing, ``{study}`` its folder;
+``TITLE``, ``NEXT``, ``NUMBERS``
+    of the page about a study; (command, why) once nothing is missing, ``{study}`` its folder; the
+    format of export whose numbers open the page, empty for none;
 
 and, since imports run one way, two functions in the module of its name in the layers above it:
 

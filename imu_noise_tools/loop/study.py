@@ -15,8 +15,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from .diagnosis import diagnose, Diagnosis
-from .effect import find_effect, Model, Score, unfitted
+from .effect import Effect, find_effect, Finding, Model, Score, unfitted
 from .prediction import fall_in_words, fall_of, State
 from .problem import Problem
 from ..core.errors import UsageError
@@ -25,8 +27,49 @@ Progress = Callable[[float | None, str], None]      # (share done, what)
 
 
 @dataclass(frozen=True)
+class Contrast:
+    """The view that a rung changed most: pulls (k,) at x before and after it."""
+
+    view: str
+    unit: str
+    x: tuple[float, ...]
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+
+    @classmethod
+    def of(cls, before: Score, after: Score, effects: Iterable[Effect] = ()) -> Contrast | None:
+        """
+        Return the contrast of two models of the same data; None where no view can be compared.
+
+        The views in which the effects are judged come first, of those the one whose sum of
+        squared pulls changes most.
+
+        """
+        named = {name for e in effects for name in e.views}
+        able = {name: a for name, a in after.views.items()
+                if name in before.views and np.array_equal(before.views[name].x, a.x)}
+        names = named & set(able) or set(able)
+        if not names:
+            return None
+        change = {n: abs(float(np.sum(before.views[n].pull**2) - np.sum(able[n].pull**2)))
+                  for n in names}
+        name = max(sorted(names), key=lambda n: change[n])
+        view = able[name]
+        # a picture needs no more digits, and what is read back is what was written
+        x, old, new = (tuple(float(v) for v in np.asarray(a, np.float32))
+                       for a in (view.x, before.views[name].pull, view.pull))
+        return cls(name, view.unit, x, old, new)
+
+
+@dataclass(frozen=True)
 class Step:
-    """One rung of the ladder: what was fitted and how well it predicts data it has not seen."""
+    """
+    One rung of the ladder: what was fitted and how well it predicts data it has not seen.
+
+    ``fall`` is the deviance gained on data not fitted, ``failing`` names the views that still
+    fail, ``why`` is what a diagnosis had found of what was added, ``contrast`` what it changed.
+
+    """
 
     target: str
     effects: tuple[str, ...]
@@ -34,8 +77,11 @@ class Step:
     held_out_std: float
     added: str | None = None
     removed: str | None = None
-    fall: float | None = None  # deviance gained on data not fitted
+    fall: float | None = None
     verdict: str = ''
+    failing: tuple[str, ...] = ()
+    why: tuple[Finding, ...] = ()
+    contrast: Contrast | None = None
 
 
 def assess(problem: Problem, model: Model, intervals: bool = True) -> State:
@@ -110,10 +156,10 @@ class Study:
 
     def _step(
         self, target: str, added: str | None = None, removed: str | None = None,
-        before: State | None = None,
+        before: State | None = None, why: Iterable[Finding] = (),
     ) -> Step:
         state = self.states[target]
-        fall, verdict = None, 'start'
+        fall, verdict, contrast = None, 'start', None
         if before is not None:
             changed = [
                 e
@@ -122,6 +168,7 @@ class Study:
             ]
             fall = fall_of(before.error, state.error, changed)
             verdict = fall_in_words(before.error, state.error, fall)
+            contrast = Contrast.of(before.error, state.error, changed)
         return Step(
             target,
             tuple(state.model.labels),
@@ -131,6 +178,9 @@ class Study:
             removed,
             fall,
             verdict,
+            tuple(state.error.failing),
+            tuple(why),
+            contrast,
         )
 
     def compare(self, targets: Iterable[str] | None = None) -> dict[str, Score]:
@@ -181,7 +231,8 @@ class Study:
             for name in names:
                 model = model.plus(find_effect(self.domain, name)())
             self.states[t] = assess(before.problem, model)
-            steps.append(self._step(t, added='+'.join(names), before=before))
+            steps.append(self._step(t, added='+'.join(names), before=before,
+                                    why=self._reasons(t, names)))
         self.history += steps
         self._forget(plan)
         return steps
@@ -250,6 +301,12 @@ class Study:
         self.history.append(self._step(target, removed=label, before=after))
         self._forget([target])
         return self.history[-1]
+
+    def _reasons(self, target: str, names: Iterable[str]) -> list[Finding]:
+        """Return what the last diagnosis of a target found of each of these effects, if it did."""
+        d = self.diagnosis.get(target)
+        known = {f.name: f for f in (*reversed(d.ranked), *reversed(d.found))} if d else {}
+        return [known[n] for n in dict.fromkeys(names) if n in known]
 
     def _forget(self, targets: Iterable[str]) -> None:
         for t in targets:

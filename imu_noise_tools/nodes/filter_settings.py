@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-
 """From the parameters of the filter node to what its engine is made of."""
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from .problem import NoiseProblem
 from .stated import arrays_of, problems
 
 TITLE = 'Noise of an IMU at rest'
+NUMBERS = 'kalibr'        # the format whose numbers open the page about a study
 NEXT = (('imu_noise export {study} --format kalibr -o imu.yaml',
          'writes the numbers for an estimator'),)
 
@@ -36,6 +37,7 @@ __all__ = [
     'Mean',
     'Modulation',
     'NEXT',
+    'NUMBERS',
     'NoiseEffect',
     'NoiseProblem',
     'Parameter',

@@ -48,7 +48,7 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect,
         return effect.avar(m, dt)
     if isinstance(effect, Coupling):
         return _coupled_avar(evidence, effect, m)
-    if isinstance(effect, Defect) and _screens(effect):
+    if isinstance(effect, Defect) and effect.screens():
         return _screened_avar(evidence, m)
     return None
 
@@ -70,11 +70,6 @@ def _coupled_avar(evidence, effect, m):
     s = np.maximum(likelihood.power - likelihood.without_couplings(alone), 0)
     at = np.log(likelihood.bins.f)
     return quadrature_avar(lambda f: np.interp(np.log(f), at, s), m, evidence.dt)
-
-
-def _screens(effect):
-    own, none = (getattr(c.screen, '__func__', None) for c in (type(effect), Defect))
-    return own is not none
 
 
 def _screened_avar(evidence, m):

@@ -258,15 +258,9 @@ class Evidence:
                 break
         return out
 
-    def _screens(self, model) -> int:
+    def _screens(self, model: Model | None) -> int:
         """1 where the model holds a defect that is taken out of the samples, else 0."""
-        return int(
-            model is not None
-            and any(
-                getattr(type(e).screen, '__func__') is not getattr(Defect.screen, '__func__')
-                for e in model.of(Defect)
-            )
-        )
+        return int(model is not None and any(e.screens() for e in model.of(Defect)))
 
     def block_power_of(self, model: Model | None) -> np.ndarray:
         """Return the power in time (blocks, bands), without defects where the model holds them."""

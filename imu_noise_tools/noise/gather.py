@@ -28,7 +28,7 @@ from .quiet import loud_stretches, quiet_spectrum
 from ..core import allan
 from ..core.record import ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
-from ..core.statistics import grid_step
+from ..core.statistics import grid_step, sum_of_squares
 from ..loop.effect import registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
@@ -393,7 +393,7 @@ def _whitened(c, reference, dt):
     np.divide(c[1:], white[1:], out=white[1:])
     y = idct(white, type=2, norm='ortho', overwrite_x=True)
     y -= np.mean(y)
-    y /= np.std(y)
+    y /= np.sqrt(sum_of_squares(y) / len(y))
     return _counted(y, ndtri(np.arange(1, CELLS) / CELLS))
 
 

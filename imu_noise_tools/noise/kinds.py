@@ -407,6 +407,11 @@ class Defect(NoiseEffect):
         """Return y without the defect, for the spectrum that the other effects are fitted to."""
         return y
 
+    @classmethod
+    def screens(cls) -> bool:
+        """Tell whether it is taken out of the samples, by a ``screen`` of its own."""
+        return next(c for c in cls.__mro__ if 'screen' in vars(c)) is not Defect
+
 
 #: kinds whose values come from the samples, not from the spectral fit
 MEASURED = (Line, Defect, Modulation)

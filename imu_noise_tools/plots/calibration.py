@@ -48,6 +48,11 @@ def residuals(ax: Axes, calibration: Calibration) -> Axes:
         ax.errorbar(x, np.zeros(poses.n), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
                     capsize=2,
                     label='±2 standard errors')
+    elif calibration.problem.method == 'turns':
+        turned = [n.startswith('turn') for n in poses.names]
+        value, unit_ = np.degrees(np.linalg.norm(fit.details.residual, axis=0)), 'deg'
+        ax.bar(x[turned], value[turned], 0.6, color=AXES['x'],
+               label='angle by which a turn misses gravity')
     else:
         # tilt makes lateral readings a hundred times less certain than axial ones: only in
         # standard errors do both show
@@ -129,6 +134,9 @@ def _lambert(u, sign):
 def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
     """Draw the error of each pose's magnitude, as it came and corrected; return the axes."""
     poses = calibration.poses
+    if calibration.problem.method == 'turns':
+        poses = poses.take([k for k, n in enumerate(poses.names) if n.startswith('turn')])
+        poses = poses.with_inputs(calibration.fit.details.inputs[:, :poses.n])
     mean = (poses.outputs / poses.amount).T
     after = calibration.correction.apply(mean,
                                          poses.temperature if np.isfinite(poses.temperature).all()
@@ -178,5 +186,6 @@ def calibration_figure(calibration: Calibration) -> Figure:
 
 
 def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
-    """Return the picture of a calibration study, ``poses``; its one target needs no other."""
-    return {'poses': png(calibration_figure(of_study(study)))}
+    """Return the picture of a calibration study, ``poses``; of a second sensor one of its own."""
+    more = {f'target {t}': png(calibration_figure(of_study(study, t))) for t in study.targets[1:]}
+    return {**more, 'poses': png(calibration_figure(of_study(study)))}

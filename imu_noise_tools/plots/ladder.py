@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ladder: the held-out deviance against the models tried, for any domain."""
+"""The ladder: the held-out deviance of the models tried, and what a rung changed; any domain."""
 
 from __future__ import annotations
 
@@ -10,12 +10,59 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .style import dress, FAIL, FAINT, GOOD, MEASURED, new_figure, signed_log_scale, SMALL
-from ..loop.study import Step, Study
+from .style import (
+    CHANCE, dress, FAIL, FAINT, GOOD, log_scale, MEASURED, new_figure, signed_log_scale, SMALL
+)
+from ..loop.study import Contrast, Step, Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+BEYOND = 2.0             # standard errors from which a pull is filled
+MOST = 1000.0            # standard errors shown at most
+_X = {'Hz': 'frequency, Hz', 's': 'time, s', 'quantile': 'quantile of the samples'}
+
+
+def contrast_figure(found: Contrast, before: str, after: str) -> Figure:
+    """
+    Return the pulls of one view under the model before a rung and after it, one above the other.
+
+    ``before`` and ``after`` name the two models. Both panels have one scale, so that what is left
+    is seen beside what was there.
+
+    """
+    figure = new_figure(9, 3.6)
+    grid = figure.add_gridspec(2, 1, left=0.07, right=0.99, top=0.93, bottom=0.12, hspace=0.32)
+    # parts of a record that were predicted one by one have bins at the same x: one pull each
+    x, place, count = np.unique(found.x, return_inverse=True, return_counts=True)
+    both = [np.bincount(place, pull) / np.sqrt(count) for pull in (found.before, found.after)]
+    top = max(4.0, 1.15 * float(np.max(np.abs(both), initial=0.0)))
+    for k, (pull, name) in enumerate(zip(both, (before, after))):
+        ax = dress(figure.add_subplot(grid[k]), name, y='standard errors',
+                   x=_X.get(found.unit, found.unit or found.view) if k else '')
+        _pull(ax, x, pull, min(top, MOST))
+        if found.unit == 'Hz' and x[0] > 0:
+            log_scale(ax.xaxis, x[0], x[-1])
+        elif len(x) > 1:
+            ax.set_xlim(x[0], x[-1])
+        if not k:
+            ax.tick_params(labelbottom=False)
+    return figure
+
+
+def _pull(ax: Axes, x: np.ndarray, pull: np.ndarray, top: float) -> None:
+    """Draw pulls against x, what is beyond chance filled; logarithmic where they are large."""
+    few = '.' if len(x) < 40 else ''
+    shown = np.clip(pull, -top, top)
+    ax.axhspan(-BEYOND, BEYOND, color=CHANCE, linewidth=0)
+    for sign in (1, -1):
+        ax.fill_between(x, sign * BEYOND, shown, where=sign * shown > BEYOND, interpolate=True,
+                        color=FAIL, alpha=0.55, linewidth=0)
+    ax.plot(x, shown, color=MEASURED, linewidth=0.9, marker=few or None, markersize=5)
+    if top > 30:
+        ax.set_yscale('symlog', linthresh=BEYOND, linscale=0.5)
+    ax.set_ylim(-top, top)
 
 
 def ladder(ax: Axes, study: Study, target: str) -> Axes:

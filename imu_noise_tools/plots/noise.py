@@ -11,7 +11,8 @@ from typing import Any, TYPE_CHECKING
 from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
 from .panels import (
-    allan, distribution, HATCHED, in_time, psd, pulls, series, shade, Stretch, suspected, TAU
+    allan, distribution, HATCHED, in_time, psd, pulls, series, set_aside, shade, Stretch,
+    suspected, TAU
 )
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from ..core import units
@@ -161,7 +162,7 @@ def target_figure(state: State, diagnosis: Diagnosis | None = None,
     series(figure.add_subplot(below[0]), state, left_out)
     in_time(figure.add_subplot(below[1]), state)
     distribution(figure.add_subplot(below[2]), state)
-    _key(figure, bool(getattr(state.fit.details, 'set_aside', ())))
+    _key(figure, bool(set_aside(state)))
     return figure
 
 

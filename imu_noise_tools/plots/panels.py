@@ -230,10 +230,15 @@ def psd(ax: Axes, state: State) -> Axes:
     return ax
 
 
+def set_aside(state: State) -> list[dict[str, Any]]:
+    """Return the stretches of the spectrum that the fit does not rest on, as plain data."""
+    return state.problem.basis(state.fit).get('set_aside', [])
+
+
 def hatch(ax: Axes, state: State) -> None:
     """Hatch the stretches of the spectrum that the fit does not rest on."""
-    for s in getattr(state.fit.details, 'set_aside', ()):
-        ax.axvspan(s.low, s.high, **HATCHED)
+    for s in set_aside(state):
+        ax.axvspan(s['from_hz'], s['to_hz'], **HATCHED)
 
 
 def _name_line(ax, e, at, density):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A study as one self-contained HTML page: no scripts, nothing loaded from elsewhere."""
+"""A study as one self-contained HTML page: nothing is loaded from elsewhere."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pathlib import PurePath
 from typing import Any
 
 from . import words
-from .markup import badge, bullets, cell, escape, image, page, table
-from .pictures import pictures as drawn
+from .markup import badge, bullets, cell, copied, escape, folded, image, page, table
+from .pictures import pictures as drawn, rung
+from .. import export
 from ..loop.diagnosis import Diagnosis
 from ..loop.domains import package
-from ..loop.effect import Score
-from ..loop.study import Study
+from ..loop.effect import Effect, Score
+from ..loop.study import Step, Study
 
-_COLOURS = {'missing': 'bad', 'unknown': 'bad', 'undecidable': 'doubt', 'complete': 'good'}
 _TOGETHER = {'poses': ('Poses', 'residuals and directions of the poses'),
              'innovations': ('Innovations', 'innovations of all axes'),
              'allan': ('Allan deviation', 'Allan deviation of all axes')}
@@ -61,25 +61,50 @@ def html(study: Study, pictures: Mapping[str, bytes] | None = None,
     name = PurePath(str(study.source.get('path') or '')).name
     title = package(study.domain).TITLE + (f': {name}' if name else '')
     return page(title, [
-        _summary(study), _measured(study, shown), _model(study),
-        _curves(shown),
-        _fails(study, shown), _missing(study), _next(study, folder), _ladder(study, shown),
-        _effects(study)])
+        _summary(study), _numbers(study), _recording(study), _next(study, folder),
+        '<h2>Axis by axis</h2>' if len(study.states) > 1 else '',
+        *(_target(study, t, shown) for t in study.targets),
+        _ladder(study, shown), _curves(shown), _views(study), _measured(study, shown),
+        _effects(study), _glossary()])
 
 
 def overview(study: Study) -> str:
     """Return a study as a piece of HTML, for a notebook: verdicts and coefficients, no picture."""
-    return f'<div>{_summary(study)}{_model(study)}</div>'
+    each = ''.join(f'<h3>{escape(t)}</h3>{_coefficients(study, t)}' for t in study.targets)
+    return f'<div>{_summary(study)}{each}</div>'
 
+
+# --- what people came for ------------------------------------------------------------------------
 
 def _summary(study: Study) -> str:
     rows = []
     for t, state in study.states.items():
-        d = study.diagnosis.get(t)
-        verdict = badge(words.diagnosis_in_words(d), _COLOURS.get(d.verdict, 'faint')) if d else \
-            badge('not asked yet', 'faint')
-        rows.append((_bold(t), _error(state.error), verdict, escape(repr(state.model))))
-    return table(('', words.ERROR, 'diagnosis', 'model'), rows)
+        said, quality = words.verdict_in_words(state.error, study.diagnosis.get(t))
+        rows.append((_bold(t), badge(said, quality), _error(state.error),
+                     escape(' + '.join(state.model.labels))))
+    return table(('', 'verdict', words.ERROR, 'model'), rows)
+
+
+def _numbers(study: Study) -> str:
+    """Return the numbers for an estimator, to be copied, where the domain has such a file."""
+    name = package(study.domain).NUMBERS
+    if not name:
+        return ''
+    text = export.export(study, name)
+    lines = [line for line in text.splitlines() if not line.startswith('#')]
+    rests = [line.lstrip('# ') for line in text.splitlines() if line.startswith('#')]
+    return (f'<h2>For {escape(name.capitalize())}</h2>' + copied('\n'.join(lines))
+            + folded('what these numbers rest on', bullets(map(escape, rests), 'small'), False))
+
+
+def _recording(study: Study) -> str:
+    """Return whether the recording is good."""
+    said = [*(study.source.get('warnings') or ()), *(study.source.get('notes') or ())]
+    said += words.disturbed_in_words(study.source)
+    out = '<h2>The recording</h2>' + f'<p>{escape(words.recording_in_words(study.source))}</p>'
+    if said:
+        return out + f'<div class="warn">{bullets(escape(str(w)) for w in said)}</div>'
+    return out + f'<p>{badge("Nothing remarkable in it.", "good")}</p>'
 
 
 def _bold(text: str) -> str:
@@ -87,34 +112,90 @@ def _bold(text: str) -> str:
 
 
 def _error(error: Any) -> str:
-    return badge(words.error_in_words(error), 'good' if error.within_chance else 'bad')
+    quality = 'good' if error.within_chance else 'bad' if error.failing else 'doubt'
+    return badge(words.error_in_words(error), quality)
 
+
+# --- the story of each axis ----------------------------------------------------------------------
+
+def _target(study: Study, target: str, shown: Mapping[str, Any]) -> str:
+    """Return one axis: how its model came about, what it says, where it fails, what is missing."""
+    state, d = study.states[target], study.diagnosis.get(target)
+    said, quality = words.verdict_in_words(state.error, d)
+    done = quality == 'good'
+    parts = [_rungs(study, target), _coefficients(study, target)]
+    if failing := words.failing(state.error):
+        parts.append('<h4>Where the model fails</h4>' + bullets(
+            f'{escape(words.view_in_words(v))}.' for v in failing))
+    if d is not None:
+        parts.append(_diagnosis(target, d))
+    full = shown.get(f'target {target}')
+    if full is not None:
+        parts.append(image(full, f'{target} in full', _CAPTIONS['target']))
+    added = [s.added for s in study.history if s.target == target and s.added]
+    story = badge(f'after adding {", then ".join(added)}', 'faint') if added else ''
+    return folded(f'{_bold(target)} {badge(said, quality)} {story}', '\n'.join(parts),
+                  not done or len(study.states) == 1)
+
+
+def _rungs(study: Study, target: str) -> str:
+    """Return what was added and removed, why, and what it changed."""
+    steps = [s for s in study.history if s.target == target]
+    out = [_rung(study.domain, before, step) for before, step in zip(steps, steps[1:])]
+    return '<h4>What happened when effects were added</h4>' + '\n'.join(out) if out else ''
+
+
+def _rung(domain: str, before: Step, step: Step) -> str:
+    change = words.change(step)
+    out = [f'<p>{_bold(change)}: {words.ERROR} {before.held_out:.3g} to {step.held_out:.3g} '
+           f'{badge(f"(chance: up to {words.CHANCE * step.held_out_std:.2g})", "faint")}, '
+           f'{escape(step.verdict)}.</p>']
+    told = []
+    if before.failing:
+        told.append('Before it the model failed in: '
+                    + escape(', '.join(map(words.title_of, before.failing))) + '.')
+    for f in step.why:
+        told.append('Why: ' + escape(words.finding_in_words(f, step.target)) + '.')
+        if f.effect is not None:
+            told.append(_physics(f.effect))
+    if step.failing:
+        told.append('What fails with it: '
+                    + escape(', '.join(map(words.title_of, step.failing))) + '.')
+    out.append(bullets(told))
+    if step.contrast is not None:
+        out.append(image(
+            rung(before, step), f'{step.target}: pulls before and after {change}',
+            f'{words.title_of(step.contrast.view).capitalize()}, on data that neither model was '
+            'fitted to: measured less model in standard errors, before and after. Grey: chance. '
+            'Red: more than chance explains.'))
+    return '\n'.join(out)
+
+
+def _physics(effect: Effect) -> str:
+    hint = f' {effect.hint}' if effect.hint else ''
+    return escape(f'Physically: {effect.title}. Signature: {effect.signature}.{hint}')
+
+
+def _coefficients(study: Study, target: str) -> str:
+    state = study.states[target]
+    out = f'<h4>What the model says: {escape(" + ".join(state.model.labels))}</h4>' + table(
+        ('effect', 'coefficient', 'value', '95 % interval or limit', 'SI, ± std', 'note'),
+        ((escape(r.label), f'{_bold(r.symbol)} {badge(r.title, "faint")}', cell(r.shown),
+          cell(r.interval), cell(r.si), escape(r.note)) for r in words.rows(state, target)))
+    said = [*(state.problem.remarks(state.fit) if state.problem else ()),
+            *words.summary_in_words(state.summary), *state.fit.flags]
+    return out + bullets((escape(s) for s in said), 'small')
+
+
+# --- what they share -----------------------------------------------------------------------------
 
 def _measured(study: Study, shown: Mapping[str, Any]) -> str:
     out = ['<h2>What was measured</h2>']
     known = words.source_rows(study.source)
     if known:
         out.append(table((), ((badge(a, 'faint'), escape(b)) for a, b in known)))
-    said = [*(study.source.get('warnings') or ()), *(study.source.get('notes') or ())]
-    said += words.disturbed_in_words(study.source)
-    if said:
-        out.append(f'<div class="warn">{bullets(escape(str(w)) for w in said)}</div>')
     if 'series' in shown:
         out.append(image(shown['series'], 'time series', _CAPTIONS['series']))
-    return '\n'.join(out)
-
-
-def _model(study: Study) -> str:
-    out = ['<h2>What the model says</h2>']
-    for t, state in study.states.items():
-        out.append(f'<h3>{escape(t)}: {escape(repr(state.model))}</h3>')
-        out.append(table(
-            ('effect', 'coefficient', 'value', '95 % interval or limit', 'SI, ± std', 'note'),
-            ((escape(r.label), f'{_bold(r.symbol)} {badge(r.title, "faint")}', cell(r.shown),
-              cell(r.interval), cell(r.si), escape(r.note)) for r in words.rows(state, t))))
-        said = [*(state.problem.remarks(state.fit) if state.problem else ()),
-                *words.summary_in_words(state.summary), *state.fit.flags]
-        out.append(bullets((escape(s) for s in said), 'small'))
     return '\n'.join(out)
 
 
@@ -124,26 +205,18 @@ def _curves(shown: Mapping[str, Any]) -> str:
                    for name, (head, what) in _TOGETHER.items() if name in shown)
 
 
-def _fails(study: Study, shown: Mapping[str, Any]) -> str:
+def _views(study: Study) -> str:
     names = list(dict.fromkeys(n for s in study.states.values() for n in s.error.views))
     if not names:
         return ''
-    out = ['<h2>Where the model fails</h2>',
-           table(('', *(words.title_of(n) for n in names)),
-                 ((_bold(t), *(_excess(s.error, n) for n in names))
-                  for t, s in study.states.items())),
-           '<p class="small faint">Each number is what the model loses, per bin, against a true '
-           'model on data it was not fitted to; in parentheses what chance makes of it (one '
-           'standard deviation). 0 is as good as the truth.</p>']
-    items = [f'{_bold(t)}, {escape(words.view_in_words(v))}.' for t, s in study.states.items()
-             for v in words.failing(s.error)]
-    out.append(bullets(items) if items else
-               '<p class="good">Nowhere: every view is within chance.</p>')
-    for name, data in shown.items():
-        if name.startswith('target '):
-            title = f'{name.removeprefix("target ")} in full'
-            out.append(f'<h3>{escape(title)}</h3>' + image(data, title, _CAPTIONS['target']))
-    return '\n'.join(out)
+    return '\n'.join([
+        '<h2>Where the models fail, view by view</h2>',
+        table(('', *(words.title_of(n) for n in names)),
+              ((_bold(t), *(_excess(s.error, n) for n in names))
+               for t, s in study.states.items())),
+        '<p class="small faint">Each number is what the model loses, per bin, against a true '
+        'model on data it was not fitted to; in parentheses what chance makes of it (one '
+        'standard deviation). 0 is as good as the truth.</p>'])
 
 
 def _excess(error: Score, name: str) -> str:
@@ -154,15 +227,10 @@ def _excess(error: Score, name: str) -> str:
     return f'{badge(f"{view.excess:.2g}", colour)} {badge(f"({view.std:.2g})", "faint")}'
 
 
-def _missing(study: Study) -> str:
-    out = ['<h2>What is missing, and why we think so</h2>']
-    out += [_diagnosis(t, study.diagnosis[t]) for t in study.targets if t in study.diagnosis]
-    return '\n'.join(out) if study.diagnosis else out[0] + '<p>Not asked yet.</p>'
-
-
 def _diagnosis(target: str, d: Diagnosis) -> str:
     said = f'{d.verdict}: {words.VERDICTS.get(d.verdict, "")}'
-    out = [f'<h3>{escape(target)}: {badge(said, _COLOURS.get(d.verdict, "faint"))}</h3>']
+    out = ['<h4>What is missing, and why we think so</h4>',
+           f'<p>{badge(said, words.QUALITY.get(d.verdict, "faint"))}</p>']
     if d.ranked:
         out.append(table(
             ('candidate', 'probability', 'gain, nats', 'by chance', 'it would be', 'evidence'),
@@ -175,8 +243,7 @@ def _diagnosis(target: str, d: Diagnosis) -> str:
         out.append(f'<p>{escape(words.remaining_in_words(d))}</p>')
     best = d.ranked[0].effect if d.ranked and d.verdict in ('missing', 'undecidable') else None
     if best is not None:
-        out.append(f'<p>{_bold(best.name)}, {escape(best.title)}. Signature: '
-                   f'{escape(best.signature)}. {escape(best.hint)}</p>')
+        out.append(f'<p>{_bold(best.name)}. {_physics(best)}</p>')
     if d.advice:
         out.append(f'<p>{escape(d.advice)}</p>')
     return '\n'.join(out)
@@ -186,26 +253,15 @@ def _next(study: Study, folder: str) -> str:
     steps = words.next_steps(study, folder)
     if not steps:
         return ''
-    return '<h3>What to run next</h3>' + bullets(
+    return '<h2>What to run next</h2>' + bullets(
         f'<code>{escape(command)}</code> {escape(why)}' for command, why in steps)
 
 
 def _ladder(study: Study, shown: Mapping[str, Any]) -> str:
-    if not any(s.added or s.removed for s in study.history):
+    if 'ladder' not in shown:
         return ''
-    out = ['<h2>What happened when effects were added</h2>']
-    if 'ladder' in shown:
-        out.append(image(shown['ladder'], 'error against effects added', _CAPTIONS['ladder']))
-    order = {t: i for i, t in enumerate(study.targets)}
-    rows = []
-    for s in sorted(study.history, key=lambda s: order.get(s.target, 0)):
-        limit = words.CHANCE * s.held_out_std
-        error = badge(f'{s.held_out:.3g}', 'good' if s.held_out <= limit else 'bad')
-        rows.append((escape(s.target), cell(words.change(s)), escape(' + '.join(s.effects)),
-                     f'{error} {badge(f"(chance: up to {limit:.2g})", "faint")}',
-                     escape(s.verdict)))
-    out.append(table(('target', 'change', 'model', words.ERROR, 'the error'), rows))
-    return '\n'.join(out)
+    return ('<h2>The ladder</h2>'
+            + image(shown['ladder'], 'error against effects added', _CAPTIONS['ladder']))
 
 
 def _effects(study: Study) -> str:
@@ -213,3 +269,9 @@ def _effects(study: Study) -> str:
     return '<h2>The effects in the model</h2>' + bullets(
         (f'{_bold(e.name)} ({escape(e.symbol)}), {escape(e.title)}: {escape(e.equation)}. '
          f'{escape(e.hint)} {badge(e.reference, "faint")}' for e in found.values()), 'small')
+
+
+def _glossary() -> str:
+    said = ''.join(f'<dt>{escape(name)}</dt><dd>{escape(meaning)}</dd>\n'
+                   for name, meaning in words.GLOSSARY.items())
+    return f'<h2>The words of this page</h2>\n<dl class="small">\n{said}</dl>'

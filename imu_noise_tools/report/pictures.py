@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from .words import failing
+from .words import change, failing
 from ..loop.domains import part
-from ..loop.study import Study
+from ..loop.study import Step, Study
 from ..plots import ladder, style
 
 MOST_TARGETS = 2          # targets shown in full
@@ -34,3 +34,10 @@ def worst_targets(study: Study, most: int = MOST_TARGETS) -> list[str]:
     worst = {t: max((v.excess / v.std for v in failing(s.error)), default=0.0)
              for t, s in study.states.items()}
     return [t for t in sorted(worst, key=lambda t: -worst[t]) if worst[t] > 0][:most]
+
+
+def rung(before: Step, step: Step) -> bytes:
+    """Return the picture of what a rung of the ladder changed, in the view that shows it."""
+    assert step.contrast is not None
+    return style.small_png(style.png(ladder.contrast_figure(
+        step.contrast, f'before: {" + ".join(before.effects)}', f'after: {change(step)}')))

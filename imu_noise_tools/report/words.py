@@ -44,6 +44,28 @@ VERDICTS = {
     'unknown': 'something is missing that no known effect explains',
     'undecidable': 'this record cannot tell which effect it is',
 }
+QUALITY = {'missing': 'bad', 'unknown': 'bad', 'undecidable': 'doubt', 'complete': 'good'}
+GLOSSARY = {
+    'model': 'The sum of the named effects that were fitted to an axis: white + flicker says that '
+             'these two make all of its noise.',
+    ERROR: 'The error of a model on data that it was not fitted to, mean over the views. 0 is as '
+           'good as the true model; what chance makes of it is given beside it.',
+    'within chance': 'As large as a true model would show on a record of this length in 39 of 40 '
+                     'cases, and no view fails.',
+    'view': 'One way to look at what a model leaves: its spectrum, its mean and its level in '
+            'time, its distribution, what it shares with other channels.',
+    'pull': 'Measured less model, in standard errors: 2 by chance once in twenty, 5 never.',
+    'N, noise density': 'White noise: the Allan deviation at 1 s. Angle or velocity random walk.',
+    'B, bias instability': 'Flicker noise: the flat part of the Allan curve is 0.664 B.',
+    'K, random walk': 'The slow wandering of the bias: the Allan curve rises to K at 3 s.',
+    'not observable': 'The record cannot tell it from zero: the limit given holds in 95 of 100.',
+    'gain, nats': 'How much better a model with the candidate explains the data: a factor e of '
+                  'likelihood each. What chance would gain is given beside it.',
+    'undecidable': 'Two or more effects explain the same thing: this record cannot tell which.',
+    'unknown': 'The model fails, and nothing that is known explains how.',
+    'sufficient': 'What the model leaves changes no Allan deviation by more than 5 % and no '
+                  'coefficient by more than its interval.',
+}
 _SOURCE = {'path': 'file', 'rate_hz': 'rate', 'duration_s': 'duration', 'frame_id': 'frame'}
 
 
@@ -127,6 +149,31 @@ def error_in_words(error: Score) -> str:
         return (f'{error.excess:.2g} in the mean, up to {limit:.2g} by chance; {error.side}: '
                 f'{len(error.failing)} of {len(error.views)} views fail')
     return f'{error.excess:.2g}, {error.side} (up to {limit:.2g})'
+
+
+def verdict_in_words(error: Score, d: Diagnosis | None) -> tuple[str, str]:
+    """Return the verdict on one target in a line, and its quality: good, doubt, bad or faint."""
+    if d is not None:
+        enough = d.sufficient and d.verdict != 'complete'
+        return (diagnosis_in_words(d) + (' (sufficient all the same)' if enough else ''),
+                'doubt' if enough else QUALITY.get(d.verdict, 'faint'))
+    if not math.isfinite(error.excess):
+        return 'not known: nothing was left to predict', 'doubt'
+    views = ', '.join(title_of(v.name) for v in failing(error))
+    if not views:
+        return 'fails nowhere', 'good'
+    return f'fails in {views}; not asked yet what is missing', 'bad'
+
+
+def recording_in_words(source: Mapping) -> str:
+    """Return what a recording is, in a line."""
+    rate = source.get('rate_hz')
+    parts = [f'{source["samples"]} samples' if source.get('samples') else '',
+             f'at {rate:.6g} Hz' if rate else '',
+             f'over {duration(source["duration_s"])}' if source.get('duration_s') else '']
+    topic = source.get('topic')
+    said = ' '.join(p for p in parts if p)
+    return (f'{said}, topic {topic}.' if topic else f'{said}.') if said else 'See below.'
 
 
 def failing(error: Score) -> list[View]:

@@ -37,6 +37,8 @@ class Calibrated:
     calibration: core.Calibration
     study: Study
     folder: Path | None = None
+    #: the gyroscope's, where one recording gave both
+    gyro: core.Calibration | None = None
 
 
 def face_in_name(path: str | Path) -> str | None:
@@ -55,14 +57,17 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
                       tilt_deg: float = 1.0,
                       method: str | None = None, seconds: float = core.STILL_S) -> Calibrated:
     """
-    Calibrate one sensor from records: all poses in one, or one record a pose.
+    Calibrate from records: all poses in one, or one record a pose.
+
+    Without a sensor, a rate or a turn, the gyroscope too by the turns between the poses, where
+    these tell enough; else the notes say why not.
 
     Parameters
     ----------
     records : iterable of ImuRecord
         As recorded, with rests (faces, turns) in them.
     sensor : str, optional
-        ``accel`` (default) or ``gyro`` (default where a rate or a turn is given).
+        ``accel`` or ``gyro`` alone (gyro where a rate or a turn is given); both unless given.
     gravity, latitude, height : float, optional
         Local gravity in m/s^2, or where it is (degrees, metres) for the WGS-84 formula.
     rate_deg_s, turn_deg : float, optional
@@ -87,17 +92,24 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
         raise UsageError('nothing to calibrate from', 'name a bag')
     if not 0 <= tilt_deg <= 10:
         raise UsageError(f'invalid tilt: {tilt_deg:g} deg', 'it must be 0 to 10')
-    if sensor is None:
-        sensor = 'accel' if rate_deg_s is None and turn_deg is None else 'gyro'
-    if sensor == 'accel' and not (rate_deg_s is None and turn_deg is None):
+    known = rate_deg_s is not None or turn_deg is not None
+    if sensor == 'accel' and known:
         raise UsageError('--rate and --turn are for the gyroscope',
                          'leave them out, or --sensor gyro')
     g, origin = core.gravity(gravity, latitude, height)
-    if sensor == 'accel':
-        poses, notes = _faces(records, g, seconds)
-    else:
+    gyro: core.Calibration | None = None
+    if known or sensor == 'gyro' and _by_columns(records):
         poses, notes = _turns(records, rate_deg_s, turn_deg, latitude, seconds)
-    result = core.calibrate(poses, method, tilt_deg * DEG, notes=notes)
+        result = core.calibrate(poses, method, tilt_deg * DEG, notes=notes)
+    else:
+        poses, notes = _faces(records, g, seconds)
+        result = core.calibrate(poses, method, tilt_deg * DEG, notes=notes)
+        if sensor != 'accel':
+            gyro, why = _by_turns_between(records, result, g, seconds, sensor == 'gyro')
+            result = replace(result, notes=(*result.notes, *why))
+        if sensor == 'gyro':
+            assert gyro is not None
+            result, gyro = gyro, None
     first = records[0]
     source = {
         'path': first.path, 'topic': first.topic, 'samples': sum(r.n for r in records),
@@ -105,7 +117,36 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
         'start': first.start, 'frame_id': first.frame_id, 'records': [r.path for r in records],
         'gravity': g, 'gravity_from': origin, 'notes': list(result.notes),
         'warnings': [*dict.fromkeys(w for r in records for w in r.warnings), *result.warnings]}
-    return Calibrated(result, study_of(result, source))
+    if gyro is not None:
+        source['gyro'] = {'notes': list(gyro.notes), 'warnings': list(gyro.warnings)}
+    return Calibrated(result, study_of(result, source, gyro), gyro=gyro)
+
+
+def _by_columns(records) -> bool:
+    """Tell whether the true rate was recorded along."""
+    return any(name in r.covariates for r in records for name in core.REFERENCE)
+
+
+def _by_turns_between(records, accel, gravity, seconds, asked):
+    """
+    Return the gyroscope's calibration by the turns between the poses, or None, and notes.
+
+    Axes that contradict each other are refused in any case, what is too little only where it is
+    asked for.
+
+    """
+    parts = []
+    try:
+        for r in records:
+            if r.gyro is not None:
+                parts.append(core.gathered(r, core.rests(r, seconds), accel.correction, gravity))
+        if not parts:
+            raise InputError('there is no gyroscope', 'record both sensors')
+        return core.calibrate_turns(core.together(parts)), ()
+    except InputError as error:
+        if asked:
+            raise
+        return None, (f'the gyroscope is left out: {error.message}',)
 
 
 def _faces(records, g, seconds):
@@ -148,23 +189,43 @@ def _turns(records, rate_deg_s, turn_deg, latitude, seconds):
     return poses, notes
 
 
-def study_of(calibration: core.Calibration, source: Mapping | None = None) -> Study:
-    """Return the study that the loop drives: one target, the sensor."""
-    problems = {calibration.sensor: calibration.problem}
+def study_of(calibration: core.Calibration, source: Mapping | None = None,
+             gyro: core.Calibration | None = None) -> Study:
+    """Return the study that the loop drives: a target each sensor."""
+    problems = {c.sensor: c.problem for c in (calibration, gyro) if c is not None}
     return Study.begin(problems, calibration.fit.model, source)     # type: ignore[arg-type]
 
 
 def as_dict(study: Study) -> dict:
-    """Return the data of calibration.yaml: numbers, where they are from, diagnosis."""
-    result = core.of_study(study)
-    data = {'format': 'imu_noise_calibration/1', **core.as_dict(result)}
-    data['source'] = {k: v for k, v in study.source.items() if k not in ('notes', 'warnings')}
-    if result.sensor == 'accel' and 'gravity' in study.source:
+    """
+    Return the data of calibration.yaml: numbers, where they are from, diagnosis.
+
+    One sensor at the top; two as ``accel`` and ``gyro``, with the ``time_offset`` between.
+
+    """
+    data: dict[str, Any] = {'format': 'imu_noise_calibration/1'}
+    said = ('notes', 'warnings', *study.targets)
+    source = {k: v for k, v in study.source.items() if k not in said}
+    parts = {target: _part(study, target) for target in study.targets}
+    if len(parts) == 1:
+        data.update(*parts.values())
+    else:
+        data.update(parts)
+    data['source'] = source
+    for target in study.targets:
+        offset = core.offset_of(core.of_study(study, target))
+        if offset is not None:
+            data['time_offset'] = offset
+    if 'accel' in study.targets and 'gravity' in study.source:
         data['gravity'] = study.source['gravity']
-    found = study.diagnosis.get(result.sensor)
-    data['diagnosis'] = store.diagnosis_to_dict('calibration', result.sensor,
-                                                found) if found else {}
     return store.plain(data)
+
+
+def _part(study, target):
+    """Return what calibration.yaml holds of one sensor."""
+    found = study.diagnosis.get(target)
+    return {**core.as_dict(core.of_study(study, target)), 'diagnosis': store.diagnosis_to_dict(
+        'calibration', target, found) if found else {}}
 
 
 def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
@@ -219,9 +280,11 @@ def calibrate(
     return replace(done, folder=folder)
 
 
-def load_correction(path: str | Path) -> core.Correction:
+def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
     """
     Return what corrects samples from a calibration.yaml, or a folder that holds one.
+
+    The accelerometer's comes first: the gyroscope's may need a calibrated specific force.
 
     Raises
     ------
@@ -234,10 +297,17 @@ def load_correction(path: str | Path) -> core.Correction:
     if not path.is_file():
         raise InputError(f'{path}: no such file', 'name a folder that calibrate wrote')
     data = store.load_yaml(path)
+    data = data if isinstance(data, dict) else {}
+    parts = [data[s] for s in ('accel', 'gyro') if s in data] or [data]
     try:
-        return core.from_dict(data if isinstance(data, dict) else {})
+        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in parts)
     except InputError as error:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
+
+
+def load_correction(path: str | Path) -> core.Correction:
+    """Return the first of :func:`load_corrections`."""
+    return load_corrections(path)[0]
 
 
 def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
@@ -274,10 +344,10 @@ def apply_calibration(
 
     """
     from ..bag import copy_bag
-    correction = load_correction(calibration)
+    corrections = load_corrections(calibration)
 
     def correct(record: ImuRecord) -> ImuRecord:
-        return corrected(record, correction)
+        return corrected(record, *corrections)
     return copy_bag(bag, out, correct, topic=topic, new_topic=CALIBRATED, force=force,
                     progress=progress)
 

@@ -26,6 +26,7 @@ from .simulate import simulate
 from .. import store
 from ..core import files
 from ..core.errors import ImuNoiseError
+from ..report import words
 
 GYRO = {'white': {'N': 8.7e-5}, 'flicker': {'B': 2.4e-5}, 'random_walk': {'K': 1.5e-6}}
 ACCEL = {'white': {'N': 1.0e-3}, 'flicker': {'B': 4.0e-4}, 'random_walk': {'K': 1.5e-5}}
@@ -67,18 +68,17 @@ def demo(out: str | Path, progress: Any = None, say: Callable[[str], None] = pri
         equal = _nodes(new, study, say)
         say('4. Compare: where does the model fail, by how much more than chance allows?')
         for t, s in study.compare().items():
-            bad = [v.name for v in s.views.values() if v.excess > 2 * v.std]
-            say(
-                f'   {t}: held-out deviance {s.excess:.3f} (chance: up to {2 * s.std:.3f})'
-                + (f', fails in {", ".join(bad)}' if bad else '')
-            )
+            bad = ', '.join(words.title_of(v.name) for v in words.failing(s))
+            say(f'   {t}: {words.ERROR} {words.error_in_words(s)}'
+                + (f'; fails in {bad}' if bad else ''))
         say('5. Diagnose, add what is missing, and look again, until nothing is missing')
         steps = study.complete(progress=progress)
         for s in steps:
             before = next(r for r in study.history if r.target == s.target)
             say(
-                f'   {s.target}: + {s.added}: error {before.held_out:.3f} -> {s.held_out:.3f} '
-                f'(chance: up to {2 * s.held_out_std:.3f})'
+                f'   {s.target}: {words.change(s)}: error {before.held_out:.3f} -> '
+                f'{s.held_out:.3f} (chance: up to {words.CHANCE * s.held_out_std:.3f}), '
+                f'{s.verdict}'
             )
         for t, d in study.diagnosis.items():
             say(f'   {t}: {d.verdict}')
@@ -94,7 +94,12 @@ def demo(out: str | Path, progress: Any = None, say: Callable[[str], None] = pri
         if found == truth
         else f'6. Found {found}, where there was {truth}.'
     )
-    say(f'report: {out / "report.html"}')
+    say(
+        'Look at, in this order:\n'
+        f'   {out / "report.html"}: what failed, which effect it was, and how the error fell\n'
+        f'   {out / "study" / "imu.yaml"}: the numbers for Kalibr, and what they rest on\n'
+        f'   {out / "study" / "allan.png"}: the curve of every axis beside its model'
+    )
     return {
         'report': str(out / 'report.html'),
         'truth': truth,

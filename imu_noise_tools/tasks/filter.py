@@ -26,7 +26,7 @@ from ..filter.design import aligned, AUTO, Design, design
 from ..filter.evaluate import Innovations
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of, START
-from ..filter.recorded import filter_record, Filtered
+from ..filter.recorded import filter_record, Filtered, memory
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
@@ -68,6 +68,7 @@ class Done:
                 'topic': TOPIC,
                 **self.filtered.design.names,
                 'alpha': self.filtered.design.alpha,
+                'smooth': self.filtered.smooth,
                 'rate_hz': 1 / self.filtered.clock.interval,
                 'counts': self.filtered.counts,
                 'notes': list(self.notes),
@@ -101,6 +102,7 @@ def filter_bag(
     noise: Any = ('white',),
     alpha: float = 1.0,
     values: Mapping | None = None,
+    smooth: bool = False,
     topic: str | None = None,
     rate_hz: float | None = None,
     force: bool = False,
@@ -122,6 +124,8 @@ def filter_bag(
     motion, noise, alpha, values
         As :func:`imu_noise_tools.filter.design.design`; the noise of ``model`` and the noise
         named add.
+    smooth : bool
+        Whether each rate knows the samples after it too.
     topic : str or None
         The Imu topic, where there are several.
     rate_hz : float or None
@@ -141,13 +145,15 @@ def filter_bag(
     """
     from ..bag import copy_bag
     folder = Path(f'{str(out).rstrip("/")}.study')
-    design(motion, noise, alpha, values)  # wrong usage is said before anything is read
+    # wrong usage is said before anything is read
+    memory(design(motion, noise, alpha, values), smooth)
     made: dict = {}
     together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
         within = None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what)
-        made.update(_filtered(record, model, motion, noise, alpha, values, rate_hz, within))
+        made.update(
+            _filtered(record, model, motion, noise, alpha, values, rate_hz, within, smooth))
         if made['study'] is not None:
             new = together.enter_context(files.new_folder(folder, force=force))
             for name, data in outputs(made['study'], folder).items():
@@ -182,6 +188,7 @@ def filter_samples(
     alpha: float = 1.0,
     values: Mapping | None = None,
     rate_hz: float | None = None,
+    smooth: bool = False,
     progress: Progress | None = None,
 ) -> tuple[ImuRecord, Done]:
     """
@@ -190,7 +197,7 @@ def filter_samples(
     Options and errors are those of :func:`filter_bag`.
 
     """
-    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress)
+    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress, smooth)
     done = Done(None, None, made['filtered'], made['study'], made['figures'], made['notes'])
     return replace(record, gyro=made['changed'].gyro), done
 
@@ -202,7 +209,9 @@ def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | b
             'report.html': report.html(study, pictures, folder=str(folder or 'DIR'))}
 
 
-def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) -> dict:
+def _filtered(
+    record, model, motion, noise, alpha, values, rate_hz, progress, smooth
+) -> dict:
     """Filter a record and study its innovations."""
     from ..bag import Changed
     if record.gyro is None:
@@ -214,7 +223,7 @@ def _filtered(record, model, motion, noise, alpha, values, rate_hz, progress) ->
         motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
     chosen = design(motion, noise, alpha, values)
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
-                         None if progress is None else lambda p: progress(p, 'filtering'))
+                         None if progress is None else lambda p: progress(p, 'filtering'), smooth)
     c = done.counts
     for count, what in (
         (c['refused'], 'not finite: refused'),

@@ -6,18 +6,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+import sys
 
 from .. import export, store
 from ..core import files, units
-from ..core.errors import InputError
+from ..core.errors import InputError, unknown
 from ..loop.study import Study
 from ..sheet import read, Sheet
 
 MEETS, MISSES, OPEN = 'meets', 'does not meet', 'cannot tell'
 
 
+def known() -> dict[str, Path]:
+    """Return the sheets that come with the package, by name."""
+    here = Path(__file__).resolve()
+    source, prefix = here.parents[2], here.parents[5]
+    for folder in (source / 'config', *(p / 'share' / here.parents[1].name / 'config'
+                                        for p in (prefix, Path(sys.prefix)))):
+        found = sorted((folder / 'sheets').glob('*.yaml'))
+        if found:
+            return {p.stem: p for p in found}
+    return {}
+
+
 def load(path: str | Path) -> Sheet:
-    """Return the sheet of a YAML file; raises what reading it raises."""
+    """
+    Return the sheet of a YAML file, or by the name of one that comes with the package.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is no sheet.
+
+    """
+    path = Path(path)
+    if not path.exists() and path.parent == Path():
+        sheets = known()
+        if str(path) not in sheets:
+            error = unknown('sheet', str(path), sheets)
+            raise InputError(f'{path}: no such file', error.remedy)
+        path = sheets[str(path)]
     return read(store.load_yaml(path), str(path))
 
 

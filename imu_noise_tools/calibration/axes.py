@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Axes upside down, swapped or left-handed: the turns between poses contradict gravity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations, product
+
+import numpy as np
+
+from .between import integrated, misses, Turns
+from ..core.errors import FitError
+
+_AGREE = np.radians(8.0)        # a turn that ends so near to gravity agrees with it
+_WRONG = np.radians(20.0)       # half of them further off: the axes do not belong together
+_LEAST = 4                      # turns
+
+
+def refuse_crossed_axes(turns: Turns) -> None:
+    """
+    Raise FitError where the two sensors agree only with axes turned over or swapped, saying which.
+
+    Of the 48 ways to lay the gyroscope's axes on the accelerometer's, the one with which half of
+    the turns end at gravity; where none does, the turns say nothing (a wrong unit, a gyroscope
+    that does not turn).
+
+    """
+    if turns.n < _LEAST:
+        return
+    as_is = _missed(turns, np.eye(3))
+    if as_is < _WRONG:
+        return
+    found = sorted(((_missed(turns, p), k) for k, p in enumerate(_WAYS)))
+    (best, k), (second, _) = found[:2]
+    if best > _AGREE:
+        return
+    said = (f'the turns between the poses contradict gravity: {np.degrees(as_is):.0f} deg off at '
+            f'the median, {np.degrees(best):.1f} deg with')
+    remedy = 'mend the driver\'s axes and signs (REP-145), and record again'
+    if second < 2 * best + _AGREE / 4:
+        raise FitError(f'{said} other axes; more than one way fits', remedy)
+    raise FitError(f'{said} {in_words(_WAYS[k])}', remedy)
+
+
+def _missed(turns: Turns, way: np.ndarray) -> float:
+    """Return the median angle by which turns miss gravity, the gyroscope's axes laid so."""
+    rates = (turns.gyro - np.median(turns.rests.outputs, axis=1)) @ way.T
+    some = replace(turns, gyro=rates)
+    return float(np.median(np.linalg.norm(misses(some, integrated(some, rates)), axis=1)))
+
+
+def _signed_permutations() -> list[np.ndarray]:
+    return [np.eye(3)[list(order)] * np.array(signs)[:, None]
+            for order in permutations(range(3)) for signs in product((1, -1), repeat=3)]
+
+
+_WAYS = _signed_permutations()
+
+
+def in_words(way: np.ndarray) -> str:
+    """
+    Return which axes are wrong, given what turns the gyroscope's rates into the accelerometer's.
+
+    A rate is an axial vector: an accelerometer whose axes are mapped by F makes it det(F) F w. So
+    a mirror of the gyroscope is the gyroscope's alone, and a proper ``way`` may be a mirror of
+    the accelerometer, -way, or a turn of either: what changes fewer axes is said first.
+
+    """
+    if np.linalg.det(way) < 0:
+        return _changed('gyro', way) + ': its axes are left-handed as they are'
+    mirror = _changed('accel', -way) + ': its axes are left-handed as they are'
+    turned = _changed('gyro', way)
+    few = _axes(-way) < _axes(way)
+    return f'{mirror}; or {turned}' if few else f'{turned}; or {mirror}'
+
+
+def _axes(way) -> int:
+    return int(np.sum(~np.isclose(np.diag(way), 1)))
+
+
+def _changed(sensor: str, way: np.ndarray) -> str:
+    """Return the change of axes in words: 'gyro_y upside down', 'accel_x and accel_y swapped'."""
+    flipped = [f'{sensor}_{a}' for a, v in zip('xyz', np.diag(way)) if v == -1]
+    if len(flipped) + int(np.sum(np.diag(way) == 1)) == 3:
+        return f'{" and ".join(flipped)} upside down'
+    rows = [f'{"" if way[i].sum() > 0 else "-"}{"xyz"[int(np.argmax(np.abs(way[i])))]}'
+            for i in range(3)]
+    moved = [f'{sensor}_{a}' for a, i in zip('xyz', range(3)) if way[i, i] == 0]
+    same = len(moved) == 2 and (way >= 0).all()
+    return f'{" and ".join(moved)} swapped' if same else (f'{sensor} x, y, z taken as '
+                                                          f'{", ".join(rows)}')

@@ -1,0 +1,288 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The gyroscope from the turns between rests: gravity before, turned as integrated, is gravity after.
+
+Tedaldi, Pretto and Menegatti (ICRA 2014), as a weighted linear least squares, iterated: with
+raw = S w + b + effects, a change of these coefficients turns what was integrated by
+
+    d phi = -sum_i R_i S^-1 (dS w_i + db + ...) dt_i        (frame of the start)
+
+so each turn gives two equations across the vertical, each rest three (w = 0). Integration is
+coning-correct: the rotation vector of an interval is the integral of the cubic through four rates
+and dt^2 / 12 w0 x w1 (Savage 1998, section 7.1.1.1).
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .correction import Correction
+from .poses import joined, Poses, unit
+from .positions import Rest, standard_errors, temperatures
+from ..core.errors import InputError
+from ..core.record import ImuRecord
+
+_NEAR_S = 1.0           # of a rest that is next to a turn gives its direction: a hand creeps
+
+
+@dataclass(frozen=True)
+class Turns:
+    """
+    Turns from rest to rest: n turns of m samples in all, and the rests between.
+
+    Parameters
+    ----------
+    gyro, force : ndarray (m, 3)
+        Raw rates, rad/s, and specific force, m/s^2 (of the calibrated accelerometer).
+    step : ndarray (m,)
+        Time to the next sample, s; 0 at the last of a turn.
+    temperature, time : ndarray (m,)
+        Degrees Celsius, nan where unknown; s since the start of the record.
+    turn : ndarray (m,)
+        To which turn a sample belongs, 0 to n - 1.
+    before, after : ndarray (3, n)
+        Direction of up before and after each turn, in the frame of the accelerometer.
+    spread : ndarray (n,)
+        Standard deviation of the angle between prediction and measurement from noise, rad.
+    rests : Poses
+        Mean outputs at rest, inputs zero.
+
+    """
+
+    gyro: np.ndarray
+    force: np.ndarray
+    step: np.ndarray
+    temperature: np.ndarray
+    time: np.ndarray
+    turn: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    spread: np.ndarray
+    rests: Poses
+
+    @property
+    def n(self) -> int:
+        """Number of turns."""
+        return self.before.shape[1]
+
+    def without(self, k: int) -> Turns:
+        """Return all turns but one, with all rests."""
+        return self.take([j for j in range(self.n) if j != k])
+
+    def take(self, turns: Any) -> Turns:
+        """Return some turns, with all rests."""
+        turns = np.atleast_1d(np.asarray(turns, int))
+        number = np.full(self.n, -1)
+        number[turns] = np.arange(len(turns))
+        mine = np.isin(self.turn, turns)
+        some = {k: getattr(self, k)[mine] for k in _SAMPLES}
+        return replace(self, **{**some, 'turn': number[self.turn[mine]],
+                                'before': self.before[:, turns], 'after': self.after[:, turns],
+                                'spread': self.spread[turns]})
+
+    @property
+    def samples(self) -> Poses:
+        """All samples as poses, one column each, inputs not known yet."""
+        return Poses.of('gyro', self.gyro.T, 0.0, 1.0, force=self.force.T,
+                        temperature=self.temperature, time=self.time,
+                        reference_temperature=self.rests.reference_temperature,
+                        names=[''] * len(self.gyro))
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return everything but the rests as plain arrays, for an npz file."""
+        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any], rests: Poses) -> Turns:
+        """Return the turns that :meth:`to_arrays` wrote."""
+        found = {k: np.array(arrays[k], float) for k in (*_SAMPLES, *_TURNS)}
+        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests)
+
+
+_SAMPLES = ('gyro', 'force', 'step', 'temperature', 'time', 'turn')
+_TURNS = ('before', 'after', 'spread')
+
+
+def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: float) -> Turns:
+    """
+    Return the turns of a record between its rests, directions by a calibrated accelerometer.
+
+    Raises
+    ------
+    InputError
+        There is no gyroscope, or fewer than two rests.
+
+    """
+    if record.gyro is None or record.accel is None:
+        raise InputError(f'{record.path or "the record"} has not both sensors',
+                         'turns between poses need a gyroscope and an accelerometer')
+    if len(found) < 2:
+        raise InputError('fewer than two rests', 'hold some poses, still, one after the other')
+    gyro = np.asarray(record.gyro, float)
+    heat = record.covariates.get('temperature', np.full(record.n, np.nan))
+    force = accel.apply(np.asarray(record.accel, float), _known(heat))
+    up = np.array([force[r.samples()].mean(0) for r in found]).T
+    near = max(1, round(_NEAR_S * record.rate_hz))
+    first, last = (np.array([force[r.samples()[s]].mean(0) for r in found]).T
+                   for s in (slice(near), slice(-near, None)))
+    length = np.array([len(r.samples()) for r in found])
+    noise = standard_errors(force, found, record.rate_hz) / gravity
+    noise = noise * np.sqrt(length / np.minimum(length, near))
+    white = _density(gyro, found, record)
+    parts: dict[str, list] = {k: [] for k in _SAMPLES}
+    kept: list[tuple[int, float]] = []
+    for k, (a, b) in enumerate(zip(found[:-1], found[1:])):
+        here = slice(a.end - 1, b.begin + 1)
+        t = record.t[here]
+        if not np.isfinite(gyro[here]).all() or np.diff(t).max(initial=0) > 0.1:
+            continue                        # a gap: what it turned there is not known
+        for name, value in (('gyro', gyro[here]), ('force', force[here]), ('time', t),
+                            ('step', np.append(np.diff(t), 0.0)), ('temperature', heat[here]),
+                            ('turn', np.full(len(t), len(kept)))):
+            parts[name].append(value)
+        kept.append((k, np.sqrt(np.mean(noise[:, k] ** 2 + noise[:, k + 1] ** 2)
+                                + white ** 2 * (t[-1] - t[0]))))
+    if not kept:
+        raise InputError('no turn between rests without a gap', 'record again')
+    index = np.array([k for k, _ in kept])
+    rests = Poses.of(
+        'gyro', np.array([gyro[r.samples()].mean(0) for r in found]).T,
+        standard_errors(gyro, found, record.rate_hz), 1.0, np.zeros((3, len(found))), force=up,
+        temperature=temperatures(record, found),
+        time=[record.t[r.samples()].mean() for r in found], names=['rest'] * len(found))
+    return Turns(**{k: np.concatenate(v) for k, v in parts.items()},
+                 before=unit(last[:, index]), after=unit(first[:, index + 1]),
+                 spread=np.array([s for _, s in kept]), rests=rests)
+
+
+def _known(heat):
+    return heat if np.isfinite(heat).all() else None
+
+
+def _density(gyro, found, record) -> float:
+    """Return the white noise of the rates at rest, rad/s/sqrt(Hz), rms of the axes."""
+    rms = standard_errors(gyro, found, record.rate_hz)
+    span = np.array([len(r.samples()) * record.dt for r in found])
+    return float(np.sqrt(np.mean(rms ** 2 * span)))
+
+
+def together(parts: list[Turns]) -> Turns:
+    """Return the turns of several records as one."""
+    count = np.cumsum([0] + [p.n for p in parts])
+    some = {k: np.concatenate([getattr(p, k) for p in parts], axis=-1) for k in _TURNS}
+    all_ = {k: np.concatenate([getattr(p, k) for p in parts]) for k in _SAMPLES}
+    all_['turn'] = np.concatenate([p.turn + n for p, n in zip(parts, count)])
+    return Turns(**all_, **some, rests=joined([p.rests for p in parts]))
+
+
+def integrated(turns: Turns, rates: np.ndarray) -> np.ndarray:
+    """Return the rotation from the body at each sample to that at its turn's start, (m, 3, 3)."""
+    step = turns.step[:-1, None]
+    a, b = rates[:-1], rates[1:]
+    turn = rotations(step * _means(turns, rates) + step ** 2 / 12 * np.cross(a, b))
+    begin = np.searchsorted(turns.turn, np.arange(turns.n))
+    length = np.diff(np.append(begin, len(rates)))
+    out = np.broadcast_to(np.eye(3), (len(rates), 3, 3)).copy()
+    order = np.argsort(-length)             # the longest first: a step in all that still turn
+    begin, length = begin[order], length[order]
+    now = np.broadcast_to(np.eye(3), (turns.n, 3, 3)).copy()
+    for i in range(1, length.max(initial=1)):
+        count = int(np.searchsorted(-length, -i))
+        at = begin[:count] + i
+        now[:count] = now[:count] @ turn[at - 1]
+        out[at] = now[:count]
+    return out
+
+
+def _means(turns, rates):
+    """Return the mean rate between each sample and the next, (m - 1, 3)."""
+    mean = (rates[:-1] + rates[1:]) / 2
+    step, turn = turns.step, turns.turn
+    if len(rates) > 3:
+        # a cubic where four samples are of one turn, as far apart as stamps jitter
+        even = np.ptp([step[:-3], step[1:-2], step[2:-1]], axis=0) < 0.2 * step[1:-2]
+        inner = 1 + np.flatnonzero(even & (turn[:-3] == turn[3:]))
+        bow = rates[inner - 1] - rates[inner] - rates[inner + 1] + rates[inner + 2]
+        mean[inner] -= bow / 24
+    return mean
+
+
+def rotations(vectors: np.ndarray) -> np.ndarray:
+    """Return the rotation matrices of rotation vectors (m, 3), Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    k = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    sine = np.sinc(angle / np.pi)
+    versine = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return np.eye(3) + sine * k + versine * k @ k
+
+
+def ends(turns: Turns) -> np.ndarray:
+    """Return the index of each turn's last sample, (n,)."""
+    return np.searchsorted(turns.turn, np.arange(turns.n), side='right') - 1
+
+
+def misses(turns: Turns, rotation: np.ndarray) -> np.ndarray:
+    """
+    Return by which small rotation (frame of the start) each turn misses gravity, (n, 3), rad.
+
+    Its length is the angle between predicted and measured direction.
+
+    """
+    seen = np.einsum('nij,jn->ni', rotation[ends(turns)], turns.after)
+    axis = np.cross(seen, turns.before.T)
+    sine = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(sine, np.einsum('ni,in->n', seen, turns.before))
+    return axis * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[:, None]
+
+
+def tangents(directions: np.ndarray) -> np.ndarray:
+    """Return two unit vectors across each direction (3, n): (n, 2, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=0)]
+    first = unit(np.cross(directions.T, least).T)
+    return np.stack([first.T, np.cross(directions.T, first.T)], axis=1)
+
+
+def sums(turns: Turns, rotation: np.ndarray, scale: np.ndarray, terms: np.ndarray) -> np.ndarray:
+    """Return sum_i R_i S^-1 terms_i dt of each turn, (n, 3, k), for terms (3, m, k)."""
+    weight = turns.step.copy()
+    weight[1:] += turns.step[:-1]
+    back = np.einsum('mij,jl->mil', rotation, np.linalg.inv(scale)) * (weight / 2)[:, None, None]
+    each = np.einsum('mil,lmk->mik', back, terms)
+    begin = np.searchsorted(turns.turn, np.arange(turns.n))
+    return np.add.reduceat(each, begin, axis=0)
+
+
+def time_offset(turns: Turns, rates: np.ndarray, gravity: float) -> tuple[float, float]:
+    """
+    Return (s, standard error): by how much the accelerometer's stamps are late.
+
+    While it turns, gravity goes through the accelerometer: f(t) / g = u(t - offset) and what the
+    hand adds; robust least squares of f / g - u on -du/dt = w x u, the error from how turns
+    differ (each turn is one).
+
+    """
+    rotation = integrated(turns, rates)
+    up = np.einsum('mji,jm->mi', rotation, turns.before[:, turns.turn])
+    speed = np.cross(rates, up)
+    off = turns.force / gravity - up
+    size = np.linalg.norm(off, axis=1)
+    weight = np.ones(len(off))
+    slope = 0.0
+    for _ in range(10):
+        top = np.bincount(turns.turn, weight * np.sum(off * speed, axis=1), turns.n)
+        bottom = np.bincount(turns.turn, weight * np.sum(speed ** 2, axis=1), turns.n)
+        slope = top.sum() / max(bottom.sum(), 1e-12)
+        size = np.linalg.norm(off - slope * speed, axis=1)
+        weight = 1 / (1 + (size / max(float(np.median(size)), 1e-9)) ** 2)
+    spread = top - slope * bottom
+    scatter = np.sqrt(np.sum(spread ** 2) * turns.n / max(1, turns.n - 1))
+    return float(slope), float(scatter / max(bottom.sum(), 1e-12))

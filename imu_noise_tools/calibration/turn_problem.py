@@ -1,0 +1,289 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The loop's view of a gyroscope calibrated by the turns between rests: turns left out in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2, f as f_distribution, t as student
+
+from . import solve
+from .between import ends, integrated, misses, sums, tangents, Turns
+from .correction import Correction
+from .effects import Regressor, Scatter
+from .linear import Equations, keys_of, terms_of
+from .poses import joined, Poses
+from .problem import CalibrationProblem, score_of
+from ..core.errors import FitError
+from ..core.statistics import TWO_SIDED
+from ..loop.effect import Fit, Model, Score, unfitted
+
+_ROUNDS = 30
+_CLOSE = 1e-9
+_WILD = np.radians(20.0)        # a turn that misses by more is linearised in vain
+
+
+@dataclass(frozen=True)
+class TurnsProblem(CalibrationProblem):
+    """
+    One gyroscope's turns between rests, and the rests.
+
+    The errors of the turns (rad) and of the rests (rad/s) are noise and a scatter each, which is
+    found in every fit so that chi-squared is what chance makes it, where noise alone explains
+    less.
+
+    """
+
+    turns: Turns | None = None
+    _data: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, turns: Turns) -> TurnsProblem:
+        """Return the problem of some turns."""
+        return cls(_as_poses(turns), 'turns', 0.0, turns=turns)
+
+    @property
+    def data(self) -> Turns:
+        """The turns."""
+        assert self.turns is not None
+        return self.turns
+
+    @property
+    def _free(self) -> bool:
+        return True
+
+    def split(self) -> list[tuple[Any, Any]]:
+        """Return (all but one turn, that turn), for every turn."""
+        return [(TurnsProblem.of(self.data.without(k)), TurnsProblem.of(self.data.take(k)))
+                for k in range(self.data.n)]
+
+    def without(self, k: int) -> CalibrationProblem:
+        """Return the problem without one pose: a turn, or all of it where a rest is named."""
+        return TurnsProblem.of(self.data.without(k)) if k < self.data.n else self
+
+    def fit(self, model: Model) -> Fit:
+        """Fit a model; see :mod:`.between`; raise FitError where it does not converge."""
+        model = unfitted(model)
+        if model not in self._fits:
+            self._fits[model] = _fit(model, self.data, self.poses)
+        return self._fits[model]
+
+    def score(self, fit: Fit) -> Score:
+        """Score a fit made on other turns by these: squared angle over predicted variance."""
+        details = fit.details
+        at = _At.of(fit.model, self.data, details.theta, details.keys)
+        basis = tangents(self.data.before)
+        rows = np.einsum('nri,nik->nrk', basis, at.change)
+        cov = np.einsum('nrk,kl,nsl->nrs', rows, details.cov, rows)
+        cov += np.eye(2) * (self.data.spread ** 2 + details.tilt ** 2)[:, None, None]
+        value, vector = np.linalg.eigh(cov)
+        error = np.einsum('nri,ni->nr', basis, misses(self.data, at.rotation))
+        pull = np.einsum('nrs,nr->ns', vector, error) / np.sqrt(value)
+        return score_of(np.repeat(self.data.rests.time.mean(), pull.size), pull.ravel(),
+                        np.sqrt(2 / max(1, pull.size)),
+                        float(np.sum(pull ** 2 + np.log(value))))
+
+    def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
+        """Return the whitened columns that an effect would add to a fit's equations."""
+        at = _At.of(fit.model, self.data, fit.details.theta, fit.details.keys)
+        return _rows(self.data, fit.details.equations.whitener,
+                     sums(self.data, at.rotation, at.scale, effect.terms(at.samples, at.scale)),
+                     effect.terms(self.data.rests, at.scale))
+
+    def summary(self, fit: Fit) -> dict[str, float]:
+        """Return rms angles (rad) of turns as fitted and left out, with chi-squared."""
+        n = self.data.n
+        return {'residual_rms': _rms(fit.details.residual[:, :n]),
+                'left_out_rms': _rms(self.left_out(fit).outputs()[:n].T),
+                'chi_squared': fit.details.chi2, 'dof': float(fit.details.dof)}
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return everything as plain arrays, for an npz file."""
+        rests = {f'rest_{k}': v for k, v in self.data.rests.to_arrays().items()}
+        return {**super().to_arrays(), **self.data.to_arrays(), **rests}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> TurnsProblem:
+        """Return the problem that :meth:`to_arrays` wrote."""
+        rests = Poses.from_arrays({k.removeprefix('rest_'): v for k, v in arrays.items()
+                                   if k.startswith('rest_')})
+        return cls.of(Turns.from_arrays(arrays, rests))
+
+    def _why_not(self, effect: Regressor | Scatter) -> str:
+        if isinstance(effect, Scatter):
+            return 'the scatter of turns and rests is found in every fit'
+        why = effect.why_not(self.data.rests)
+        return why if why else effect.why_not(self.data.samples)
+
+    def _gain(self, fit: Fit, effect: Regressor) -> tuple[float, int]:
+        """
+        Return the gain with the scatter found anew: by F, as the chi-squared of equal chance.
+
+        What is missing is in the scatter of the model without it.
+
+        """
+        system = fit.details.equations
+        gain, rank = system.gain(self.columns(fit, effect))
+        dof = system.dof - rank
+        if not rank or dof < 1 or not fit.details.tilt:
+            return gain, rank
+        left = max(system.chi2 - 2 * gain, 1e-9 * system.chi2)
+        chance = f_distribution.logsf(2 * gain / rank * dof / left, rank, dof)
+        return float(chi2.isf(np.exp(max(chance, -700.0)), rank)) / 2, rank
+
+    def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
+        return 0.0, 0
+
+
+class _At:
+    """A model at some values, over the samples of turns."""
+
+    def __init__(self, model: Model, turns: Turns, keys: Any, theta: np.ndarray):
+        samples = turns.samples
+        state = solve.State(samples, keys, theta)
+        self.filled = state.filled(model)
+        self.scale = state.scale
+        correction = Correction('gyro', state.scale, state.bias, self.filled,
+                                samples.reference_temperature)
+        heat = turns.temperature if np.isfinite(turns.temperature).all() else None
+        self.rates = correction.apply(turns.gyro, heat, turns.force)
+        self.samples = samples.with_inputs(self.rates.T)
+        self.rotation = integrated(turns, self.rates)
+        self.terms = terms_of(model, self.samples, self.scale, False)
+        self.change = sums(turns, self.rotation, self.scale, self.terms)
+
+    @classmethod
+    def of(cls, model: Model, turns: Turns, theta: np.ndarray, keys: Any) -> _At:
+        """Return a model at the values of a fit."""
+        return cls(model, turns, keys, theta)
+
+
+def _as_poses(turns: Turns) -> Poses:
+    """Return turns and rests as poses: mean outputs, for people and pictures."""
+    begin = np.searchsorted(turns.turn, np.arange(turns.n))
+    last = ends(turns)
+    span = turns.time[last] - turns.time[begin]
+    mean = np.add.reduceat(turns.gyro, begin, axis=0).T / (last - begin + 1)
+    angle = np.degrees(np.linalg.norm(mean, axis=0) * span)
+    force = np.add.reduceat(turns.force, begin, axis=0).T / (last - begin + 1)
+    heat = np.add.reduceat(turns.temperature, begin) / (last - begin + 1)
+    turned = Poses.of('gyro', mean, turns.spread / np.maximum(span, 1e-9), turns.rests.magnitude,
+                      mean, force=force, temperature=heat,
+                      reference_temperature=turns.rests.reference_temperature,
+                      time=(turns.time[last] + turns.time[begin]) / 2,
+                      names=[f'turn {k + 1} ({a:.0f} deg)' for k, a in enumerate(angle)])
+    return joined([turned, turns.rests])
+
+
+def _rows(turns, whitener, of_turns, of_rests):
+    """Return whitened rows of terms of turns (n, 3, k) and rests (3, rests, k)."""
+    rests = of_rests.transpose(1, 0, 2)
+    return np.concatenate([w @ m for w, m in zip(whitener, [*of_turns, *rests])])
+
+
+def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
+    for e in model.of(Regressor):
+        why = e.why_not(turns.rests)
+        if why:
+            raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
+    keys = keys_of(model, False)
+    theta = _begun(model, turns, keys)
+    scatter = np.zeros(2)
+    for _ in range(_ROUNDS):
+        system, at = _equations(model, turns, keys, theta, scatter)
+        change = system.theta - theta
+        theta = system.theta
+        found = _scatter(system, turns, scatter)
+        settled = np.allclose(found, scatter, rtol=0.01, atol=1e-12)
+        scatter = found
+        if settled and np.max(np.abs(change)) < _CLOSE * max(1.0, np.abs(theta).max()):
+            break
+    else:
+        if not np.isfinite(theta).all() or np.max(np.abs(change)) > 1e-5:
+            raise FitError('the fit of the turns does not converge',
+                           'turn about all axes, with a rest between; check the units')
+    miss = misses(turns, at.rotation)
+    dof = max(1, 2 * turns.n - len(keys) + 3)
+    widen = (student.ppf(0.975, dof) / TWO_SIDED) ** 2 if scatter[0] else 1.0
+    state = solve.State(poses.with_inputs(_mean_rates(turns, at.rates, poses)), keys, theta)
+    fit = solve.report(model, state, system, system.cov * widen, _log_det(system), 'turns',
+                       float(scatter[0]), None, state.values)
+    residual = fit.details.residual.copy()
+    residual[:, :turns.n] = miss.T
+    return replace(fit, details=replace(fit.details, residual=residual))
+
+
+def _begun(model, turns, keys):
+    """Return the coefficients to start from: the identity, and the bias seen at rest."""
+    start = {('bias', f'b_{k}'): v for k, v in zip('xyz', np.median(turns.rests.outputs, axis=1))}
+    return np.array([1.0 if (label, name) in {('scale', f'S_{2 * k}') for k in 'xyz'}
+                     else start.get((label, name), 0.0) for label, name in keys])
+
+
+def _equations(model, turns, keys, theta, scatter):
+    """Return the equations around some values, and what was integrated with them."""
+    at = _At(model, turns, keys, theta)
+    basis = tangents(turns.before)
+    size = np.sqrt(turns.spread ** 2 + scatter[0] ** 2)
+    miss = misses(turns, at.rotation)
+    wild = np.linalg.norm(miss, axis=1)
+    size = size * np.maximum(1.0, wild / _WILD)
+    rest = 1 / np.sqrt(turns.rests.std.T ** 2 + scatter[1] ** 2)
+    whitener = [*(basis / size[:, None, None]), *(np.eye(3) * rest[:, None, :])]
+    of_rests = terms_of(model, turns.rests, at.scale, False)
+    matrix = _rows(turns, whitener, at.change, of_rests)
+    # what the present values explain, less by how much they miss
+    right = [w @ (c @ theta - m) for w, c, m in zip(whitener, at.change, miss)]
+    right += [w @ o for w, o in zip(whitener[turns.n:], turns.rests.outputs.T)]
+    pose = np.repeat(np.arange(len(whitener)), [len(w) for w in whitener])
+    return Equations(matrix, np.concatenate(right), pose, keys, whitener), at
+
+
+def _scatter(system, turns, last):
+    """Return (rad, rad/s) of scatter beyond noise: each part's chi-squared is then its dof."""
+    out = []
+    u = system.basis
+    for part, noise, old in ((system.pose < turns.n, turns.spread, last[0]),
+                             (system.pose >= turns.n, turns.rests.std, last[1])):
+        expected = part.sum() - np.sum(u[part] ** 2)
+        ratio = np.sum(system.residual[part] ** 2) / max(expected, 0.5)
+        noise2 = float(np.mean(noise ** 2))
+        out.append(np.sqrt(max(0.0, (old ** 2 + noise2) * ratio - noise2)))
+    return np.array(out)
+
+
+def _mean_rates(turns, rates, poses):
+    begin = np.searchsorted(turns.turn, np.arange(turns.n))
+    mean = np.add.reduceat(rates, begin, axis=0) / np.bincount(turns.turn)[:, None]
+    return np.concatenate([mean.T, np.zeros((3, poses.n - turns.n))], axis=1)
+
+
+def _log_det(system) -> float:
+    return -float(sum(np.linalg.slogdet(w @ w.T)[1] for w in system.whitener))
+
+
+def _rms(angles) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(angles), axis=0))))
+
+
+def problems(arrays: Mapping[str, Any]) -> dict[str, CalibrationProblem]:
+    """Return the problems, by target, from the arrays of evidence.npz."""
+    found: dict[str, dict] = {}
+    for name, value in arrays.items():
+        target, _, key = name.partition('/')
+        if key:
+            found.setdefault(target, {})[key] = value
+    kinds = {'turns': TurnsProblem}
+    return {target: kinds.get(str(some.get('method')), CalibrationProblem).from_arrays(some)
+            for target, some in found.items()}
+
+
+def arrays_of(found: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    return {f'{target}/{key}': value for target, p in found.items() for key,
+            value in p.to_arrays().items()}

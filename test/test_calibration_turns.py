@@ -1,0 +1,199 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The gyroscope by the turns between poses: intervals, axes, both sensors from one recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import calibration_sessions as sim
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+import yaml
+
+from imu_noise_tools import calibration as core
+from imu_noise_tools.calibration.between import integrated, rotations
+from imu_noise_tools.cli.main import main
+from imu_noise_tools.core.errors import FitError, InputError
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import find_effect
+from imu_noise_tools.loop.problem import Problem
+from imu_noise_tools.tasks import calibration as tasks
+
+DEG = np.pi / 180
+
+
+def session(seed, n=16, **device):
+    """Return (record, accelerometer, gyroscope) of poses in all directions, turned by hand."""
+    rng = np.random.default_rng(seed)
+    accel = sim.Device.drawn(rng, noise=0.02, upper=True)
+    gyro = sim.Device.drawn(rng, 'gyro', noise=2e-3)
+    for name, value in device.items():
+        setattr(gyro, name, value)
+    ups = sim.spread_directions(n, rng)[rng.permutation(n)]
+    t, rates, force, _ = sim.stream(accel, ups, rng, gyro=gyro, hold_s=3.0)
+    return ImuRecord(rates, force, t, 100.0), accel, gyro
+
+
+def problem_of(record):
+    """Return the problem of a record's turns."""
+    found = core.rests(record)
+    poses, _ = core.positions(record, sim.G)
+    accel = core.calibrate(poses).correction
+    return core.TurnsProblem.of(core.gathered(record, found, accel, sim.G))
+
+
+def test_rotation_vectors():
+    """Rodrigues against scipy, small and large, and none."""
+    rng = np.random.default_rng(0)
+    v = np.concatenate([rng.normal(size=(20, 3)), 1e-9 * rng.normal(size=(5, 3)),
+                        np.zeros((1, 3))])
+    np.testing.assert_allclose(rotations(v), Rotation.from_rotvec(v).as_matrix(), atol=1e-12)
+
+
+def test_integration_is_coning_correct():
+    """A cone of 5 deg at 5 Hz, 4 s at 100 Hz: ten times nearer the closed form than mid-points."""
+    rate, a, w = 100.0, 5 * DEG, 2 * np.pi * 5
+    t = np.arange(401) / rate
+
+    def att(x):
+        about = w * np.atleast_1d(x)[:, None] * np.array([[0, 0, 1]])   # Rz(wt) Ry(a) Rz(-wt)
+        tilt = Rotation.from_rotvec([0, a, 0])
+        return Rotation.from_rotvec(about) * tilt * Rotation.from_rotvec(-about)
+
+    step = 1e-6
+    rates = ((att(t - step).inv() * att(t + step)).as_rotvec()) / (2 * step)
+    problem = problem_of(session(1)[0])
+    turns = replace(problem.data, gyro=rates, force=rates, step=np.append(np.diff(t), 0.0),
+                    temperature=t, time=t, turn=np.zeros(len(t), int),
+                    before=problem.data.before[:, :1], after=problem.data.after[:, :1],
+                    spread=problem.data.spread[:1])
+    true = (att(t[0]).inv() * att(t[-1])).as_matrix()[0]
+    plain = np.eye(3)
+    for x in (rates[:-1] + rates[1:]) / 2 / rate:
+        plain = plain @ rotations(x[None])[0]
+
+    def off(r):
+        return Rotation.from_matrix(r.T @ true).magnitude()
+    assert off(integrated(turns, rates)[-1]) < off(plain) / 10
+
+
+def test_intervals_hold_the_truth():
+    """Twenty sessions, twelve numbers each."""
+    hits = []
+    for seed in range(20):
+        record, _, gyro = session(seed)
+        fit = problem_of(record).fit(core.base_model())
+        true = [*np.diag(gyro.scale), *gyro.scale[~np.eye(3, dtype=bool)], *gyro.bias]
+        std = np.sqrt(np.diag(fit.details.cov))
+        hits.append(np.abs(fit.details.theta - true) < 1.96 * std)
+    assert 0.92 <= np.mean(hits) <= 0.98
+
+
+def test_left_out_closed_form_is_split_fit_score():
+    """Turns left out by leverage against fitting n times."""
+    problem = problem_of(session(3, g_sensitivity=1e-3 * np.ones((3, 3)))[0])
+    model = core.base_model()
+    looped = Problem.held_out(problem, model)
+    left = problem.left_out(problem.fit(model))
+    n = 2 * problem.data.n
+    assert np.mean(left.pulls[:n] ** 2) - 1 == pytest.approx(looped.excess, rel=0.5, abs=0.3)
+
+
+def test_g_sensitivity_is_found_and_the_error_of_turns_left_out_falls():
+    """The loop names it, and adding it brings turns left out back to noise."""
+    sensitivity = 2e-3 * np.array([[1, -1, 0.5], [0.3, -1, 1], [1, 0.2, 0.4]])
+    record, _, gyro = session(4, g_sensitivity=sensitivity)
+    study = tasks.calibrate_records([record], sensor='gyro').study
+    before = study.states['gyro'].summary['left_out_rms']
+    assert study.diagnose()['gyro'].found[0].name == 'g_sensitivity'
+    study.add()
+    state = study.states['gyro']
+    assert state.summary['left_out_rms'] < before / 3
+    found = state.model['g_sensitivity']
+    values = np.array([found[p.name] for p in found.parameters]).reshape(3, 3)
+    np.testing.assert_allclose(values, sensitivity, atol=3e-4)
+
+
+@pytest.mark.parametrize('sensor, way, words', [
+    ('gyro', np.diag([1, -1, 1]), 'gyro_y upside down'),
+    ('accel', np.diag([1, 1, -1]), 'accel_z upside down'),
+    ('gyro', np.eye(3)[[1, 0, 2]], 'gyro_x and gyro_y swapped'),
+    ('accel', np.eye(3)[[0, 2, 1]], 'accel_y and accel_z swapped')])
+def test_wrong_axes_are_refused_by_name(sensor, way, words):
+    """The turns contradict gravity with these axes, and agree with them put right."""
+    record, _, _ = session(5)
+    wrong = replace(record, **{sensor: getattr(record, sensor) @ way.T})
+    with pytest.raises(FitError, match=words) as refusal:
+        tasks.calibrate_records([wrong])
+    assert 'left-handed' in str(refusal.value)
+
+
+def test_both_sensors_from_one_recording(tmp_path, capsys):
+    """One calibration.yaml with two parts, one study, one apply for both."""
+    record, accel, gyro = session(6)
+    bag, out = tmp_path / 'poses.npz', tmp_path / 'out'
+    np.savez(bag, t=record.t, gyro=record.gyro, accel=record.accel)
+    assert main(['calibrate', str(bag), '-o', str(out)]) == 0
+    assert 'turns left out miss gravity by' in capsys.readouterr().out
+    data = yaml.safe_load((out / 'calibration.yaml').read_text())
+    assert data['gyro']['method'] == 'turns' and data['accel']['method'] == 'norm'
+    assert abs(data['time_offset']['value']) < 5 * data['time_offset']['std'] + 1e-3
+    np.testing.assert_allclose(data['gyro']['S'], gyro.scale, atol=1e-3)
+    for command in (['compare', str(out)], ['diagnose', str(out)], ['history', str(out)],
+                    ['add', str(out), 'g_sensitivity', '--axis', 'gyro']):
+        assert main(command) == 0, command
+    again = yaml.safe_load((out / 'calibration.yaml').read_text())
+    assert list(again['gyro']['effects']) == ['g_sensitivity'] and not again['accel']['effects']
+    better = tmp_path / 'better.npz'
+    assert main(['apply', str(bag), '-o', str(better), '--calibration', str(out)]) == 0
+    with np.load(better) as new:
+        corrected = {k.split('_')[0]: new[k] for k in new.files if '_' in k}
+    still = slice(0, 250)
+    assert np.linalg.norm(corrected['gyro'][still].mean(0)) < 1e-3
+    assert np.linalg.norm(corrected['accel'][still].mean(0)) == pytest.approx(sim.G, abs=5e-3)
+
+
+def test_too_few_turns_are_said():
+    """Six faces calibrate the accelerometer; why not the gyroscope is a note, or a refusal."""
+    rng = np.random.default_rng(7)
+    device = sim.Device.drawn(rng, noise=0.02)
+    t, rates, force, _ = sim.stream(device, sim.faces()[1], rng)
+    record = ImuRecord(rates, force, t, 100.0)
+    done = tasks.calibrate_records([record])
+    assert done.gyro is None
+    assert any('the gyroscope is left out: 5 turns' in n for n in done.calibration.notes)
+    with pytest.raises(InputError, match='5 turns between poses'):
+        tasks.calibrate_records([record], sensor='gyro')
+
+
+def test_time_offset_between_the_sensors():
+    """An accelerometer stamped 12 ms late is told to be."""
+    rng = np.random.default_rng(8)
+    accel, gyro = sim.Device(noise=0.02), sim.Device(noise=2e-3)
+    ups = sim.spread_directions(14, rng)[rng.permutation(14)]
+    t, rates, force, _ = sim.stream(accel, ups, rng, rate=1000.0, gyro=gyro, hold_s=4.0)
+    record = ImuRecord(rates[::10], np.roll(force, 12, axis=0)[::10], t[::10], 100.0)
+    offset = core.offset_of(tasks.calibrate_records([record]).gyro)
+    assert offset['value'] == pytest.approx(0.012, abs=max(4 * offset['std'], 1e-3))
+
+
+@pytest.mark.parametrize('name, gravity, scale', [
+    ('mpu9150_0_multipos', 9.81, (0.041, 0.457, 0.826)),
+    ('xsens_mti_multipos', 9.81744, (0.224, -0.195, -0.027))])
+def test_real_turns(shared_data, name, gravity, scale):
+    """Published scale factors (per cent) within their errors, turns left out within 0.2 deg."""
+    with np.load(shared_data / 'records' / f'{name}.npz') as d:
+        rate = float(d['rate_hz'])
+        t = d['t'] - d['t'][0] if 't' in d.files else np.arange(len(d['accel'])) / rate
+        record = ImuRecord(d['gyro'].astype(float), d['accel'].astype(float), t, rate, path=name)
+    problem = tasks.calibrate_records([record], gravity=gravity, sensor='gyro',
+                                      seconds=1.0).calibration.problem
+    model = core.base_model()
+    if name.startswith('xsens'):
+        model = model + find_effect('calibration', 'g_sensitivity')()
+    fit = problem.fit(model)
+    np.testing.assert_allclose(100 * (np.diag(fit.details.scale) - 1), scale, atol=0.15)
+    assert np.degrees(problem.summary(fit)['left_out_rms']) < 0.2
