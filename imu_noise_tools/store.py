@@ -90,16 +90,17 @@ def plain(value: Any) -> Any:
     return value
 
 
-def dump_yaml(data: Any) -> str:
-    """Return YAML text: block style outside, flow style for small mappings inside."""
-    return yaml.dump(
+def dump_yaml(data: Any, one_line: bool = False) -> str:
+    """Return YAML text: block style outside, flow style for small mappings inside; or one line."""
+    text = yaml.dump(
         plain(data),
         Dumper=_Dumper,
         sort_keys=False,
         allow_unicode=True,
-        width=160,
-        default_flow_style=None,
+        width=float('inf') if one_line else 160,
+        default_flow_style=True if one_line else None,
     )
+    return text.strip() if one_line else text
 
 
 def load_yaml(path: str | Path) -> Any:

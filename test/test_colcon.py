@@ -121,9 +121,56 @@ def test_launch_files_start_what_they_say(root, prefix, launching, where):
         assert Path(defaults['params_file']).is_file()
 
 
-def test_launch_files_for_real(root):
-    """Where launch is installed: each describes its arguments."""
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+path, *given = sys.argv[1:]
+service = LaunchService(argv=given)
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
+    PythonLaunchDescriptionSource(path), launch_arguments=[a.split(':=', 1) for a in given])]))
+sys.exit(service.run())
+"""
+
+
+def test_launch_files_are_read_by_launch(root):
+    """Where launch is installed: its own parser finds the arguments, described, and the nodes."""
     pytest.importorskip('launch_ros')
+    from launch import LaunchIntrospector
+    from launch.launch_description_sources import get_launch_description_from_python_launch_file
     for path in sorted((root / 'launch').glob('*.launch.py')):
-        description = runpy.run_path(str(path))['generate_launch_description']()
-        assert ARGUMENTS <= {a.name for a in description.get_launch_arguments()}
+        description = get_launch_description_from_python_launch_file(str(path))
+        arguments = {a.name: a for a in description.get_launch_arguments()}
+        assert ARGUMENTS <= set(arguments)
+        assert all(a.description for a in arguments.values())
+        assert {n for n, a in arguments.items() if not a.default_value} <= {'bag', 'namespace'}
+        shown = LaunchIntrospector().format_launch_description(description)
+        assert any(name in shown for name in EXECUTABLES[:4]), shown
+
+
+@pytest.mark.thorough
+def test_a_bag_is_analysed_by_launch(root, prefix, tmp_path):
+    """Where launch is installed: it starts the nodes, ends by itself, and its status is theirs."""
+    pytest.importorskip('launch_ros')
+    from bad_input import still
+    from nodes_support import reserve_domain
+    import numpy as np
+    record = still(70)
+    np.savez(tmp_path / 'a.npz', gyro=record.gyro, accel=record.accel, t=record.t)
+    domain = reserve_domain()
+    (site,) = prefix.glob('lib/python*/site-packages')
+    env = {**os.environ, 'ROS_LOG_DIR': str(tmp_path), 'AMENT_PREFIX_PATH': os.pathsep.join(
+        [str(prefix), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])]),
+        'PYTHONPATH': os.pathsep.join([str(site), *filter(None, [os.environ.get('PYTHONPATH')])])}
+    path = prefix / 'share' / NAME / 'launch' / 'bag_analysis.launch.py'
+    for bag, status in (('a.npz', 0), ('nowhere.npz', 1)):
+        done = subprocess.run(
+            [sys.executable, '-c', LAUNCH, str(path), f'bag:={tmp_path / bag}', 'namespace:=robot',
+             f'output_dir:={tmp_path / "study"}'],
+            cwd=tmp_path, env=env, capture_output=True, text=True, timeout=400)
+        said = done.stdout + done.stderr
+        assert done.returncode == status, said[-3000:]
+    assert 'no such file' in said
+    assert (tmp_path / 'study' / 'imu.yaml').is_file()
+    domain.close()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import pickle
+import re
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -267,3 +268,22 @@ def test_a_power_of_a_unit_is_in_parentheses(domain):
     """(rad/s)^2 and (m/s^2)^2: rad/s^2 is another unit, and m/s^2^2 is none."""
     for effect in registry(domain).values():
         assert not [p.unit for p in effect.parameters if '}^' in p.unit], effect.name
+
+
+@pytest.mark.parametrize('domain', DOMAINS)
+def test_what_an_example_says_of_itself_is_true(domain):
+    """Where it says a value in SI behind one in the field's units, both are the example's."""
+    per = {'deg': np.pi / 180, 'arcsec': np.pi / 648000}
+    said = 0
+    for name, cls in registry(domain).items():
+        text = ' '.join((cls.example.__doc__ or '').split())
+        for value, unit, per_time, si in re.findall(
+                r'([\d.]+) (deg|arcsec)/?([hs]?)[^(.]* \(([\d.e-]+) rad', text):
+            said += 1
+            field = float(value) * per[unit] / (3600 if per_time == 'h' else 1)
+            if '/g' not in text:
+                assert field == pytest.approx(float(si), rel=0.03), (name, text)
+            if sum(p.linear for p in cls.parameters) < 2:      # else it may be made of several
+                known = list(cls.example().values.values())
+                assert np.any(np.isclose(known, float(si), rtol=1e-3)), (name, text)
+    assert said or domain != 'noise'

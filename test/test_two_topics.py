@@ -25,6 +25,7 @@ from imu_noise_tools.bag.encode import imu_values, serialise
 from imu_noise_tools.bag.mcap_writer import McapWriter
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.health import examine, prepare
+from imu_noise_tools.health.united import united as united_said
 from imu_noise_tools.noise.beside import seen_from
 
 START = 1_700_000_000 * 10 ** 9
@@ -228,6 +229,42 @@ def test_united_samples_are_found_and_said(method, word):
         if word:
             assert word in found[0] and 'own topic' in found[0]
             assert float(found[0].split(' Hz')[0].split()[-1]) == pytest.approx(ACCEL_HZ, rel=0.03)
+
+
+def held_at_once(source_hz, seed, n=40000, smooth=0, shake=0.0, step=0.0):
+    """Return a record whose accelerations were sampled at source_hz (0: at the rates' stamps)."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / GYRO_HZ + 2e-5 * rng.standard_normal(n)
+    known = np.arange(0, t[-1] + 1, 1 / source_hz) - 0.004 if source_hz else t
+    accel = 0.01 * rng.standard_normal((len(known), 3))
+    for _ in range(smooth):
+        accel = (accel + np.roll(accel, 1, axis=0)) / 2
+    accel += shake * np.sin(2 * np.pi * 37.3 * known)[:, None] * [1.0, 0.9, 0.8]
+    if source_hz:
+        accel = np.column_stack([np.interp(t, known, a) for a in accel.T])
+    accel = accel + [0.1, 0.2, 9.8]
+    if step:
+        accel = np.round(accel / step) * step
+    return ImuRecord(gyro=1e-3 * rng.standard_normal((n, 3)), accel=accel, t=t, rate_hz=GYRO_HZ)
+
+
+@pytest.mark.parametrize('source, shown', [
+    (110, '110 or 290'), (125, '125 or 275'), (150, '150 or 250'), (208, '192 or 208'),
+    (250, '150 or 250'), (260, '140 or 260')])
+@pytest.mark.parametrize('n', [6000, 40000])
+def test_fewer_than_two_for_one_are_told_by_the_variance(source, shown, n):
+    """No two of them lie on a line, but the variance goes with the phase of the two clocks."""
+    for seed in (1, 2):
+        (said,) = united_said(held_at_once(source, seed, n))
+        assert f'interpolated between samples taken at about {shown} Hz' in said
+
+
+def test_what_is_not_interpolated_is_not_said_to_be():
+    """White or smoothed, shaken at a line of any strength, in coarse levels."""
+    for seed in range(60):
+        record = held_at_once(0, seed, (40000, 8000)[seed % 2], seed % 3,
+                              (0, 0.003, 0.03, 0.3, 3.0)[seed % 5], (0, 0.01, 0.03)[seed % 3])
+        assert united_said(record) == [], seed
 
 
 def test_both_at_once_where_something_needs_it(studies):

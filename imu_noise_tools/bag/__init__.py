@@ -13,17 +13,19 @@ from __future__ import annotations
 from .blocks import Block, iter_blocks, iter_raw
 from .copy_files import Changed
 from .copying import copy_bag
-from .reading import open_record, topics
+from .reading import imus, open_record, topics
 from .scratch import Scratch
-from .topics import TopicInfo
+from .topics import ALL, TopicInfo
 from .writing import write_bag
 
 __all__ = [
+    'ALL',
     'Block',
     'Changed',
     'Scratch',
     'TopicInfo',
     'copy_bag',
+    'imus',
     'iter_blocks',
     'iter_raw',
     'open_record',

@@ -84,6 +84,7 @@ class Reader:
         self.frame_id = ''
         self.unreadable = 0
         self.absent = [True, True]
+        self.unnamed: set[str] = set()      # sensors that its messages are not meant to have
         if type == IMU:
             self.columns = Columns(memory, room, stamp=0, receive=0, gyro=3, accel=3)
         else:
@@ -93,6 +94,8 @@ class Reader:
     def add(self, batch: Batch) -> None:
         """Decode a batch and keep what is needed of it."""
         found = decode(batch)
+        if batch.connection.shape is not None:
+            self.unnamed = batch.connection.shape.without
         self.unreadable += int(np.sum(~found.readable))
         receive = batch.receive if found.readable.all() else batch.receive[found.readable]
         if self.type == IMU:
@@ -115,7 +118,7 @@ def _read(
     }
     for batch in bag.batches(readers, set(wanted.values()), progress):
         reader = readers[batch.connection.topic]
-        if batch.connection.type == reader.type:
+        if batch.connection.kind == reader.type:
             reader.add(batch)
     return readers
 
@@ -267,9 +270,10 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
     for sensor, absent in zip(('gyro', 'accel'), reader.absent):
         x = arrays[sensor]
         if absent or not _holds_anything(x):
-            said.append(
-                f'{reader.topic}: its {sensor} part is all zero or marked absent; left out'
-            )
+            if sensor not in reader.unnamed:
+                said.append(
+                    f'{reader.topic}: its {sensor} part is all zero or marked absent; left out'
+                )
             data.append(None)
         else:
             data.append(x)

@@ -38,7 +38,9 @@ class Block(NamedTuple):
     frame_id: str
 
 
-def iter_blocks(path: str | Path, topic: str | None = None, block: int = 4096) -> Iterator[Block]:
+def iter_blocks(
+    path: str | Path, topic: str | None = None, block: int = 4096, fields: str | None = None
+) -> Iterator[Block]:
     """
     Yield the samples of a record block by block, in memory that does not grow with the bag.
 
@@ -47,7 +49,7 @@ def iter_blocks(path: str | Path, topic: str | None = None, block: int = 4096) -
 
     Parameters
     ----------
-    path, topic
+    path, topic, fields
         As for :func:`open_record`.
     block : int
         The most samples in a block.
@@ -62,7 +64,7 @@ def iter_blocks(path: str | Path, topic: str | None = None, block: int = 4096) -
         yield from _whole(read_table(Path(path), None), block)
         return
     with Bag(path) as bag:
-        choice = choose(bag, topic)
+        choice = choose(bag, topic, fields)
         if choice.type != IMU or choice.gyro != choice.accel:
             yield from _whole(record_of(bag, choice, None, None), block)
             return
@@ -84,7 +86,9 @@ def iter_blocks(path: str | Path, topic: str | None = None, block: int = 4096) -
                 )
 
 
-def iter_raw(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, bytes, int]]:
+def iter_raw(
+    path: str | Path, topic: str | None = None, fields: str | None = None
+) -> Iterator[tuple[int, bytes, int]]:
     """
     Yield the Imu messages one by one, for replay: receive time (ns), CDR bytes, header stamp (ns).
 
@@ -100,11 +104,11 @@ def iter_raw(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, 
     """
     if not table_kind(path):
         with Bag(path) as bag:
-            choice = choose(bag, topic)
+            choice = choose(bag, topic, fields)
             if choice.type == IMU and choice.gyro == choice.accel:
                 yield from _raw_of(bag, choice.base)
                 return
-    for block in iter_blocks(path, topic):
+    for block in iter_blocks(path, topic, fields=fields):
         values = imu_values(present(block.gyro), present(block.accel))
         for row, receive, stamp in zip(
             serialise(block.stamp, values, block.frame_id or 'imu_link'),
@@ -127,9 +131,8 @@ def _raw_of(bag: Bag, topic: str) -> Iterator[tuple[int, bytes, int]]:
         if not len(batch.receive):
             continue
         zero = not found.stamp.any() if zero is None else zero
-        as_it_is = batch.connection.encoding == 'cdr' and bool(
-            np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1)
-        )
+        plain = batch.connection.encoding == 'cdr' and batch.connection.shape is None
+        as_it_is = plain and bool(np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1))
         made = None if as_it_is else serialise(found.stamp, found.values, found.frame_id)
         for k, (receive, stamp) in enumerate(zip(batch.receive.tolist(), found.stamp.tolist())):
             yield receive, batch.message(k) if made is None else made[k].tobytes(), (

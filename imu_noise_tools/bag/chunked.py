@@ -61,6 +61,10 @@ class ChunkedFile:
         """Topics."""
         return list(self.known.values())
 
+    def know(self, connection: Connection) -> None:
+        """Put a connection in the place of the one with its id."""
+        self.known[connection.id] = connection
+
     @property
     def warnings(self) -> list[str]:
         """What went wrong so far."""

@@ -37,13 +37,24 @@ class Damaged(Exception):
 
 @dataclass(frozen=True)
 class Connection:
-    """A topic as one file holds it; ``type`` is always written ``package/msg/Name``."""
+    """
+    A topic as one file holds it; ``type`` is always written ``package/msg/Name``.
+
+    ``shape`` says how its messages are read where that is not by their type.
+
+    """
 
     id: int
     topic: str
     type: str
     encoding: str           # 'cdr' or 'ros1'
     definition: str = ''
+    shape: Any = field(default=None, compare=False)     # a fields.Shape
+
+    @property
+    def kind(self) -> str:
+        """Return the type that its messages are read as."""
+        return self.shape.kind if self.shape else self.type
 
 
 class Batch(NamedTuple):
@@ -97,6 +108,9 @@ class BagFile(Protocol):
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these connections, by id, in the order of the file."""
+
+    def know(self, connection: Connection) -> None:
+        """Put a connection in the place of the one with its id."""
 
     def close(self) -> None:
         """Let go of the file."""

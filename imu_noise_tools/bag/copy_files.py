@@ -34,7 +34,8 @@ class Changed(NamedTuple):
     """
     What the new topic holds, sample by sample: (n, 3) each; None leaves the part as it was.
 
-    Covariances are (9,) or (n, 9), row-major; None leaves them as they were.
+    Covariances are (9,) or (n, 9), row-major; None leaves them as they were. Only samples that
+    are ``written``, (n,) bool, are there; None for all.
 
     """
 
@@ -42,10 +43,29 @@ class Changed(NamedTuple):
     accel: np.ndarray | None = None
     gyro_covariance: np.ndarray | None = None
     accel_covariance: np.ndarray | None = None
+    written: np.ndarray | None = None
 
     def take(self, which: np.ndarray) -> Changed:
         """Return some of the samples."""
-        return Changed(*(x if x is None or np.ndim(x) == 1 else x[which] for x in self))
+        some = (x if x is None or np.ndim(x) == 1 else x[which] for x in self[:4])
+        written = None if self.written is None else self.written[which]
+        return Changed(*some)._replace(written=written)
+
+    def within(self, begin: int, n: int) -> Changed:
+        """Return these samples as a part of n, from begin on."""
+        held = next((len(x) for x in self[:2] if x is not None), n)
+        if held == n:
+            return self
+        place = slice(begin, begin + held)
+        out = []
+        for x in self[:4]:
+            if x is not None and x.ndim == 2:
+                x, some = np.full((n, x.shape[1]), np.nan), x
+                x[place] = some
+            out.append(x)
+        written = np.zeros(n, bool)
+        written[place] = True
+        return Changed(*out)._replace(written=written)
 
 
 class Copy:
@@ -57,14 +77,15 @@ class Copy:
     """
 
     def __init__(
-        self, bag: Bag, topic: str | None, name: str, changed: Changed, n: int, progress: Progress
+        self, bag: Bag, topic: str | None, name: str, changed: Changed, n: int,
+        progress: Progress, fields: str | None = None,
     ):
         self.bag, self.name, self.progress = bag, name, progress
         if any(c.topic == name for c in bag.connections):
             raise InputError(
                 f'{bag.path}: the topic {name} exists already', 'start from the original bag'
             )
-        choice = choose(bag, topic)
+        choice = choose(bag, topic, fields)
         self.base, self.type = choice.base, choice.type
         receive = [
             batch.receive[decode(batch).readable]
@@ -81,7 +102,7 @@ class Copy:
 
     def wanted(self, file: BagFile) -> set[int]:
         """Return the connections of a file that hold the Imu topic."""
-        return {c.id for c in file.connections if c.topic == self.base and c.type == self.type}
+        return {c.id for c in file.connections if c.topic == self.base and c.kind == self.type}
 
     def new(self, batch: Batch) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield times and messages for the messages of a batch, those of one length together."""
@@ -92,7 +113,12 @@ class Copy:
         self.at += n
         self.added += n
         old = np.array(found.values) if self.type == IMU else None
-        values = imu_values(*some, out=old) if old is not None else imu_values(*some)
+        values = imu_values(*some[:4], out=old)
+        if some.written is not None:
+            kept = np.flatnonzero(some.written)
+            batch, values = batch.take(kept), values[kept]
+            found = found._replace(stamp=found.stamp[kept])
+            self.added -= n - len(kept)
         for length in np.unique(batch.length):
             which = np.flatnonzero(batch.length == length)
             yield batch.receive[which], self._messages(
@@ -104,7 +130,7 @@ class Copy:
     ) -> np.ndarray:
         encoding = batch.connection.encoding
         little = encoding == 'ros1' or bool(np.all(rows(batch.data, batch.begin, 2)[:, 1] == 1))
-        if self.type != IMU or not little:
+        if self.type != IMU or batch.connection.shape or not little:
             return serialise(found.stamp[which], values, found.frame_id, encoding)
         raw = np.array(rows(batch.data, batch.begin, length))
         raw[:, length - 8 * DOUBLES[IMU]:] = (

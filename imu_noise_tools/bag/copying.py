@@ -30,6 +30,8 @@ def copy_bag(
     new_topic: str = 'imu/data_filtered',
     force: bool = False,
     progress: Progress = None,
+    fields: str | None = None,
+    part: Callable[[ImuRecord], tuple[int, int]] | None = None,
 ) -> Path:
     """
     Write a copy of a bag with one more Imu topic.
@@ -45,14 +47,18 @@ def copy_bag(
     transform : callable
         Takes the record as :func:`open_record` gives it; returns one of the same length, or a
         Changed.
-    topic : str, optional
-        The Imu topic, as for :func:`open_record`.
+    topic, fields : str, optional
+        The Imu topic, and what of its messages, as for :func:`open_record`.
     new_topic : str
         Name of the new one.
     force : bool
         Replace a bag that is there.
     progress : callable, optional
         Called with the fraction done.
+
+    part : callable, optional
+        Which samples, from and to, are changed: those outside are not under the new topic (in a
+        table they are NaN).
 
     Returns
     -------
@@ -69,15 +75,18 @@ def copy_bag(
     """
     source, target = Path(source), Path(target)
     _check_kind(source, target)
-    record = open_record(source, topic, progress=_share(progress, 0.0, 0.4))
-    changed = _changed(transform(record), record.n)
+    record = open_record(source, topic, progress=_share(progress, 0.0, 0.4), fields=fields)
+    first, last = part(record) if part else (0, record.n)
+    changed = _changed(transform(record.part(first, last)), last - first).within(
+        first, record.n)
     if table_kind(source):
         with writing_file(target, force) as temporary:
             write_table(temporary, table_kind(source), _more_columns(source, changed, new_topic))
         return target
     with Bag(source) as bag:
         copy = Copy(
-            bag, topic, '/' + new_topic.strip('/'), changed, record.n, _share(progress, 0.4, 1.0)
+            bag, topic, '/' + new_topic.strip('/'), changed, record.n,
+            _share(progress, 0.4, 1.0), fields,
         )
         if source.is_dir():
             with new_folder(target, force) as folder:
@@ -114,7 +123,7 @@ def _changed(made: ImuRecord | Changed, n: int) -> Changed:
                 f'the new {name} has the shape {x.shape}, not ({n}, 3)',
                 'change samples, not their number',
             )
-    covariances = [None if c is None else np.asarray(c, float).reshape(-1, 9) for c in found[2:]]
+    covariances = [None if c is None else np.asarray(c, float).reshape(-1, 9) for c in found[2:4]]
     for c in covariances:
         if c is not None and len(c) not in (1, n):
             raise UsageError(f'{len(c)} covariances for {n} samples', 'give one, or one for each')

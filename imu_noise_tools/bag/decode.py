@@ -53,7 +53,7 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
     Parameters
     ----------
     batch : Batch
-        Messages of one connection.
+        Messages of one connection, of a type in DOUBLES or with a shape.
     plain : bool
         Decode message by message, whatever their shape (for comparison).
 
@@ -63,6 +63,8 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
         In the order of the batch, without those that cannot be read.
 
     """
+    if batch.connection.shape is not None:
+        return batch.connection.shape.decode(batch)
     count = DOUBLES[batch.connection.type]
     n = len(batch.receive)
     lengths = np.unique(batch.length)

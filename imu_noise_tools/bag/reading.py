@@ -12,15 +12,14 @@ import numpy as np
 
 from .assemble import record_of
 from .container import Progress
+from .fields import ACCEL_UNITS, Fields, GYRO_UNITS
 from .source import Bag
 from .tables import read_table, table_kind, table_size
-from .topics import choose, list_topics, TopicInfo
+from .topics import choose, every, list_topics, TopicInfo
 from ..core.errors import ImuNoiseError, unknown, UsageError
 from ..core.record import ImuRecord, Memory
-from ..core.units import DEG, G0
 
-GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
-ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+NO_FIELDS = '--fields is for bags: a table has its columns'
 KINDS = ('rate', 'delta', 'integrated')
 
 
@@ -35,6 +34,7 @@ def open_record(
     progress: Progress = None,
     memory: Memory | None = None,
     apart: bool = False,
+    fields: str | None = None,
 ) -> ImuRecord:
     """
     Read one IMU record.
@@ -62,6 +62,10 @@ def open_record(
         Of two topics that are not sampled together, keep each as it is: the accelerometer's is a
         record ``beside`` the gyroscope's. Otherwise its samples are interpolated, which lowers
         their noise, and that is said.
+    fields : str, optional
+        Which fields of a message of another type are those of an Imu, ``gyro=PATH,accel=PATH,
+        stamp=PATH:us`` (:class:`~imu_noise_tools.bag.fields.Fields`); px4_msgs' SensorCombined,
+        SensorGyro and SensorAccel are known without.
 
     Returns
     -------
@@ -84,11 +88,14 @@ def open_record(
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f'invalid sample rate: {rate_hz} Hz', 'it must be a positive number')
     if table_kind(path):
+        if fields:
+            raise UsageError(NO_FIELDS, 'leave it out')
         record = read_table(Path(path), rate_hz)
     else:
         with Bag(path) as bag:
             try:
-                record = record_of(bag, choose(bag, topic), rate_hz, progress, memory, apart)
+                choice = choose(bag, topic, fields)
+                record = record_of(bag, choice, rate_hz, progress, memory, apart)
             except ImuNoiseError as error:
                 raise error.after(*bag.warnings)
     first, *others = (
@@ -98,7 +105,7 @@ def open_record(
     return replace(first, beside=tuple(others))
 
 
-def topics(path: str | Path) -> list[TopicInfo]:
+def topics(path: str | Path, fields: str | None = None) -> list[TopicInfo]:
     """
     Return the topics of a bag (of a table: its one record), without reading the messages.
 
@@ -112,7 +119,28 @@ def topics(path: str | Path) -> list[TopicInfo]:
     if kind:
         return [TopicInfo('imu', kind, *table_size(Path(path)), 'imu')]
     with Bag(path) as bag:
+        if fields:
+            bag.read_as(Fields.of(fields))
         return list_topics(bag)
+
+
+def imus(path: str | Path, fields: str | None = None) -> list[str]:
+    """
+    Return what :func:`open_record` takes as ``topic`` for each IMU of a bag; of a table ``''``.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`open_record`.
+
+    """
+    if table_kind(path):
+        return ['']
+    with Bag(path) as bag:
+        try:
+            return every(bag, fields)
+        except ImuNoiseError as error:
+            raise error.after(*bag.warnings)
 
 
 def _check(unit: str | None, known: dict[str, float], sensor: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from contextlib import suppress
+from dataclasses import replace
 import os
 from pathlib import Path, PurePath
 import shutil
@@ -26,7 +27,8 @@ from .container import (
     Progress,
     size_of,
 )
-from ..core.errors import InputError
+from .fields import Fields, known_shape, Shape
+from ..core.errors import InputError, UsageError
 from ..core.files import plain_yaml, scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
@@ -99,6 +101,9 @@ class Bag:
 
     def _add(self, path: Path) -> None:
         self.files.append(self._file(path))
+        for connection in self.files[-1].connections:
+            if shape := known_shape(connection):
+                self.files[-1].know(replace(connection, shape=shape))
         self.origins.append(path)
 
     def _folder(self) -> list[Path]:
@@ -199,6 +204,40 @@ class Bag:
         """Every connection of every file."""
         return [c for f in self.files for c in f.connections]
 
+    def read_as(self, fields: Fields, topics: Collection[str] = ()) -> None:
+        """
+        Have the messages of these topics (of all, if there are none) read by their fields.
+
+        Raises
+        ------
+        InputError
+            The bag holds no definition of their type.
+        UsageError
+            None of them has these fields.
+
+        """
+        wrong: dict[str, UsageError | Damaged] = {}
+        for file in self.files:
+            for c in file.connections:
+                if topics and c.topic.strip('/') not in topics:
+                    continue
+                try:
+                    file.know(replace(c, shape=Shape.of(c, fields)))
+                except (UsageError, Damaged) as error:
+                    wrong[c.topic] = error
+        if not wrong or any(c.shape and c.shape.fields == fields for c in self.connections):
+            return
+        usage = sorted((e for e in wrong.values() if isinstance(e, UsageError)),
+                       key=lambda e: 'did you mean' not in e.remedy)
+        if usage and (topics or len(wrong) == 1 or 'did you mean' in usage[0].remedy):
+            raise usage[0]
+        if usage:
+            raise UsageError(f'{self.path}: no topic has these fields',
+                             'name one with --topic to hear which it has')
+        raise InputError(f'{self.path}: {next(iter(wrong.values()))}',
+                         'MCAP, ROS 1 and rosbag2 since Iron hold them: convert the bag with ros2 '
+                         'bag convert where the type is installed')
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What went wrong so far."""
@@ -236,7 +275,7 @@ class Bag:
     ) -> Iterator[Batch]:
         """Yield the messages of these topics that have one of these types, file after file."""
         for k, file in enumerate(self.files):
-            ids = [c.id for c in file.connections if c.topic in topics and c.type in types]
+            ids = [c.id for c in file.connections if c.topic in topics and c.kind in types]
             if ids:
                 part = _part_of(progress, k, len(self.files))
                 for batch in file.batches(ids, part):

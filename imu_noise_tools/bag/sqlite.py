@@ -116,6 +116,10 @@ class SqliteFile:
             )
         ]
 
+    def know(self, connection: Connection) -> None:
+        """Put a connection in the place of the one with its id."""
+        self.connections = [connection if c.id == connection.id else c for c in self.connections]
+
     def expected(self, id: int) -> int:
         """Return the most messages there can be: the rows are numbered."""
         try:

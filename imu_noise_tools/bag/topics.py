@@ -27,9 +27,11 @@ from .decode import (
     TEMPERATURE,
     VECTOR,
 )
+from .fields import Fields, proposed
 from .source import Bag
-from ..core.errors import InputError
+from ..core.errors import InputError, UsageError
 
+ALL = 'all'         # what is typed for every Imu of a bag
 # Names of the columns that a covariate's message holds, and where among its doubles they are.
 COVARIATES = {
     TEMPERATURE: {'temperature': 0},
@@ -90,40 +92,51 @@ class Choice:
 def list_topics(bag: Bag) -> list[TopicInfo]:
     """Return the topics of a bag by name, counted over all of its files."""
     count, span = bag.counts()
-    return [TopicInfo(name, type, n, (n - 1) / span if n > 1 and span > 0 else None, _role(type))
-            for (name, type), n in sorted(count.items())]
+    role = {(t.name, t.type): t.role for t in _names(bag)}
+    return [TopicInfo(*of, n, (n - 1) / span if n > 1 and span > 0 else None, role[of])
+            for of, n in sorted(count.items())]
 
 
 def _names(bag: Bag) -> list[TopicInfo]:
     """Return the topics of a bag, not counted."""
-    return [TopicInfo(name, type, 0, None, _role(type))
-            for name, type in sorted({(c.topic, c.type) for c in bag.connections})]
+    return [TopicInfo(name, type, 0, None, _role(kind))
+            for name, type, kind in sorted({(c.topic, c.type, c.kind) for c in bag.connections})]
 
 
 def _role(type: str) -> str:
     return 'imu' if type == IMU else 'covariate' if type in COVARIATES else ''
 
 
-def choose(bag: Bag, topic: str | None) -> Choice:
+def choose(bag: Bag, topic: str | None, fields: str | None = None) -> Choice:
     """
     Return the topic, or the pair of topics, that a record is made of.
+
+    Where ``fields`` are given (:class:`~imu_noise_tools.bag.fields.Fields`), messages that have
+    them are read by them.
 
     Raises
     ------
     InputError
         There is none, or several and none is chosen, or the chosen one is not there or of another
         type.
+    UsageError
+        No topic has these fields.
 
     """
+    wanted = Fields.of(fields) if fields else None
+    if wanted:
+        asked = [t.strip().strip('/') for t in (topic or '').split(',')]
+        bag.read_as(wanted, [t for t in asked if t])
     known = _names(bag)
     if not known:
         raise InputError(f'{bag.path}: nothing can be recovered from it, it names no topics',
                          'record again, or repair the file')
     if topic:
         return _asked(bag, known, topic)
-    imu = [t for t in known if t.type == IMU]
+    imu = _imu(bag, known, wanted)
     if len(imu) > 1:
-        imu = [t for t in list_topics(bag) if t.type == IMU and t.samples] or imu
+        held = {t.name for t in list_topics(bag) if t.samples}
+        imu = [t for t in imu if t.name in held] or imu
     if len(imu) == 1:
         return Choice(imu[0].name, imu[0].name, IMU)
     if imu:
@@ -147,6 +160,13 @@ def choose(bag: Bag, topic: str | None) -> Choice:
     raise _no_imu(bag, known)
 
 
+def _imu(bag: Bag, known: list[TopicInfo], fields: Fields | None) -> list[TopicInfo]:
+    """Return the Imu topics: what is read by given fields first, then Imus, then types known."""
+    given = {c.topic for c in bag.connections if c.shape and c.shape.fields == fields}
+    return ([t for t in known if t.name in given] or [t for t in known if t.type == IMU]
+            or [t for t in known if t.role == 'imu'])
+
+
 def _pair(gyro: list[str], accel: list[str]) -> tuple[str, str] | None:
     return (gyro[0], accel[0]) if len(gyro) == len(accel) == 1 else None
 
@@ -162,22 +182,25 @@ def _asked(bag: Bag, known: list[TopicInfo], topic: str) -> Choice:
     found = []
     for name in topic.split(','):
         same = [t for t in known if t.name.strip('/') == name.strip().strip('/')]
+        if not same and name.strip() == ALL:
+            raise UsageError('--topic all is for analyse and inspect', f'name one; {_has(known)}')
         if not same:
             raise InputError(f'{bag.path}: no topic {name.strip()}', _has(known))
-        readable = [t for t in same if t.type in (IMU, VECTOR)]
+        readable = [t for t in same if t.role == 'imu' or t.type == VECTOR]
         if not readable:
             raise InputError(
-                f'{bag.path}: {same[0].name} is {same[0].type}, not sensor_msgs/Imu', _has(known)
+                f'{bag.path}: {same[0].name} is {same[0].type}, not sensor_msgs/Imu',
+                f'{_how(bag, same[0])}; {_has(known)}',
             )
         found.append(readable[0])
-    if len(found) > 2 or len({t.type for t in found}) > 1:
+    if len(found) > 2 or len({t.role for t in found}) > 1:
         raise InputError(f'{bag.path}: {topic} must name two topics of the same type', _has(known))
     if len(found) == 2:
         gyro_first = _parts(bag, found[0].name) == ('gyro',) or _says(found[0].name, 'gyro')
         gyro, accel = found if gyro_first else found[::-1]
-        return Choice(gyro.name, accel.name, gyro.type)
+        return Choice(gyro.name, accel.name, IMU if gyro.role else VECTOR)
     only = found[0]
-    if only.type == IMU:
+    if only.role:
         return Choice(only.name, only.name, IMU)
     return (
         Choice('', only.name, VECTOR)
@@ -190,13 +213,25 @@ def _has(known: list[TopicInfo]) -> str:
     return 'it has ' + ', '.join(f'{t.name} ({t.type})' for t in known)
 
 
+def _proposed(bag: Bag, topic: TopicInfo) -> str:
+    """Return the fields that a topic's type might be read by; nothing where it has none."""
+    return next((proposed(c) for c in bag.connections if c.topic == topic.name), '')
+
+
+def _how(bag: Bag, topic: TopicInfo) -> str:
+    """Return what to do about a topic of another type."""
+    fields = _proposed(bag, topic) or 'gyro=…,accel=…'
+    return f'name its fields, as in --fields {fields}'
+
+
 def _no_imu(bag: Bag, known: list[TopicInfo]) -> InputError:
     custom = [t for t in known if re.search('imu', t.type.rpartition('/')[2], re.IGNORECASE)]
+    custom += [t for t in known if t not in custom and _proposed(bag, t)]
     if custom:
         return InputError(
             f'{bag.path}: {custom[0].name} has a custom type, {custom[0].type}, which cannot '
-            'be read',
-            f'publish it as sensor_msgs/Imu and record that; {_has(known)}',
+            'be read by itself',
+            f'{_how(bag, custom[0])}; {_has(known)}',
         )
     return InputError(f'{bag.path}: no Imu topic', f'record sensor_msgs/Imu; {_has(known)}')
 
@@ -220,6 +255,47 @@ def _parts(bag: Bag, topic: str) -> tuple[str, ...]:
         if len(some.stamp):
             return tuple(n for n, there in zip(('gyro', 'accel'), parts_of(some.values)) if there)
     return ()
+
+
+def every(bag: Bag, fields: str | None = None) -> list[str]:
+    """
+    Return what :func:`choose` takes for each Imu of a bag: a topic, or a pair of them.
+
+    A topic of rates and one of accelerations are a pair where their names begin alike.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`choose`.
+
+    """
+    wanted = Fields.of(fields) if fields else None
+    if wanted:
+        bag.read_as(wanted)
+    held = {t.name for t in list_topics(bag) if t.samples}
+    names = [t.name for t in _imu(bag, _names(bag), wanted) if t.name in held]
+    if not names:
+        return [','.join(choose(bag, None, fields).names)]
+    parts = {n: _parts(bag, n) for n in names}
+    left = [n for n in names if parts[n] == ('accel',)]
+    out = []
+    for name in names:
+        if parts[name] == ('gyro',):
+            near = max(left, key=lambda n: _alike(n, name), default='')
+            if near and (_alike(near, name) or len(names) == 2):
+                left.remove(near)
+                name = f'{name},{near}'
+            out.append(name)
+        elif parts[name] != ('accel',):
+            out.append(name)
+    return out + left
+
+
+def _alike(one: str, other: str) -> int:
+    """Return with how many parts two names begin alike."""
+    pairs = zip(one.strip('/').split('/')[:-1], other.strip('/').split('/')[:-1])
+    return next((k for k, (a, b) in enumerate(pairs) if a != b),
+                min(one.strip('/').count('/'), other.strip('/').count('/')))
 
 
 def covariates_of(bag: Bag, near: str) -> list[TopicInfo]:

@@ -16,6 +16,7 @@ from scipy.linalg import null_space
 from . import faces
 from .effects import BASE, Regressor, Scatter, Tilt
 from .poses import Poses, unit
+from ..core.errors import FitError
 from ..loop.effect import Model
 
 _SMALL = 1e-8       # relative: a direction the poses do not determine
@@ -277,7 +278,10 @@ def whitener_of(
         w = np.linalg.solve(scale.T, unit(poses.inputs)).T
         variance = np.einsum('ni,nij,nj->n', w, cov, w)
         return (w / np.sqrt(variance)[:, None])[:, None, :], float(np.log(variance).sum())
-    lower = np.linalg.cholesky(cov)
+    try:
+        lower = np.linalg.cholesky(cov)
+    except np.linalg.LinAlgError:       # of a scale that has gone astray
+        raise FitError('the fit diverges', 'add poses in other directions') from None
     log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
     return np.linalg.inv(lower), float(log_det)
 

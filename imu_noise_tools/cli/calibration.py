@@ -44,7 +44,8 @@ def register(commands: Any) -> None:
                         'with 12 and more spread poses)')
     c.add_argument('--still', type=float, default=2.0, metavar='S',
                    help='shortest rest that is a pose, s (default: 2)')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
+    common.part_options(c)
     c.add_argument('--rate-hz', type=float, metavar='R',
                    help='sample rate, in place of the stamps')
     c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
@@ -62,7 +63,7 @@ def register(commands: Any) -> None:
                    help='the bag to write, of the same kind')
     c.add_argument('--calibration', metavar='DIR', required=True,
                    help='a folder that calibrate wrote, or a calibration.yaml')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
     c.add_argument('--force', action='store_true', help='replace a bag that is there')
     common.output_options(c, 'what was written')
     c.set_defaults(func=apply)
@@ -73,6 +74,7 @@ def calibrate(args: argparse.Namespace) -> int:
     from ..core.errors import UsageError
     from ..tasks import calibration as tasks
     common.load_own_effects(args)
+    selection = common.selection_of(args)
     if not 0.5 <= args.still <= 60:
         raise UsageError(f'invalid --still {args.still:g}', 'it must be 0.5 to 60 (seconds)')
     for name in ('rate', 'turn'):
@@ -81,7 +83,8 @@ def calibrate(args: argparse.Namespace) -> int:
             raise UsageError(f'invalid --{name} {value:g}', 'give degrees, not zero')
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
-            args.bags, args.output, topic=args.topic, rate_hz=args.rate_hz, force=args.force,
+            args.bags, args.output, topic=args.topic, fields=args.fields, selection=selection,
+            rate_hz=args.rate_hz, force=args.force,
             progress=progress,
             gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
             accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
@@ -145,7 +148,8 @@ def apply(args: argparse.Namespace) -> int:
     with common.progress_line(args) as progress:
         share = (lambda p: progress(p, 'correcting')) if progress else None
         written = tasks.apply_calibration(args.bag, args.output, args.calibration,
-                                          topic=args.topic, force=args.force,
+                                          topic=args.topic, fields=args.fields,
+                                          force=args.force,
                                           progress=share)
     if args.json:
         common.print_json({'written': str(written), 'topic': tasks.CALIBRATED})

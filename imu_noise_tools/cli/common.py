@@ -35,14 +35,31 @@ def output_options(command: argparse.ArgumentParser, json_of: str) -> None:
     )
 
 
-def selection_options(command: argparse.ArgumentParser) -> None:
-    """Add the options that choose a part of a record."""
+def topic_options(command: argparse.ArgumentParser, every: bool = False) -> None:
+    """Add the options that say which messages of a bag are read, and how."""
+    command.add_argument(
+        '--topic', metavar='T', help='the Imu topic, where there are several'
+        + (' (all: each of them, one after the other)' if every else ''))
+    command.add_argument(
+        '--fields', metavar='F',
+        help='messages of another type: gyro=PATH,accel=PATH,stamp=PATH:us, each with its unit '
+             'behind it (rad/s, deg/s; m/s^2, g, mg; s, ms, us, ns); a path to three numbers or '
+             'to x, y, z, or three joined with +')
+
+
+def part_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that choose a stretch of a record."""
     command.add_argument(
         '--start', default='', metavar='T', help='leave out what is before, s or per cent (10%%)'
     )
     command.add_argument(
         '--duration', default='', metavar='T', help='how much of it, s or per cent'
     )
+
+
+def selection_options(command: argparse.ArgumentParser) -> None:
+    """Add the options that choose a stretch of a record, and what of it is set aside."""
+    part_options(command)
     command.add_argument(
         '--mask', default='', metavar='T0-T1,…', help='set these stretches aside, s'
     )
@@ -55,7 +72,8 @@ def selection_of(args: argparse.Namespace) -> Any:
     """Return the part of the record that was asked for."""
     from ..health import Selection
 
-    return Selection.of(args.start, args.duration, args.mask, not args.no_screen)
+    return Selection.of(args.start, args.duration, getattr(args, 'mask', ''),
+                        not getattr(args, 'no_screen', False))
 
 
 def load_own_effects(args: argparse.Namespace) -> None:

@@ -64,7 +64,8 @@ def register(commands: Any) -> None:
         dest='values',
         help='a value of an effect, in SI, e.g. white.R=1e-4',
     )
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c)
+    common.part_options(c)
     c.add_argument(
         '--rate-hz', type=float, metavar='R', help='nominal rate, in place of that of the stamps'
     )
@@ -106,6 +107,7 @@ def filter_bag(args: argparse.Namespace) -> int:
     common.load_own_effects(args)
     if args.rate_hz is not None and not 0 < args.rate_hz < 1e6:
         raise UsageError(f'invalid --rate-hz {args.rate_hz:g}', 'it must be a positive number')
+    selection = common.selection_of(args)
     with common.progress_line(args) as progress:
         done = tasks.filter_bag(
             args.bag,
@@ -117,6 +119,8 @@ def filter_bag(args: argparse.Namespace) -> int:
             smooth=args.smooth,
             values=values_of(args.values) or None,
             topic=args.topic,
+            fields=args.fields,
+            selection=selection,
             rate_hz=args.rate_hz,
             force=args.force,
             progress=progress,

@@ -26,7 +26,7 @@ def register(commands: Any) -> None:
     c.add_argument(
         '-o', '--output', metavar='DIR', help='where the study goes (default: BAG.study)'
     )
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c, every=True)
     _model_options(c)
     _record_options(c)
     c.add_argument('--force', action='store_true', help='replace a study that is there')
@@ -99,6 +99,7 @@ def _record_options(c) -> None:
 
 def analyse(args: argparse.Namespace) -> int:
     """Run ``analyse``."""
+    from ..bag import ALL
     from ..core.errors import UsageError
     from ..tasks import noise as tasks
 
@@ -111,10 +112,8 @@ def analyse(args: argparse.Namespace) -> int:
     )
     kind = 'delta' if args.delta else 'integrated' if args.integrated else 'rate'
     with common.progress_line(args) as progress:
-        study, folder = tasks.analyse(
-            args.bag,
-            args.output,
-            topic=args.topic,
+        how: dict[str, Any] = dict(
+            fields=args.fields,
             rate_hz=args.rate_hz,
             input_kind=kind,
             force=args.force,
@@ -131,6 +130,12 @@ def analyse(args: argparse.Namespace) -> int:
             keep_motion=args.keep_motion,
             selection=selection,
         )
+        if args.topic == ALL:
+            every, refused, folder = tasks.analyse_every(args.bag, args.output, **how)
+        else:
+            study, folder = tasks.analyse(args.bag, args.output, topic=args.topic, **how)
+    if args.topic == ALL:
+        return _every(args, every, refused, folder)
     common.warn(study.source.get('warnings', ()))
     if args.json:
         from ..store import study_to_dict
@@ -141,4 +146,23 @@ def analyse(args: argparse.Namespace) -> int:
 
     print(report.text(study, str(folder), verbose=args.verbose))
     print(f'written to {folder}: study.yaml imu.yaml allan.csv allan.png report.html evidence.npz')
+    return 0
+
+
+def _every(args: argparse.Namespace, studies, refused, folder) -> int:
+    """Say what became of each IMU of a bag."""
+    from .. import report
+    from ..store import study_to_dict
+
+    for name, study in studies.items():
+        common.warn(f'{name}: {w}' for w in study.source.get('warnings', ()))
+    common.warn(f'{topic} is not analysed: {why}' for topic, why in refused.items())
+    if args.json:
+        common.print_json({'studies': {n: study_to_dict(s) for n, s in studies.items()},
+                           'refused': refused})
+        return 0
+    for name, study in studies.items():
+        print(f'{study.source["topic"]}:\n')
+        print(report.text(study, str(folder / name), verbose=args.verbose))
+    print(f'written to {folder}: {" ".join(studies)}, a study each')
     return 0

@@ -114,12 +114,12 @@ def disturbed(found: Any) -> list[str]:
     ).split('\n')
 
 
-def inspection(found: Any) -> str:
-    """Return a bag's topics and the health of its record, of each sensor where they are apart."""
+def inspection(found: Any, others: Iterable[Any] = ()) -> str:
+    """Return a bag's topics and the health of its records, each sensor's where they are apart."""
     topics = [(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role)
               for t in found.topics]
     out = [table(topics, ('topic', 'type', 'messages', 'Hz', 'used as'))]
-    for one in (found, *found.beside):
+    for one in (x for whole in (found, *others) for x in (whole, *whole.beside)):
         out += ['', *_health(one)]
     return '\n'.join(out)
 

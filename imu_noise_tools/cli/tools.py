@@ -27,7 +27,7 @@ def register(commands: Any) -> None:
     """Add the commands."""
     c = commands.add_parser('inspect', help='topics, rate, stamps, health of a bag, with advice')
     c.add_argument('bag', metavar='BAG')
-    c.add_argument('--topic', metavar='T', help='the Imu topic, where there are several')
+    common.topic_options(c, every=True)
     common.selection_options(c)
     common.output_options(c, 'what was found')
     c.set_defaults(func=inspect)
@@ -75,32 +75,46 @@ def register(commands: Any) -> None:
 def inspect(args: argparse.Namespace) -> int:
     """Run ``inspect``."""
     from dataclasses import asdict
+    from ..bag import ALL, imus
     from ..tasks.inspect import inspect as task
 
     selection = common.selection_of(args)
     with common.progress_line(args) as progress:
-        found = task(
-            args.bag,
-            args.topic,
-            selection=selection,
-            progress=(lambda p: progress(p, 'reading')) if progress else None,
-        )
-    common.warn(found.warnings)
+        every = [
+            task(
+                args.bag,
+                topic or None,
+                selection=selection,
+                fields=args.fields,
+                progress=(lambda p: progress(p, 'reading')) if progress else None,
+            )
+            for topic in (imus(args.bag, args.fields) if args.topic == ALL else [args.topic])
+        ]
+    found = every[0]
+    common.warn(dict.fromkeys(w for one in every for w in one.warnings))
     if args.json:
+        shown = [_of_both(one) for one in every]
         common.print_json(
             {
                 'path': str(args.bag),
                 'topics': [asdict(t) for t in found.topics],
-                **_inspected(found),
-                'beside': {'gyro' if 'accel' in one.health.absent else 'accel': _inspected(one)
-                           for one in found.beside},
+                **(shown[0] if args.topic != ALL else {'records': shown}),
             }
         )
         return 0
     from . import text
 
-    print(text.inspection(found))
+    print(text.inspection(found, every[1:]))
     return 0
+
+
+def _of_both(found) -> dict:
+    """Return what was found in a record, and in the sensor beside it."""
+    return {
+        **_inspected(found),
+        'beside': {'gyro' if 'accel' in one.health.absent else 'accel': _inspected(one)
+                   for one in found.beside},
+    }
 
 
 def _inspected(found) -> dict:

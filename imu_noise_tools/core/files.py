@@ -26,7 +26,7 @@ from .errors import InputError
 
 # What marks a folder as one that this package wrote: only such a folder (or an empty one) is ever
 # replaced.
-MARKERS = ('study.yaml', 'metadata.yaml', 'calibration.yaml')
+MARKERS = ('study.yaml', 'metadata.yaml', 'calibration.yaml', 'studies.yaml')
 
 DEEPEST = 50        # levels of YAML; a study has ten
 

@@ -21,10 +21,10 @@ from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
 from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
 from ..loop.problem import Problem
+from ..loop.verdict import HEALED
 
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
-MENDED = 0.5  # share of the lost information that may be left by an effect that explains the rest
 
 
 class FilterProblem(Problem):
@@ -152,7 +152,7 @@ class FilterProblem(Problem):
             new = next(e for e in after.model if e.label not in fit.model)
             penalty = 0.5 * len(effect.parameters) * np.log(n) + effect.search + 2.0
             heals = effect.heals
-            if gain > penalty and self._lost(after) < MENDED * self._lost(fit):
+            if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):
                 heals = ''  # most is explained: what is left is another effect's
             out.append(
                 Finding(

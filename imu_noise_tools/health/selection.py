@@ -74,6 +74,15 @@ class Selection:
         """
         if self.start is None and self.duration is None:
             return record
+        a, b = self.bounds(record)
+        begin = record.t[a] - np.nanmin(record.t) if b > a else 0.0
+        part = record.part(a, b)
+        return part.warned(f'{part.duration_s:.6g} s from {begin:.6g} s on were chosen')
+
+    def bounds(self, record: ImuRecord) -> tuple[int, int]:
+        """Return from and to which sample the part goes; raises as :meth:`part`."""
+        if self.start is None and self.duration is None:
+            return 0, record.n
         good = record.t[np.isfinite(record.t)]
         first, last = (float(good.min()), float(good.max())) if len(good) else (0.0, 0.0)
         begin = first + (self.start.seconds(last - first) if self.start else 0.0)
@@ -83,11 +92,7 @@ class Selection:
                 f'--start is past the end: the recording lasts {last - first:.6g} s', HOW
             )
         inside = np.flatnonzero((record.t >= begin) & (record.t <= end))
-        a, b = (int(inside[0]), int(inside[-1]) + 1) if len(inside) else (0, 0)
-        part = record.part(a, b)
-        return part.warned(
-            f'{part.duration_s:.6g} s from {begin - first:.6g} s on were chosen'
-        )
+        return (int(inside[0]), int(inside[-1]) + 1) if len(inside) else (0, 0)
 
 
 def _time(option: str, text: str, least: float = 0.0) -> Time:

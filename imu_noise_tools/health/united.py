@@ -20,6 +20,10 @@ LOOKED_AT = 200_000     # samples that tell
 LEAST = 0.2             # share of samples for which it holds on all axes at once
 TOGETHER = 0.5          # of the way from axes that have nothing to do with each other to one fate
 ON_LINE = 1e-3          # of the usual change of slope: what counts as none
+SEGMENT = 1 << 14       # samples of a periodogram: over longer, two clocks drift apart
+LINE = 15.0             # of the level around it: what of a spectrum is no noise
+BROAD = 1.3             # of the level: what is no line but a hump
+SHALLOW, DEEP = 0.1, 0.45       # depth of the first harmonic; 3 / pi^2 for white noise
 
 
 def united(record: ImuRecord) -> list[str]:
@@ -27,7 +31,8 @@ def united(record: ImuRecord) -> list[str]:
     Return a sentence on each sensor whose samples are interpolated or repeated.
 
     Only where both are there, and only one is so: what holds for both is no matter of uniting.
-    Under two samples for one that was taken, none lie on a line that would tell.
+    Under two samples for one that was taken, none lie on a line that would tell; the variance
+    does, which is half as large midway between two samples taken as it is at one.
 
     """
     there = [s for s in SENSORS if getattr(record, s) is not None]
@@ -38,14 +43,14 @@ def united(record: ImuRecord) -> list[str]:
     if all(found.values()):
         return []
     return [
-        f'{s} {how} at about {rate:.3g} Hz (a driver that unites two sensors): its noise at '
+        f'{s} {how} at about {rate} Hz (a driver that unites two sensors): its noise at '
         'short times is not its own; record its own topic, and analyse that'
         for s, answer in found.items() if answer
         for how, rate in [answer]
     ]
 
 
-def _how(x: np.ndarray, t: np.ndarray) -> tuple[str, float] | None:
+def _how(x: np.ndarray, t: np.ndarray) -> tuple[str, str] | None:
     """Return how samples (n, 3) at t (n,) came about, and the rate (Hz) behind them."""
     x = x[:, np.ptp(x, axis=0) > 0]
     span = float(t[-1] - t[0])
@@ -54,15 +59,75 @@ def _how(x: np.ndarray, t: np.ndarray) -> tuple[str, float] | None:
     step = np.diff(x, axis=0)
     same = step == 0
     if _beyond_chance(same):
-        return 'repeats samples taken', float(np.sum(~same.all(axis=1))) / span
+        return 'repeats samples taken', f'{np.sum(~same.all(axis=1)) / span:.3g}'
     for width in (np.maximum(np.diff(t), 1e-9)[:, None], 1.0):
         bend = np.abs(np.diff(step / width, axis=0))
         straight = bend < ON_LINE * np.mean(bend, axis=0)
         straight &= ~(same[1:] | same[:-1])
         if _beyond_chance(straight):
             bent = ~straight.all(axis=1)
-            return 'is interpolated between samples taken', _runs(bent) / span
-    return None
+            return 'is interpolated between samples taken', f'{_runs(bent) / span:.3g}'
+    return _by_variance(x, (len(t) - 1) / span)
+
+
+def _by_variance(x: np.ndarray, rate: float) -> tuple[str, str] | None:
+    """
+    Return the same by a variance that is periodic in time, as the phase of two clocks is.
+
+    At a share u of the way between two samples of white noise the variance is (1 - u)^2 + u^2 of
+    theirs: its first harmonic is 3/pi^2 of its mean. It shows in the periodogram of the squares
+    at the rate behind the samples, or where that is folded to. A vibration does so, too: lines are
+    taken out first, there must be little of them, and all axes must show it, as deep. It is not
+    told of what was rounded afterwards, nor at a rate close to this one or to a multiple of it.
+
+    """
+    if np.unique(x[:2000, 0]).size < 0.9 * len(x[:2000]):
+        return None                         # a converter's levels come again, their mixtures not
+    n = min(SEGMENT, 1 << int(np.log2(len(x) // 4)))
+    window = np.hanning(n)[:, None]
+    squares, mean = np.zeros((n // 2 + 1, x.shape[1])), np.zeros(x.shape[1])
+    shaken = np.zeros(x.shape[1])
+    parts = len(x) // n
+    for k in range(parts):
+        part = x[k * n:(k + 1) * n]
+        spectrum = np.fft.rfft(window * (part - part.mean(axis=0)), axis=0)
+        power = np.abs(spectrum) ** 2
+        lines = power > LINE * _level(power)
+        lines[2:-2] |= lines[4:] | lines[:-4] | lines[3:-1] | lines[1:-3]
+        power[:n // 20] = spectrum[:n // 20] = 0.0      # what drifts
+        shaken += np.sum(power * lines, axis=0) - np.sum(power * ~lines, axis=0)
+        spectrum[lines] = 0.0
+        q = np.fft.irfft(spectrum, n, axis=0) ** 2
+        q = np.minimum(q, 10 * q.mean(axis=0))
+        mean += q.sum(axis=0)
+        squares += np.abs(np.fft.rfft(q, axis=0)) ** 2
+    level = _level(squares)
+    share = (squares / np.where(level > 0, level, np.inf)).sum(axis=1) / x.shape[1]
+    share[:32] = share[-8:] = 0.0           # the window, and rates too close to this one
+    at = int(np.argmax(share))
+    near = np.r_[share[at - 16:at - 4], share[at + 5:at + 17]]
+    if shaken.max() > 0 or share[at] < _beyond(parts * x.shape[1], n) or np.median(near) > BROAD:
+        return None
+    depth = 2 * np.sqrt(np.maximum(squares[at] - level[at], 0.0) * parts) / mean
+    if depth.min() < SHALLOW or depth.max() > min(DEEP, 2 * depth.min()):
+        return None
+    folded = at * rate / n
+    return ('is interpolated between samples taken',
+            f'{rate - folded:.3g} or {rate + folded:.3g}')
+
+
+def _level(power: np.ndarray) -> np.ndarray:
+    """Return the level around each bin of a periodogram (bins, axes): no line raises it."""
+    from scipy.ndimage import median_filter
+
+    return median_filter(power, (201, 1), mode='nearest')
+
+
+def _beyond(count: int, bins: int) -> float:
+    """Return what so many exponential powers reach, over their median, once in 10^6 records."""
+    from scipy.stats import gamma
+
+    return float(gamma.isf(1e-6 / bins, count) / gamma.median(count))
 
 
 def _beyond_chance(flags: np.ndarray) -> bool:

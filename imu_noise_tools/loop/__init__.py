@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loop over any problem: effects and models, held-out error, diagnosis, study."""
+"""The loop over any problem: effects and models, held-out deviance, diagnosis, study."""

@@ -8,7 +8,7 @@ Several effects may be missing at once, and what explains a part is worth findin
 goes on failing. The search goes forward: the most probable candidate into the model, refitted, and
 on from there until nothing is gained beyond chance; where a rival is explained away by what was
 chosen, a chain that begins with the rival is followed as well. Then backward: each member must
-lower the deviance on data not fitted beside all the others, heal what it claims to heal, be as
+lower the held-out deviance beside all the others, heal what it claims to heal, be as
 good as a flexible form in its place, and not stand in the shadow of what nothing explains.
 
 """
@@ -176,7 +176,7 @@ class _Search:
         return self._tested[key]
 
     def error(self, model: Model) -> Score | None:
-        """Return the error on data not fitted of a model, None where none is had."""
+        """Return the held-out deviance of a model, None where none is had."""
         key = frozenset(model.labels)
         if key not in self._scored:
             try:
@@ -312,7 +312,7 @@ class _Search:
         if fall >= 0:
             return fall, (f'{_DOUBT}: their deviance falls by {fall:.1f}, chance reaches '
                           f'{rules.FALL:.0f}')
-        return fall, f'it raises the deviance of data not fitted by {-fall:.1f}'
+        return fall, f'it raises the held-out deviance by {-fall:.1f}'
 
     def _unhealed(self, before_it: Model, after_it: Model, finding: Finding) -> str:
         """Say that the view a member claims to heal does not gain at its place what it claims."""
@@ -441,7 +441,7 @@ def surplus(finding: Finding) -> float:
 
 
 def beyond_chance(error: Score) -> list[Finding]:
-    """Return what of an error on data not fitted chance does not explain, as tests that fail."""
+    """Return what of a held-out deviance chance does not explain, as tests that fail."""
     return [Finding(k, 0.5 * max(v.excess, 0.0) * len(v.pull), view=k,
                     p_value=rules.tail(v.excess, v.std), evidence='on data not fitted')
             for k, v in ((k, error.views[k]) for k in error.failing)]

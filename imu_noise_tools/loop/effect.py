@@ -225,7 +225,7 @@ class Effect:
 
     @classmethod
     def example(cls) -> Effect:
-        """Return one with typical values (a MEMS gyroscope): for tests, pictures and help."""
+        """Return one with values, by default the middle of their bounds: for tests and help."""
         return cls(
             {
                 p.name: (

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The error on data not fitted, and by how much one model lowers it against another.
+The held-out deviance (the error on data not fitted), and by how much one model lowers it.
 
 Knows only what a :class:`~imu_noise_tools.loop.problem.Problem` is.
 
@@ -41,7 +41,7 @@ def deviance(score: Score, names: Collection[str] = ()) -> float:
 
 def fall_of(before: Score, after: Score, effects: Iterable[Effect]) -> float:
     """
-    Return by how much the deviance on data not fitted fell.
+    Return by how much the held-out deviance fell.
 
     It is counted in the views in which the effects are judged.
 
@@ -64,5 +64,5 @@ def fall_of(before: Score, after: Score, effects: Iterable[Effect]) -> float:
 
 
 def fall_in_words(before: Score, after: Score, fall: float) -> str:
-    """Say whether an error on data not fitted has fallen."""
+    """Say whether the held-out deviance has fallen."""
     return verdict.change(before.excess, after.excess, fall, after.within_chance)

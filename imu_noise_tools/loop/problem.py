@@ -56,7 +56,7 @@ class Problem(ABC):
 
     def held_out(self, model: Model) -> Score:
         """
-        Return the error of a model on data not fitted.
+        Return the held-out deviance of a model: its error on data that it was not fitted to.
 
         Each view is averaged over the splits, then the views are averaged.
 

@@ -184,7 +184,7 @@ class Study:
         )
 
     def compare(self, targets: Iterable[str] | None = None) -> dict[str, Score]:
-        """Return, for each target, the error on data not fitted, view by view."""
+        """Return, for each target, the held-out deviance, view by view."""
         return {t: self.states[t].error for t in self.chosen(targets)}
 
     def diagnose(
@@ -274,7 +274,7 @@ class Study:
         """
         Diagnose and add until nothing more is found in any target; return all rungs.
 
-        A rung that raises the deviance of data not fitted is taken back, and ends the ladder.
+        A rung that raises the held-out deviance is taken back, and ends the ladder.
 
         """
         steps = []

@@ -22,13 +22,15 @@ SURE = 0.9
 #: family-wise level at which a test fails, by Holm 1979; on records in which nothing is hidden
 #: ``python bench/hidden_effects.py --set none`` shows what it costs
 LEVEL = 0.005
-#: the same for the views of an error on data not fitted, which is looked at beside those tests and
+#: the same for the views of a held-out deviance, which is looked at beside those tests and
 #: at every rung: of 210 axes with nothing hidden 1.0 % fail at 0.5 %, where coherence has a tail
 #: of 2.9 % instead, and none of coherence at this level
 HELD_OUT_LEVEL = 0.001
-#: standard deviations up to which an error on data not fitted is within chance
+#: standard deviations up to which a held-out deviance is within chance
 CHANCE = 2.0
-#: deviance (three nats) by which an error on data not fitted must fall to be more than chance:
+#: standard errors from which one place of a view is named or marked; by chance 1 in 370 is
+STRIKING = 3.0
+#: deviance (three nats) by which a held-out deviance must fall to be more than chance:
 #: an effect that is not there lowers it by as much in one case of a hundred and fifty
 #: (``python bench/hidden_effects.py --set one`` adds one that is not there)
 FALL = 6.0
@@ -40,7 +42,8 @@ PRICE = 2.5
 FLEXIBLE = 13.0
 #: ... or this share of what the named form gains, for no real sensor follows a formula for ever
 FLEXIBLE_SHARE = 0.02
-#: share of what a finding claims, or of what failed, by which the failing deviance must fall
+#: share of what a finding claims, or of what failed, by which the failing deviance must fall (a
+#: choice, as the next: most of it)
 HEALED = 0.5
 #: times as much that fails elsewhere makes a finding a side of something else
 SHADOW = 10.0
@@ -82,7 +85,7 @@ def views_failing(views: Mapping[str, tuple[float, float]]) -> list[str]:
 
 
 def within_chance(excess: float, std: float) -> bool:
-    """Tell whether an error on data not fitted is one that a true model could have."""
+    """Tell whether a held-out deviance is one that a true model could have."""
     return bool(excess <= CHANCE * std)
 
 
@@ -93,7 +96,7 @@ def side(within: bool, fails: bool) -> str:
 
 def change(before: float, after: float, fall: float, chance: bool) -> str:
     """
-    Say what an error on data not fitted did.
+    Say what a held-out deviance did.
 
     Parameters
     ----------

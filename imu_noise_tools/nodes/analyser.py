@@ -10,6 +10,7 @@ import sys
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
+from .diagnostics import Diagnostics
 from .intake import Intake
 from .live import Stream
 from .loop import guarded, Loop, serve
@@ -19,7 +20,7 @@ from .run import run, threads_executor
 from .saving import Folder, npz
 from .topics import STEADY
 from .. import store
-from ..core.errors import InputError, UsageError
+from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..loop.effect import load_effects, model_of
 from ..loop.study import Study
 from ..noise.problem import METHODS
@@ -63,6 +64,12 @@ class Analyser(Node):
         for name in ('analyse', 'save', 'reset'):
             serve(self, name, getattr(self, name), group)
         self.create_timer(_TICK, self._work, callback_group=group, clock=STEADY)
+        self._diagnostics = Diagnostics(
+            self, lambda: self._results.statuses(self._study),
+            lambda: self._stream.received if self._intake.end is None else None,
+            lambda: self._stream.frame_id or self._intake.topic)
+        self.create_timer(1.0, self._diagnostics.tell, clock=STEADY,
+                          callback_group=MutuallyExclusiveCallbackGroup())
         self._refresh_timer = self.create_timer(
             p['update_period'], self._refresh, clock=STEADY,
             callback_group=MutuallyExclusiveCallbackGroup())
@@ -72,9 +79,13 @@ class Analyser(Node):
         """Fit the model to everything that is held."""
         self._intake.read()
         self._results.tell('analysing')
-        record = self._stream.record(**self._intake.source)
         chosen = {name: self._settings[name] for name in ('effects', 'method', 'keep_motion')}
-        self._study = tasks.analyse_record(record, **chosen)
+        try:
+            record = self._stream.record(**self._intake.source)
+            self._study = tasks.analyse_record(record, **chosen)
+        except ImuNoiseError as error:
+            self._results.failed(str(error))
+            raise
         self._show(self._study)
         data = store.study_to_dict(self._study)
         return {'source': data['source'], 'targets': data['targets']}

@@ -39,6 +39,8 @@ class BagReader(Node):
             Setting('bag', '', 'rosbag1 file, rosbag2 folder, .mcap, .db3, .csv or .npz',
                     fixed=True),
             Setting('topic', '', 'Imu topic of the bag; empty: the only one', fixed=True),
+            Setting('fields', '', 'of messages of another type: gyro=PATH,accel=PATH,'
+                    'stamp=PATH:us', fixed=True),
             Setting('speed', 0.0, 'times real time; 0: as fast as the subscribers take it',
                     unit='1', low=0.0, high=1e6),
             Setting('start', 0.0, 'where to begin, after the first stamp', 's', 0.0, 1e9,
@@ -57,8 +59,8 @@ class BagReader(Node):
                     choices=('header', 'now')))
         if not p['bag']:
             raise InputError('no bag is given', 'give one with -p bag:=PATH')
-        bag, topic = p['bag'], p['topic'] or None
-        self._total, self._of, said = about(bag, topic)
+        bag, topic, fields = p['bag'], p['topic'] or None, p['fields'] or None
+        self._total, self._of, said = about(bag, topic, fields)
         if said:
             self.get_logger().warning(said)
         self._messages = self._publish_on(Imu, 'imu/data_raw') \
@@ -72,8 +74,8 @@ class BagReader(Node):
         self.create_timer(0.5, self._tell, clock=STEADY)
         self._tick_at, self._since_flush = 0.0, 0
         self._player = Player(
-            lambda: pieces(bag, topic, self._messages is not None), self, p['speed'], p['start'],
-            p['duration'], p['wait_for_subscribers'], p['loop'])
+            lambda: pieces(bag, topic, self._messages is not None, fields), self, p['speed'],
+            p['start'], p['duration'], p['wait_for_subscribers'], p['loop'])
         p.changed = self._changed
         self._changed({})
         self._player.begin()

@@ -5,16 +5,18 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu
 
 from . import messages
 from .aside import Aside
+from .diagnostics import Diagnostics
 from .filter_settings import chosen, given_values, value_settings
 from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
@@ -51,6 +53,7 @@ class Filter(Node):
         p.together = lambda new: design(**chosen(new))
         p.changed = self._changed
         self._first: int | None = None
+        self._frame = self.resolve_topic_name('imu/data_raw')
         self._study: Study | None = None
         self._output = self.create_publisher(
             Imu, 'imu/data_filtered', live(), qos_overriding_options=overridable())
@@ -60,7 +63,10 @@ class Filter(Node):
         Loop(self._aside, self._the_study, self._adopt, fresh=self._begin,
              compute=self._aside.compute)
         serve(self._aside, 'reset', self.reset)
+        self._diagnostics = Diagnostics(
+            self, self._statuses, lambda: self._engine.counts.samples, lambda: self._frame)
         self._aside.create_timer(1.0, self._tell, clock=STEADY)
+        self._aside.create_timer(1.0, self._diagnostics.tell, clock=STEADY)
         self._aside.begin()
         self.get_logger().info(f'{BIAS}; {CORRELATED}')
 
@@ -77,7 +83,7 @@ class Filter(Node):
         stamp, rate, there = messages.rate_of(raw)
         if there:
             if self._first is None:
-                self._first = stamp
+                self._first, self._frame = stamp, messages.frame_of(raw) or self._topic
             with self._lock:
                 filtered = self._engine.step((stamp - self._first) * 1e-9, rate)
             if filtered is None:
@@ -131,6 +137,10 @@ class Filter(Node):
 
     def _tell(self) -> None:
         """Publish how the innovations look, axis by axis."""
+        self._innovations.publish(messages.diagnostics(self, self._statuses()))
+
+    def _statuses(self) -> list[DiagnosticStatus]:
+        """Return how the stream is, and how the innovations look, axis by axis."""
         _, _, scores = self._engine.history.latest(_SHOWN)
         counts, names = self._engine.counts, self._engine.design.names
         about = {**vars(counts), 'rate [Hz]': self._engine.rate_hz,
@@ -141,14 +151,32 @@ class Filter(Node):
             found = Innovations.of(scores[:, k])
             judged = self._study.diagnosis.get(axis) if self._study else None
             verdict = judged.verdict if judged else 'not judged'
+            missing = judged is not None and judged.verdict in ('missing', 'unknown')
+            level = messages.WARN if missing or _beyond_chance(found) else messages.OK
             statuses.append(messages.status(axis, verdict, {
                 'nis [1]': found.nis, 'mean [1]': found.mean, 'autocorrelation [1]': found.lag1,
-                'kurtosis [1]': found.kurtosis, 'samples': found.n, 'verdict': verdict}))
-        self._innovations.publish(messages.diagnostics(self, statuses))
+                'kurtosis [1]': found.kurtosis, 'samples': found.n, 'verdict': verdict},
+                level))
+        return statuses
 
     def finish(self) -> None:
         """Stop what runs aside."""
         self._aside.end()
+
+
+def _beyond_chance(found: Innovations) -> bool:
+    """
+    Tell whether innovations are not those of a true model, by more than chance and by much.
+
+    Of n white ones the autocorrelation has the standard error 1/sqrt(n), the mean square
+    sqrt((2 + kurtosis)/n); five of them, and a tenth or a factor of two, are beyond.
+
+    """
+    if found.n < 100:
+        return False
+    scatter = math.sqrt(max(2.0 + found.kurtosis, 1.0) / found.n)
+    level = not 0.5 < found.nis < 2.0 and abs(found.nis - 1) > 5 * scatter
+    return level or abs(found.lag1) > max(0.1, 5 / math.sqrt(found.n))
 
 
 def main(args=None) -> int:

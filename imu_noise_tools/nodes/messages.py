@@ -15,10 +15,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, Imu
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from . import answers
 from ..bag.container import Batch, Connection
 from ..bag.decode import ACCEL, decode, DOUBLES, GYRO, IMU
 from ..core.record import AXES
-from ..store import dump_yaml
 
 BLOCK_COLUMNS = ('stamp', *AXES)
 CURVE_COLUMNS = ('tau', 'adev', 'lo', 'hi', 'model', 'log10_tau', 'log10_adev')
@@ -83,6 +83,12 @@ def rate_of(raw: bytes) -> tuple[int, tuple[float, float, float], bool]:
     sec, nanosec = struct.unpack_from('<iI', raw, 4)
     *rate, covariance = struct.unpack_from('<4d', raw, _body(raw) + 8 * GYRO.start)
     return sec * 10 ** 9 + nanosec, tuple(rate), covariance != -1.0
+
+
+def frame_of(raw: bytes) -> str:
+    """Return the frame of an Imu message."""
+    length = struct.unpack_from('<I', raw, 12)[0]
+    return raw[16:16 + length].rstrip(b'\0').decode(errors='replace')
 
 
 def with_rate(raw: bytes, rate: Iterable[float], variance: Iterable[float]) -> bytes:
@@ -164,7 +170,8 @@ def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
 
 # ---- what people read ----
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR,
+                          DiagnosticStatus.STALE)
 
 
 def status(name: str, message: str,
@@ -182,13 +189,20 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
     Return one target of study.yaml as a status: values and intervals with their unit in the key.
 
     A single capital (N, B, K, Q, R) names itself; other parameters bear the label of their effect.
+    A model beyond chance is a warning, unless what it leaves out changes nothing; one without the
+    value of a coefficient and without a limit to it is an error.
 
     """
     values: list[tuple[str, object]] = []
+    level, text = OK, ' + '.join(entry['effects'])
+    if not entry['error'].get('within_chance', True) and not entry.get('sufficient'):
+        level, text = WARN, f'{text}: beyond chance'
     for label, effect in entry['effects'].items():
         for name, e in effect.items():
             if not isinstance(e, Mapping):
                 continue
+            if e.get('value') is None and e.get('upper95') is None:
+                level, text = ERROR, f'{label}.{name} could not be estimated'
             capital = len(name) == 1 and name.isupper() and '.' not in label
             key = name if capital else f'{label}.{name}'
             lo, hi = e.get('ci95') or (None, None)
@@ -196,7 +210,7 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
                 ('', e.get('value')), ('_std', e.get('std')), ('_lo', lo), ('_hi', hi),
                 ('_upper95', e.get('upper95')))]
     values += [(k, v) for k, v in entry['error'].items() if isinstance(v, (int, float))]
-    return status(target, ' + '.join(entry['effects']), values)
+    return status(target, text, values, level)
 
 
 def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
@@ -214,6 +228,12 @@ def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
               'evidence': best.get('evidence'), 'advice': entry.get('advice') or None}
     level = WARN if entry['verdict'] in ('missing', 'unknown') else OK
     return status(target, text, values, level)
+
+
+def copied(one: DiagnosticStatus) -> DiagnosticStatus:
+    """Return the same status again, to be changed."""
+    return DiagnosticStatus(level=one.level, name=one.name, message=one.message,
+                            hardware_id=one.hardware_id, values=list(one.values))
 
 
 def _number(value) -> str:
@@ -240,7 +260,7 @@ def image(node, pixels: np.ndarray) -> Image:
 
 
 def answer(response, result, success: bool = True):
-    """Fill a Trigger's response: its message is YAML."""
+    """Fill a Trigger's response: its message is YAML in one line, with a summary first."""
     response.success = success
-    response.message = dump_yaml(result)
+    response.message = answers.text(result)
     return response

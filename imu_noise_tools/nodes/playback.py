@@ -50,7 +50,7 @@ class Piece:
                      self.frame_id, raw)
 
 
-def pieces(path, topic: str | None, raw: bool) -> Iterator[Piece]:
+def pieces(path, topic: str | None, raw: bool, fields: str | None = None) -> Iterator[Piece]:
     """
     Yield a record piece by piece; with the messages where they are wanted.
 
@@ -62,13 +62,13 @@ def pieces(path, topic: str | None, raw: bool) -> Iterator[Piece]:
     """
     if not raw:
         first = 0
-        for b in iter_blocks(path, topic, _BLOCK):
+        for b in iter_blocks(path, topic, _BLOCK, fields):
             nothing = np.full((len(b.stamp), 3), np.nan)
             gyro, accel = (nothing if x is None else x for x in (b.gyro, b.accel))
             yield Piece(first, b.stamp, gyro, accel, b.frame_id, [])
             first += len(b.stamp)
         return
-    source, first = iter_raw(path, topic), 0
+    source, first = iter_raw(path, topic, fields), 0
     while some := list(islice(source, _BLOCK)):
         stamps = np.array([stamp for _, _, stamp in some], np.int64)
         # where all stamps of a record are zero, the receive time beside the bytes is its stamp
@@ -79,7 +79,7 @@ def pieces(path, topic: str | None, raw: bool) -> Iterator[Piece]:
         first += len(some)
 
 
-def about(path, topic: str | None) -> tuple[int, str, str]:
+def about(path, topic: str | None, fields: str | None = None) -> tuple[int, str, str]:
     """
     Return how many samples a record is said to have (0: nobody knows), its topic, and a warning.
 
@@ -93,7 +93,7 @@ def about(path, topic: str | None) -> tuple[int, str, str]:
         record = read_table(Path(path), 1.0)
         return record.n, record.topic, ''
     with Bag(path) as bag:
-        choice = choose(bag, topic)
+        choice = choose(bag, topic, fields)
         counts = {t.name: t.samples for t in list_topics(bag) if t.name in choice.names}
         said = ''
         if len(counts) == 2 and max(counts.values()) > 1.01 * min(counts.values()):

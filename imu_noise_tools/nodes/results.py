@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float64MultiArray
@@ -27,6 +27,8 @@ class Results:
     def __init__(self, node, stream: Stream):
         self._node, self._stream = node, stream
         self._drawn = 0
+        self._state = 'gathering'
+        self._coefficients: list[DiagnosticStatus] = []
         self._lock = threading.Lock()           # or a live curve comes after the final one
         kinds = {'status': DiagnosticArray, 'coefficients': DiagnosticArray,
                  'diagnosis': DiagnosticArray, 'plot': Image,
@@ -44,22 +46,30 @@ class Results:
 
     def tell(self, state: str) -> None:
         """Publish how many samples came."""
+        self._state = state
+        self._publish('status', [self._incoming(state, 'analyser')])
+
+    def _incoming(self, state: str, name: str = 'input') -> DiagnosticStatus:
+        """Return how what comes in is."""
         counts, received = self._counts(), self._stream.received
         level = messages.OK if counts['complete'] and not counts['refused'] else messages.WARN
         values = {'state': state, 'samples': received, **counts, 'rate [Hz]': self._stream.rate_hz}
-        self._publish('status', [
-            messages.status('analyser', f'{state}, {received} samples', values, level)])
+        return messages.status(name, f'{state}, {received} samples', values, level)
 
     def show(self, study: Study) -> None:
         """Publish a study: coefficients, diagnosis, and curves with the model beside them."""
         data = store.study_to_dict(study)
-        source = data['source']
+        source, counts = data['source'], self._counts()
         about = messages.status(
             'record', f'{source["samples"]} samples at {source["rate_hz"]:g} Hz', {
                 'samples': source['samples'], 'rate [Hz]': source['rate_hz'],
-                'duration [s]': source['duration_s'], **self._counts()})
-        self._publish('coefficients', [about, *(
-            messages.coefficients(t, e) for t, e in data['targets'].items())])
+                'duration [s]': source['duration_s'], **counts},
+            messages.OK if counts['complete'] and not counts['refused'] else messages.WARN)
+        self._coefficients = [about, *(
+            messages.coefficients(t, e) for t, e in data['targets'].items()), *(
+            messages.status(axis, 'never changes', level=messages.ERROR)
+            for axis in self._stuck(data['targets']))]
+        self._publish('coefficients', self._coefficients)
         self._publish('diagnosis', [
             messages.diagnosis(t, d) for t, d in data['diagnosis'].items()])
         with self._lock:
@@ -68,6 +78,29 @@ class Results:
                 c = state.problem.evidence.curve        # type: ignore[attr-defined]
                 model = _deviation(state.model, c.m, c.dt)
                 self._curve(axis, c.tau, c.dev, c.lo, c.hi, model, 'analysed')
+
+    def _stuck(self, targets) -> list[str]:
+        """Return the axes of a sensor that others of it were analysed beside."""
+        there = {t.partition('_')[0] for t in targets}
+        return [a for a in AXES if a not in targets and a.partition('_')[0] in there]
+
+    def failed(self, why: str) -> None:
+        """Publish that there is no result, and why."""
+        self._coefficients = [messages.status(
+            'record', why, {'samples': self._stream.received, **self._counts()}, messages.ERROR)]
+        self._publish('coefficients', self._coefficients)
+
+    def statuses(self, study: Study | None) -> list[DiagnosticStatus]:
+        """Return how what comes in, and each axis, is: the stream first."""
+        out = [self._incoming(self._state)]
+        out += [messages.copied(s) for s in self._coefficients]
+        judged = {} if study is None else study.diagnosis
+        for status in out[1:]:
+            if status.name in judged and status.level == messages.OK:
+                found = messages.diagnosis(status.name, store.diagnosis_to_dict(
+                    'noise', status.name, judged[status.name]))
+                status.level, status.message = found.level, found.message
+        return out
 
     def draw(self, study: Study) -> None:
         """Publish the picture of a study."""

@@ -21,6 +21,9 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from ..core.files import plain_yaml
+from ..store import dump_yaml
+
 
 def call(name: str, patience: float) -> tuple[bool, str] | None:
     """
@@ -67,7 +70,7 @@ def main(args=None) -> int:
             file=sys.stderr,
         )
         return 3
-    print(answer[1])
+    print(dump_yaml(plain_yaml(answer[1])).rstrip())
     return 0 if answer[0] else 1
 
 

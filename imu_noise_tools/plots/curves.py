@@ -13,6 +13,7 @@ import numpy as np
 from ..core.allan import AllanCurve, degrees_of_freedom
 from ..core.statistics import gamma_pull
 from ..loop.prediction import State
+from ..loop.verdict import CHANCE, STRIKING
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effect_avar
 from ..noise.evidence import Evidence
@@ -21,7 +22,7 @@ from ..noise.likelihood import Likelihood
 from ..noise.problem import NoiseProblem
 
 # A run is marked where |pull| > 2 for three points or more, one of them > 3; or for one alone > 5.
-NOTABLE, STRIKING, ALONE = 2.0, 3.0, 5.0
+NOTABLE, ALONE = CHANCE, 5.0
 
 
 @dataclass(frozen=True)

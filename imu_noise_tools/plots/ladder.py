@@ -13,13 +13,13 @@ import numpy as np
 from .style import (
     CHANCE, dress, FAIL, FAINT, GOOD, log_scale, MEASURED, new_figure, signed_log_scale, SMALL
 )
+from ..loop import verdict
 from ..loop.study import Contrast, Step, Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BEYOND = 2.0             # standard errors from which a pull is filled
 MOST = 1000.0            # standard errors shown at most
 _X = {'Hz': 'frequency, Hz', 's': 'time, s', 'quantile': 'quantile of the samples'}
 
@@ -55,13 +55,14 @@ def _pull(ax: Axes, x: np.ndarray, pull: np.ndarray, top: float) -> None:
     """Draw pulls against x, what is beyond chance filled; logarithmic where they are large."""
     few = '.' if len(x) < 40 else ''
     shown = np.clip(pull, -top, top)
-    ax.axhspan(-BEYOND, BEYOND, color=CHANCE, linewidth=0)
+    beyond = verdict.CHANCE
+    ax.axhspan(-beyond, beyond, color=CHANCE, linewidth=0)
     for sign in (1, -1):
-        ax.fill_between(x, sign * BEYOND, shown, where=sign * shown > BEYOND, interpolate=True,
+        ax.fill_between(x, sign * beyond, shown, where=sign * shown > beyond, interpolate=True,
                         color=FAIL, alpha=0.55, linewidth=0)
     ax.plot(x, shown, color=MEASURED, linewidth=0.9, marker=few or None, markersize=5)
     if top > 30:
-        ax.set_yscale('symlog', linthresh=BEYOND, linscale=0.5)
+        ax.set_yscale('symlog', linthresh=beyond, linscale=0.5)
     ax.set_ylim(-top, top)
 
 
@@ -74,7 +75,7 @@ def ladder(ax: Axes, study: Study, target: str) -> Axes:
                 ha='center', fontsize=SMALL)
         return ax
     error = np.array([s.held_out for s in steps])
-    chance = 2 * np.array([s.held_out_std for s in steps])
+    chance = verdict.CHANCE * np.array([s.held_out_std for s in steps])
     x = np.arange(len(steps))
     linear = float(max(np.median(chance), 1e-9))
     signed_log_scale(ax.yaxis, linear, min(-1.5 * linear, 1.3 * error.min()),
@@ -84,7 +85,8 @@ def ladder(ax: Axes, study: Study, target: str) -> Axes:
     ax.plot(ends, level, '--', color=GOOD, linewidth=1.0)
     ax.text(0.01, 0.02, 'what chance allows', transform=ax.transAxes, fontsize=SMALL, color=GOOD)
     ax.plot(x, error, color=FAINT, linewidth=1.2)
-    for i, inside in enumerate(error <= chance):
+    for i, s in enumerate(steps):
+        inside = verdict.within_chance(s.held_out, s.held_out_std) and not s.failing
         colour = GOOD if inside else FAIL
         ax.plot([i], [error[i]], 'o', color=colour, markersize=7)
         said = f'{error[i]:.0f}' if 100 <= abs(error[i]) < 1e5 else f'{error[i]:.2g}'
@@ -100,7 +102,7 @@ def ladder(ax: Axes, study: Study, target: str) -> Axes:
     return ax
 
 
-def _name(step: Step, verdict: bool) -> str:
+def _name(step: Step, judged: bool) -> str:
     """Return what was done in one step: all effects at the start, then what came or went."""
     if step.added:
         done = '+ ' + step.added.replace('+', '\n+ ')
@@ -108,7 +110,7 @@ def _name(step: Step, verdict: bool) -> str:
         done = f'− {step.removed}'
     else:
         return '\n'.join(step.effects) or '(nothing)'
-    return f'{done}\n{fill(step.verdict, 9)}' if verdict else done
+    return f'{done}\n{fill(step.verdict, 9)}' if judged else done
 
 
 def ladder_figure(study: Study) -> Figure:

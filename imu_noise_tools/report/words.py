@@ -21,10 +21,9 @@ from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
 from ..loop.study import Step, Study
-from ..loop.verdict import CHANCE
+from ..loop.verdict import CHANCE, STRIKING
 
 ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
-STRIKING = 3.0       # standard errors from which one place is named
 
 # name of a view: (what it looks at, what it means when it fails)
 VIEWS = {

@@ -20,6 +20,7 @@ from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
+from ..health import Selection
 from ..loop.study import Study
 
 FILE = 'calibration.yaml'
@@ -241,6 +242,8 @@ def calibrate(
     out: str | Path | None = None,
     *,
     topic: str | None = None,
+    fields: str | None = None,
+    selection: Selection | None = None,
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
     rate_hz: float | None = None,
@@ -251,7 +254,8 @@ def calibrate(
     """
     Calibrate from bags; write calibration.yaml, a picture, a report and the study.
 
-    ``out`` is ``<first bag>.study`` unless given; options are those of :func:`calibrate_records`.
+    ``out`` is ``<first bag>.study`` unless given; ``selection`` is the part of each bag that is
+    read; options are those of :func:`calibrate_records`.
     Nothing is written when the calibration is refused.
 
     Raises
@@ -269,8 +273,9 @@ def calibrate(
         for k, bag in enumerate(bags):
             if progress:
                 progress(0.8 * k / len(bags), f'reading {bag}')
-            records.append(open_record(bag, topic, gyro_unit=gyro_unit, accel_unit=accel_unit,
-                                       rate_hz=rate_hz))
+            record = open_record(bag, topic, fields=fields, gyro_unit=gyro_unit,
+                                 accel_unit=accel_unit, rate_hz=rate_hz)
+            records.append(selection.part(record) if selection else record)
         done = calibrate_records(records, **options)
         done.study.diagnose()
         if progress:
@@ -331,6 +336,7 @@ def apply_calibration(
     calibration: str | Path,
     *,
     topic: str | None = None,
+    fields: str | None = None,
     force: bool = False,
     progress: Any = None,
 ) -> Path:
@@ -348,8 +354,8 @@ def apply_calibration(
 
     def correct(record: ImuRecord) -> ImuRecord:
         return corrected(record, *corrections)
-    return copy_bag(bag, out, correct, topic=topic, new_topic=CALIBRATED, force=force,
-                    progress=progress)
+    return copy_bag(bag, out, correct, topic=topic, fields=fields, new_topic=CALIBRATED,
+                    force=force, progress=progress)
 
 
 class Session(core.Session):

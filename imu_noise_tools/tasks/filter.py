@@ -28,6 +28,7 @@ from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of, START
 from ..filter.recorded import filter_record, Filtered, memory
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
+from ..health import Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
 
@@ -104,6 +105,8 @@ def filter_bag(
     values: Mapping | None = None,
     smooth: bool = False,
     topic: str | None = None,
+    fields: str | None = None,
+    selection: Selection | None = None,
     rate_hz: float | None = None,
     force: bool = False,
     progress: Progress | None = None,
@@ -126,8 +129,11 @@ def filter_bag(
         named add.
     smooth : bool
         Whether each rate knows the samples after it too.
-    topic : str or None
-        The Imu topic, where there are several.
+    topic, fields : str or None
+        The Imu topic, and what of its messages, as for
+        :func:`imu_noise_tools.bag.open_record`.
+    selection : Selection or None
+        The part that is filtered; the new topic holds no more.
     rate_hz : float or None
         Nominal rate; by default that of the stamps.
     force : bool
@@ -172,7 +178,8 @@ def filter_bag(
         )
     with together:
         written = copy_bag(
-            bag, out, transform, topic=topic, new_topic=TOPIC, force=force, progress=share
+            bag, out, transform, topic=topic, fields=fields, new_topic=TOPIC, force=force,
+            progress=share, part=selection.bounds if selection else None,
         )
     study = made['study']
     return Done(written, None if study is None else folder, made['filtered'], study,

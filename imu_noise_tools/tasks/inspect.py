@@ -41,12 +41,14 @@ def inspect(
     topic: str | None = None,
     selection: Selection | None = None,
     progress: Any = None,
+    fields: str | None = None,
 ) -> Inspection:
     """Return what a bag, or a part of its record, holds; raises what reading it raises."""
     memory = Scratch()
     selection = selection or Selection()
-    record = open_record(bag, topic, progress=progress, memory=memory, apart=True)
-    known = tuple(topics(bag))
+    record = open_record(bag, topic, progress=progress, memory=memory, apart=True,
+                         fields=fields)
+    known = tuple(topics(bag, fields))
     first, *others = (_one(r, known, selection, memory) for r in record.streams)
     return replace(first, beside=tuple(others))
 

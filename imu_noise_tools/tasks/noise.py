@@ -15,9 +15,9 @@ from typing import Any, cast
 import numpy as np
 
 from .. import export, report, store
-from ..bag import open_record, Scratch
+from ..bag import imus, open_record, Scratch
 from ..core import files
-from ..core.errors import InputError, unknown, UsageError
+from ..core.errors import ImuNoiseError, InputError, unknown, UsageError
 from ..core.record import ImuRecord, Memory, sensor_of
 from ..health import prepare, Selection
 from ..loop.effect import model_of
@@ -194,6 +194,7 @@ def analyse_bag(
     bag: str | Path,
     *,
     topic: str | None = None,
+    fields: str | None = None,
     rate_hz: float | None = None,
     input_kind: str = 'rate',
     gyro_unit: str | None = None,
@@ -215,6 +216,7 @@ def analyse_bag(
     record = open_record(
         bag,
         topic,
+        fields=fields,
         gyro_unit=gyro_unit,
         accel_unit=accel_unit,
         input_kind=input_kind,
@@ -224,7 +226,10 @@ def analyse_bag(
         apart=True,
     )
     rest = (lambda p, what: progress(0.5 + 0.45 * p, what)) if progress else None
-    return analyse_record(record, progress=rest, memory=memory, **options)
+    study = analyse_record(record, progress=rest, memory=memory, **options)
+    if fields:
+        study.source['fields'] = fields
+    return study
 
 
 def analyse(
@@ -251,6 +256,57 @@ def analyse(
     return study, folder
 
 
+def analyse_every(
+    bag: str | Path,
+    out: str | Path | None = None,
+    *,
+    force: bool = False,
+    fields: str | None = None,
+    **options: Any,
+) -> tuple[dict[str, Study], dict[str, str], Path]:
+    """
+    Analyse each IMU of a bag and write a study of each, in a folder of its own below ``out``.
+
+    Returns
+    -------
+    studies : dict
+        By the name of the folder, which is that of the topic.
+    refused : dict
+        Why the others cannot be analysed, by topic.
+    folder : Path
+        Where the folders are.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`analyse`; none of them can be analysed.
+
+    """
+    folder = Path(out) if out is not None else default_folder(bag)
+    studies: dict[str, Study] = {}
+    refused: dict[str, ImuNoiseError] = {}
+    with files.new_folder(folder, force=force) as new:
+        for topic in imus(bag, fields):
+            first = topic.partition(',')[0].strip('/').replace('/', '_') or 'imu'
+            name = next(n for n in (first, *(f'{first}_{k}' for k in range(2, 1000)))
+                        if n not in studies)
+            try:
+                study = analyse_bag(bag, topic=topic or None, fields=fields, **options)
+            except InputError as error:
+                refused[topic] = error
+                continue
+            studies[name] = study
+            Path(new, name).mkdir()
+            for file, data in outputs(study, folder / name).items():
+                files.atomic_write(Path(new) / name / file, data)
+        if not studies:
+            raise next(iter(refused.values()))
+        files.atomic_write(Path(new) / 'studies.yaml', store.dump_yaml({
+            'studies': {n: s.source['topic'] for n, s in studies.items()},
+            'refused': {t: str(e) for t, e in refused.items()}}))
+    return studies, {t: str(e) for t, e in refused.items()}, folder
+
+
 def look_again(study: Study, bag: str | Path, progress: Progress | None = None) -> None:
     """
     Draw a study's evidence anew from its recording, with what effects known since then look at.
@@ -272,7 +328,8 @@ def look_again(study: Study, bag: str | Path, progress: Progress | None = None) 
     source, memory = study.source, Scratch()
     streams = source.get('streams') or {'': source}
     topic = ','.join(one['topic'] for one in streams.values() if one.get('topic'))
-    record = open_record(bag, topic or None, memory=memory, apart=True)
+    record = open_record(
+        bag, topic or None, memory=memory, apart=True, fields=source.get('fields'))
     moving = bool(source.get('keep_motion'))
     ready = [prepare(one, keep_motion=moving, memory=memory) for one in record.streams]
     problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}

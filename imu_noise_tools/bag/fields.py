@@ -1,0 +1,504 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Messages of other types read as if they were Imu messages.
+
+A type is known by its definition, which the bag holds (for PX4's, where it holds none, one is
+here). What is named of it, :class:`Fields`, is found in the bytes of a message by walking its
+definition once; all messages whose strings and sequences are as long are decoded with it, by one
+view of the buffer.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+import re
+from typing import Any
+
+import numpy as np
+
+from .container import Batch, Connection, Damaged, rows
+from .decode import ACCEL, ACCEL_COVARIANCE, Decoded, DOUBLES, GYRO, GYRO_COVARIANCE, IMU
+from ..core.errors import unknown, UsageError
+from ..core.units import DEG, G0
+
+GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
+ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+TIME_UNITS = {'s': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1}       # in ns
+UNITS: dict[str, Mapping[str, float]] = {
+    'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS}
+HOW = 'e.g. --fields gyro=gyro_rad,accel=accelerometer_m_s2,stamp=timestamp:us'
+# How many kinds of lengths (of strings, of sequences) are looked for among all messages at once.
+MOST_KINDS = 64
+MOST_ELEMENTS = 4096        # of a sequence of strings or messages
+
+SIZES = {
+    'bool': 'u1', 'byte': 'u1', 'char': 'u1', 'octet': 'u1',
+    'int8': 'i1', 'uint8': 'u1', 'int16': 'i2', 'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4',
+    'int64': 'i8', 'uint64': 'u8', 'float32': 'f4', 'float64': 'f8',
+}
+
+
+@dataclass(frozen=True)
+class Fields:
+    """
+    Which fields of a message are those of an Imu message.
+
+    Parameters
+    ----------
+    gyro, accel : tuple of str
+        One path, to an array of three or to a message with x, y and z; or three, to a number
+        each. A path is written ``state.imu.gyro``, an element of an array ``data[3]``. Empty: the
+        message has none.
+    stamp : str
+        Path to a time, or to a number; empty: the header's, where there is one.
+    units : mapping of str to str
+        Of ``gyro``, ``accel``, ``stamp``, where they are not SI; a number needs its unit.
+    invalid : tuple of (str, str, int)
+        A sensor's samples are missing where this field has this value.
+
+    """
+
+    gyro: tuple[str, ...] = ()
+    accel: tuple[str, ...] = ()
+    stamp: str = ''
+    units: Mapping[str, str] | None = None
+    invalid: tuple[tuple[str, str, int], ...] = ()
+
+    @classmethod
+    def of(cls, text: str) -> Fields:
+        """
+        Return what is meant by a text as typed.
+
+        ``gyro=PATH,accel=PATH,stamp=PATH``, each with ``:unit`` behind it where it has another;
+        three numbers are joined with ``+``.
+
+        Raises
+        ------
+        UsageError
+            It makes no sense.
+
+        """
+        found: dict[str, str] = {}
+        units: dict[str, str] = {}
+        for piece in text.split(','):
+            name, equals, value = (x.strip() for x in piece.partition('='))
+            path, colon, unit = (x.strip() for x in value.partition(':'))
+            if not equals or not path or name in found:
+                raise UsageError(f'invalid --fields {text}', HOW)
+            if name not in UNITS:
+                raise unknown('name in --fields', name, UNITS)
+            if colon and unit not in UNITS[name]:
+                raise unknown(f'unit of {name}', unit, UNITS[name])
+            found[name] = path
+            units |= {name: unit} if colon else {}
+        vectors = {s: tuple(p.strip() for p in found[s].split('+'))
+                   for s in ('gyro', 'accel') if s in found}
+        if not vectors or any(len(v) not in (1, 3) or not all(v) for v in vectors.values()):
+            raise UsageError(f'invalid --fields {text}', 'gyro and accel are one field, or three '
+                             f'joined with +; {HOW}')
+        return cls(vectors.get('gyro', ()), vectors.get('accel', ()), found.get('stamp', ''),
+                   units)
+
+    def scale(self, name: str) -> float:
+        """Return the factor that turns a sensor's unit into SI."""
+        unit = (self.units or {}).get(name)
+        return UNITS[name][unit] if unit else 1.0
+
+
+# PX4's own, since 2020: PX4/px4_msgs at a4a9864b3c, msg/SensorCombined.msg, SensorGyro.msg and
+# SensorAccel.msg. A bag of rosbag2 older than Iron holds no definitions.
+_SENSOR = """uint64 timestamp
+uint64 timestamp_sample
+uint32 device_id
+float32 x
+float32 y
+float32 z
+float32 temperature
+uint32 error_count
+uint8[3] clip_counter
+uint8 samples
+"""
+_COMBINED = """uint64 timestamp
+float32[3] gyro_rad
+uint32 gyro_integral_dt
+int32 accelerometer_timestamp_relative
+float32[3] accelerometer_m_s2
+uint32 accelerometer_integral_dt
+uint8 accelerometer_clipping
+uint8 gyro_clipping
+uint8 accel_calibration_count
+uint8 gyro_calibration_count
+"""
+_XYZ = ('x', 'y', 'z')
+_US = {'stamp': 'us'}
+#: type: definition, what of it is an Imu's (the first that fits)
+KNOWN: dict[str, tuple[str, tuple[Fields, ...]]] = {
+    'px4_msgs/msg/SensorCombined': (_COMBINED, (Fields(
+        ('gyro_rad',), ('accelerometer_m_s2',), 'timestamp', _US,
+        (('accel', 'accelerometer_timestamp_relative', 0x7fffffff),)),)),
+    'px4_msgs/msg/SensorGyro': (_SENSOR, (
+        Fields(gyro=_XYZ, stamp='timestamp_sample', units=_US),
+        Fields(gyro=_XYZ, stamp='timestamp', units=_US))),
+    'px4_msgs/msg/SensorAccel': (_SENSOR, (
+        Fields(accel=_XYZ, stamp='timestamp_sample', units=_US),
+        Fields(accel=_XYZ, stamp='timestamp', units=_US))),
+}
+# What is proposed for a type that has such fields.
+USUAL = (('gyro', ('angular_velocity', 'gyro', 'gyroscope', 'gyro_rad', 'omega', 'rates')),
+         ('accel', ('linear_acceleration', 'accel', 'accelerometer', 'acceleration',
+                    'accelerometer_m_s2')))
+
+
+class Types:
+    """
+    The fields of a type, and of the types in it, by its definition.
+
+    Parameters
+    ----------
+    type, text : str
+        Name of the type and its definition, with those of the types in it behind it, as bags hold
+        them.
+    encoding : str
+        ``cdr`` or ``ros1``.
+
+    Raises
+    ------
+    Damaged
+        The definition cannot be read.
+
+    """
+
+    def __init__(self, type: str, text: str, encoding: str):
+        from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+        store = get_typestore(Stores.ROS1_NOETIC if encoding == 'ros1' else Stores.ROS2_JAZZY)
+        try:
+            own = get_types_from_msg(text, type) if text else {}
+        except Exception as error:      # whatever the parser runs into
+            raise Damaged(f'the definition of {type} cannot be read') from error
+        self.type, self.ros1 = type, encoding == 'ros1'
+        self._fields = {name: fields for name, (_, fields) in {**store.fielddefs, **own}.items()}
+        if type not in self._fields:
+            raise Damaged(f'the bag holds no definition of {type}')
+
+    def fields(self, type: str) -> list[tuple[str, Any]]:
+        """Return names and types of a type's fields; raise Damaged where it is not defined."""
+        if type not in self._fields:
+            raise Damaged(f'{type} is not defined')
+        return self._fields[type]
+
+    def leaves(self) -> dict[str, int | None]:
+        """Return all numbers by their path: 0, of an array its length, of a sequence None."""
+        return dict(self._leaves(self.type, '', 0))
+
+    def _leaves(self, type: str, above: str, depth: int) -> Iterator[tuple[str, int | None]]:
+        for name, (node, of) in self.fields(type):
+            kind = node.name
+            if kind == 'NAME' and depth < 16:
+                yield from self._leaves(of, f'{above}{name}.', depth + 1)
+            elif kind == 'BASE' and of[0] in SIZES:
+                yield above + name, 0
+            elif kind in ('ARRAY', 'SEQUENCE') and of[0][0].name == 'BASE':
+                if of[0][1][0] in SIZES:
+                    yield above + name, of[1] if kind == 'ARRAY' else None
+
+    def places(self, raw: bytes) -> tuple[dict[str, tuple[int, str, int]], list[int]]:
+        """
+        Return where the numbers and strings of a message lie, and the lengths in it.
+
+        Returns
+        -------
+        places : dict
+            Path to (place of the first byte, numpy type, how many).
+        lengths : list of int
+            Places of the four bytes that say how long a string or a sequence is: messages in
+            which they are the same have all else at the same places.
+
+        Raises
+        ------
+        Damaged
+            The message is not as its definition says.
+
+        """
+        if not self.ros1 and raw[:2] not in (b'\0\0', b'\0\1'):
+            raise Damaged('not plain CDR')
+        walk = _Walk(self, raw)
+        walk.message(self.type, '')
+        if not 0 <= len(raw) - walk.at < 4:     # some pad the end
+            raise Damaged('not as long as its definition says')
+        return walk.places, walk.lengths
+
+
+class _Walk:
+    """One way through the bytes of a message."""
+
+    def __init__(self, types: Types, raw: bytes):
+        self.types, self.raw = types, raw
+        self.origin = 0 if types.ros1 else 4
+        self.order = '>' if not types.ros1 and raw[1] == 0 else '<'
+        self.at = self.origin
+        self.places: dict[str, tuple[int, str, int]] = {}
+        self.lengths: list[int] = []
+
+    def message(self, type: str, above: str) -> None:
+        """Go through a message."""
+        fields = self.types.fields(type)
+        if not fields and not self.types.ros1:
+            self.at += 1        # an empty structure has one octet
+        for name, (node, of) in fields:
+            kind = node.name
+            if kind in ('BASE', 'NAME'):
+                self._one(kind, of, above + name)
+            else:
+                n = of[1] if kind == 'ARRAY' else self._length()
+                self._many(of[0][0].name, of[0][1], above + name, n)
+            if self.at > len(self.raw):
+                raise Damaged('shorter than its definition says')
+
+    def _one(self, kind: str, of: Any, path: str) -> None:
+        if kind == 'NAME':
+            self.message(of, f'{path}.')
+        elif of[0] == 'string':
+            n = self._length()
+            self.places[path] = self.at, 'S', n
+            self.at += n
+        else:
+            self._numbers(of[0], path, 1)
+
+    def _many(self, kind: str, of: Any, path: str, n: int) -> None:
+        if kind == 'BASE' and of[0] in SIZES:
+            self._numbers(of[0], path, n)
+            return
+        if n > MOST_ELEMENTS:
+            raise Damaged('too long a sequence')
+        for k in range(n):
+            self._one(kind, of, f'{path}[{k}]')
+
+    def _numbers(self, base: str, path: str, n: int) -> None:
+        if base not in SIZES:
+            raise Damaged(f'{base} is not known')
+        size = int(SIZES[base][1])
+        if n:
+            self._align(size)
+        self.places[path] = self.at, self.order + SIZES[base], n
+        self.at += n * size
+
+    def _length(self) -> int:
+        self._align(4)
+        self.lengths.append(self.at)
+        self.at += 4
+        return int.from_bytes(self.raw[self.at - 4:self.at],
+                              'big' if self.order == '>' else 'little')
+
+    def _align(self, size: int) -> None:
+        if not self.types.ros1:
+            self.at += -(self.at - self.origin) % size
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How messages of a type are read as Imu messages."""
+
+    types: Types
+    fields: Fields
+    kind: str = IMU
+
+    @property
+    def without(self) -> set[str]:
+        """Return the sensors that the messages do not have."""
+        return {s for s in ('gyro', 'accel') if not getattr(self.fields, s)}
+
+    @classmethod
+    def of(cls, connection: Connection, fields: Fields) -> Shape:
+        """
+        Return the shape of a topic's messages.
+
+        Raises
+        ------
+        Damaged
+            The bag holds no definition of the type, or one that cannot be read.
+        UsageError
+            The type has no such fields, or they are not what they should be.
+
+        """
+        text = connection.definition or KNOWN.get(connection.type, ('',))[0]
+        types = _types(connection.type, text, connection.encoding)
+        leaves = types.leaves()
+        for sensor in ('gyro', 'accel'):
+            paths = getattr(fields, sensor)
+            for path in paths:
+                _check_vector(path, leaves, connection.type, len(paths) == 3)
+        if fields.stamp and not (f'{fields.stamp}.sec' in leaves
+                                 and f'{fields.stamp}.nanosec' in leaves):
+            _check_number(fields.stamp, leaves, connection.type)
+            if not (fields.units or {}).get('stamp'):
+                raise UsageError(f'--fields: the unit of {fields.stamp} is not said',
+                                 f'e.g. stamp={fields.stamp}:us')
+        for _, path, _ in fields.invalid:
+            _check_number(path, leaves, connection.type)
+        return cls(types, fields)
+
+    def decode(self, batch: Batch) -> Decoded:
+        """Return messages as those of an Imu: see :func:`imu_noise_tools.bag.decode.decode`."""
+        n = len(batch.receive)
+        stamp, values, good = np.zeros(n, np.int64), np.zeros((n, DOUBLES[IMU])), np.zeros(n, bool)
+        values[:, 3], values[:, 4] = 1.0, -1.0
+        frame = ''
+        for part, covariance in ((self.fields.gyro, GYRO_COVARIANCE),
+                                 (self.fields.accel, ACCEL_COVARIANCE)):
+            values[:, covariance.start] = 0.0 if part else -1.0
+        kinds = 0
+        for length in np.unique(batch.length):
+            left = np.flatnonzero(batch.length == length)
+            while len(left):
+                first = batch.message(int(left[0]))
+                kinds += 1
+                try:
+                    places, lengths = self.types.places(first)
+                    if kinds > MOST_KINDS:
+                        same = np.arange(len(left)) == 0
+                    else:
+                        same = _alike(batch.take(left), int(length), lengths, first)
+                    some = left[same]
+                    raw = rows(batch.data, batch.begin[some], int(length))
+                    stamp[some], values[some] = self._read(raw, places, values[some])
+                    good[some] = True
+                    frame = frame or _text(first, places.get('header.frame_id'))
+                    left = left[~same]
+                except Damaged:
+                    left = left[1:]
+        return Decoded(stamp[good], values[good], frame, good)
+
+    def _read(self, raw: np.ndarray, places: dict, values: np.ndarray) -> tuple:
+        """Return stamps and doubles of messages with all of it at the same places."""
+        for sensor, where in (('gyro', GYRO), ('accel', ACCEL)):
+            paths = getattr(self.fields, sensor)
+            if not paths:
+                continue
+            if len(paths) == 3:
+                columns = [_column(raw, places, p) for p in paths]
+            elif f'{paths[0]}.x' in places:
+                columns = [_column(raw, places, f'{paths[0]}.{a}') for a in 'xyz']
+            else:
+                columns = [_column(raw, places, f'{paths[0]}[{k}]') for k in range(3)]
+            values[:, where] = np.stack(columns, axis=1)
+            values[:, where] *= self.fields.scale(sensor)
+        for sensor, path, value in self.fields.invalid:
+            values[_column(raw, places, path) == value, GYRO if sensor == 'gyro' else ACCEL] = (
+                np.nan)
+        return self._stamps(raw, places), values
+
+    def _stamps(self, raw: np.ndarray, places: dict) -> np.ndarray:
+        path = self.fields.stamp or 'header.stamp'
+        if f'{path}.sec' in places:
+            return (_column(raw, places, f'{path}.sec').astype(np.int64) * 1_000_000_000
+                    + _column(raw, places, f'{path}.nanosec').astype(np.int64))
+        if not self.fields.stamp:
+            return np.zeros(len(raw), np.int64)
+        unit = TIME_UNITS[(self.fields.units or {})['stamp']]
+        number = _column(raw, places, path)
+        if number.dtype.kind == 'f':
+            return np.round(number.astype(float) * unit).astype(np.int64)
+        return number.astype(np.int64) * unit
+
+
+@cache
+def _types(type: str, text: str, encoding: str) -> Types:
+    return Types(type, text, encoding)
+
+
+def known_shape(connection: Connection) -> Shape | None:
+    """Return how messages of a type are read that is no Imu, but known; None of another."""
+    for fields in KNOWN.get(connection.type, ('', ()))[1]:
+        try:
+            return Shape.of(connection, fields)
+        except (Damaged, UsageError):
+            continue
+    return None
+
+
+def proposed(connection: Connection) -> str:
+    """Return what ``--fields`` might be for a type, by the names that are usual; or nothing."""
+    try:
+        leaves = _types(connection.type, connection.definition, connection.encoding).leaves()
+    except Damaged:
+        return ''
+    found = []
+    for sensor, names in USUAL:
+        for path in leaves:
+            path = path.removesuffix('.x')
+            if path.rpartition('.')[2] in names and (
+                    leaves.get(path) == 3 or all(f'{path}.{a}' in leaves for a in 'xyz')):
+                found.append(f'{sensor}={path}')
+                break
+    return ','.join(found)
+
+
+def _check_vector(path: str, leaves: dict[str, int | None], type: str, number: bool) -> None:
+    if number:
+        _check_number(path, leaves, type)
+        return
+    if all(f'{path}.{a}' in leaves for a in 'xyz'):
+        return
+    if path not in leaves:
+        raise _no_field(path, leaves, type)
+    if leaves[path] not in (3, None):
+        raise UsageError(f'--fields: {path} of {type} is not three numbers',
+                         'name three, joined with +')
+
+
+def _check_number(path: str, leaves: dict[str, int | None], type: str) -> None:
+    name, index = _element(path)
+    if name not in leaves:
+        raise _no_field(path, leaves, type)
+    n = leaves[name]
+    if (index is None) != (n == 0) or (n and index is not None and index >= n):
+        raise UsageError(f'--fields: {path} of {type} is not a number',
+                         'name an element of an array as in data[3]')
+
+
+def _no_field(path: str, leaves: dict[str, int | None], type: str) -> UsageError:
+    shown = {n: f'{n}[{k}]' if k else f'{n}[]' if k is None else n for n, k in leaves.items()}
+    error = unknown(f'field of {type}:', path, shown)
+    return UsageError(error.message, re.sub(r'choose from .*', 'it has ' + ', '.join(
+        shown.values()), error.remedy))
+
+
+def _element(path: str) -> tuple[str, int | None]:
+    """Return the name of an array and the number of its element; None without one."""
+    found = re.fullmatch(r'(.*)\[(\d+)\]', path)
+    return (found[1], int(found[2])) if found else (path, None)
+
+
+def _column(raw: np.ndarray, places: dict, path: str) -> np.ndarray:
+    """Return one number of each message, (n,)."""
+    name, index = _element(path)
+    if name not in places:
+        raise Damaged(f'no {name}')
+    at, dtype, n = places[name]
+    index = index or 0
+    if index >= n or dtype == 'S':
+        raise Damaged(f'no {path}')
+    size = np.dtype(dtype).itemsize
+    at += index * size
+    return np.ascontiguousarray(raw[:, at:at + size]).view(dtype)[:, 0]
+
+
+def _alike(batch: Batch, length: int, lengths: list[int], first: bytes) -> np.ndarray:
+    """Return which messages, all of one length, have the strings and sequences of the first."""
+    raw = rows(batch.data, batch.begin, length)
+    same = np.ones(len(raw), bool)
+    # of CDR the first bytes say how it is encoded
+    for at in lengths if batch.connection.encoding == 'ros1' else (*lengths, 0):
+        same &= np.all(raw[:, at:at + 4] == np.frombuffer(first[at:at + 4], np.uint8), axis=1)
+    return same
+
+
+def _text(raw: bytes, place: tuple[int, str, int] | None) -> str:
+    if place is None:
+        return ''
+    return raw[place[0]:place[0] + place[2]].rstrip(b'\0').decode(errors='replace')

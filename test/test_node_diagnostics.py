@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What monitors and shells see of real nodes: /diagnostics, levels, answers of services."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import subprocess
+import sys
+
+import bad_input
+import numpy as np
+import pytest
+import yaml
+
+from imu_noise_tools.bag import write_bag
+from imu_noise_tools.nodes import answers
+from nodes_support import DiagnosticArray, messages, ROOT, Trigger, values, wait_for
+
+FRAME = 'imu_left'
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return a bag in which gyro_y vibrates and gyro_z gives nothing."""
+    record = bad_input.still(70)
+    record.gyro[:, 1] += 0.02 * np.sin(2 * np.pi * 5 * record.t)
+    record.gyro[:, 2] = 0.25
+    path = tmp_path_factory.mktemp('diagnostics') / 'bag'
+    write_bag(path, replace(record, frame_id=FRAME))
+    return path
+
+
+def of(got, node):
+    """Return the last statuses of a node by their names, without its own."""
+    mine = [m for m in got if all(s.name.startswith(f'{node.full[1:]}: ') for s in m.status)]
+    return {s.name.partition(': ')[2]: s for s in mine[-1].status} if mine else {}
+
+
+def level(got, node, name):
+    status = of(got, node).get(name)
+    return None if status is None else status.level
+
+
+def test_monitors_see_how_an_imu_is(ros, bag):
+    """Stale before anything comes; then a level for each axis, and the frame as hardware."""
+    space = ros.namespace()
+    analyser = ros.start('analyser', space, input='messages')
+    filtering = ros.start('filter', space)
+    ros.ready(analyser, filtering)
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        for node, name in ((analyser, 'input'), (filtering, 'stream')):
+            assert wait_for(lambda: level(got, node, name) == messages.STALE), got[-1:]
+        reader = ros.start('bag_reader', space, bag=str(bag), publish='messages',
+                           readers=['analyser', 'filter'])
+        assert wait_for(lambda: level(got, analyser, 'gyro_y') is not None), analyser.text
+        seen = of(got, analyser)
+        assert {n: s.level for n, s in seen.items()} == {
+            'input': messages.OK, 'record': messages.OK, 'gyro_x': messages.OK,
+            'gyro_y': messages.WARN, 'gyro_z': messages.ERROR, 'accel_x': messages.OK,
+            'accel_y': messages.OK, 'accel_z': messages.OK}
+        assert {s.hardware_id for s in seen.values()} == {FRAME}
+        assert 'beyond chance' in seen['gyro_y'].message
+        assert 'never changes' in seen['gyro_z'].message
+        assert any(v.key.startswith('N [') for v in seen['gyro_x'].values)
+        coefficients = ros.latest(f'{analyser.full}/coefficients', DiagnosticArray)
+        assert {s.name: s.level for s in coefficients.status} == {
+            n: s.level for n, s in seen.items() if n != 'input'}
+        # the bag is at its end: the analyser waits for nothing, the filter does not know
+        assert wait_for(lambda: level(got, filtering, 'stream') == messages.STALE)
+        assert level(got, analyser, 'input') == messages.OK
+        assert of(got, filtering)['gyro_x'].hardware_id == FRAME
+        assert {'stream', 'gyro_x', 'gyro_y', 'gyro_z'} == set(of(got, filtering))
+        pace = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in got
+                if m.status[0].name.startswith(analyser.full[1:])]
+        assert 0.8 < np.median(np.diff(pace)) < 1.5
+
+    answer = ros.call(f'{analyser.full}/compare', Trigger, Trigger.Request())
+    # as ros2 service call prints it
+    assert '\\n' not in repr(answer) and answer.message.startswith('{summary: ')
+    said = yaml.safe_load(answer.message)
+    assert said['summary'] == 'beyond chance: gyro_y'
+    assert said['targets']['gyro_x']['within_chance'] is True
+    done = subprocess.run(
+        [sys.executable, '-m', 'imu_noise_tools.nodes.trigger', f'{analyser.full}/history'],
+        capture_output=True, text=True, timeout=200, cwd=ROOT)
+    assert done.returncode == 0 and done.stdout.startswith('summary: 5 models were tried')
+    assert len(done.stdout.splitlines()) > 5
+    ros.end([reader, analyser, filtering])
+
+
+def test_no_result_is_an_error(ros):
+    space = ros.namespace()
+    analyser = ros.start('analyser', space)
+    ros.ready(analyser)
+    good, said = ros.trigger(f'{analyser.full}/analyse')
+    assert not good and said['summary'] == f'{said["error"]}: {said["remedy"]}'
+    status = ros.latest(f'{analyser.full}/coefficients', DiagnosticArray)
+    assert [s.level for s in status.status] == [messages.ERROR]
+    assert 'nothing was received' in status.status[0].message
+    assert values(status, 'record')['samples'] == '0'
+
+
+@pytest.mark.parametrize('result, said', [
+    ({'error': 'no', 'remedy': 'do'}, 'no: do'),
+    ({'diagnosis': {'gyro_x': {'verdict': 'missing', 'found': [{'effect': 'sinusoid'}]},
+                    'gyro_y': {'verdict': 'complete', 'found': []}}},
+     'gyro_x missing (sinusoid); gyro_y complete'),
+    ({'diagnosis': {'gyro_x': {'verdict': 'undecidable', 'ranked': [
+        {'effect': 'ramp'}, {'effect': 'step'}]}}}, 'gyro_x undecidable (ramp, step)'),
+    ({'added': []}, 'added: nothing'),
+    ({'added': [{'added': 'sinusoid', 'target': 'gyro_x'}]}, 'added: sinusoid to gyro_x'),
+    ({'removed': [{'removed': 'ramp', 'target': 'gyro_x', 'effects': ['white']}]},
+     'removed: ramp from gyro_x'),
+    ({'history': [{'verdict': ''}, {'verdict': 'falls'}]}, '2 models were tried, the last falls'),
+    ({'folder': '/tmp/x'}, 'written to /tmp/x'),
+    ({'paused': True}, ''),
+    ({'targets': {'gyro_x': {'error': {'within_chance': True}, 'effects': {
+        'white': {'N': {'value': 2.0, 'shown': '7 deg/sqrt(h)'}}}}},
+      'source': {'samples': 100, 'rate_hz': 50.0}},
+     '100 samples at 50 Hz; all axes within chance; gyro N 7 deg/sqrt(h)')])
+def test_an_answer_begins_with_what_people_want(result, said):
+    assert answers.summary(result) == said
+    text = answers.text(result)
+    assert '\n' not in text and yaml.safe_load(text) == (
+        {'summary': said, **result} if said else result)
+
+
+def test_a_coefficient_without_value_or_limit_is_an_error():
+    entry = {'effects': {'white': {'N': {'value': None, 'unit': 'rad/s/sqrt(Hz)'}}},
+             'error': {'within_chance': True}}
+    assert messages.coefficients('gyro_x', entry).level == messages.ERROR
+    entry['effects']['white']['N']['upper95'] = 1.0
+    assert messages.coefficients('gyro_x', entry).level == messages.OK
+    entry['error']['within_chance'] = False
+    assert messages.coefficients('gyro_x', entry).level == messages.WARN
+    assert messages.coefficients('gyro_x', {**entry, 'sufficient': True}).level == messages.OK
