@@ -380,7 +380,7 @@ def test_two_machines_leave_the_quiet_between_them():
 
 @pytest.mark.parametrize('low, high, more', [(0.016, 0.1, 18.7), (0.034, 0.21, 15.4)])
 def test_a_low_and_wide_hump_leaves_n(low, high, more):
-    """What is left at both ends of it is little, and its skirts reach down to the flicker noise."""
+    """What is left at both ends of it is little, and its skirts reach down to the drift."""
     rng = np.random.default_rng([46, int(100 * more)])
     n = 2 * N
     y = robust.white(n, DT, rng) + robust.slow_noise(n, DT, rng)
