@@ -18,6 +18,11 @@ setup(
     long_description='See README.md.',
     maintainer='imu_noise_tools maintainers',
     maintainer_email='maintainers@imu-noise-tools.example',
+    url='https://imu-noise-tools.example/',
+    project_urls={
+        'Source': 'https://imu-noise-tools.example/imu_noise_tools.git',
+        'Tracker': 'https://imu-noise-tools.example/issues',
+    },
     license='Apache-2.0',
     keywords=['ROS', 'IMU', 'Allan variance', 'gyroscope', 'accelerometer', 'calibration'],
     classifiers=[
@@ -38,6 +43,7 @@ setup(
     ],
     install_requires=[
         'allantools',
+        'argcomplete',
         'lz4',
         'matplotlib',
         'numpy>=1.26',
@@ -55,6 +61,7 @@ setup(
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'pandas',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',

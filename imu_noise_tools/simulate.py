@@ -12,7 +12,7 @@ were.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import zlib
 
 import numpy as np
@@ -22,6 +22,8 @@ from .core.record import AXES, ImuRecord, sensor_of
 from .core.units import DEG, G0
 from .loop.effect import find_effect, Model
 from .noise.kinds import Coupling, Defect, Inputs, Modulation, NoiseEffect, Response, Spectrum
+
+Progress = Callable[[float, str], None]
 
 MOST_SAMPLES = 100_000_000
 MOTIONS = ('rocking', 'constant_rate', 'vibration')
@@ -45,7 +47,7 @@ def stage(effect: NoiseEffect) -> int:
     return 6 if isinstance(effect, Defect) and not isinstance(effect, Spectrum) else 0
 
 
-def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
+def simulate(spec: Mapping, progress: Progress | None = None) -> tuple[ImuRecord, dict]:
     """
     Return a record and its truth.
 
@@ -57,6 +59,8 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
         ``covariates``: {temperature: {base, swing, period_s, settle, settle_s, noise}} in degrees
         Celsius; ``motion``: {rocking: {axis, amplitude_deg, period_s}, constant_rate: {axis,
         deg_s}, vibration: {axis, amplitude, frequency}}.
+    progress : callable or None
+        Called with (share done, what).
 
     Raises
     ------
@@ -75,9 +79,12 @@ def simulate(spec: Mapping) -> tuple[ImuRecord, dict]:
     data = {a: _still(a, n) for a in _axes(targets)}
     _move(_mapping(spec, 'motion'), data, t)
     # the accelerometer first: it may leak into the gyroscope
-    for axis in sorted(
+    order = sorted(
         targets, key=lambda a: AXES.index(a) if a.startswith('accel') else 10 + AXES.index(a)
-    ):
+    )
+    for k, axis in enumerate(order):
+        if progress:
+            progress(k / len(order), axis)
         model, bias = _model(axis, targets[axis])
         x = data[axis] + bias
         for e in sorted(model, key=stage):

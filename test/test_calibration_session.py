@@ -80,6 +80,69 @@ def test_knock_is_left_out_and_said():
                                  4 * done.calibration.std[1])
 
 
+@pytest.mark.parametrize('hold_s', [1.0, 1.3, 2.5])
+def test_short_holds_are_poses(hold_s):
+    """Faces held for a second are found, each once; what is shorter still is listed."""
+    rng = np.random.default_rng(30)
+    device = sim.Device.drawn(rng, noise=0.02)
+    r = record(*six_faces(rng, device, hold_s=hold_s))
+    poses, notes = core.positions(r, sim.G)
+    assert [core.nearest_face(o)[0] for o in poses.outputs.T] == list(sim.AXES)
+    assert not any('knock' in n for n in notes)
+    short = record(*six_faces(rng, device, hold_s=0.7))
+    with pytest.raises(InputError, match='too short to count: .*--still 0.[56] takes'):
+        core.positions(short, sim.G)
+    assert core.positions(short, sim.G, 0.5)[0].n == 6
+
+
+def test_one_face_put_down_twice_is_two_poses():
+    """Turned over and put back as it was: two placements; a knock between parts one of them."""
+    rng = np.random.default_rng(31)
+    device = sim.Device.drawn(rng, noise=0.02)
+    t, gyro, accel, _ = six_faces(rng, device, ['+z', '+x', '+z', '-z'])
+    n = len(t)
+    hold, move = 500, 150
+    # cut the rest at +x out: up, half over, and back again
+    keep = np.r_[0:hold + move, hold + move + hold:n]
+    t = np.arange(len(keep)) / 100.0
+    poses, notes = core.positions(record(t, gyro[keep], accel[keep]), sim.G)
+    faces = [core.nearest_face(o)[0] for o in poses.outputs.T]
+    assert faces == ['+z', '+z', '-z'] and not any('knock' in n for n in notes)
+
+
+def test_a_coarse_output_widens_the_intervals():
+    """With a step ten times the noise means are no better than the step: intervals still hold."""
+    rng = np.random.default_rng(32)
+    hits = []
+    for _ in range(12):
+        device = sim.Device.drawn(rng, noise=0.005)
+        t, gyro, accel, _ = sim.stream(device, sim.tilted(sim.faces()[1], 0.02, rng), rng)
+        c = tasks.calibrate_records([record(t, gyro, 0.05 * np.round(accel / 0.05))]).calibration
+        assert 0.9 * 0.05 / np.sqrt(12) < np.median(c.poses.std) < 1.2 * 0.05 / np.sqrt(12)
+        hits += [np.abs(c.bias - device.bias) < 1.96 * c.std[1],
+                 np.abs(np.diag(c.S - device.scale)) < 1.96 * np.diag(c.std[0])]
+    assert np.mean(hits) > 0.85
+
+
+def test_a_clipped_pose_is_refused():
+    """An axis at the end of its range in a pose: refused, with the axis and what to do."""
+    rng = np.random.default_rng(33)
+    t, gyro, accel, _ = six_faces(rng, sim.Device.drawn(rng, noise=0.05))
+    accel[:, 1] = np.minimum(accel[:, 1], 9.4)
+    with pytest.raises(InputError, match='accel_y is saturated at 9.4'):
+        tasks.calibrate_records([record(t, gyro, accel)])
+
+
+def test_a_turned_case_is_said():
+    """S close to a rotation of 18 deg is called that."""
+    rng = np.random.default_rng(34)
+    turn = np.array([sim.turned(e, (0, 0, 1), 18 * DEG) for e in np.eye(3)])
+    device = sim.Device(scale=turn, noise=0.02)
+    done = tasks.calibrate_records([record(*six_faces(rng, device))])
+    assert any('turned by 1' in w and 'S is that rotation' in w
+               for w in done.calibration.warnings)
+
+
 def test_one_bag_a_face_and_a_sign_upside_down():
     """Six records named after their faces; where all signs are turned, the name tells."""
     rng = np.random.default_rng(2)

@@ -15,7 +15,9 @@ from __future__ import annotations
 from dataclasses import replace
 import json
 import math
+from pathlib import Path
 import re
+import runpy
 from xml.etree import ElementTree
 
 import numpy as np
@@ -282,6 +284,20 @@ READERS = {f.__name__: f for f in (
     kalibr, openvins, vins_fusion, orb_slam3, basalt, lio_sam, fast_lio, gtsam, covariance, px4,
     ardupilot, sdf, kalman)}
 OF_EACH = {'basalt', 'gtsam', 'covariance', 'sdf', 'kalman'}        # hold x, y and z
+
+
+def test_the_page_of_formats_is_that_of_the_formats():
+    """Else: python doc/exports_table.py --write; each names its consumer's files and lines."""
+    script = runpy.run_path(str(Path(__file__).parents[1] / 'doc' / 'exports_table.py'))
+    assert script['PAGE'].read_text(encoding='utf-8') == script['page']()
+    for name in export.formats():
+        module = export.module(name)
+        if name == 'kalman':
+            continue
+        for file, where, commit in module.PLACES:
+            assert '.' in file and where and re.fullmatch('[0-9a-f]{10}', commit), name
+            assert Path(file).name in module.__doc__, (name, file)
+        assert module.CONSUMER.split('/')[1] in module.__doc__, name
 
 
 def test_every_format_has_a_reader_and_a_line():

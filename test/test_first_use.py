@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import json
 import os
+import pty
+import select
 import subprocess
 import sys
+import time
 
 import bad_input
+import calibration_sessions as sessions
 import numpy as np
 import pytest
 import yaml
@@ -160,7 +164,14 @@ def test_a_comparison_fits_a_terminal(study):
 @pytest.mark.parametrize('words, meant', [
     (('analise', 'x'), 'analyse'), (('exprt', 'x'), 'export'), (('calibrat', 'x'), 'calibrate'),
     (('analyse', 'x', '--method', 'slope'), 'slopes'), (('effects', 'flickr'), 'flicker'),
-    (('export', 'x', '--format', 'open_vins', '-o', '-'), 'openvins')])
+    (('export', 'x', '--format', 'open_vins', '-o', '-'), 'openvins'),
+    (('analyse', 'x', '--axes', 'gyro_x,acel_z'), 'accel_z'),
+    (('analyse', 'x', '--effects', 'white,fliker'), 'flicker'),
+    (('analyse', 'x', '--deviation', 'oaddev'), 'oadev'),
+    (('filter', 'x', '-o', 'y', '--motion', 'constant_rat'), 'constant_rate'),
+    (('filter', 'x', '-o', 'y', '--noise', 'outlier'), 'outliers'),
+    (('export', 'x', '--format', 'kalibr', '-o', '-', '--axes', 'meen'), 'mean'),
+    (('calibrate', 'x', '--sensor', 'acel'), 'accel'), (('completion', 'fisch'), 'fish')])
 def test_what_is_mistyped_is_answered_with_the_nearest(words, meant):
     _, said = run(*words, status=2)
     assert f'did you mean {meant}?' in said
@@ -170,3 +181,68 @@ def test_the_other_spelling_is_taken(tmp_path):
     """American users type analyze."""
     _, said = run('analyze', tmp_path / 'x.npz', status=1)
     assert 'no such file' in said
+
+
+def test_what_a_study_has_not_is_answered_with_the_nearest(study):
+    for words, meant in ((('add', study, 'sinusiod'), 'sinusoid'),
+                         (('add', study, 'sinusoid', '--axis', 'gyrox'), 'gyro_x'),
+                         (('remove', study, 'flickr'), 'flicker')):
+        _, said = run(*words, status=2)
+        assert f'did you mean {meant}?' in said
+
+
+def test_si_stands_beside_the_units_of_the_field(tmp_path, study):
+    """Of every command that prints coefficients; without --si they are in the field's alone."""
+    source = study.parent / 'a.npz'
+    mine = tmp_path / 'a'
+    for words, unit in ((('analyse', source, '-o', mine, '--force'), 'rad/s/sqrt(Hz)'),
+                        (('plan', mine), 'm/s^2/sqrt(Hz)'),
+                        (('compare', mine, '--sheet', 'bmi088'), 'rad/s/sqrt(Hz)')):
+        plain, with_si = (run(*words, *more)[0] for more in ((), ('--si',)))
+        assert unit not in plain and unit in with_si
+        assert plain.count('ug/sqrt(Hz)') == with_si.count('ug/sqrt(Hz)') > 0
+    assert ' rad/s' in run('add', mine, 'gauss_markov', '--axis', 'gyro_y', '--si')[0]
+    assert ' rad/s' in run('filter', source, '-o', tmp_path / 'f.npz', '--si')[0]
+
+
+def shown_on_a_terminal(*words):
+    """Return what a command prints where standard error is a terminal."""
+    parent, child = pty.openpty()
+    done = subprocess.Popen([sys.executable, '-m', 'imu_noise_tools.cli.main', *map(str, words)],
+                            stdout=subprocess.PIPE, stderr=child)
+    os.close(child)
+    out, end = b'', time.monotonic() + 600
+    while time.monotonic() < end:
+        if select.select([parent], [], [], 0.2)[0]:
+            try:
+                out += os.read(parent, 65536)
+            except OSError:             # the other side is closed
+                break
+        elif done.poll() is not None:
+            break
+    done.stdout.close()
+    assert done.wait(60) == 0, out
+    os.close(parent)
+    return out.decode()
+
+
+@pytest.mark.parametrize('command', ['simulate', 'calibrate', 'filter', 'analyse'])
+def test_what_takes_long_shows_how_far_it_is(tmp_path, study, command):
+    """On a terminal; not in a pipe, and not with --json."""
+    (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(
+        {'rate_hz': 100, 'duration_s': 70, 'targets': {
+            a: {'white': {'N': 1e-3}} for a in ('gyro_x', 'gyro_y', 'gyro_z')}}))
+    rng = np.random.default_rng(5)
+    _, ups = sessions.faces()
+    t, gyro, accel, _ = sessions.stream(sessions.Device.drawn(rng), ups, rng)
+    np.savez(tmp_path / 'faces.npz', t=t, gyro=gyro, accel=accel)
+    source = {'simulate': 'spec.yaml', 'calibrate': 'faces.npz'}.get(command)
+    source = tmp_path / source if source else study.parent / 'a.npz'
+    kind = '.npz' if command in ('simulate', 'filter') else ''
+    said = shown_on_a_terminal(command, source, '-o', tmp_path / f'a{kind}')
+    assert '% ' in said and '[' in said and said.count('\r') > 2, said
+    assert '#' in said
+    said = shown_on_a_terminal(command, source, '-o', tmp_path / f'b{kind}', '--json')
+    assert '% ' not in said
+    _, said = run(command, source, '-o', tmp_path / f'c{kind}')
+    assert '\r' not in said

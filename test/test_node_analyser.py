@@ -89,7 +89,7 @@ def player(ros, namespace, bag, **parameters):
 def coefficients(ros, namespace):
     """Return the numbers of each axis by their keys, and what is said of the record."""
     message = ros.latest(f'{namespace}/analyser/coefficients', DiagnosticArray,
-                         patience=2 * PATIENCE)
+                         lambda m: len(m.status) > 1, 2 * PATIENCE)     # else there is no result
     return {axis: {k.partition(' [')[0]: float(v) for k, v in values(message, axis).items()
                    if ' [' in k} for axis in AXES}, values(message, 'record')
 
@@ -158,6 +158,9 @@ def test_the_loop_over_services(ros, small_bag):
     for name in ('analyse', 'compare', 'diagnose', 'add_best', 'remove_last', 'history', 'save'):
         success, answer = call(name)
         assert not success and answer['error'] and answer['remedy'], name
+        assert answer['summary'] == f'{answer["error"]}: {answer["remedy"]}'
+    none = ros.latest(f'{base}/coefficients', DiagnosticArray)
+    assert [s.level for s in none.status] == [messages.ERROR]
     player(ros, ns, bag, publish='buffer')
     coefficients(ros, ns)
     success, answer = call('analyse')
@@ -180,7 +183,7 @@ def test_the_loop_over_services(ros, small_bag):
     assert found['gyro_x']['sinusoid.frequency'] == pytest.approx(7.3, abs=0.01)
     success, answer = call('save')
     folder = analyser.folder / 'analyser.study'
-    assert success and answer == {'folder': str(folder)}
+    assert success and answer == {'summary': f'written to {folder}', 'folder': str(folder)}
     assert {'study.yaml', 'imu.yaml', 'allan.csv', 'allan.png', 'report.html', 'evidence.npz',
             'samples.npz'} == {p.name for p in folder.iterdir()}
     saved = open_record(folder / 'samples.npz')

@@ -17,6 +17,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+import yaml
 
 NAME = 'imu_noise_tools'
 SOURCES = ('imu_noise_tools', 'test', 'bench', 'doc', 'launch')
@@ -62,6 +63,21 @@ def test_card_is_an_ament_python_package(root):
     assert card.find('license').text == setup_arguments(root)['license'] == 'Apache-2.0'
     marker = root / 'resource' / NAME
     assert marker.is_file()
+
+
+def test_card_says_where_the_project_is_and_who_answers(root):
+    """The same as setup.py; rosdoc2 is told where the manual is."""
+    card = ElementTree.parse(root / 'package.xml').getroot()
+    given = setup_arguments(root)
+    who = card.find('maintainer')
+    assert who.text == given['maintainer'] and who.get('email') == given['maintainer_email']
+    assert {u.get('type'): u.text for u in card.iter('url')} == {
+        'website': given['url'], 'repository': given['project_urls']['Source'],
+        'bugtracker': given['project_urls']['Tracker']}
+    about, settings = yaml.safe_load_all((root / card.findtext('export/rosdoc2')).read_text())
+    assert about == {'type': 'rosdoc2 config', 'version': 1}
+    (builder,) = settings['builders']
+    assert (root / builder['sphinx']['sphinx_sourcedir'] / 'conf.py').is_file()
 
 
 def test_every_message_package_in_use_is_a_dependency(root):

@@ -151,9 +151,9 @@ def test_misuse_is_said():
     for call, message in (
             (lambda: s.add(['flicke']), 'unknown noise effect flicke: did you mean flicker'),
             (lambda: s.add(['white']), 'already has white'),
-            (lambda: s.add(['flicker'], ['gyro_q']), 'the study has no gyro_q'),
-            (lambda: s.remove('flicker'), 'flicker is in no model'),
-            (lambda: s.compare(['gyro_z']), 'the study has no gyro_z')):
+            (lambda: s.add(['flicker'], ['gyro_q']), 'unknown axis gyro_q'),
+            (lambda: s.remove('flicker'), 'unknown label flicker'),
+            (lambda: s.compare(['gyro_z']), 'unknown axis gyro_z')):
         with pytest.raises(UsageError, match=message) as error:
             call()
         assert error.value.remedy

@@ -9,6 +9,7 @@ refuses, and :class:`Session` does both while a person holds one face up after t
 
 """
 
+from .axes import refuse_crossed_axes
 from .between import gathered, together, Turns
 from .correction import Correction, from_dict
 from .effects import Regressor, Scatter
@@ -16,7 +17,7 @@ from .gravity import EARTH_RATE, gravity, normal_gravity
 from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
 from .positions import positions, rests, STILL_S
 from .problem import CalibrationProblem
-from .session import applied, Captured, Session
+from .session import applied, Captured, HOLD_S, Session
 from .solution import (
     as_dict, calibrate, calibrate_turns, Calibration, of_study, offset_of, stated)
 from .solve import base_model, fit, ols
@@ -30,7 +31,7 @@ NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a record
 __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'calibrate_turns',
     'Calibration', 'CalibrationProblem', 'Captured', 'Correction', 'DIRECTIONS', 'EARTH_RATE',
-    'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'joined', 'nearest_face', 'NEXT',
-    'normal_gravity', 'of_study', 'offset_of', 'ols', 'Poses', 'positions', 'problems',
-    'REFERENCE', 'refuse_missing_axes', 'Regressor', 'rests', 'Scatter', 'Session', 'stated',
-    'STILL_S', 'TITLE', 'together', 'turns', 'Turns', 'TurnsProblem']
+    'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'HOLD_S', 'joined', 'nearest_face',
+    'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols', 'Poses', 'positions', 'problems',
+    'REFERENCE', 'refuse_crossed_axes', 'refuse_missing_axes', 'Regressor', 'rests', 'Scatter',
+    'Session', 'stated', 'STILL_S', 'TITLE', 'together', 'turns', 'Turns', 'TurnsProblem']

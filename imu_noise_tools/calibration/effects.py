@@ -227,6 +227,62 @@ class Temperature(Regressor):
         return super().why_not(poses) or _no_temperature(poses)
 
 
+class TemperatureCurve(Regressor):
+    """Bias that follows the temperature by a curve: the square and the cube beside the line."""
+
+    name = 'temperature_curve'
+    symbol = 't'
+    title = 'curved temperature drift of the biases'
+    equation = 'o_k = t2_k (T - T_ref)^2 + t3_k (T - T_ref)^3'
+    signature = 'residual bends with the temperature of the pose'
+    hint = 'record poses over the whole range of use; a polynomial holds within it only'
+    reference = 'IEEE 1293, IEEE 1431 (thermal model of bias, third order)'
+    parameters = _named('t2', '({rate})/K^2', title='bias per degree^2') + _named(
+        't3', '({rate})/K^3', title='bias per degree^3')
+    feeds = np.array([[0, 3], [1, 4], [2, 5]])
+    needs = 'the same poses again at four temperatures or more, with a temperature topic'
+
+    def columns(self, poses: Poses) -> np.ndarray:
+        """Return square and cube of the temperature above the reference."""
+        t = poses.temperature - poses.reference_temperature
+        return np.vstack([t ** 2, t ** 3])
+
+    def why_not(self, poses: Poses) -> str:
+        """Temperature has to be known, and to change."""
+        return super().why_not(poses) or _no_temperature(poses)
+
+
+class WarmUp(Regressor):
+    """
+    Bias that settles in time: exponentials of 40 s and of 200 s, what small sensors warm up with.
+
+    Two fixed time constants keep it linear; those between are sums of the two.
+
+    """
+
+    name = 'warm_up'
+    symbol = 'w'
+    title = 'settling of the biases after the start'
+    equation = 'o_k = w40_k exp(-t / 40 s) + w200_k exp(-t / 200 s), t since the start'
+    signature = 'residual falls with the time of the pose, fast at first'
+    hint = 'let it warm up before the first pose, or record the temperature along'
+    reference = 'IEEE 1293 (turn-on transient)'
+    parameters = _named('w40', '{rate}', title='settling within a minute') + _named(
+        'w200', '{rate}', title='settling within ten minutes')
+    feeds = np.array([[0, 3], [1, 4], [2, 5]])
+    passing = True
+    needs = 'faces held again at the end of the session'
+
+    def columns(self, poses: Poses) -> np.ndarray:
+        """Return the two exponentials of the time since the start of the record."""
+        return np.exp(-poses.time / np.array([[40.0], [200.0]]))
+
+    def why_not(self, poses: Poses) -> str:
+        """Poses of one time do not settle."""
+        return super().why_not(poses) or ('' if np.ptp(poses.time) > 0
+                                          else 'all poses are of one time')
+
+
 class Drift(Regressor):
     """Bias that grows in time by a constant rate, over the session."""
 

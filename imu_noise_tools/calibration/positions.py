@@ -12,16 +12,21 @@ from typing import Any
 import numpy as np
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
-from ..core.disturbed import calm
+from ..core.disturbed import calm, saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
+from ..core.statistics import grid_step
 from ..core.stillness import LEAST, still_stretches
 
-STILL_S = 2.0           # shortest rest that counts, s
+STILL_S = 0.8           # shortest rest that counts, s: one of a second, less its ends
 CONE_DEG = 20.0         # a pose within this of an axis is a face
 _SAME_DEG = 0.5         # rests closer than this, one after the other, are one placement
 _PIECE_S = 0.5           # shortest part of a rest between knocks
+_SHORT_S = 0.4          # shortest rest that is spoken of
+_LONG_S = 2.0           # a rest of which views of a second see the most
+_PICKED_UP = np.radians(5.0)        # a knock turns it by less, putting it down anew by more
 _BLOCK_S = 0.5
+_CLIPPED = 0.02         # a larger share of a rest at the end of the range spoils its mean
 _TURNING = 0.2          # rad/s: more than the bias of any gyroscope of today
 
 
@@ -61,22 +66,99 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
         There is no accelerometer, or no rest of that length.
 
     """
+    found, short = _placements(record, seconds)
+    if not found:
+        raise InputError(f'no rest of {seconds:g} s: it moves all the time{_too_short(short)}',
+                         'hold every pose still, for some seconds, on something solid')
+    return found
+
+
+def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]:
+    """Return the rests that are long enough, and (time, length) of those that are not, s."""
     if record.accel is None:
         raise InputError(f'{record.path or "the record"} has no accelerometer',
                          'which way is up is read from it')
     found: list[Rest] = []
-    for a, b in still_stretches(record, min(seconds, _PIECE_S)):
+    for a, b in _stretches(record, min(seconds, _PIECE_S)):
         pieces, note = _between_knocks(record, a, b)
         here = _rest(record, pieces, note)
-        if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG:
+        if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG and not _picked_up(
+                record, found[-1], here):
             note = f'a knock at {record.t[found[-1].end - 1]:.1f} s was left out'
             here = _rest(record, (*found.pop().pieces, *pieces), note)
         found.append(here)
-    found = [r for r in found if len(r.samples()) >= seconds * record.rate_hz]
-    if not found:
-        raise InputError(f'no rest of {seconds:g} s: it moves all the time',
-                         'hold every pose still, for some seconds, on something solid')
-    return found
+    long = [len(r.samples()) / record.rate_hz for r in found]
+    short = [(float(record.t[r.begin]), n) for r, n in zip(found, long) if n < seconds]
+    return [r for r, n in zip(found, long) if n >= seconds], short
+
+
+def _too_short(short: list[tuple[float, float]]) -> str:
+    """Say which rests are too short and what would take them; an empty string for none."""
+    if not short:
+        return ''
+    said = _some([f'{n:.1f} s at {t:.1f} s' for t, n in short])
+    least = max(0.5, np.floor(10 * min(n for _, n in short)) / 10)
+    return f'; rests too short to count: {said} (--still {least:.1f} takes those that reach it)'
+
+
+def _stretches(record, seconds) -> list[tuple[int, int]]:
+    """
+    Return the stretches at rest, those too that views of a second are too long to see.
+
+    Between the rests of :func:`~imu_noise_tools.core.stillness.still_stretches` half-second
+    windows of tenths are looked at.
+
+    """
+    found = still_stretches(record, seconds)
+    tenth = max(2, round(0.1 * record.rate_hz))
+    quiet = _quiet_tenths(record, tenth, found)
+    edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
+    least = _SHORT_S * record.rate_hz
+    fine = [(i * tenth, min(j * tenth, record.n)) for i, j in edges.tolist()
+            if (j - i) * tenth >= least]
+    # a long rest is as it was found: what touches it is its end, where a hand is on it
+    long = [(a, b) for a, b in found if b - a >= _LONG_S * record.rate_hz]
+    fine = [f for f in fine if not _touch(f, long, 2 * tenth)]
+    return sorted([*long, *fine, *(f for f in found if f not in long and not _touch(f, fine, 0))])
+
+
+def _touch(one, others, near) -> bool:
+    return any(a < one[1] + near and one[0] - near < b for a, b in others)
+
+
+def _quiet_tenths(record, tenth, found) -> np.ndarray:
+    """Tell of every tenth of a second whether a half-second around it is at rest."""
+    n, view = record.n // tenth, 5
+    quiet = np.zeros(n, bool)
+    if n < view or record.gyro is None:
+        return quiet                    # what turns slowly is at rest to an accelerometer
+    still = np.ones(n - view + 1, bool)
+    for sensor, least in LEAST.items():
+        data = np.asarray(getattr(record, sensor))[:n * tenth].reshape(n, tenth, 3)
+        means = data.mean(1)
+        noise = np.median(data.std(1), axis=0) / np.sqrt(tenth)
+        if found:
+            noise = np.median([data[a // tenth:max(a // tenth + 1, b // tenth)].std(1).mean(0)
+                               for a, b in found], axis=0) / np.sqrt(tenth)
+        views = np.lib.stride_tricks.sliding_window_view(means, view, axis=0)
+        still &= (np.ptp(views, axis=2) < np.maximum(least, 8 * noise)).all(1)
+        if sensor == 'gyro':
+            bias = np.median([means[a // tenth:b // tenth + 1].mean(0) for a, b in found],
+                             axis=0) if found else np.zeros(3)
+            still &= np.linalg.norm(views.mean(2) - bias, axis=1) < _TURNING / 4
+    for k in range(view):
+        quiet[k:k + len(still)] |= still
+    return quiet
+
+
+def _picked_up(record, before: Rest, after: Rest) -> bool:
+    """Tell whether it was turned and put back between two rests, rather than knocked."""
+    if record.gyro is None:
+        return False
+    between = slice(before.end, after.begin)
+    rate = np.asarray(record.gyro)[between] - before.gyro
+    angle = np.cumsum(rate, axis=0) * record.dt
+    return bool(len(angle) and np.max(np.linalg.norm(angle, axis=1)) > _PICKED_UP)
 
 
 def still_until_now(record: ImuRecord, seconds: float = STILL_S, most: float = 30.0) -> int | None:
@@ -161,7 +243,44 @@ def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.n
         pooled = np.mean([data[r.samples()].var(0) for r in found], axis=0) / block
     floor = (1e-9 * np.abs(data).max()) ** 2
     blocks = np.array([len(r.samples()) / block for r in found])
-    return np.sqrt(np.maximum(pooled, floor)[:, None] / blocks)
+    return np.sqrt(np.maximum(pooled, floor)[:, None] / blocks + _rounding(data, found)[:, None])
+
+
+def _rounding(data, found) -> np.ndarray:
+    """
+    Return the variance that the step of the output leaves in a mean, (3,), however long.
+
+    LSB^2/12 where the noise is far below the step, and exp(-(2 pi sigma / LSB)^2) of it where
+    noise dithers (Widrow and Kollar 2008, chapter 9: the largest term of the mean's error).
+
+    """
+    out = np.zeros(3)
+    index = np.concatenate([r.samples() for r in found])
+    for k in range(3):
+        step, _ = grid_step(data[index, k])
+        if step > 0:
+            seen = np.median([data[r.samples(), k].var() for r in found])
+            sigma = np.sqrt(max(0.0, seen - step ** 2 / 12))
+            out[k] = step ** 2 / 12 * np.exp(-(2 * np.pi * sigma / step) ** 2)
+    return out
+
+
+def _refuse_saturated(record, found, names) -> None:
+    """Raise InputError where an axis stands at the end of its range in a rest."""
+    accel = np.asarray(record.accel)
+    for k, axis in enumerate('xyz'):
+        step, _ = grid_step(accel[:, k])
+        sigma = np.median([accel[r.samples(), k].std() for r in found])
+        at_end = saturated(accel[:, k])
+        if step > 2 * sigma or not at_end.any():
+            continue                    # a level that is held is no end of the range
+        for r, name in zip(found, names):
+            share = at_end[r.samples()].mean()
+            if share > _CLIPPED:
+                raise InputError(
+                    f'{name} at {record.t[r.begin]:.0f} s: accel_{axis} is saturated at '
+                    f'{np.median(accel[r.samples(), k]):.4g} m/s^2 ({100 * share:.0f} % of the '
+                    'samples at the end of its range)', 'set a larger range and record again')
 
 
 def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
@@ -176,6 +295,7 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
 
     """
     found = rests(record, seconds)
+    _, short = _placements(record, seconds)
     outputs = np.array([r.accel for r in found]).T
     if not any_unit:
         check_unit(outputs, gravity)
@@ -183,7 +303,9 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
         'accel', outputs, standard_errors(np.asarray(record.accel), found, record.rate_hz),
         gravity, temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found])
-    return poses, tuple(f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note)
+    _refuse_saturated(record, found, poses.names)
+    said = [f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note]
+    return poses, (*said, *([_too_short(short).removeprefix('; ')] if short else []))
 
 
 def pooled_errors(windows: list[np.ndarray], rate_hz: float) -> np.ndarray:

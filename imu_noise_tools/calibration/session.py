@@ -14,7 +14,7 @@ import numpy as np
 from . import solve
 from .correction import Correction
 from .poses import FACES, joined, nearest_face, Poses
-from .positions import averaged, CONE_DEG, counted, pooled_errors, STILL_S, still_until_now
+from .positions import averaged, CONE_DEG, counted, pooled_errors, still_until_now
 from .problem import CalibrationProblem
 from .solution import calibrate, Calibration
 from .turns import turns
@@ -22,6 +22,7 @@ from ..core.errors import InputError, unknown, UsageError
 from ..core.record import ImuRecord
 from ..core.units import G0
 
+HOLD_S = 2.0                # how long a person holds a pose before it is captured
 _KEEP_S = 120.0             # what is remembered of the stream
 _SEEN_S = 30.0              # longest rest that a capture averages
 _UNMOVED_DEG = 0.3          # captures of one face closer than this are one placement
@@ -66,7 +67,7 @@ class Session:
     """
 
     def __init__(self, sensor: str = 'accel', gravity: float = G0, rate: float | None = None,
-                 turn: float | None = None, still_seconds: float = STILL_S,
+                 turn: float | None = None, still_seconds: float = HOLD_S,
                  tilt: float = solve.TILT,
                  method: str | None = None):
         if sensor not in ('accel', 'gyro'):

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from . import faces, solve
@@ -27,6 +28,7 @@ from ..loop.study import Study
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
 _TURN_ROWS = 12                 # equations of turns that nine coefficients are asked of
+_TURNED = np.radians(2.0)       # a rotation that a person would want to hear of
 _TURN_STD = 0.01                # a scale known worse is no calibration
 _TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
 _SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
@@ -204,7 +206,8 @@ def calibrate_turns(turns: Turns, model: Model | None = None,
         raise InputError(f'the turns between poses tell the gyroscope\'s scale to '
                          f'{100 * worst:.1f} % only', 'turn about all axes, by 90 deg and more')
     said = [*notes, 'the Earth\'s rate (at most 15.04 deg/h) stays in the bias and in the turns']
-    return stated(problem, fit, said, fit.flags)
+    turned = _turned_case(fit, 'the gyroscope\'s frame')
+    return stated(problem, fit, said, [*fit.flags, *turned])
 
 
 def offset_of(calibration: Calibration) -> dict[str, float] | None:
@@ -327,6 +330,7 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
         said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
                     f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
+    said += _turned_case(fit, 'the case')
     if method == 'faces':
         tilt = fit.details.tilt
         if _TILTED_DEG < np.degrees(tilt) and tilt != faces.ANY:
@@ -348,6 +352,19 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
                             f'{np.degrees(rms):.1f}, or hold '
                             f'{SPREAD_POSES} spread poses')
     return said
+
+
+def _turned_case(fit: Fit, what: str) -> list[str]:
+    """Return a warning where S is close to a rotation, more than tilt and noise make."""
+    stretch, turn = faces.polar(fit.details.scale)
+    angle = Rotation.from_matrix(turn).as_rotvec()
+    size, std = np.linalg.norm(angle), float(np.max(standard_deviations(fit)[0]))
+    if size < max(_TURNED, 4 * std):
+        return []
+    about = ', '.join(f'{v:.2f}' for v in angle / size)
+    return [f'{what} is turned by {np.degrees(size):.1f} deg about ({about}) against the axes of '
+            f'the sensor: S is that rotation, and scale factors {stretch[0, 0]:.4f}, '
+            f'{stretch[1, 1]:.4f}, {stretch[2, 2]:.4f}']
 
 
 def as_dict(calibration: Calibration) -> Mapping:

@@ -42,8 +42,8 @@ def register(commands: Any) -> None:
                    help='by magnitudes, and across them by faces of unknown tilt (default); '
                         'weighted by a stated tilt; plain; or by the magnitude alone (default '
                         'with 12 and more spread poses)')
-    c.add_argument('--still', type=float, default=2.0, metavar='S',
-                   help='shortest rest that is a pose, s (default: 2)')
+    c.add_argument('--still', type=float, default=0.8, metavar='S',
+                   help='shortest rest that is a pose, s (default: 0.8, of a second\'s hold)')
     common.topic_options(c)
     common.part_options(c)
     c.add_argument('--rate-hz', type=float, metavar='R',

@@ -35,6 +35,12 @@ def output_options(command: argparse.ArgumentParser, json_of: str) -> None:
     )
 
 
+def si_option(command: argparse.ArgumentParser) -> None:
+    """Add ``--si``."""
+    command.add_argument('--si', action='store_true',
+                         help="coefficients in SI as well, beside the field's units")
+
+
 def topic_options(command: argparse.ArgumentParser, every: bool = False) -> None:
     """Add the options that say which messages of a bag are read, and how."""
     command.add_argument(

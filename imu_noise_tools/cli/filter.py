@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Iterable
 from typing import Any
 
-from . import common
+from . import common, completion
 
 
 def register(commands: Any) -> None:
@@ -32,18 +32,18 @@ def register(commands: Any) -> None:
         '-o', '--output', metavar='BAG2', required=True, help='the bag to write, of the same kind'
     )
     c.add_argument('--model', metavar='DIR', help='a study: of noise (analyse), or of a filter')
-    c.add_argument(
+    motion = c.add_argument(
         '--motion',
         type=common.names,
         default=['auto'],
         metavar='M,…',
-        help=(
-            'auto (default: a bank for any motion), or'
-            ' constant_rate,ar_increment,angular_acceleration,…'
-        ),
+        help='auto (default: a bank for any motion), or '
+             'constant_rate,ar_increment,angular_acceleration,…',
     )
-    c.add_argument('--noise', type=common.names, default=['white'], metavar='N,…',
-                   help='white (default), gauss_markov, sinusoid, outliers, …')
+    completion.offer(motion, completion.blocks('Motion'), several=True)
+    noise = c.add_argument('--noise', type=common.names, default=['white'], metavar='N,…',
+                           help='white (default), gauss_markov, sinusoid, outliers, …')
+    completion.offer(noise, completion.blocks('OutputNoise'), several=True)
     c.add_argument(
         '--alpha',
         type=float,
@@ -70,6 +70,7 @@ def register(commands: Any) -> None:
         '--rate-hz', type=float, metavar='R', help='nominal rate, in place of that of the stamps'
     )
     c.add_argument('--force', action='store_true', help='replace a bag and a study that are there')
+    common.si_option(c)
     common.output_options(c, 'the result')
     c.set_defaults(func=filter_bag)
 
@@ -144,6 +145,7 @@ def filter_bag(args: argparse.Namespace) -> int:
         print(
             f'  {axis}  {f["sigma_before"] / DEG:9.4f} -> {f["sigma_after"] / DEG:9.4f}'
             f' {f["nis"]:25.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
+            + (f'   {f["sigma_before"]:.3g} -> {f["sigma_after"]:.3g} rad/s' if args.si else '')
         )
     print(
         f'\nwritten: {data["bag"]} (topic {data["topic"]})'

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from . import common
+from . import common, completion
 
 
 def register(commands: Any) -> None:
@@ -20,9 +20,11 @@ def register(commands: Any) -> None:
     c.add_argument(
         'dir2', metavar='DIR2', nargs='?', help='a second study: what changed beyond chance'
     )
-    c.add_argument('--sheet', metavar='SHEET.yaml',
-                   help='a data sheet (a file, or the name of one that comes along): which axes '
-                        'meet it?')
+    sheet = c.add_argument('--sheet', metavar='SHEET.yaml',
+                           help='a data sheet (a file, or the name of one that comes along): '
+                                'which axes meet it?')
+    completion.offer(sheet, completion.sheets)
+    common.si_option(c)
     common.output_options(c, 'targets with their pulls')
     c.set_defaults(func=compare)
 
@@ -41,6 +43,7 @@ def register(commands: Any) -> None:
         action='store_true',
         help='add the best and diagnose again until nothing is missing',
     )
+    common.si_option(c)
     common.output_options(c, 'the diagnosis')
     c.set_defaults(func=diagnose)
 
@@ -51,7 +54,8 @@ def register(commands: Any) -> None:
     c.set_defaults(func=history)
 
     c = commands.add_parser('effects', help='what is known: equation, units, signature, reference')
-    c.add_argument('name', metavar='NAME', nargs='?', help='one effect')
+    name = c.add_argument('name', metavar='NAME', nargs='?', help='one effect')
+    completion.offer(name, completion.effects())
     common.output_options(c, 'names, parameters and units')
     c.set_defaults(func=effects)
 
@@ -62,22 +66,28 @@ def _register_changes(commands) -> None:
     """Add ``add`` and ``remove``."""
     c = commands.add_parser('add', help='put an effect into the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
-    c.add_argument(
+    effects = c.add_argument(
         'effects', metavar='EFFECT', nargs='*', help='names; none: the best of the diagnosis'
     )
+    completion.offer(effects, completion.effects())
     c.add_argument('--all', action='store_true', help='all that was found, not the first')
-    c.add_argument(
+    axis = c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
+    completion.offer(axis, completion.axes)
+    common.si_option(c)
     common.output_options(c, 'the new rungs of the ladder and the targets')
     c.set_defaults(func=add)
 
     c = commands.add_parser('remove', help='take an effect out of the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
-    c.add_argument('label', metavar='LABEL', help='as in study.yaml, e.g. sinusoid.2')
-    c.add_argument(
+    label = c.add_argument('label', metavar='LABEL', help='as in study.yaml, e.g. sinusoid.2')
+    completion.offer(label, completion.labels)
+    axis = c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
+    completion.offer(axis, completion.axes)
+    common.si_option(c)
     common.output_options(c, 'the new rungs of the ladder and the targets')
     c.set_defaults(func=remove)
 
@@ -87,7 +97,8 @@ def _register_export(commands) -> None:
     c = commands.add_parser('export', help='the numbers in the file another program reads')
     c.add_argument('dir', metavar='DIR', nargs='?', help='a noise study')
     c.add_argument('--list', action='store_true', help='the formats, a line on each')
-    c.add_argument('--format', metavar='F', help='e.g. kalibr')
+    completion.offer(c.add_argument('--format', metavar='F', help='e.g. kalibr'),
+                     completion.formats)
     c.add_argument(
         '--axes',
         default='worst',
@@ -159,9 +170,12 @@ def _against(study, args) -> int:
     if args.json:
         common.print_json({'sheet': rows})
         return 0
+    si = 'SI' if args.si else ''
     print(table([(r['target'], r['parameter'], r['measured_shown'], r['interval_shown'],
-                  r['sheet_shown'], f'{r["ratio"]:.3g}', r['verdict']) for r in rows],
-                ('axis', '', 'measured', '95 %', 'sheet', 'ratio', 'verdict')))
+                  r['sheet_shown'], *([r['si']] if si else []), f'{r["ratio"]:.3g}', r['verdict'])
+                 for r in rows],
+                ('axis', '', 'measured', '95 %', 'sheet', *([si] if si else []), 'ratio',
+                 'verdict')))
     return 0
 
 
@@ -192,7 +206,7 @@ def diagnose(args: argparse.Namespace) -> int:
     else:
         if args.until_complete:
             print(terminal.history(study.history))
-        print(terminal.diagnosis(study, args.dir, verbose=args.verbose))
+        print(terminal.diagnosis(study, args.dir, verbose=args.verbose, si=args.si))
     return 0
 
 
@@ -208,7 +222,7 @@ def _print_steps(args, study, steps):
             }
         )
     elif steps:
-        print(terminal.steps(study, steps))
+        print(terminal.steps(study, steps, si=args.si))
     else:
         print('nothing is missing that the diagnosis can name: no effect added')
 

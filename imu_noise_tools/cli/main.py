@@ -13,13 +13,14 @@ import os
 import sys
 import warnings
 
+from . import completion
 from ..core.errors import ImuNoiseError, unknown, UsageError
 
 # The matrices here are small: threads of a linear algebra library cost more than they bring.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
-MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'demo')
+MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'demo', 'completion')
 
 
 class Parser(argparse.ArgumentParser):
@@ -57,7 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Return its exit status: 0 done, 1 bad input, 2 wrong usage, 130 interrupted.
 
     """
-    args = parser().parse_args(argv)
+    commands = parser()
+    completion.answer(commands)
+    args = commands.parse_args(argv)
     try:
         with warnings.catch_warnings():
             if not sys.warnoptions:     # numpy's are for who programs; ours are printed

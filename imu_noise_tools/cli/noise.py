@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from . import common
+from . import common, completion
 
 
 def register(commands: Any) -> None:
@@ -30,22 +30,25 @@ def register(commands: Any) -> None:
     _model_options(c)
     _record_options(c)
     c.add_argument('--force', action='store_true', help='replace a study that is there')
+    common.si_option(c)
     common.output_options(c, 'study.yaml')
     c.set_defaults(func=analyse)
 
 
 def _model_options(c) -> None:
     """Add what is fitted, and how."""
-    c.add_argument(
+    axes = c.add_argument(
         '--axes', type=common.names, metavar='A,…', help='e.g. gyro_x,gyro_y (default: all)'
     )
-    c.add_argument(
+    completion.offer(axes, completion.axes, several=True)
+    effects = c.add_argument(
         '--effects',
         type=common.names,
         default=None,
         metavar='E,…',
         help='the model (default: white,flicker,random_walk); see imu_noise effects',
     )
+    completion.offer(effects, completion.effects('noise'), several=True)
     c.add_argument(
         '--method',
         choices=('likelihood', 'avar', 'slopes'),
@@ -144,7 +147,7 @@ def analyse(args: argparse.Namespace) -> int:
         return 0
     from .. import report
 
-    print(report.text(study, str(folder), verbose=args.verbose))
+    print(report.text(study, str(folder), verbose=args.verbose, si=args.si))
     print(f'written to {folder}: study.yaml imu.yaml allan.csv allan.png report.html evidence.npz')
     return 0
 
@@ -163,6 +166,6 @@ def _every(args: argparse.Namespace, studies, refused, folder) -> int:
         return 0
     for name, study in studies.items():
         print(f'{study.source["topic"]}:\n')
-        print(report.text(study, str(folder / name), verbose=args.verbose))
+        print(report.text(study, str(folder / name), verbose=args.verbose, si=args.si))
     print(f'written to {folder}: {" ".join(studies)}, a study each')
     return 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from . import common
+from . import common, completion
 
 EXAMPLE = """example of SHEET.yaml (units as on the sheet; each entry may be three values, x y z):
   name: my IMU
@@ -27,8 +27,9 @@ def register(commands: Any) -> None:
     c = commands.add_parser(
         'sheet', help="a data sheet's values and units as a study that every export takes",
         epilog=EXAMPLE, formatter_class=argparse.RawDescriptionHelpFormatter)
-    c.add_argument('sheet', metavar='SHEET.yaml', nargs='?',
-                   help='a file, or the name of a sheet that comes with the package')
+    which = c.add_argument('sheet', metavar='SHEET.yaml', nargs='?',
+                           help='a file, or the name of a sheet that comes with the package')
+    completion.offer(which, completion.sheets)
     c.add_argument('--list', action='store_true', help='the sheets that come with the package')
     c.add_argument('-o', '--output', metavar='DIR', help='where the study goes')
     c.add_argument('--force', action='store_true', help='replace what is there')

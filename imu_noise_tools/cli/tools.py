@@ -68,6 +68,7 @@ def register(commands: Any) -> None:
         metavar='PERCENT',
         help='wanted standard deviation (default: 20)',
     )
+    common.si_option(c)
     common.output_options(c, 'the plan')
     c.set_defaults(func=plan)
 
@@ -135,7 +136,8 @@ def simulate(args: argparse.Namespace) -> int:
     from ..tasks.simulate import simulate as task, truth_of
 
     common.load_own_effects(args)
-    truth = task(args.spec, args.output, force=args.force)
+    with common.progress_line(args) as progress:
+        truth = task(args.spec, args.output, force=args.force, progress=progress)
     if args.json:
         common.print_json(truth)
     else:
@@ -147,11 +149,14 @@ def simulate(args: argparse.Namespace) -> int:
     return 0
 
 
-def _planned(row) -> str:
-    """Return the value that is planned for, or its limit."""
-    if row['value'] is not None:
-        return f'{row["value"]:.3g}'
-    return f'below {row["upper95"]:.3g}' if row.get('upper95') else ''
+def _planned(row, si: bool) -> list[str]:
+    """Return the value that is planned for, or its limit, as the field writes it and in SI."""
+    value = row['value'] if row['value'] is not None else row.get('upper95')
+    cells = [row.get('shown', '')]
+    if si:
+        below = 'below ' if row['value'] is None else ''
+        cells.append('' if value is None else f'{below}{value:.3g} {row["unit"]}')
+    return cells
 
 
 def plan(args: argparse.Namespace) -> int:
@@ -177,13 +182,15 @@ def plan(args: argparse.Namespace) -> int:
         print(
             text.table(
                 [
-                    (r['target'], r['parameter'], _planned(r), r['one_hour'], r['record'])
+                    (r['target'], r['parameter'], *_planned(r, args.si), r['one_hour'],
+                     r['record'])
                     for r in rows
                 ],
                 (
                     'target',
                     'parameter',
                     'value',
+                    *(['SI'] if args.si else []),
                     'one hour gives',
                     f'for {args.precision:g} % record',
                 ),

@@ -54,7 +54,7 @@ class FitError(ImuNoiseError):
 
 def unknown(what: str, name: object, known: Iterable[str]) -> UsageError:
     """Return the error for a name that is not known, with the nearest one and all that are."""
-    names = list(known)
+    names = list(dict.fromkeys(known))
     near = get_close_matches(str(name), names, 1)
     meant = f'did you mean {near[0]}? ' if near else ''
     return UsageError(f'unknown {what} {name}', f'{meant}choose from {", ".join(names)}')

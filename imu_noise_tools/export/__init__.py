@@ -4,9 +4,10 @@
 """
 A study's numbers in the files that other programs read.
 
-One module a consumer, found by its name. It has ``DESCRIPTION`` (one line) and ``text(study,
-**options)``; one whose consumer has a place for scale factors and biases sets ``CALIBRATION`` and
-takes them as ``calibration``, a :class:`~imu_noise_tools.export._calibration.Inverse`.
+One module a consumer, found by its name. It has ``DESCRIPTION`` (one line), whose code says what
+goes in (``CONSUMER``, ``PLACES``, ``HOLDS``, ``HOW``), and ``text(study, **options)``; one whose
+consumer has a place for scale factors and biases sets ``CALIBRATION`` and takes them as
+``calibration``, a :class:`~imu_noise_tools.export._calibration.Inverse`.
 
 """
 
@@ -29,7 +30,7 @@ def formats() -> list[str]:
 
 def descriptions() -> dict[str, str]:
     """Return a line on each format by its name: what is written, and by whose convention."""
-    return {name: _module(name).DESCRIPTION for name in formats()}
+    return {name: module(name).DESCRIPTION for name in formats()}
 
 
 def export(study: Study, name: str, calibration: str | Path | None = None, **options: Any) -> str:
@@ -57,16 +58,17 @@ def export(study: Study, name: str, calibration: str | Path | None = None, **opt
     """
     if name not in formats():
         raise unknown('format', name, formats())
-    module = _module(name)
+    chosen = module(name)
     if calibration is not None:
-        if not getattr(module, 'CALIBRATION', False):
-            able = [n for n in formats() if getattr(_module(n), 'CALIBRATION', False)]
+        if not getattr(chosen, 'CALIBRATION', False):
+            able = [n for n in formats() if getattr(module(n), 'CALIBRATION', False)]
             raise UsageError(
                 f'--calibration: {name} has no place for scale factors and biases',
                 f'correct the bag with imu_noise apply, or choose from {", ".join(able)}')
         options['calibration'] = read(calibration)
-    return module.text(study, **options)
+    return chosen.text(study, **options)
 
 
-def _module(name: str) -> Any:
+def module(name: str) -> Any:
+    """Return the module of a format, by its name."""
     return importlib.import_module(f'{__name__}.{name}')

@@ -18,6 +18,14 @@ from ._numbers import commented, Numbers, steps
 from ._values import number
 from ..loop.study import Study
 
+CONSUMER = 'ArduPilot/ardupilot'
+HOLDS = 'N / sqrt(12 ms), K / sqrt(12 ms)'
+HOW = 'sigma of a step of its filter, within its ranges'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('libraries/AP_NavEKF3/AP_NavEKF3_core.cpp', 'CovariancePrediction', '363e7e9eec'),
+    ('libraries/AP_NavEKF3/AP_NavEKF3.cpp', 'var_info, 24 to 28', '83c544f792'),
+)
 DESCRIPTION = 'ArduPilot EK3_GYRO_P_NSE ... as a .param file (N, K over sqrt of 12 ms)'
 STEP_S = 0.012
 # name, sensor, parameter, range that ArduPilot documents

@@ -7,8 +7,8 @@ Basalt's calibration.json: continuous-time N and K for each axis, and its bias-a
 Source: VladyslavUsenko/basalt-headers at a585db348a:
 include/basalt/serialization/headers_serialization.h:244-256 names the members (cereal's JSON has
 them below ``value0``); include/basalt/calibration/calibration.hpp:134-160 multiplies the noise by
-sqrt(imu_update_rate); include/basalt/calibration/calib_bias.hpp: raw + scale raw - bias, scale of
-the accelerometer lower triangular (9 numbers), that of the gyroscope full (12).
+sqrt(imu_update_rate); include/basalt/calibration/calib_bias.hpp:91-112: raw + scale raw - bias,
+scale of the accelerometer lower triangular (9 numbers), that of the gyroscope full (12).
 
 """
 
@@ -22,6 +22,15 @@ from ._calibration import Inverse
 from ._numbers import Numbers
 from ..loop.study import Study
 
+CONSUMER = 'VladyslavUsenko/basalt-headers'
+HOLDS = 'N, K'
+HOW = 'x, y, z; it takes N sqrt(f) itself; bias and scale from a calibration'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('include/basalt/serialization/headers_serialization.h', '243-256', 'a585db348a'),
+    ('include/basalt/calibration/calibration.hpp', '134-160', 'a585db348a'),
+    ('include/basalt/calibration/calib_bias.hpp', '91-112, 179-197', 'a585db348a'),
+)
 DESCRIPTION = 'Basalt calibration.json: N, K for x, y, z; with a calibration bias and scale'
 CALIBRATION = True
 

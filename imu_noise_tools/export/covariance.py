@@ -4,9 +4,10 @@
 """
 The covariances of a sensor_msgs/Imu: variance of one sample, nine numbers a sensor.
 
-Source: ros2/common_interfaces, sensor_msgs/msg/Imu.msg: row-major about x, y, z; all zeros:
-unknown; first element -1: no estimate of that quantity. robot_localization takes a measurement's
-covariance from the message (src/ros_filter.cpp, prepareTwist and prepareAcceleration), and
+Source: ros2/common_interfaces, sensor_msgs/msg/Imu.msg:5-13, 21, 24 at c0c0bc57f9: row-major
+about x, y, z; all zeros: unknown; first element -1: no estimate of that quantity.
+robot_localization takes a measurement's covariance from the message (cra-ros-pkg at 1cb9533793,
+src/ros_filter.cpp:588-606, 615, 2670), and
 gz-sensors fills it with the square of a sample's sigma (src/ImuSensor.cc:272, at 9ba02f2410).
 
 """
@@ -18,6 +19,13 @@ import numpy as np
 from ._numbers import commented, Numbers, numbers_of
 from ..loop.study import Study
 
+CONSUMER = 'ros2/common_interfaces'
+HOLDS = 'N^2 f'
+HOW = 'row-major, -1 first where absent; no place for K'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('sensor_msgs/msg/Imu.msg', '5-13, 21, 24', 'c0c0bc57f9'),
+)
 DESCRIPTION = 'sensor_msgs/Imu covariances for drivers, robot_localization, imu_tools: N^2 f'
 
 

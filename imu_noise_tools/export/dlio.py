@@ -19,6 +19,14 @@ from ._numbers import commented, numbers_of
 from ..core.errors import UsageError
 from ..loop.study import Study
 
+CONSUMER = 'vectr-ucla/direct_lidar_inertial_odometry'
+HOLDS = 'none'
+HOW = 'sm raw - bias, from a calibration'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('cfg/dlio.yaml', '24-32', 'fc8d183f18'),
+    ('src/dlio/odom.cc', '257-278, 987-988', 'fc8d183f18'),
+)
 DESCRIPTION = 'DLIO imu/intrinsics: accel sm and bias, gyro bias; needs --calibration'
 CALIBRATION = True
 

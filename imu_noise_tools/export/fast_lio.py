@@ -17,6 +17,15 @@ from ._numbers import commented, Numbers
 from ._values import number
 from ..loop.study import Study
 
+CONSUMER = 'hku-mars/FAST_LIO'
+HOLDS = 'N^2 f, K^2 f'
+HOW = 'variances; its filter adds dt^2 Q a step'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('src/laserMapping.cpp', '777-780', '7cc4175de6'),
+    ('src/IMU_Processing.hpp', '280-283', '7cc4175de6'),
+    ('include/IKFoM_toolkit/esekfom/esekfom.hpp', '381', '7cc4175de6'),
+)
 DESCRIPTION = 'FAST-LIO: acc_cov, gyr_cov (N^2 f), b_acc_cov, b_gyr_cov (K^2 f), variances'
 
 

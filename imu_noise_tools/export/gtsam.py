@@ -20,6 +20,15 @@ import numpy as np
 from ._numbers import Numbers
 from ..loop.study import Study
 
+CONSUMER = 'borglab/gtsam'
+HOLDS = 'N^2, K^2'
+HOW = '3x3, continuous time'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('gtsam/navigation/PreintegrationParams.h', '27-29', 'eadfbacd82'),
+    ('gtsam/navigation/PreintegratedRotation.h', '60', 'a90dbc7fc5'),
+    ('gtsam/navigation/PreintegrationCombinedParams.h', '37-39', '191db153dd'),
+)
 DESCRIPTION = 'GTSAM PreintegrationCombinedParams: covariances N^2, K^2 per second, as JSON'
 KEYS = (('accelerometerCovariance', 'accel', 'N'), ('gyroscopeCovariance', 'gyro', 'N'),
         ('biasAccCovariance', 'accel', 'K'), ('biasOmegaCovariance', 'gyro', 'K'))

@@ -17,6 +17,14 @@ from typing import Any
 from ._values import left_out, number, rests_on, value_of
 from ..loop.study import Study
 
+CONSUMER = 'ethz-asl/kalibr'
+HOLDS = 'N, K'
+HOW = 'one a sensor, above zero; it takes N sqrt(f) itself'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('aslam_offline_calibration/kalibr/python/kalibr_common/ConfigReader.py', '464-492',
+     '1f60227442'),
+)
 DESCRIPTION = 'Kalibr imu.yaml: noise densities N and random walks K, continuous time'
 KEYS = (
     ('accelerometer_noise_density', 'accel', 'N', 'm/s^2/sqrt(Hz)'),

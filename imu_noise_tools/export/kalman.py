@@ -24,6 +24,10 @@ from ..loop.study import Study
 from ..noise.kinds import Spectrum
 from ..noise.problem import NoiseProblem
 
+CONSUMER = ''
+HOLDS = 'Phi, Q, H, R'
+HOW = 'of each axis, discrete at its rate; from the effects themselves'
+PLACES = ()
 DESCRIPTION = 'state-space blocks Phi, Q, H, R of each axis, discrete at its rate, as JSON'
 
 

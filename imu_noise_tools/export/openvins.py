@@ -20,6 +20,14 @@ from ._numbers import commented, Numbers, rows_of
 from ._values import number
 from ..loop.study import Study
 
+CONSUMER = 'rpng/open_vins'
+HOLDS = 'N, K'
+HOW = 'it divides N^2 and multiplies K^2 by dt itself; Tw, Ta from a calibration'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('ov_msckf/src/core/VioManagerOptions.h', '157-163, 305-340', '69488123ed'),
+    ('ov_msckf/src/state/Propagator.cpp', '225-228', '69488123ed'),
+)
 DESCRIPTION = 'OpenVINS kalibr_imu_chain.yaml: N, K per second; with a calibration Tw, Ta'
 CALIBRATION = True
 

@@ -4,8 +4,9 @@
 """
 ORB-SLAM3's IMU lines: continuous-time N and K, read by OpenCV's FileStorage.
 
-Source: UZ-SLAMLab/ORB_SLAM3 at 1464d8fe5c: src/Settings.cc, readIMU and
-readParameter<float> (a value must be a real: with a point or an exponent); src/Tracking.cc,
+Source: UZ-SLAMLab/ORB_SLAM3 at 1464d8fe5c: src/Settings.cc, readIMU and, lines 36-64,
+readParameter<float> (a real: with a point or an exponent; there an integer too, which releases
+refuse); src/Tracking.cc,
 newParameterLoader: Calib(Tbc, Ng*sf, Na*sf, Ngw/sf, Naw/sf) with sf = sqrt(IMU.Frequency), so N
 and K go in as they are.
 
@@ -17,6 +18,14 @@ from ._numbers import commented, Numbers
 from ._values import number
 from ..loop.study import Study
 
+CONSUMER = 'UZ-SLAMLab/ORB_SLAM3'
+HOLDS = 'N, K'
+HOW = 'it takes N sqrt(f) and K / sqrt(f) itself'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('src/Settings.cc', '36-64', '1464d8fe5c'),
+    ('src/Tracking.cc', 'newParameterLoader', '1464d8fe5c'),
+)
 DESCRIPTION = 'ORB-SLAM3: IMU.NoiseGyro, NoiseAcc, GyroWalk, AccWalk, Frequency (N, K per second)'
 
 

@@ -4,10 +4,10 @@
 """
 PX4's EKF2_* parameters: sigmas of one step of its filter.
 
-Source: PX4/PX4-Autopilot, src/modules/ekf2/EKF/covariance.cpp at 028733e1c7,
-Ekf::predictCovariance: d_ang_var = (delta_ang_dt gyro_noise)^2 and gyro_bias_sig = dt
-gyro_bias_p_noise a step, the same of the accelerometer; a step is EKF2_PREDICT_US (10 ms). So
-N^2 dt = (dt p)^2 gives p = N / sqrt(dt), and p = K / sqrt(dt). Ranges:
+Source: PX4/PX4-Autopilot, src/modules/ekf2/EKF/covariance.cpp:116-162 at 765f2844e9,
+Ekf::predictCovariance: gyro_noise^2 is the variance of a rate (dt^2 of it that of the step's
+angle), gyro_bias_sig = dt gyro_bias_p_noise a step, the same of the accelerometer; a step is
+EKF2_PREDICT_US (10 ms). So N^2 dt = (dt p)^2 gives p = N / sqrt(dt), and p = K / sqrt(dt). Ranges:
 src/modules/ekf2/module.yaml at f55e3b2db4. The file is QGroundControl's: vehicle, component,
 name, value, type (9: a float), with tabs between.
 
@@ -19,6 +19,14 @@ from ._numbers import commented, Numbers, steps
 from ._values import number
 from ..loop.study import Study
 
+CONSUMER = 'PX4/PX4-Autopilot'
+HOLDS = 'N / sqrt(10 ms), K / sqrt(10 ms)'
+HOW = 'sigma of a step of its filter, within its ranges'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('src/modules/ekf2/EKF/covariance.cpp', '116-162', '765f2844e9'),
+    ('src/modules/ekf2/module.yaml', 'EKF2_GYR_NOISE ...', 'f55e3b2db4'),
+)
 DESCRIPTION = 'PX4 EKF2_GYR_NOISE ... as a QGroundControl .params file (N, K over sqrt of 10 ms)'
 STEP_S = 0.01
 # name, sensor, parameter, range that PX4 allows

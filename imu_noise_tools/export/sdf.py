@@ -19,6 +19,13 @@ from ._numbers import Numbers
 from ._values import number
 from ..loop.study import Study
 
+CONSUMER = 'gazebosim/gz-sensors'
+HOLDS = 'N sqrt(f), K'
+HOW = 'x, y, z; K with a correlation time'
+#: file, lines (or what to look for), commit
+PLACES = (
+    ('src/GaussianNoiseModel.cc', '114-140', '9ba02f2410'),
+)
 DESCRIPTION = 'Gazebo SDF <imu> noise block: stddev (N sqrt f), dynamic_bias_stddev (K)'
 CORRELATION_S = 3600.0      # the one that the SDF specification names as typical
 PARTS = (('angular_velocity', 'gyro'), ('linear_acceleration', 'accel'))

@@ -13,6 +13,8 @@ its noise at short times is then not the sensor's.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.special import gammainccinv, gammaincinv
 
 from ..core.record import ImuRecord, SENSORS
 
@@ -117,17 +119,19 @@ def _by_variance(x: np.ndarray, rate: float) -> tuple[str, str] | None:
 
 
 def _level(power: np.ndarray) -> np.ndarray:
-    """Return the level around each bin of a periodogram (bins, axes): no line raises it."""
-    from scipy.ndimage import median_filter
+    """
+    Return the level around each bin of a periodogram (bins, axes): no line raises it.
 
-    return median_filter(power, (201, 1), mode='nearest')
+    An axis at a time: scipy's filter of one dimension is thirty times as quick.
+
+    """
+    return np.column_stack([median_filter(p, 201, mode='nearest')
+                            for p in np.ascontiguousarray(power.T)])
 
 
 def _beyond(count: int, bins: int) -> float:
     """Return what so many exponential powers reach, over their median, once in 10^6 records."""
-    from scipy.stats import gamma
-
-    return float(gamma.isf(1e-6 / bins, count) / gamma.median(count))
+    return float(gammainccinv(count, 1e-6 / bins) / gammaincinv(count, 0.5))
 
 
 def _beyond_chance(flags: np.ndarray) -> bool:

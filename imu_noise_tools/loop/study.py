@@ -21,7 +21,7 @@ from .diagnosis import diagnose, Diagnosis
 from .effect import Effect, find_effect, Finding, Model, Score, unfitted
 from .prediction import fall_in_words, fall_of, State
 from .problem import Problem
-from ..core.errors import UsageError
+from ..core.errors import unknown
 
 Progress = Callable[[float | None, str], None]      # (share done, what)
 
@@ -151,7 +151,7 @@ class Study:
             return self.targets
         for t in targets:
             if t not in self.states:
-                raise UsageError(f'the study has no {t}', f'it has {", ".join(self.states)}')
+                raise unknown('axis', t, self.states)
         return list(targets)
 
     def _step(
@@ -247,7 +247,7 @@ class Study:
         names = [t for t in self.chosen(targets) if label in self.states[t].model]
         if not names:
             some = sorted({x for t in self.chosen(targets) for x in self.states[t].model.labels})
-            raise UsageError(f'{label} is in no model', f'choose from {", ".join(some)}')
+            raise unknown('label', label, some)
         steps = []
         for t in names:
             before = self.states[t]

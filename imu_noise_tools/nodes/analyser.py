@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 import sys
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -177,7 +178,7 @@ class Analyser(Node):
             self._refit = True
 
 
-def summary(data: dict, folder) -> list[str]:
+def summary(data: dict, folder: str | Path | None) -> list[str]:
     """Return four lines on a study: what was analysed, a line a sensor, where it is."""
     source = data['source']
     lines = [f'analysed: {source["samples"]} samples, {source["duration_s"]:.5g} s at '
@@ -201,7 +202,7 @@ def _model(names: list[str]) -> None:
         raise UsageError('no effect is named', f'e.g. {", ".join(tasks.DEFAULT_EFFECTS)}')
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(Analyser, args, threads_executor)
 

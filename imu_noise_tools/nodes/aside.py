@@ -11,6 +11,7 @@ from multiprocessing.pool import Pool
 import os
 import signal
 import threading
+from typing import Any
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -56,7 +57,7 @@ class Aside:
             self._executor.shutdown()
             self._node.destroy_node()
 
-    def compute(self, function: Callable, *args):
+    def compute(self, function: Callable[..., Any], *args: Any) -> Any:
         """Return function(*args), computed in a process that is kept for the next time."""
         if self._pool is None:
             self._pool = get_context('spawn').Pool(1, _modest)
@@ -66,16 +67,17 @@ class Aside:
         while not self._stop.is_set():
             self._executor.spin_once(timeout_sec=0.2)
 
-    def get_logger(self):
+    def get_logger(self) -> Any:
         """Return the logger of the other node."""
         return self._of.get_logger()
 
-    def create_service(self, kind, name: str, callback, callback_group=None):
+    def create_service(self, kind: Any, name: str, callback: Callable[..., Any],
+                       callback_group: Any = None) -> Any:
         """Create a service; ``~`` stands for the other node."""
         full = self._of.resolve_service_name(name)
         return self._node.create_service(kind, full, callback, callback_group=callback_group)
 
-    def create_timer(self, period: float, callback, clock=None):
+    def create_timer(self, period: float, callback: Callable[[], None], clock: Any = None) -> Any:
         """Create a timer."""
         return self._node.create_timer(period, callback, clock=clock)
 

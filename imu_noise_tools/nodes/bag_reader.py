@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import sys
 import time
 
@@ -20,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from . import messages
 from .params import Setting, Settings
-from .playback import about, pieces, Player
+from .playback import about, Piece, pieces, Player
 from .run import run
 from .topics import complete, overridable, result, STEADY
 from ..core.errors import InputError
@@ -120,7 +121,7 @@ class BagReader(Node):
         """Say that nobody listens."""
         self.get_logger().warning('nobody subscribes; playing all the same')
 
-    def piece(self, piece, due) -> None:
+    def piece(self, piece: Piece, due: Callable[[int], bool]) -> None:
         """Publish a piece: its messages when each is due, the block when its last sample is."""
         if self._messages is not None:
             for stamp, message in zip(piece.stamps.tolist(), piece.raw):
@@ -203,7 +204,7 @@ class BagReader(Node):
         self._player.end()
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(BagReader, args)
 

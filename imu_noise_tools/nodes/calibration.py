@@ -21,7 +21,7 @@ from .params import Setting, Settings
 from .run import run, threads_executor
 from .saving import free
 from .topics import ImuInput, live, overridable, result, STEADY
-from ..calibration import STILL_S
+from ..calibration import HOLD_S
 from ..core.units import DEG, G0
 from ..loop.study import Study
 from ..tasks.calibration import as_dict, FILE, Session
@@ -41,7 +41,7 @@ class Calibration(Node):
                     0.0, 1e4, fixed=True),
             Setting('turn_deg', 0.0, 'angle of turns by hand, for the gyro; 0: none', 'deg',
                     0.0, 1e5, fixed=True),
-            Setting('still_seconds', STILL_S, 'how long a pose is still before it counts', 's',
+            Setting('still_seconds', HOLD_S, 'how long a pose is still before it counts', 's',
                     0.2, 60.0),
             Setting('tilt_deg', 1.0, 'how well faces are level, rms', 'deg', 0.0, 10.0),
             Setting('method', 'auto', 'how poses are solved',
@@ -156,7 +156,7 @@ class Calibration(Node):
         self._status.publish(messages.diagnostics(self, statuses))
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(Calibration, args, threads_executor)
 

@@ -179,7 +179,7 @@ def _beyond_chance(found: Innovations) -> bool:
     return level or abs(found.lag1) > max(0.1, 5 / math.sqrt(found.n))
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(Filter, args)
 

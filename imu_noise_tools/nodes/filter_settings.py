@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
+from typing import Any
 
-from .params import Setting
+from .params import Setting, Settings
 from ..core import units
 from ..filter.statespace import DOMAIN
 from ..loop.effect import registry
@@ -21,7 +23,7 @@ def value_settings() -> list[Setting]:
             for name, effect in registry(DOMAIN).items() for p in effect.parameters]
 
 
-def given_values(p) -> dict[str, dict[str, float]]:
+def given_values(p: Settings | Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Return the values that parameters state, by label of their effect."""
     values: dict[str, dict[str, float]] = {}
     for setting in value_settings():
@@ -31,7 +33,7 @@ def given_values(p) -> dict[str, dict[str, float]]:
     return values
 
 
-def chosen(p) -> dict:
+def chosen(p: Settings | Mapping[str, Any]) -> dict[str, Any]:
     """
     Return what an engine is to be: motion, noise, alpha, values; ``p`` maps names of parameters.
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..core.record import AXES
 from ..filter.design import aligned, AUTO, Design
 from ..filter.problem import problem_of, START
@@ -17,7 +19,8 @@ from ..loop.study import Study
 GYRO = AXES[:3]
 
 
-def begin_study(t, z, design: Design, stated: Mapping[str, Mapping], source: Mapping) -> Study:
+def begin_study(t: np.ndarray, z: np.ndarray, design: Design, stated: Mapping[str, Mapping],
+                source: Mapping) -> Study:
     """
     Return the study of a running design on its latest samples.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 import threading
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from ..core.allan import degrees_of_freedom, interval
 from ..core.clock import regular_rate
 from ..core.errors import InputError
 from ..core.record import ImuRecord
+
+#: tau (k,) s; deviation, lower and upper limit (k, columns)
+Curve: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 _PER_CLUSTER = 16           # a stride of m/16 loses under 1 % of the degrees of freedom
 _LONGEST = 1 << 27          # largest cluster, samples: a week and more at 200 Hz
@@ -78,7 +82,7 @@ class LiveCurve:
             size.add(self.n + 1, prefix)
         self.n += len(y)
 
-    def curve(self, dt: float):
+    def curve(self, dt: float) -> Curve:
         """Return tau (k,) s, and deviation, lower and upper limit (95 %), each (k, columns)."""
         sizes = [s for s in self._sizes if s.count and s.m <= max(self.n // 3, 1)]
         if not sizes:
@@ -217,7 +221,7 @@ class Stream:
         step = np.median(gaps[gaps > 0]) if (gaps > 0).any() else 0
         return 1e9 / step if step > 0 else None
 
-    def samples(self):
+    def samples(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what is held: stamps (n,) ns, gyro (n, 3), accel (n, 3)."""
         with self._lock:
             parts = list(self._parts)
@@ -226,7 +230,7 @@ class Stream:
         rows = np.concatenate([p[1] for p in parts])
         return np.concatenate([p[0] for p in parts]), rows[:, :3], rows[:, 3:]
 
-    def curve(self):
+    def curve(self) -> Curve:
         """Return the curve of everything received; see :meth:`LiveCurve.curve`."""
         with self._lock:
             return self._curve.curve(1.0 / (self.rate_hz or 1.0))

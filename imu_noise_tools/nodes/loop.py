@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import traceback
+from typing import Any
 
 from std_srvs.srv import Trigger
 
@@ -17,7 +18,7 @@ from ..loop.study import Study
 from ..store import diagnosis_to_dict, step_to_dict
 
 
-def guarded(node, work: Callable[[], dict | None]) -> tuple[dict, bool]:
+def guarded(node: Any, work: Callable[[], dict | None]) -> tuple[dict, bool]:
     """
     Return what work returns, and whether it succeeded.
 
@@ -37,7 +38,7 @@ def guarded(node, work: Callable[[], dict | None]) -> tuple[dict, bool]:
         return {'error': f'{type(error).__name__}: {error}'}, False
 
 
-def serve(node, name: str, work: Callable[[], dict], group=None) -> None:
+def serve(node: Any, name: str, work: Callable[[], dict], group: Any = None) -> None:
     """Offer a Trigger ``~/name`` that answers when the work is done: success, and YAML."""
     def call(_, response):
         return messages.answer(response, *guarded(node, work))

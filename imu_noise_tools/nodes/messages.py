@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 import struct
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
@@ -99,7 +100,8 @@ def with_rate(raw: bytes, rate: Iterable[float], variance: Iterable[float]) -> b
     return bytes(out)
 
 
-def with_vectors(raw: bytes, gyro=None, accel=None) -> bytes:
+def with_vectors(raw: bytes, gyro: np.ndarray | None = None,
+                 accel: np.ndarray | None = None) -> bytes:
     """Return the message with another rate (rad/s) or acceleration (m/s^2); all else is copied."""
     out, body = bytearray(raw), _body(raw)
     for first, vector in ((GYRO.start, gyro), (ACCEL.start, accel)):
@@ -139,7 +141,8 @@ def rows_of(message: Float64MultiArray) -> tuple[str, list[str], np.ndarray]:
     return rows.label, columns.label.split(','), data.reshape(rows.size, columns.size)
 
 
-def block(first: int, stamps, gyro, accel) -> Float64MultiArray:
+def block(first: int, stamps: np.ndarray, gyro: np.ndarray,
+          accel: np.ndarray) -> Float64MultiArray:
     """
     Return a block of samples for ``imu/buffer``.
 
@@ -160,7 +163,8 @@ def samples_of_block(message: Float64MultiArray) -> tuple[int, Samples]:
     return int(first), Samples(stamps, rows[:, 1:4].copy(), rows[:, 4:7].copy())
 
 
-def curve(tau, adev, lo, hi, model=None, label='') -> Float64MultiArray:
+def curve(tau: np.ndarray, adev: np.ndarray, lo: np.ndarray, hi: np.ndarray,
+          model: np.ndarray | None = None, label: str = '') -> Float64MultiArray:
     """Return an Allan curve; log10 columns too, since some viewers have no such axes."""
     model = np.full(len(tau), np.nan) if model is None else model
     with np.errstate(divide='ignore'):
@@ -176,7 +180,7 @@ OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, Diagnostic
 
 def status(name: str, message: str,
            values: Mapping[str, object] | Iterable[tuple[str, object]] = (),
-           level=OK) -> DiagnosticStatus:
+           level: bytes = OK) -> DiagnosticStatus:
     """Return one status; numbers are written so that they can be plotted (units are in keys)."""
     pairs = values.items() if isinstance(values, Mapping) else values
     return DiagnosticStatus(
@@ -242,14 +246,15 @@ def _number(value) -> str:
     return repr(float(value)) if isinstance(value, (float, np.floating)) else str(value)
 
 
-def diagnostics(node, statuses: Iterable[DiagnosticStatus], frame_id='') -> DiagnosticArray:
+def diagnostics(node: Any, statuses: Iterable[DiagnosticStatus],
+                frame_id: str = '') -> DiagnosticArray:
     """Return an array of statuses, stamped with the time of a node."""
     out = DiagnosticArray(status=list(statuses))
     out.header.stamp, out.header.frame_id = node.get_clock().now().to_msg(), frame_id
     return out
 
 
-def image(node, pixels: np.ndarray) -> Image:
+def image(node: Any, pixels: np.ndarray) -> Image:
     """Return an image of RGB pixels (height, width, 3), uint8, stamped with the node's time."""
     pixels = np.ascontiguousarray(pixels, np.uint8)
     out = Image(height=pixels.shape[0], width=pixels.shape[1], encoding='rgb8',
@@ -259,7 +264,7 @@ def image(node, pixels: np.ndarray) -> Image:
     return out
 
 
-def answer(response, result, success: bool = True):
+def answer(response: Any, result: Any, success: bool = True) -> Any:
     """Fill a Trigger's response: its message is YAML in one line, with a summary first."""
     response.success = success
     response.message = answers.text(result)

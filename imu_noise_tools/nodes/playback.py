@@ -50,7 +50,8 @@ class Piece:
                      self.frame_id, raw)
 
 
-def pieces(path, topic: str | None, raw: bool, fields: str | None = None) -> Iterator[Piece]:
+def pieces(path: str | Path, topic: str | None, raw: bool,
+           fields: str | None = None) -> Iterator[Piece]:
     """
     Yield a record piece by piece; with the messages where they are wanted.
 
@@ -79,7 +80,7 @@ def pieces(path, topic: str | None, raw: bool, fields: str | None = None) -> Ite
         first += len(some)
 
 
-def about(path, topic: str | None, fields: str | None = None) -> tuple[int, str, str]:
+def about(path: str | Path, topic: str | None, fields: str | None = None) -> tuple[int, str, str]:
     """
     Return how many samples a record is said to have (0: nobody knows), its topic, and a warning.
 

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
 import signal
 import sys
 import threading
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import (
@@ -27,7 +28,7 @@ _busy: list[object] = []
 _ending = threading.Event()
 
 
-def events_executor():
+def events_executor() -> Any:
     """Return the executor of lowest latency (in the wheels its ``spin`` is broken)."""
     try:
         from rclpy.experimental.events_executor import EventsExecutor
@@ -36,12 +37,13 @@ def events_executor():
     return EventsExecutor()
 
 
-def threads_executor():
+def threads_executor() -> MultiThreadedExecutor:
     """Return an executor in which a service may compute while data go on arriving."""
     return MultiThreadedExecutor(num_threads=4)
 
 
-def run(make_node, args=None, make_executor=events_executor) -> int:
+def run(make_node: Callable[[], Any], args: list[str] | None = None,
+        make_executor: Callable[[], Any] = events_executor) -> int:
     """
     Make a node and spin it until SIGINT or SIGTERM; return the exit status.
 

@@ -24,12 +24,12 @@ def result() -> QoSProfile:
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def complete(reliability=ReliabilityPolicy.RELIABLE) -> QoSProfile:
+def complete(reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE) -> QoSProfile:
     """Return the profile of what must not be lost: a full reader holds its writer back."""
     return QoSProfile(depth=1000, history=HistoryPolicy.KEEP_ALL, reliability=reliability)
 
 
-def live(reliability=ReliabilityPolicy.RELIABLE) -> QoSProfile:
+def live(reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE) -> QoSProfile:
     """Return the profile of what must be recent: five seconds at 1 kHz, then the oldest goes."""
     return QoSProfile(depth=5000, reliability=reliability)
 

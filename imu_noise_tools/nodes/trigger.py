@@ -53,7 +53,7 @@ def call(name: str, patience: float) -> tuple[bool, str] | None:
         rclpy.try_shutdown()
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('service')

@@ -22,7 +22,8 @@ NARROWEST = 10          # of a column of a table
 MOST_DISTURBED = 5      # stretches that are listed without -v
 
 
-def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:
+def text(study: Study, folder: str | None = None, verbose: bool = False,
+         si: bool = False) -> str:
     """
     Return a study as plain text: coefficients, held-out deviance, verdict, what is next.
 
@@ -34,9 +35,11 @@ def text(study: Study, folder: str | None = None, verbose: bool = False) -> str:
         Where it is kept, for the commands that are proposed; without it none are.
     verbose : bool
         Say also what each failure means, what was measured in full, and the other candidates.
+    si : bool
+        Coefficients in SI as well.
 
     """
-    blocks = [_head(study, verbose)] + [_target(study, t, verbose) for t in study.targets]
+    blocks = [_head(study, verbose)] + [_target(study, t, verbose, si) for t in study.targets]
     if folder is not None and (steps := words.next_steps(study, folder)):
         blocks.append('\n'.join(f'next: {command}    {why}' for command, why in steps))
     return _clean('\n\n'.join(blocks))
@@ -57,7 +60,8 @@ def compare(study: Study, verbose: bool = False) -> str:
     return _clean('\n'.join('\n'.join(_error(study, t, verbose)) for t in study.targets))
 
 
-def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False) -> str:
+def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False,
+              si: bool = False) -> str:
     """
     Return the verdict on each target, with evidence and advice, and what to run next.
 
@@ -69,12 +73,14 @@ def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False) -> str:
         Where it is kept, for the commands that are proposed.
     verbose : bool
         Show all candidates with what they gain.
+    si : bool
+        Coefficients in SI as well.
 
     """
     lines = []
     for target, d in study.diagnosis.items():
         lines.append(f'{target}: {words.diagnosis_in_words(d)}')
-        lines += _evidence(d, target, verbose)
+        lines += _evidence(d, target, verbose, si)
     lines += [f'next: {command}    {why}' for command, why in words.next_steps(study, folder)]
     return _clean('\n'.join(lines))
 
@@ -88,7 +94,7 @@ def history(steps: Iterable[Step]) -> str:
                          for s in steps], head))
 
 
-def steps(study: Study, done: Sequence[Step]) -> str:
+def steps(study: Study, done: Sequence[Step], si: bool = False) -> str:
     """Return what steps changed: the error before and after, and what was added came out as."""
     lines = []
     for s in done:
@@ -99,7 +105,7 @@ def steps(study: Study, done: Sequence[Step]) -> str:
                      f'(chance: up to {words.CHANCE * s.held_out_std:.4f}), {s.verdict}')
         added = (s.added or '').split('+')
         lines += [f'  {row.label} {row.symbol} = ' + ', '.join(
-                      x for x in (row.shown, row.interval, row.note) if x)
+                      x for x in (row.shown, row.interval, row.si if si else '', row.note) if x)
                   for row in words.rows(study.states[s.target], s.target)
                   if row.label.partition('.')[0] in added]
     return _clean('\n'.join(lines))
@@ -148,14 +154,14 @@ def _head(study: Study, verbose: bool) -> Any:
     return '\n'.join(lines)
 
 
-def _target(study: Study, target: str, verbose: bool) -> str:
+def _target(study: Study, target: str, verbose: bool, si: bool) -> str:
     state, d = study.states[target], study.diagnosis.get(target)
     model, *error = _error(study, target, verbose)
-    lines = [model, *_coefficients(state, target), *error]
+    lines = [model, *_coefficients(state, target, si), *error]
     lines += [f'  note: {flag}' for flag in state.fit.flags]
     if d is not None:
         lines.append(f'  diagnosis: {words.diagnosis_in_words(d)}')
-        lines += _evidence(d, target, verbose)
+        lines += _evidence(d, target, verbose, si)
     return '\n'.join(lines)
 
 
@@ -173,19 +179,20 @@ def _error(study: Study, target: str, verbose: bool) -> list[str]:
     return lines
 
 
-def _coefficients(state: State, target: str) -> list[str]:
-    lines = [(r.label, r.symbol, r.shown, r.interval, r.note) for r in words.rows(state, target)]
+def _coefficients(state: State, target: str, si: bool) -> list[str]:
+    lines = [(r.label, r.symbol, r.shown, r.interval, *([r.si] if si else []), r.note)
+             for r in words.rows(state, target)]
     width = [max(map(len, column)) for column in zip(*lines)]
     return ['  ' + '  '.join(f'{c:<{w}}' for c, w in zip(line, width)).rstrip() for line in lines]
 
 
-def _evidence(d: Diagnosis, target: str, verbose: bool) -> list[str]:
+def _evidence(d: Diagnosis, target: str, verbose: bool, si: bool = False) -> list[str]:
     """Return what a verdict rests on, and the advice."""
     lines = []
     for f in d.ranked if verbose else d.found:
         gain = f'gains {f.gain:.1f} nats, by chance {f.penalty:.1f}' if verbose else ''
-        said = words.finding_in_words(f, target) if f in d.found else '; '.join(
-            s for s in (f.name, words.parameters_of(f, target), f.evidence) if s)
+        said = words.finding_in_words(f, target, si) if f in d.found else '; '.join(
+            s for s in (f.name, words.parameters_of(f, target, si), f.evidence) if s)
         against = f'against it: {f.against}' if f.against else ''
         lines += _wrapped('; '.join(s for s in (said, gain, against) if s))
     if d.remaining is not None:

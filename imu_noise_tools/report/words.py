@@ -130,13 +130,14 @@ def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
                note)
 
 
-def parameters_of(finding: Finding, target: str) -> str:
-    """Return the values that a candidate would have, in the field's units."""
+def parameters_of(finding: Finding, target: str, si: bool = False) -> str:
+    """Return the values that a candidate would have, in the field's units (and in SI)."""
     if finding.effect is None:
         return ''
     found = [_row(finding.effect, p, finding.estimates[p.name], target)
              for p in finding.effect.parameters if p.name in finding.estimates]
-    return ', '.join(f'{r.symbol} {r.shown}' for r in found)
+    return ', '.join(f'{r.symbol} {r.shown}' + (f' [{r.si}]' if si and r.si else '')
+                     for r in found)
 
 
 def error_in_words(error: Score) -> str:
@@ -260,11 +261,11 @@ def diagnosis_in_words(d: Diagnosis) -> str:
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
 
 
-def finding_in_words(f: Finding, target: str) -> str:
+def finding_in_words(f: Finding, target: str, si: bool = False) -> str:
     """Return what was found, how sure it is, what it explains, its values and the evidence."""
     sure = '' if f.probability is None else f'probability {f.probability:.2f}'
     part = '' if f.explains is None else f'explains {100 * f.explains:.0f} % of what fails'
-    said = '; '.join(s for s in (parameters_of(f, target), sure, part, f.evidence) if s)
+    said = '; '.join(s for s in (parameters_of(f, target, si), sure, part, f.evidence) if s)
     return f'{f.name}: {said}' if said else f.name
 
 

@@ -17,7 +17,7 @@ from .noise import default_folder
 from .. import calibration as core
 from .. import report, store
 from ..core import files
-from ..core.errors import InputError, UsageError
+from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
 from ..health import Selection
@@ -136,15 +136,20 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
     asked for.
 
     """
-    parts = []
     try:
-        for r in records:
-            if r.gyro is not None:
-                parts.append(core.gathered(r, core.rests(r, seconds), accel.correction, gravity))
+        parts = [core.gathered(r, core.rests(r, seconds), accel.correction, gravity)
+                 for r in records if r.gyro is not None]
         if not parts:
             raise InputError('there is no gyroscope', 'record both sensors')
-        return core.calibrate_turns(core.together(parts)), ()
+        turns = core.together(parts)
     except InputError as error:
+        if asked:
+            raise
+        return None, (f'the gyroscope is left out: {error.message}',)
+    core.refuse_crossed_axes(turns)
+    try:
+        return core.calibrate_turns(turns), ()
+    except (InputError, FitError) as error:
         if asked:
             raise
         return None, (f'the gyroscope is left out: {error.message}',)

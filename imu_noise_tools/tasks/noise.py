@@ -211,6 +211,8 @@ def analyse_bag(
     model_of(
         'noise', options.get('effects', DEFAULT_EFFECTS)
     )  # wrong usage is said before anything is read
+    for a in options.get('axes') or ():
+        sensor_of(a)
     reading = (lambda p: progress(0.5 * p, 'reading')) if progress else None
     memory = Scratch()
     record = open_record(

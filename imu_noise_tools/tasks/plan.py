@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from .. import store
+from ..core import units
 from ..loop.effect import Estimate, find_effect, Model
 from ..noise.plan import durations_for, precision, range_in_words
 from ..noise.problem import NoiseProblem
@@ -65,6 +66,7 @@ def plan(
         hour = precision(model, 3600.0, dt)
         for (label, name), share in hour.items():
             e = estimates[label][name]
+            unit, sensor = model[label].parameter(name).unit, target.partition('_')[0]
             least, most = durations_for(model, estimates, label, name, dt, wanted)
             rows.append(
                 {
@@ -72,6 +74,9 @@ def plan(
                     'parameter': f'{label}.{name}',
                     'value': e.value,
                     'upper95': e.upper95,
+                    'unit': units.si(unit, sensor),
+                    'shown': units.shown(e.value, unit, sensor) if e.upper95 is None
+                    or e.value is not None else f'below {units.shown(e.upper95, unit, sensor)}',
                     'one_hour': f'{100 * share:.2g} %' if share < 10 else 'nothing',
                     'one_hour_relative': share,
                     'record': range_in_words(least, most),

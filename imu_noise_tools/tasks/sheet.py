@@ -107,7 +107,8 @@ def against(study: Study, path: str | Path) -> list[dict]:
                 else f'below {units.shown(high, unit, sensor)}',
                 'interval_shown': f'{units.shown(low, unit, sensor)} to '
                                   f'{units.shown(high, unit, sensor)}',
-                'sheet_shown': units.shown(value, unit, sensor)})
+                'sheet_shown': units.shown(value, unit, sensor),
+                'si': f'{high if e.value is None else e.value:.4g}, sheet {value:.4g} {e.unit}'})
     if not rows:
         raise InputError(f'{path}: nothing in it that the study has as well',
                          f'the study has {", ".join(study.targets)}')

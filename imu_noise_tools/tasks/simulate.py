@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,11 @@ from ..core import files
 from ..core.errors import ImuNoiseError
 from ..simulate import simulate as simulate_record
 
+Progress = Callable[[float | None, str], None]
 
-def simulate(spec: Any, out: str | Path, force: bool = False) -> dict:
+
+def simulate(spec: Any, out: str | Path, force: bool = False,
+             progress: Progress | None = None) -> dict:
     """
     Simulate a specification (a mapping, or the path of a YAML file) into a bag; return the truth.
 
@@ -25,12 +29,14 @@ def simulate(spec: Any, out: str | Path, force: bool = False) -> dict:
     """
     if not isinstance(spec, dict):
         spec = store.load_yaml(spec)
-    record, truth = simulate_record(spec)
+    drawing = (lambda p, what: progress(0.5 * p, what)) if progress else None
+    writing = (lambda p: progress(0.5 + 0.5 * p, 'writing')) if progress else None
+    record, truth = simulate_record(spec, drawing)
     out = Path(out)
     truth = {'bag': out.name, **truth}
     with files.atomic_path(truth_of(out)) as temporary:
         temporary.write_text(store.dump_yaml(truth))
-        write_bag(out, record, force=force)
+        write_bag(out, record, force=force, progress=writing)
     return truth
 
 
