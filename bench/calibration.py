@@ -4,7 +4,8 @@
 """
 Figures of the calibration: coverage, bias by tilt, hidden effects, real records.
 
-    OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200] [coverage|hidden|real ...]
+    OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200]
+        [coverage|tilts|turns|hidden|session|real ...]
 
 Sessions are made by test/calibration_sessions.py, which shares no code with the package.
 
@@ -162,6 +163,95 @@ def coverage(n, seed=1):
     print(f'\nchi-squared of wls: mean {np.mean(chi2):.2f} (6 degrees of freedom)\n', flush=True)
 
 
+def tilts(n, seed=3):
+    """Print, by the tilt of six faces, coverage and errors of faces, wls and ols."""
+    print(f'### Six faces without a level, {n} sessions each, cross-axis within 1 % (0.5 %)\n\n'
+          '| tilt, deg | method | inside: scale | cross-axis | bias | all | scale error rms, ppm '
+          '| bias error rms, m/s^2 |\n|---|---|---|---|---|---|---|---|')
+    for tilt in (0, 1, 2, 5, 10):
+        for m, cross in (('faces', 0.01), ('faces', 0.005), ('wls', 0.01), ('ols', 0.01)):
+            rng = np.random.default_rng(seed)
+            hits, error = [], []
+            for _ in range(n):
+                device = sim.Device.drawn(rng, cross=cross)
+                poses = six_faces(rng, device, tilt).poses
+                fit = core.fit(core.base_model(), poses, m)
+                hits.append(list(inside(fit, device).values()))
+                error.append(np.r_[np.diag(fit.details.scale - device.scale),
+                                   fit.details.bias - device.bias])
+            h, parts = np.array(hits), np.reshape(error, (n, 2, 3))
+            e = np.sqrt(np.mean(parts ** 2, axis=(0, 2)))
+            share = ' | '.join(f'{100 * x.mean():.1f} %'
+                               for x in (h[:, :3], h[:, 3:9], h[:, 9:], h))
+            print(f'| {tilt} | {m}{" (0.5 %)" if cross < 0.01 else ""} | {share} | '
+                  f'{1e6 * e[0]:.0f} | {e[1]:.4f} |', flush=True)
+    print()
+
+
+def turned(rng, n=16, **more):
+    """Return (problem, device) of turns between poses in all directions, 3 s each."""
+    accel = sim.Device.drawn(rng, noise=0.02, upper=True)
+    gyro = sim.Device.drawn(rng, 'gyro', noise=2e-3)
+    for name, value in more.items():
+        setattr(gyro, name, value)
+    ups = sim.spread_directions(n, rng)[rng.permutation(n)]
+    t, rates, force, _ = sim.stream(accel, ups, rng, gyro=gyro, hold_s=3.0)
+    record = ImuRecord(rates, force, t, 100.0)
+    return tasks.calibrate_records([record], sensor='gyro').calibration.problem, gyro
+
+
+def turns(n, seed=4):
+    """Print coverage of the gyroscope by turns between poses, and of turns left out."""
+    rng = np.random.default_rng(seed)
+    hits, left, verdicts, found = [], [], Counter(), Counter()
+    for _ in range(n):
+        problem, device = turned(rng)
+        fit = fitted(problem)
+        hits.append(list(inside(fit, device).values()))
+        left.append(np.degrees(problem.summary(fit)['left_out_rms']))
+        verdicts[verdict(problem).verdict] += 1
+        hidden = 3e-4 * rng.choice([-1, 1], (3, 3)) * rng.uniform(0.5, 1, (3, 3))
+        found[outcome(verdict(turned(rng, g_sensitivity=hidden)[0]), 'g_sensitivity')] += 1
+    h = np.array(hits)
+    print(f'### Gyroscope by turns between 16 poses, {n} sessions\n')
+    print(f'inside the 95 % interval {100 * h.mean():.1f} %, worst coefficient '
+          f'{100 * h.mean(0).min():.1f} %; turns left out {np.mean(left):.3f} deg rms; nothing '
+          f'hidden: {dict(verdicts)}; g-sensitivity of 0.15-0.3 mrad/s per m/s^2 hidden: '
+          f'{dict(found)}\n', flush=True)
+
+
+def in_a_session(rng, kind, name):
+    """Return a problem of 24 poses in 400 s, with an effect of 5 to 15 mm/s^2 (noise 1)."""
+    device = sim.Device.drawn(rng, upper=kind == 'spread')
+    t, heat = np.linspace(5, 400, 24), rng.uniform(10, 45, 24)
+    if kind == 'spread':
+        names, true = None, sim.G * sim.spread_directions(24, rng)[rng.permutation(24)]
+    else:
+        names, true = sim.faces(4)
+        true = sim.G * sim.tilted(true, 1 * DEG, rng)
+    size, lag = rng.uniform(5e-3, 15e-3, 3) * rng.choice([-1, 1], 3), rng.uniform(40, 150)
+    extra = {'drift': np.outer(t / 400, size), 'warm_up': np.outer(np.exp(-t / lag), size),
+             'temperature_curve': np.outer(((heat - 25) / 15) ** 2, size),
+             'temperature_scale': ((heat - 25) / 15)[:, None] * true / sim.G * size}
+    out = device.output(true, rng) + extra.get(name, 0 * true)
+    hot = name.startswith('temperature')
+    poses = core.Poses.of('accel', out.T, device.noise, sim.G, time=t, names=names,
+                          temperature=heat if hot else None, reference_temperature=25.0)
+    return CalibrationProblem(poses, 'norm' if kind == 'spread' else 'faces')
+
+
+def session(n, seed=5):
+    """Print the verdicts on what sessions have: drift, warming up, temperature."""
+    rng = np.random.default_rng(seed)
+    print(f'### What sessions have, {n} each\n\n| poses | hidden | verdicts |\n|---|---|---|')
+    for kind in ('spread', 'faces x4'):
+        for name in ('drift', 'warm_up', 'temperature_curve', 'temperature_scale', 'nothing'):
+            count = Counter(outcome(verdict(in_a_session(rng, kind, name)), name)
+                            for _ in range(n))
+            print(f'| {kind} | {name} | {dict(count)} |', flush=True)
+    print()
+
+
 def with_hidden(rng, kind, name, strength):
     """
     Return a problem with an effect so many standard errors large (largest component).
@@ -303,6 +393,28 @@ def real():
               f'({both[0].fit.details.dof}), '
               f'{verdict(both[0].problem).verdict} | | |')
     print()
+    print('| record | gyroscope | ours | published |\n|---|---|---|---|')
+    sheets = {'mpu9150_0_multipos': (9.81, (0.041, 0.457, 0.826), (1.146, -0.401, 1.261)),
+              'mpu9150_1_multipos': (9.81, (0.007, 0.260, -0.179), (-0.573, 1.089, 0.286)),
+              'xsens_mti_multipos': (9.81744, tuple(100 * (v / 4767.3 - 1) for v in
+                                                    (4778, 4758, 4766)), None)}
+    for name, (g, scale, bias) in sheets.items():
+        problem = tasks.calibrate_records([record(name)], gravity=g,
+                                          sensor='gyro').calibration.problem
+        for more in ((), ('g_sensitivity',)):
+            fit = fitted(problem, *more)
+            std = [100 * fit.estimates['scale'][f'S_{2 * a}'].std for a in 'xyz']
+            ours = ', '.join(f'{100 * (fit.details.scale[k, k] - 1):.3f} ± {std[k]:.3f}'
+                             for k in range(3))
+            print(f'| {name} {"+".join(more)} | scale, % | {ours} | '
+                  f'{", ".join(f"{v:.3f}" for v in scale)} |')
+            if bias:
+                print(f'| | bias, deg/s | {np.degrees(fit.details.bias).round(3).tolist()} | '
+                      f'{list(bias)} |')
+            left = np.degrees(problem.summary(fit)['left_out_rms'])
+            print(f'| | turns left out, deg rms | {left:.3f} | |')
+        print(f'| | verdict | {verdict(problem).verdict}: {verdict(problem).ranked[0].name} | |')
+    print()
     for sensor, rate, more in (('accel', None, {'seconds': 1.0}),
                                ('gyro', 102.4, {'turn_deg': 360, 'seconds': 1.0})):
         c = tasks.calibrate_records([record('imucal_ferraris', rate)], **more).calibration
@@ -321,6 +433,12 @@ def main():
     begin = time.process_time()
     if 'coverage' in args.what:
         coverage(args.sessions)
+    if 'tilts' in args.what:
+        tilts(args.sessions)
+    if 'turns' in args.what:
+        turns(args.sessions)
+    if 'session' in args.what:
+        session(args.sessions)
     if 'hidden' in args.what:
         hidden(args.sessions)
     if 'real' in args.what:

@@ -226,8 +226,10 @@ class Run:
         from imu_noise_tools.plots.style import png
         study, name = store.load(self.folder / folder.strip()), name.strip()
         full = [name.removeprefix('target ')] if name.startswith('target ') else []
-        data = (png(ladder_figure(study)) if name == 'ladder' else
-                domains.part('plots', study.domain).pictures(study, full)[name])
+        pictures = domains.part('plots', study.domain).pictures(study, full)
+        if name not in {*pictures, 'ladder'}:
+            raise Stale(f'no picture {name}: there are {", ".join(pictures)} and ladder')
+        data = png(ladder_figure(study)) if name == 'ladder' else pictures[name]
         (HERE / path).parent.mkdir(exist_ok=True)
         (HERE / path).write_bytes(data)
 

@@ -81,7 +81,10 @@ def parameters(cls: type, domain: str) -> list[str]:
 def effects(domain: str) -> list[str]:
     """Return the page of a domain's effects."""
     lines = [f'# Effects: {domain}', '', ABOUT[domain],
-             f'{BY_HAND} `imu_noise effects` prints the same.', '']
+             f'{BY_HAND} `imu_noise effects` prints the same.', '',
+             *table(('effect', 'what it is', 'seen as'), [
+                 (f'[{name}](#{domain}-{name})', *(cell(plain(x)) for x in (c.title, c.signature)))
+                 for name, c in registry(domain).items()]), '']
     for name, cls in registry(domain).items():
         lines += [f'({domain}-{name})=', f'## {name}', '', f'{plain(cls.title).capitalize()}.', '']
         if cls.equation:
@@ -105,6 +108,9 @@ def commands() -> list[str]:
              'Exit status: 0 done, 1 bad input (one line says what, where and the remedy), '
              '2 wrong usage, 130 interrupted.', '']
     helps = {a.dest: a.help for a in sub._choices_actions}
+    lines += [*table(('command', 'what it does'), [
+        (f'[imu_noise {name}](command-{name})', cell(plain(said or '')))
+        for name, said in helps.items()]), '']
     shown: set[int] = set()
     for name, command in sub.choices.items():
         if id(command) in shown:        # another spelling of one that was shown

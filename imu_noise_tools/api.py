@@ -422,14 +422,15 @@ class Study:
         """
         Write the study as the commands do, and return its folder.
 
-        Without ``folder`` where it came from (``load``), all its files anew.
+        Without ``folder`` where it came from (``load``), all its files anew and others kept.
 
         """
-        if folder is None and self.folder is None:
+        if folder is not None:
+            self.folder = tasks.save(self.study, folder, force)
+        elif self.folder is not None:
+            files.replace_files(self.folder, tasks.outputs(self.study, self.folder))
+        else:
             raise UsageError('save where?', "name a folder, e.g. save('my_bag.study')")
-        again = folder is None or (self.folder is not None and Path(folder) == self.folder)
-        target = Path(folder if folder is not None else self.folder or '')
-        self.folder = tasks.save(self.study, target, force or again)
         return self.folder
 
     def _of(self, domain: str) -> loop.Study:
@@ -475,9 +476,11 @@ def analyse(source: Source, *, start: float | str = '', duration: float | str = 
         Whether disturbed stretches are set aside as well.
     options
         Those of :func:`imu_noise_tools.tasks.noise.analyse_record`; of a bag those of
-        :func:`imu_noise_tools.tasks.noise.analyse_bag` as well.
+        :func:`imu_noise_tools.tasks.noise.analyse_bag` as well. One axis or effect may be given
+        by its name alone.
 
     """
+    options.update({k: _several(options[k]) for k in ('axes', 'effects') if k in options})
     options['selection'] = Selection.of(str(start), str(duration), mask, screen)
     if isinstance(source, ImuRecord):
         return Study(noise.analyse_record(source, **options))

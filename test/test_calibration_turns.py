@@ -197,3 +197,21 @@ def test_real_turns(shared_data, name, gravity, scale):
     fit = problem.fit(model)
     np.testing.assert_allclose(100 * (np.diag(fit.details.scale) - 1), scale, atol=0.15)
     assert np.degrees(problem.summary(fit)['left_out_rms']) < 0.2
+
+
+def test_a_guided_session_calibrates_both():
+    """Captures of nine poses, one after the other: what lies between them is the gyroscope's."""
+    from imu_noise_tools.core.stillness import still_stretches
+    record, _, gyro = session(9, n=16)
+    guided = tasks.Session(gravity=sim.G)
+    ends = {b - 1 for _, b in still_stretches(record, 2.0)}
+    for k, row in enumerate(zip(record.t, record.gyro, record.accel)):
+        guided.feed(*row)
+        if k in ends:
+            guided.capture()
+    guided.solve()
+    assert guided.gyro is not None and guided.study.targets == ['accel', 'gyro']
+    np.testing.assert_allclose(guided.gyro.S, gyro.scale, atol=2e-3)
+    still = record.gyro[:200].mean(0)
+    corrected, _ = guided.apply(still, record.accel[:200].mean(0))
+    assert np.linalg.norm(corrected) < 1e-3 < np.linalg.norm(still)

@@ -10,7 +10,6 @@ import json
 import os
 from pathlib import Path
 import re
-import runpy
 import shutil
 import subprocess
 import sys
@@ -47,13 +46,6 @@ def test_versions_are_equal(root):
     version = setup_arguments(root)['version']
     assert [version] == stated
     assert version == card.findtext('version').strip() == newest.group(1)
-
-
-def test_the_table_of_effects_is_that_of_the_registry(root):
-    """Else: python doc/effects_table.py --write."""
-    script = runpy.run_path(str(root / 'doc' / 'effects_table.py'))
-    lines, begin, end = script['written']()
-    assert lines[begin:end] == script['table']()
 
 
 def test_card_is_an_ament_python_package(root):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 from pathlib import Path
 import re
 import shutil
@@ -117,6 +118,32 @@ def test_a_study_has_the_numbers_of_the_command(folder, study, tmp_path):
     assert imu.load(tmp_path / 'a')['gyro_y'].N.value == pytest.approx(study['gyro_y'].N.value)
 
 
+def test_a_type_checker_knows_what_is_offered(tmp_path):
+    pytest.importorskip('mypy')
+    (tmp_path / 'use.py').write_text(
+        'import imu_noise_tools as imu\nstudy = imu.analyse("x", duration="50%")\n'
+        'reveal_type(study)\nreveal_type(imu.filter("x").compare())\n'
+        'reveal_type(study["gyro_x"].N)\nimu.analize("x")\n')
+    done = subprocess.run(
+        [sys.executable, '-m', 'mypy', '--config-file', ROOT / 'setup.cfg', '--cache-dir',
+         ROOT / '.mypy_cache', '--follow-imports', 'silent', 'use.py'], cwd=tmp_path,
+        env={**os.environ, 'MYPYPATH': str(ROOT)}, capture_output=True, text=True)
+    for words in ('"imu_noise_tools.api.Study"', '"imu_noise_tools.api.Table"',
+                  '"imu_noise_tools.api.Coefficient"', 'no attribute "analize"'):
+        assert words in done.stdout, done.stdout
+
+
+def test_a_study_is_saved_where_it_came_from(study, tmp_path):
+    study.save(tmp_path / 's')
+    (tmp_path / 's' / 'mine.txt').write_text('kept')
+    with pytest.raises(imu.InputError, match='exists already'):
+        imu.Study(study.study).save(tmp_path / 's')
+    again = imu.load(tmp_path / 's')
+    again.diagnose('gyro_y')
+    assert again.save() == tmp_path / 's' and (tmp_path / 's' / 'mine.txt').is_file()
+    assert imu.load(tmp_path / 's')['gyro_y'].diagnosis is not None
+
+
 def test_what_a_record_does_not_show_is_none_with_a_limit(study):
     k = next(study[a].K for a in study if study[a].K.value is None)
     assert k.upper95 > 0 and 'below' in k.shown and k.unit.endswith('/sqrt(Hz)')
@@ -136,7 +163,7 @@ def test_unknown_names_are_answered_with_the_nearest(study, tmp_path):
     with pytest.raises(imu.UsageError, match='did you mean allan'):
         study.plot('alan')
     with pytest.raises(imu.UsageError, match='save where'):
-        imu.analyse(imu.simulate(SPEC), axes=['gyro_y']).save()
+        imu.analyse(imu.simulate(SPEC), axes='gyro_y').save()
     with pytest.raises(imu.InputError, match='noise study'):
         study.apply(imu.simulate(SPEC))
 

@@ -199,6 +199,11 @@ def _still(part: ImuRecord) -> bool:
     return True
 
 
+def rest_of_samples(record: ImuRecord, begin: int, end: int) -> Rest:
+    """Return the rest that these samples of a record are."""
+    return _rest(record, ((begin, end),), '')
+
+
 def _rest(record, pieces, note):
     index = np.concatenate([np.arange(a, b) for a, b in pieces])
     gyro = None if record.gyro is None else record.gyro[index].mean(0)

@@ -12,13 +12,16 @@ from typing import Any
 import numpy as np
 
 from . import solve
+from .axes import refuse_crossed_axes
+from .between import gathered, together, Turns
 from .correction import Correction
 from .poses import FACES, joined, nearest_face, Poses
-from .positions import averaged, CONE_DEG, counted, pooled_errors, still_until_now
+from .positions import (
+    averaged, CONE_DEG, counted, pooled_errors, Rest, rest_of_samples, still_until_now)
 from .problem import CalibrationProblem
-from .solution import calibrate, Calibration
+from .solution import calibrate, calibrate_turns, Calibration
 from .turns import turns
-from ..core.errors import InputError, unknown, UsageError
+from ..core.errors import FitError, InputError, unknown, UsageError
 from ..core.record import ImuRecord
 from ..core.units import G0
 
@@ -83,6 +86,10 @@ class Session:
         # accelerometer samples of each face, for the noise of all
         self._windows: list[np.ndarray] = []
         self._since = -np.inf               # stamp from which the next turn counts
+        # from each pose to the next, both rests with it: turns of the gyroscope
+        self._between: list[tuple[ImuRecord, Rest, Rest]] = []
+        self._last: tuple[float, float] | None = None
+        self.gyro: Calibration | None = None
 
     def feed(
         self, stamp_s: float, gyro: Any, accel: Any, temperature: float | None = None
@@ -107,7 +114,8 @@ class Session:
         """Forget all poses and the solution; the stream goes on."""
         self._poses.clear()
         self._windows.clear()
-        self.calibration = None
+        self._between.clear()
+        self.calibration = self.gyro = self._last = None
         self._since = -np.inf
 
     def capture(self, expected: str | None = None) -> Captured:
@@ -166,11 +174,24 @@ class Session:
         if self._poses and _apart_deg(self._poses[-1], pose) < _UNMOVED_DEG:
             self._poses.pop()
             self._windows.pop()
+            if self._between:
+                self._between.pop()
             note = 'not moved since the last capture, which it replaces'
         self._poses.append(pose)
         self._windows.append(np.asarray(still.accel))
+        self._keep_turn(record, float(still.t[0]))
         held = counted(self._names())[face] if off <= CONE_DEG else 1
         return self._said(name, note or (f'held {held} times: averaged' if held > 1 else ''))
+
+    def _keep_turn(self, record, begin: float) -> None:
+        """Keep what lies between the last capture and this one, where all of it is remembered."""
+        if self._last is not None and self._last[0] >= record.t[0]:
+            a, b, c = (int(np.searchsorted(record.t, x)) for x in (*self._last, begin))
+            some = record.part(a, record.n)
+            ends = [rest_of_samples(some, 0, b - a), rest_of_samples(some, c - a, some.n)]
+            if ends[0].end <= ends[1].begin:
+                self._between.append((some, ends[0], ends[1]))
+        self._last = (begin, float(record.t[-1]))
 
     def _turn(self, record) -> Captured:
         since, rested = record.t[-1] - 1.2 * self.still_seconds, -np.inf
@@ -237,7 +258,25 @@ class Session:
         if self._windows:
             poses = replace(poses, std=pooled_errors(self._windows, self._rate_hz))
         self.calibration = calibrate(poses, self.method, self.tilt)
+        self.gyro = None
+        if self._between:
+            self._solve_turns(self.calibration)
         return self.calibration
+
+    def _solve_turns(self, accel: Calibration) -> None:
+        """Solve the gyroscope by the turns between captures; say in the notes why not."""
+        parts: list[Turns] = []
+        for record, a, b in self._between:
+            found = gathered(record, [a, b], accel.correction, self.gravity)
+            # a rest is the end of one turn and the begin of the next: once is enough
+            parts.append(replace(found, rests=found.rests.take(1)) if parts else found)
+        every = together(parts)
+        refuse_crossed_axes(every)
+        try:
+            self.gyro = calibrate_turns(every)
+        except (InputError, FitError) as error:
+            self.calibration = replace(accel, notes=(
+                *accel.notes, f'the gyroscope is left out: {error.message}'))
 
     def solved(self) -> Calibration:
         """Return the solution; raise InputError where there is none."""
@@ -252,8 +291,11 @@ class Session:
         return self.solved().problem
 
     def apply(self, gyro: Any, accel: Any, temperature: float | None = None) -> tuple[Any, Any]:
-        """Return (gyro, accel), (3,) each, the calibrated sensor corrected."""
-        return applied(self.solved().correction, gyro, accel, temperature)
+        """Return (gyro, accel), (3,) each, what is calibrated corrected."""
+        gyro, accel = applied(self.solved().correction, gyro, accel, temperature)
+        if self.gyro is not None:
+            gyro, accel = applied(self.gyro.correction, gyro, accel, temperature)
+        return gyro, accel
 
 
 def applied(

@@ -85,13 +85,14 @@ class Calibration(Node):
                     ((samples.stamps - self._start) * 1e-9).tolist(), samples.gyro, samples.accel):
                 self._session.feed(stamp, gyro, accel)
         self._samples += len(samples)
-        correction = self._session.correction
-        if correction is None:
+        corrections = self._session.corrections
+        if not corrections:
             return
-        if correction.sensor == 'accel':
-            changes = {'accel': correction.apply(samples.accel)}
-        else:
-            changes = {'gyro': correction.apply(samples.gyro, None, samples.accel)}
+        changes = {'gyro': samples.gyro, 'accel': samples.accel}
+        for c in corrections:
+            force = () if c.sensor == 'accel' else (None, changes['accel'])
+            changes[c.sensor] = c.apply(changes[c.sensor], *force)
+        changes = {c.sensor: changes[c.sensor] for c in corrections}
         for k, index in enumerate(samples.readable.nonzero()[0]):
             self._output.publish(messages.with_vectors(
                 messages.plain(batch[index]), **{name: x[k] for name, x in changes.items()}))
@@ -140,13 +141,13 @@ class Calibration(Node):
 
     def _tell(self) -> None:
         """Publish what is captured, and what corrects the stream."""
-        session, correction = self._session, self._session.correction
+        session = self._session
         wanted, left = session.wanted, session.left
         text = f'left: {", ".join(left)}' if left else 'every face captured'
         statuses = [messages.status('session', text, {
             'samples': self._samples, 'captured': len(wanted) - len(left), 'of': len(wanted),
             'left': ' '.join(left), 'solved': session.calibration is not None})]
-        if correction is not None:
+        for correction in session.corrections:
             unit = 'm/s^2' if correction.sensor == 'accel' else 'rad/s'
             matrix = {f'S_{"xyz"[i]}{"xyz"[j]} [1]': v
                       for (i, j), v in np.ndenumerate(correction.S)}

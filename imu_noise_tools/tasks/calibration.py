@@ -369,20 +369,22 @@ class Session(core.Session):
     def __init__(self, *args: Any, **options: Any):
         super().__init__(*args, **options)
         self._study: Study | None = None
-        self._loaded: core.Correction | None = None
+        self._loaded: tuple[core.Correction, ...] = ()
 
     def solve(self) -> core.Calibration:
         """Solve the poses captured so far, and begin a study of them."""
         solved = super().solve()
         source = {'gravity': self.gravity, 'notes': list(solved.notes),
                   'warnings': list(solved.warnings)}
-        self._study, self._loaded = study_of(solved, source), None
+        if self.gyro is not None:
+            source['gyro'] = {'notes': list(self.gyro.notes), 'warnings': list(self.gyro.warnings)}
+        self._study, self._loaded = study_of(solved, source, self.gyro), ()
         return solved
 
     def reset(self) -> None:
         """Forget all poses, the solution and what was loaded."""
         super().reset()
-        self._study = self._loaded = None
+        self._study, self._loaded = None, ()
 
     @property
     def study(self) -> Study:
@@ -395,15 +397,17 @@ class Session(core.Session):
         """Take the model that the loop has come to: what is applied from now on."""
         self._study = study
         self.calibration = core.of_study(study)
+        self.gyro = core.of_study(study, 'gyro') if len(study.targets) > 1 else None
 
     def diagnose(self) -> Any:
         """Return what is missing in the solution's model."""
         return self.study.diagnose()[self.sensor]
 
     @property
-    def correction(self) -> core.Correction | None:
-        """What corrects samples: the solution, else what was loaded, else None."""
-        return self.calibration.correction if self.calibration is not None else self._loaded
+    def corrections(self) -> tuple[core.Correction, ...]:
+        """What corrects samples, in order: the solution, else what was loaded, else nothing."""
+        solved = [c for c in (self.calibration, self.gyro) if c is not None]
+        return tuple(c.correction for c in solved) or self._loaded
 
     def apply(
         self, gyro: np.ndarray, accel: np.ndarray, temperature: float | None = None
@@ -414,8 +418,10 @@ class Session(core.Session):
         Raise InputError where nothing is solved or loaded.
 
         """
-        if self.calibration is None and self._loaded is not None:
-            return core.applied(self._loaded, gyro, accel, temperature)
+        if self.calibration is None and self._loaded:
+            for c in self._loaded:
+                gyro, accel = core.applied(c, gyro, accel, temperature)
+            return gyro, accel
         return super().apply(gyro, accel, temperature)
 
     def save(self, path: str | Path) -> Path:
@@ -431,10 +437,11 @@ class Session(core.Session):
         return path
 
     def load(self, path: str | Path) -> core.Correction:
-        """Take a calibration.yaml as what is applied until something is solved."""
-        loaded = load_correction(path)
-        if loaded.sensor != self.sensor:
-            raise InputError(f'{path}: calibrates the {loaded.sensor}, not the {self.sensor}',
+        """Take a calibration.yaml as what is applied until something is solved; return ours."""
+        loaded = load_corrections(path)
+        mine = [c for c in loaded if c.sensor == self.sensor]
+        if not mine:
+            raise InputError(f'{path}: calibrates the {loaded[0].sensor}, not the {self.sensor}',
                              'name another file')
         self._loaded = loaded
-        return loaded
+        return mine[0]
