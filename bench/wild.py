@@ -171,6 +171,8 @@ def judge(job):
                    'distinct': h.get('distinct')} for h in hidden],
             'clear': bool(hidden) and all(h['clear_here'] >= h['bar'] for h in hidden),
             'verdict': verdict, 'found': [[n, p] for n, p, _ in found], 'matched': matched,
+            'ranked': [[f['effect'], f.get('probability'), f.get('against', '')]
+                       for f in diagnosis.get('ranked', [])],
             'missed': [h['name'] for i, h in enumerate(hidden)
                        if i not in matched and h['clear_here'] >= h['bar']],
             'sufficient': diagnosis.get('sufficient'), 'remaining': diagnosis.get('remaining'),
@@ -242,6 +244,10 @@ def table(rows):
         mean = np.mean([p for p, _ in stated if low <= p < high]) if some else np.nan
         share = wilson(sum(some), len(some))
         print(f'  {low:5.3f} to {min(high, 1):5.3f}  mean {mean:6.4f}  {share}')
+    torn = [r for r in rows if r['verdict'] == 'undecidable' and 'ranked' in r]
+    _share('undecidable: a list stands', torn, lambda r: bool(r['ranked']))
+    _share('undecidable: the truth is in the list', [r for r in torn if r['hidden']],
+           lambda r: any(set(h['accept']) & {n for n, *_ in r['ranked']} for h in r['hidden']))
     print('\nintervals (95 %) that leave the truth out, under verdict complete')
     for word, some in (('nothing hidden', none), ('all kinds', rows)):
         for key in 'NBK':

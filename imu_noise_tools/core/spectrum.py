@@ -140,8 +140,17 @@ def expected(psd: Callable[[np.ndarray], np.ndarray], bins: Bins) -> np.ndarray:
         Of the record.
 
     """
-    f, weight, alone, pairs = _grid(bins.n, bins.dt, bins.fine)
-    s = psd(f)
+    return gathered(psd(asked(bins)), bins)
+
+
+def asked(bins: Bins) -> np.ndarray:
+    """Return the frequencies (Hz) at which :func:`gathered` wants a spectrum, (g,)."""
+    return _grid(bins.n, bins.dt, bins.fine)[0]
+
+
+def gathered(s: np.ndarray, bins: Bins) -> np.ndarray:
+    """Return :func:`expected` of a spectrum that is known where it is asked for, (g,) -> (b,)."""
+    _, weight, alone, pairs = _grid(bins.n, bins.dt, bins.fine)
     return np.concatenate(
         [weight @ s[: weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])]
     )

@@ -317,7 +317,8 @@ class _Search:
     def _unhealed(self, before_it: Model, after_it: Model, finding: Finding) -> str:
         """Say that the view a member claims to heal does not gain at its place what it claims."""
         without, with_it = self.tests(before_it), self.tests(after_it)
-        if finding.view not in {f.view for f in failures(without)}:
+        assert finding.effect is not None
+        if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
         if finding.view not in {f.view for f in with_it}:
             return f'it hides the view {finding.view} and does not heal it'
@@ -335,8 +336,9 @@ class _Search:
 
     def _shadowed(self, model: Model, finding: Finding) -> str:
         """Say that far more fails elsewhere than a finding explains, and nothing explains that."""
+        assert finding.effect is not None
         left = sum(f.gain for f in failures(self.tests(model)) if f.view != finding.view)
-        if left <= rules.SHADOW * finding.gain:
+        if finding.effect.certain or left <= rules.SHADOW * finding.gain:
             return ''
         return (f'it explains {finding.gain:.0f} nats, and {left:.0f} that fail elsewhere nothing '
                 'does')

@@ -133,6 +133,9 @@ class Effect:
     field_units: ClassVar[bool] = False  # do people read it in deg/sqrt(h) and the like, or in SI?
     several: ClassVar[bool] = False  # may a model hold more than one of it?
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
+    # does what shows it stand by itself, so that no misfit of anything else can imitate it?
+    certain: ClassVar[bool] = False
+    counted: ClassVar[bool] = True  # does the view that shows it count what it claims?
 
     values: Mapping[str, Any] = field(default_factory=dict)     # a choice by name or index
     label: str = ''

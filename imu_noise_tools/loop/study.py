@@ -274,7 +274,8 @@ class Study:
         """
         Diagnose and add until nothing more is found in any target; return all rungs.
 
-        A rung that raises the held-out deviance is taken back, and ends the ladder.
+        A rung that raises the held-out deviance, or the printed error beyond what chance allows,
+        is taken back and ends the ladder.
 
         """
         steps = []
@@ -288,7 +289,9 @@ class Study:
                 before = self.states[t]
                 (step,) = self.add(None, [t])
                 steps.append(step)
-                if step.fall is not None and step.fall < 0:
+                now = self.states[t].error
+                higher = now.excess > before.error.excess and not now.within_chance
+                if higher or step.fall is not None and step.fall < 0:
                     steps.append(self._taken_back(t, before, step))
                     break
             self.diagnose([t])

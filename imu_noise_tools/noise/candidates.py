@@ -10,6 +10,7 @@ Every registered effect is tried, with the log-likelihood it gains.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast, TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
+from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
+SLOW = 256  # coefficients in which what acts on the mean shows
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -118,7 +121,7 @@ def _at_bound(evidence: Evidence, effect) -> str:
     """Say that a shape lies at its bound: that is no estimate, another effect is meant."""
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
-        if p.amplitude or p.linear or p.discrete:
+        if p.amplitude or p.linear or p.discrete or p.name in effect.optional:
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)
@@ -159,9 +162,14 @@ def _unlikely(fit: Fit) -> float:
 
 
 def _refitted(evidence, fit, effect):
-    model = Model((*unfitted(fit.model), effect))
-    return fit_part(
-        evidence, model, intervals=False, start=fit.model, hint=fit.details.hint)
+    model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
+    if isinstance(effect, Response):    # what was left open must not do its work
+        hint = replace(hint, order=Order(), values=())
+    slow = evidence.whole.bins.last <= SLOW
+    if isinstance(effect, Mean) and np.all(hint.on(evidence.whole.bins)[slow] > 0):
+        # it moves nothing but the slow end, which the fit rests on already
+        return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
+    return fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
 
 
 def _line(evidence, fit, effect):

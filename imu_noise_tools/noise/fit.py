@@ -185,7 +185,10 @@ def fit(
         basis = basis or mean.details.basis
     plain = Likelihood(evidence, part, model, mean, basis)
     search = _Search(intervals if cautious is None else cautious, mean)
-    found = search.from_starts(plain, starts(plain, start))
+    # of a half, or on a basis that is known, the start is the end of much the same fit
+    known = start is not None and set(model.labels) <= set(start.labels) and (
+        mean is not None or basis is not None)
+    found = search.from_starts(plain, starts(plain, start), 1 if known else None)
     if found is None:
         raise FitError(
             f'{evidence.axis}: {model} has no finite likelihood',
@@ -576,11 +579,14 @@ def _revived(likelihood, found, reddest, enough):
 
     """
     x = found[0]
-    v, each = likelihood.spectra(likelihood.with_search(x))
+    _, linear, v, each = likelihood.value(x)
+    asked_for = linear.weight * (linear.power / v - 1) / v
     again = x.copy()
     for j, slot in enumerate(likelihood.slots):
         share = np.max(each[slot.label] / v) if slot.label in each else 1.0
-        if slot.parameter.amplitude and slot.parameter.log and share < 1e-3:
+        # what is dead stays so where a little more of it would be worse
+        if slot.parameter.amplitude and slot.parameter.log and share < 1e-3 \
+                and asked_for @ each[slot.label] > 0:
             again[j] += 0.5 * np.log(0.3 / max(share, 1e-300))
     if np.array_equal(again, x):
         return found

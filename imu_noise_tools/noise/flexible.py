@@ -126,6 +126,9 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
+        if isinstance(effect, Response):    # of a claim no band counts more than a little
+            _, x, _ = spectrum_left(evidence, without)
+            claim = max(claim, smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])))
         where = f'between {f[i]:.3g} and {f[j]:.3g} Hz'
     elif isinstance(effect, Mean):
         gain = _mean_gain(evidence, fit)

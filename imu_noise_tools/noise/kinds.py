@@ -13,7 +13,7 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
 
@@ -247,6 +247,8 @@ class Line(NoiseEffect):
     """
 
     views: ClassVar[tuple[str, ...]] = ('frequency', 'time')
+    certain = True
+    counted = False     # a coherent line is a few coefficients of a bin that may hold thousands
     #: whether it takes its rows before those that take one each
     family: ClassVar[bool] = False
 
@@ -330,6 +332,7 @@ class Coupling(NoiseEffect):
     """Adds other signals, recorded at the full rate, times linear parameters (one each)."""
 
     views: ClassVar[tuple[str, ...]] = ('coherence', 'frequency', 'time')
+    certain = True      # what another channel tells is not the spectrum's doing
 
     def channels(self, evidence: Evidence) -> tuple[str, ...]:
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
@@ -446,17 +449,18 @@ def slopes_behind(effect: Spectrum, model: Model, bins: Bins) -> dict[str, np.nd
 
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) of the model's responses that act on an effect."""
-    total = np.ones(np.shape(f))
-    for r in model.of(Response):
-        if effect.filtered or r.last:
-            total = total * r.gain2(f, dt)
-    return total
+    return gain2_of((r for r in model.of(Response) if effect.filtered or r.last), f, dt)
 
 
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) of all the model's responses."""
+    return gain2_of(model.of(Response), f, dt)
+
+
+def gain2_of(responses: Iterable[Response], f: np.ndarray, dt: float) -> np.ndarray:
+    """Return the squared gain at f (Hz) of responses, one behind the other."""
     out = np.ones(np.shape(f))
-    for r in model.of(Response):
+    for r in responses:
         out = out * r.gain2(f, dt)
     return out
 

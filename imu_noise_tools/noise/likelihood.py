@@ -25,6 +25,7 @@ from .explained import Explained
 from .kinds import (
     binned_behind,
     Coupling,
+    gain2_of,
     Inputs,
     Mean,
     MEASURED,
@@ -36,7 +37,7 @@ from .kinds import (
 )
 from .response import OPEN, OpenResponse
 from .shared import spread
-from ..core.spectrum import Bins, leaked
+from ..core.spectrum import asked, Bins, gathered, leaked
 from ..loop.effect import Fit, Model, Parameter
 
 
@@ -143,6 +144,7 @@ class Likelihood:
         self._slow: np.ndarray | None = None
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
+        self._units: dict[tuple, np.ndarray] = {}
         if self.means:
             self._prepare_slow(mean)
 
@@ -363,8 +365,34 @@ class Likelihood:
         return out
 
     def _spectrum(self, effect, model):
-        """Return what one effect puts into the bins, as expected behind the sensor's responses."""
-        return binned_behind(effect, model, self.bins)
+        """
+        Return what one effect puts into the bins, as expected behind the sensor's responses.
+
+        Power goes with the square of an amplitude: what else it depends on seldom moves, and is
+        kept.
+
+        """
+        amplitude = [p.name for p in effect.parameters if p.amplitude]
+        size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
+        if not size > 0 or effect.centre is not None:
+            return binned_behind(effect, model, self.bins)
+        behind = [e for e in model.of(Response) if effect.filtered or e.last]
+        shape = effect.label, *((k, v) for k, v in effect.values.items() if k != amplitude[0])
+        one = self._kept(shape, lambda: effect.with_values(**{amplitude[0]: 1.0}).psd(
+            asked(self.bins), self.dt))
+        if not behind:
+            return size**2 * self._kept((*shape, ''), lambda: gathered(one, self.bins))
+        gain = self._kept(tuple((e.label, *e.values.values()) for e in behind),
+                          lambda: gain2_of(behind, asked(self.bins), self.dt))
+        return size**2 * gathered(one * gain, self.bins)
+
+    def _kept(self, key, make):
+        """Return what was made for a key, or make it."""
+        if key not in self._units:
+            if len(self._units) > 32:
+                self._units.clear()
+            self._units[key] = make()
+        return self._units[key]
 
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None,
               ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:

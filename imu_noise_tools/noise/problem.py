@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +16,15 @@ from .candidates import candidates
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import fit as fit_part
-from .kinds import Line, NoiseEffect, Spectrum
+from .kinds import Line, Modulation, NoiseEffect, Response, Spectrum
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
-from ..loop.effect import Finding, Fit, Model, Score, unfitted
+from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
 from ..loop.problem import Problem
 
+NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
 METHODS = ('likelihood', 'avar', 'slopes')
 
 
@@ -85,8 +87,35 @@ class NoiseProblem(Problem):
         return self._fits[model]
 
     def begin_from(self, fit: Fit) -> None:
-        """Keep a fit, from which a later one of the same effects begins."""
-        self._begun[self.without_lines(fit.model)] = fit
+        """Keep a fit, from which a later one of much the same effects begins."""
+        self._begun[self.spectral(fit.model)] = fit
+
+    def _near(self, model: Model) -> dict[str, Any]:
+        """
+        Return what a fit begins with: a fit of the nearest model, and what that rests on.
+
+        Of the same effects it rests on the same; where a form of the spectrum makes the
+        difference, what the other rests on says nothing of this one.
+
+        """
+        wanted = set(self.spectral(model))
+        near = min(self._begun, key=lambda k: len(wanted ^ set(k)), default=None)
+        if near is None or len(wanted ^ set(near)) > NEAR:
+            return {}
+        fit = self._begun[near]
+        out: dict[str, Any] = {'start': fit.model}
+        other = {label.partition('.')[0] for label in wanted ^ set(near)}
+        if not other and any(fit is settled for settled in self._points.values()):
+            return {**out, 'basis': fit.details.hint}
+        if not any(issubclass(registry('noise')[k], (Spectrum, Response)) for k in other) \
+                or wanted > set(near):
+            out['hint'] = fit.details.hint
+        return out
+
+    @staticmethod
+    def spectral(model: Model) -> tuple[str, ...]:
+        """Return the labels of what matters to the fit of the spectrum and the mean, sorted."""
+        return tuple(sorted(e.label for e in model if not isinstance(e, (Line, Modulation))))
 
     @staticmethod
     def without_lines(model: Model) -> tuple[str, ...]:
@@ -101,11 +130,9 @@ class NoiseProblem(Problem):
             return self._fits[model]
         if model not in self._points:
             if self.part == 'whole':
-                begun = self._begun.get(self.without_lines(model))
-                near = {'start': begun.model, 'hint': begun.details.hint} if begun else {}
-                self._points[model] = self._by_method(
-                    fit_part(self.evidence, model, intervals=False, cautious=True, **near)
-                )
+                self._points[model] = self._by_method(fit_part(
+                    self.evidence, model, intervals=False, cautious=True, **self._near(model)))
+                self.begin_from(self._points[model])
             else:
                 whole = self.whole.point(model)
                 self._points[model] = fit_part(

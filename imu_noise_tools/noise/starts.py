@@ -111,17 +111,28 @@ def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
 
 def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
                    most: int) -> list[tuple[Likelihood, np.ndarray]]:
-    """Return (likelihood, start) of the starts whose likelihood is best where they stand."""
-    found = []
+    """
+    Return (likelihood, start) of the starts whose likelihood is best where they stand.
+
+    Other shapes come before other amplitudes of one shape, which mostly end where that ends.
+
+    """
+    found: dict[Model, list] = {}
     for candidate, x0 in starts:
         likelihood = (
             plain
             if candidate == plain.model
             else Likelihood(plain.evidence, plain.part_name, candidate, mean, plain.explained)
         )
-        found.append((likelihood.value(x0)[0], likelihood, x0))
-    found.sort(key=lambda z: z[0] if np.isfinite(z[0]) else np.inf)
-    return [(likelihood, x0) for _, likelihood, x0 in found[:most]]
+        value = likelihood.value(x0)[0]
+        found.setdefault(candidate, []).append(
+            (value if np.isfinite(value) else np.inf, likelihood, x0))
+    ranked = []
+    for some in found.values():
+        some.sort(key=lambda z: z[0])
+        ranked += [(place, *z) for place, z in enumerate(some)]
+    ranked.sort(key=lambda z: z[:2])
+    return [(likelihood, x0) for _, _, likelihood, x0 in ranked[:most]]
 
 
 def _with_amplitudes(likelihood, model, share):

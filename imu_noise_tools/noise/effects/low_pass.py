@@ -9,9 +9,14 @@ from ..evidence import Evidence
 from ..kinds import Parameter, Response
 from ...loop.effect import Effect
 
+#: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
+DECIMATED = {f'butterworth_2_decimated_{k}': k for k in (2, 4, 8)}
 FORMS = (
-    'first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages'
+    'first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
+    'butterworth_2_sampled', *DECIMATED
 )
+BEHIND = (0.0, 3e-3)  # shares to start from
+FINER = np.geomspace(0.9, 1.1, 11)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
 CASCADE = 0.319  # of two averages of one length, one behind the other
 
@@ -24,8 +29,8 @@ class LowPass(Response):
     title = "the sensor's own low-pass"
     equation = (
         'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth '
-        '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4); moving average (sin(w r/2)/(r '
-        'sin(w/2)))^2, r = 0.443/(cutoff dt)'
+        '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4), as it is or folded by sampling; '
+        'moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)'
     )
     signature = (
         'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no '
@@ -41,7 +46,12 @@ class LowPass(Response):
     parameters = (
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
         Parameter.choice('form', FORMS, title='shape of the fall'),
+        # more of it is a Gauss-Markov process beside white noise, as any of it is behind one pole
+        Parameter('behind', '1', 0.0, 0.02, log=False,
+                  title='share of the white noise that arises behind it'),
     )
+    neutral = {'behind': 0.0}
+    optional = ('behind',)
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
@@ -67,8 +77,13 @@ class LowPass(Response):
 
         out: list[Effect] = []
         for form in FORMS:
-            some = [self.with_values(cutoff=float(c), form=form) for c in tried[form]]
-            out += sorted(some, key=roughness)[:2]
+            some = [self.with_values(cutoff=float(c), form=form, behind=share)
+                    for c in tried[form] for share in BEHIND]
+            best, second = sorted(some, key=roughness)[:2]
+            if tried[form] is falls:    # forms differ by less than one step of the cutoff does
+                some = [best.with_values(cutoff=best['cutoff'] * c) for c in FINER]
+                best = min(some, key=roughness)
+            out += [best, second]
         return out
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
@@ -77,7 +92,13 @@ class LowPass(Response):
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
-        f, c, form = np.asarray(f, float), self['cutoff'], self.chosen('form')
+        form = self.chosen('form')
+        behind = self.values.get('behind', 0.0) if form != 'first_order' else 0.0
+        return np.maximum((self._shape(form, f, dt) + behind) / (1 + behind), 1e-9)
+
+    def _shape(self, form, f, dt):
+        """Return that of a form, with nothing behind it."""
+        f, c = np.asarray(f, float), self['cutoff']
         if form == 'first_order':
             p = np.exp(-2 * np.pi * c * dt)
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(np.pi * f * dt)) ** 2)
@@ -86,16 +107,46 @@ class LowPass(Response):
             return 1 / (1 + (np.tan(np.pi * np.minimum(f * dt, 0.49999)) / top) ** 4)
         if form == 'butterworth_2_analogue':
             return 1 / (1 + (f / c) ** 4)
+        if form == 'butterworth_2_sampled':
+            return _sampled(f * dt, c * dt)
+        if form in DECIMATED:
+            return _decimated(f * dt, c * dt, DECIMATED[form])
         shape = _average if form == 'moving_average' else _two_averages
-        return np.maximum(shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0)), 1e-9)
+        return shape(f * dt, max(_LENGTH[form] / (c * dt), 1.0))
 
     @classmethod
     def example(cls) -> Effect:
         """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
-        return cls({'cutoff': 12.0, 'form': 'first_order'})
+        return cls({'cutoff': 12.0, 'form': 'first_order', 'behind': 0.0})
 
 
 _LENGTH = {'moving_average': WINDOW, 'two_averages': CASCADE}
+
+
+def _sampled(x: np.ndarray, c: float) -> np.ndarray:
+    """
+    Return the squared gain at x = f dt of an analogue Butterworth filter behind which is sampled.
+
+    Its autocovariance is e^(-a t) (cos a t + sin a t), a = sqrt(2) pi c/dt: geometric sums.
+
+    """
+    p = np.exp((-1 + 1j) * np.sqrt(2) * np.pi * c)
+
+    def folded(z):
+        return 1 + ((1 - 1j) * (p * z / (1 - p * z) + p / z / (1 - p / z))).real
+
+    return folded(np.exp(2j * np.pi * x)) / folded(1.0)
+
+
+def _decimated(x: np.ndarray, c: float, times: int) -> np.ndarray:
+    """Return the squared gain at x = f dt of a digital one run at ``times`` the output rate."""
+    top = np.tan(np.pi * min(c / times, 0.499))
+
+    def folded(x):
+        return sum(1 / (1 + (np.tan(np.pi * np.minimum(np.abs(y), 0.49999)) / top) ** 4)
+                   for y in (((x + j) / times + 0.5) % 1 - 0.5 for j in range(times)))
+
+    return folded(x) / folded(0.0)
 
 
 def _average(x: np.ndarray, r: float) -> np.ndarray:

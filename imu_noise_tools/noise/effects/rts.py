@@ -39,6 +39,8 @@ class Rts(Spectrum):
     )
     reference = 'Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, 1954'
     views = ('frequency', 'time')
+    # whitened, a switch is a knock: samples with strong ones are neither normal nor steady
+    mutes = ('distribution', 'variance')
     decide = 'record longer, so that dozens of switches are in it'
     parameters = (
         Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='distance of the levels'),
