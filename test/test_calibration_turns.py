@@ -169,6 +169,17 @@ def test_too_few_turns_are_said():
         tasks.calibrate_records([record], sensor='gyro')
 
 
+def test_a_saturated_gyroscope_is_said():
+    """Turns at the end of the range come out short: a note names the axis."""
+    record, _, _ = session(10)
+    most = 0.95 * record.gyro[:, 0].max()
+    clipped = record.gyro.copy()
+    clipped[:, 0] = np.minimum(clipped[:, 0], most)
+    notes = tasks.calibrate_records([replace(record, gyro=clipped)]).gyro.notes
+    assert any(n.startswith('gyro_x is saturated in') for n in notes)
+    assert not any('gyro_y' in n or 'gyro_z' in n for n in notes)
+
+
 def test_time_offset_between_the_sensors():
     """An accelerometer stamped 12 ms late is told to be."""
     rng = np.random.default_rng(8)

@@ -17,6 +17,7 @@ from .noise import default_folder
 from .. import calibration as core
 from .. import report, store
 from ..core import files
+from ..core.disturbed import saturated
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
@@ -148,11 +149,19 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
         return None, (f'the gyroscope is left out: {error.message}',)
     core.refuse_crossed_axes(turns)
     try:
-        return core.calibrate_turns(turns), ()
+        return core.calibrate_turns(turns, notes=_clipped_turns(records)), ()
     except (InputError, FitError) as error:
         if asked:
             raise
         return None, (f'the gyroscope is left out: {error.message}',)
+
+
+def _clipped_turns(records) -> list[str]:
+    """Say which gyroscope axes stand at the end of their range: turns with them come out short."""
+    counts = {f'gyro_{axis}': sum(int(saturated(r.gyro[:, k]).sum()) for r in records
+                                  if r.gyro is not None) for k, axis in enumerate('xyz')}
+    return [f'{name} is saturated in {n} samples: turns with it come out short; turn more slowly'
+            for name, n in counts.items() if n]
 
 
 def _faces(records, g, seconds):
