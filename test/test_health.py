@@ -312,6 +312,12 @@ def test_masks_are_set_aside():
         prepare(r, masks=((0, 199),))
 
 
+def test_a_mask_beside_the_record_is_said():
+    found = prepare(quiet(np.random.default_rng(0), 200, 100), masks=((1e5, 2e5),))
+    assert not found.left_out
+    assert any('--mask 100000-200000 s is outside' in w for w in found.warnings)
+
+
 @pytest.mark.parametrize('options', [
     ['--start', 'soon'], ['--start', '-3'], ['--start', '1e9'], ['--start', 'nan'],
     ['--duration', '0'], ['--duration', '130%'], ['--mask', '5-2'], ['--mask', '7'],

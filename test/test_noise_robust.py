@@ -32,7 +32,7 @@ from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
-from imu_noise_tools.noise.response import open_response, Order, Rational
+from imu_noise_tools.noise.response import beside_a_band, open_response, Order, Rational
 from imu_noise_tools.plots.noise import pictures
 from imu_noise_tools.tasks.noise import analyse_record, outputs
 
@@ -376,3 +376,36 @@ def test_two_machines_leave_the_quiet_between_them():
     power = np.random.default_rng(45).chisquare(40, (200, 6)) / 40
     power[:150, 1] *= 5         # what runs for most of the time is the record
     assert not len(loud_stretches(power, count))
+
+
+@pytest.mark.parametrize('low, high, more', [(0.016, 0.1, 18.7), (0.034, 0.21, 15.4)])
+def test_a_low_and_wide_hump_leaves_n(low, high, more):
+    """What is left at both ends of it is little, and its skirts reach down to the drift."""
+    rng = np.random.default_rng([46, int(100 * more)])
+    n = 2 * N
+    y = robust.white(n, DT, rng) + robust.slow_noise(n, DT, rng)
+    y += np.sqrt(more) * lfilter(*butter(2, (low, high), 'band'), robust.white(n, DT, rng))
+    found = fit(axis_of(y), model_of('noise', BASE)).estimates['white']['N']
+    assert found.value == pytest.approx(robust.TRUTH['N'], rel=0.02)
+    assert found.ci95[1] / found.ci95[0] < 1.05
+
+
+def test_the_response_beside_a_band_is_that_of_the_band():
+    low, high, more = 0.05, 0.3, 7.0
+    order, values = beside_a_band(low, high, more)
+    response = open_response(order)
+    response = response.with_values(**{p.name: v for p, v in zip(response.parameters, values)})
+    f = np.linspace(0.01, 0.49, 60)
+    gain = np.abs(freqz(*butter(2, (low, high), 'band'), worN=2 * np.pi * f)[1]) ** 2
+    assert response.gain2(f, 1.0) == pytest.approx(1 + more * gain, rel=1e-4)
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_white_noise_that_is_not_told_from_drift_has_a_value(seed):
+    """Every sensor has some: its interval reaches zero, its value does not."""
+    rng = np.random.default_rng([47, seed])
+    y = robust.white(600, DT, rng) + 80 * robust.slow_noise(600, DT, rng)
+    found = fit(axis_of(y), model_of('noise', BASE)).estimates['white']['N']
+    assert found.ci95[0] == 0 and found.value is not None and found.upper95 is None
+    assert 0.3 < found.value / robust.TRUTH['N'] < 3 and robust.TRUTH['N'] < found.ci95[1]
+    assert 'every sensor' in found.note

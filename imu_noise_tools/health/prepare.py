@@ -212,6 +212,12 @@ def _set_aside(
     ]
     begin, end = float(record.t[0]), float(record.t[-1])
     masked = [(max(a, begin), min(b, end), 'masked') for a, b in masks if a < end and b > begin]
+    outside = [f'{a:g}-{b:g}' for a, b in masks if not (a < end and b > begin)]
+    if outside:
+        record = record.warned(
+            f'--mask {",".join(outside)} s is outside of what is analysed, {begin:.4g} to '
+            f'{end:.4g} s: it leaves nothing out'
+        )
     out = _merged([*((d.begin, d.end, d.kind) for d in chosen), *masked])
     total = sum(b - a for a, b, _ in out)
     if masked and total > 0.9 * record.duration_s:

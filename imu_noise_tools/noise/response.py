@@ -18,6 +18,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import butter, freqz
 
 from .evidence import Evidence
 from .kinds import Parameter, Response
@@ -103,6 +104,27 @@ def open_response(order: Order) -> OpenResponse:
                   for j in range(1, order.terms + 1))
     kind = type('Open', (OpenResponse,), {'parameters': terms, 'order': order})
     return kind({}, OPEN)
+
+
+def beside_a_band(low: float, high: float, more: float) -> tuple[Order, np.ndarray]:
+    """
+    Return the response that white noise has beside a band of noise, its order and values (p,).
+
+    Parameters
+    ----------
+    low, high : float
+        Edges of the band at half of its power, as shares of Nyquist.
+    more : float
+        Its power over that of the white noise.
+
+    """
+    order, u = Order(4, 4, True), 0.5 + 0.5 * np.cos(np.pi * (np.arange(16) + 0.5) / 16)
+    b, a = butter(2, (low, high), 'band')
+    top, bottom = (np.abs(freqz(x, worN=2 * np.arcsin(np.sqrt(u)))[1]) ** 2 for x in (b, a))
+    at_zero = float(np.sum(a)) ** 2
+    p, q = (np.linalg.lstsq(_terms(u, 4), x / at_zero - 1, rcond=None)[0]
+            for x in (bottom + more * top, bottom))
+    return order, np.append(p, q)[1:]
 
 
 @lru_cache(maxsize=64)

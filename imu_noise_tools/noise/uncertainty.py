@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -16,6 +17,12 @@ from .response import OPEN
 from ..core import units
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..loop.effect import Estimate, Model
+
+SHOWN = 0.1  # of the upper end of an interval: what is less is no level that the record shows
+IN_EVERY_SENSOR = (
+    'the interval reaches zero: the record does not tell it from what drifts, and that every '
+    'sensor has it is all that speaks for it'
+)
 
 #: by label and parameter
 Estimates: TypeAlias = dict[str, dict[str, Estimate]]
@@ -149,6 +156,8 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
                 point=value,
                 note='not observable: the interval reaches zero',
             )
+            if likelihood.model[slot.label].in_every_sensor and value > SHOWN * hi:
+                e = replace(e, value=value, upper95=None, note=IN_EVERY_SENSOR)
         else:
             hi = profile.crossing(j, +1, CHI2_95, wide)
             note = ''

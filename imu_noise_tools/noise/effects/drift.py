@@ -22,7 +22,8 @@ class Drift(Mean):
     )
     hint = (
         'A slow change of temperature or supply that has not settled, ageing after power-on. '
-        'Record the temperature, and longer: a transient settles, a period comes back.'
+        'See whether it follows the temperature, and record longer: a transient settles, a period '
+        'comes back.'
     )
     reference = 'IEEE 952 C.1.6, with the next term of the Taylor series'
     explains = ('ramp', 'curvature')

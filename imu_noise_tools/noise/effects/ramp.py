@@ -21,8 +21,9 @@ class Ramp(Mean):
         'direction'
     )
     hint = (
-        'Warming up, a slow temperature change, ageing. Record the temperature, and wait before '
-        'recording: if the drift then ends it was a warm-up (transient) or temperature.'
+        'Warming up, a slow temperature change, ageing. See whether it follows the temperature, '
+        'and wait before recording: if the drift then ends it was a warm-up (transient) or '
+        'temperature.'
     )
     reference = 'IEEE 952 C.1.6'
     explains = ('ramp',)

@@ -19,7 +19,7 @@ class RandomWalk(Spectrum):
     signature = 'slope +1/2 at the long end of the Allan deviation; PSD falling as 1/f^2'
     hint = (
         'Slow wandering of the bias. Short records cannot tell it from flicker noise, a ramp or '
-        'temperature: record longer, and the temperature with it.'
+        'temperature: record longer, and see whether it follows the temperature.'
     )
     reference = 'IEEE 952 C.1.4'
     decide = 'record several times longer'

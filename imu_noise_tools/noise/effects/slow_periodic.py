@@ -28,7 +28,7 @@ class SlowPeriodic(Mean):
     )
     reference = 'IEEE 952 C.1.7 (sinusoidal noise), below the frequencies at which lines are found'
     several = True
-    decide = 'record over several of its periods, and the temperature along with it'
+    decide = 'record over several of its periods, the temperature too where it is not there yet'
     parameters = (
         *(
             Parameter(

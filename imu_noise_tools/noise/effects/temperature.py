@@ -34,7 +34,7 @@ class Temperature(Mean):
     )
     reference = 'IEEE 1554, bias temperature sensitivity'
     needs = 'record a temperature topic (sensor_msgs/Temperature) or column along with the IMU'
-    decide = 'record the temperature and let it swing by some degrees, up and down'
+    decide = 'let the temperature swing by some degrees, up and down, while it is recorded'
     parameters = (
         *(
             Parameter(
