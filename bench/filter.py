@@ -6,7 +6,9 @@ Measure the default filter in one fixed setting.
 
 Rms errors, delay, real motion against optical attitude, CPU time:
 
-    python bench/filter.py [table] [fresh] [delay] [motion] [speed]      (all by default)
+    python bench/filter.py [table] [fresh] [smooth] [coarse] [delay] [motion] [verdicts] [speed]
+
+(all by default).
 
 Verdicts on hidden effects: bench/filter_verdicts.py. The data of `motion` are looked for in
 IMU_NOISE_DATA or ../shared/data; their licence is CC BY 4.0 (Laidig, Caruso, Cereatti, Seel:
@@ -22,15 +24,17 @@ import sys
 import time
 
 import numpy as np
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, filtfilt, lfilter
 from scipy.spatial.transform import Rotation
 
 from imu_noise_tools.core.units import DEG
-from imu_noise_tools.filter import modes
+from imu_noise_tools.filter import motion as motions
 from imu_noise_tools.filter.design import design
-from imu_noise_tools.filter.evaluate import delay, rms
-from imu_noise_tools.filter.modes import default_modes
+from imu_noise_tools.filter.evaluate import COARSE, delay, rms, score_of
+from imu_noise_tools.filter.problem import problem_of
 from imu_noise_tools.filter.recorded import filter_record
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.study import Study
 
 ROOT = Path(__file__).resolve().parents[1]
 SIGMA, RATE = 0.6, 100.0
@@ -52,7 +56,7 @@ WIENER = (
     0.310,
     np.nan,
 )  # causal, for narrow-band motion of unknown frequency
-FIRST_SETTING = {'wander': (1e-5, 3e3), 'acceleration': (1.0, 100.0, 1e4)}
+FIRST_SETTING = (1e-5, 3e3), (1.0, 100.0, 1e4), 0.2
 
 
 def motion(kind: str, n: int, rate: float, seed: int) -> np.ndarray:
@@ -112,18 +116,18 @@ def run(z, rate, **settings):
 class FirstSetting:
     """The default bank with the setting of the first design."""
 
+    NAMES = ('WANDER', 'ACCELERATION', 'REST')
+
     def __enter__(self):
         """Put it in place."""
-        self.default = default_modes.__kwdefaults__, default_modes.__defaults__
-        default_modes.__defaults__ = (
-            modes.SOJOURN,
-            FIRST_SETTING['wander'],
-            FIRST_SETTING['acceleration'],
-        )
+        self.default = [getattr(motions, name) for name in self.NAMES]
+        for name, value in zip(self.NAMES, FIRST_SETTING):
+            setattr(motions, name, value)
 
     def __exit__(self, *_):
         """Put the default back."""
-        default_modes.__kwdefaults__, default_modes.__defaults__ = self.default
+        for name, value in zip(self.NAMES, self.default):
+            setattr(motions, name, value)
 
 
 def butterworth(z, rate, cutoff, order=1):
@@ -206,6 +210,81 @@ def fresh():
     print(f'  {"filter":>28s}' + ''.join(f'{k:>11s}' for k in FRESH))
     for name, values in rows(FRESH, fresh_motion, 2027):
         print(f'  {name:>28s}' + ''.join(f'{v:11.4f}' for v in values), flush=True)
+
+
+def smooth(runs=8, seconds=140.0, head=1000, seed=2031):
+    """Print the smoother beside filter, plain smoother and zero-phase low-pass; its coverage."""
+    n = int(seconds * RATE)
+    print('\nfixed-interval smoother, rms error, deg/s; and how often the stated 95 % cover, mean'
+          ' square of error over stated variance')
+    for of, motion_names in ((motion, MOTIONS), (fresh_motion, FRESH)):
+        rng = np.random.default_rng(seed)
+        truth = np.stack([of(k, n, RATE, i) for k in motion_names for i in range(runs)], axis=1)
+        z = truth + SIGMA * rng.standard_normal(truth.shape)
+
+        def mean(x):
+            return x[head:].reshape(n - head, len(motion_names), runs).mean(axis=(0, 2))
+
+        print(f'  {"":>28s}' + ''.join(f'{k:>11s}' for k in motion_names))
+        plain = filter_record(np.arange(n) / RATE, z * DEG, design(
+            ('constant_rate', 'angular_acceleration'), axes=z.shape[1],
+            values={**KNOWN, 'angular_acceleration': {'q': 1e4 * DEG ** 2}}), RATE, smooth=True)
+        rows = {'zero-phase Butterworth, 5 Hz': filtfilt(*butter(2, 5.0, fs=RATE), z, axis=0),
+                'plain smoother, q 1e4': plain.rate / DEG}
+        for name, y in rows.items():
+            print(f'  {name:>28s}' + ''.join(
+                f'{v:11.4f}' for v in np.sqrt(mean((y - truth) ** 2))), flush=True)
+        for name, both in (('default', False), ('SMOOTHED', True)):
+            got = filter_record(np.arange(n) / RATE, z * DEG, design(
+                axes=z.shape[1], values=KNOWN), RATE, smooth=both)
+            e2, v = (got.rate / DEG - truth) ** 2, got.variance / DEG ** 2
+            for what, values in (('', np.sqrt(mean(e2))), (', 95 % cover', mean(e2 < 3.8415 * v)),
+                                 (', chi-square', mean(e2 / v))):
+                print(f'  {name + what:>28s}' + ''.join(f'{x:11.4f}' for x in values), flush=True)
+
+
+def coarse(runs=2, seed=2):
+    """Print what the default bank loses by itself, nats a sample: COARSE is no less."""
+    n = 14000
+    print(f'\nnats a sample that the bank loses by itself (allowed: {COARSE})')
+    for of, kinds in ((motion, MOTIONS), (fresh_motion, FRESH)):
+        rng = np.random.default_rng(seed)
+        truth = np.stack([of(k, n, RATE, i) for k in kinds for i in range(runs)], axis=1)
+        z = truth + SIGMA * rng.standard_normal(truth.shape)
+        got = filter_record(np.arange(n) / RATE, z * DEG,
+                            design(axes=z.shape[1], values=KNOWN), RATE)
+        for i in range(z.shape[1]):
+            u = got.score[1000:, i]
+            lost = {k: v.excess * len(v.pull) / (2 * len(u))
+                    for k, v in score_of(u, 1 / RATE).views.items()}
+            print(f'  {kinds[i // runs]:>10s}' + ''.join(
+                f'  {k} {x:.4f}' for k, x in lost.items()))
+
+
+def verdicts():
+    """Print what the loop says of real motion under the bank, and the CPU time of an axis."""
+    print('\nverdicts of the loop on real records, motion auto')
+    for name in ('broad_01*', 'broad_10*', 'broad_24*', 'px4_auavx21*'):
+        for path in sorted(records().glob(f'{name}.npz')):
+            with np.load(path) as data:
+                gyro, rate = data['gyro'].astype(float), float(data['rate_hz'])
+                t = data['t'].astype(float) if 't' in data else np.arange(len(gyro)) / rate
+            for axis in range(3):
+                begin = time.process_time()
+                problem = problem_of(t, gyro[:, axis], f'gyro_{"xyz"[axis]}')
+                study = Study.begin({problem.target: problem},
+                                    model_of('filter', ('any_motion', 'white')))
+                found = study.diagnose()[problem.target]
+                left = found.remaining.failed if found.remaining else ()
+                print(f'  {path.stem[:12]} {problem.target}, samples {problem.part}:'
+                      f' {found.verdict} {[f.name for f in found.found]}, then fails'
+                      f' {[f.name for f in left]};'
+                      f' {time.process_time() - begin:.1f} CPU s', flush=True)
+
+
+def records() -> Path:
+    """Return the folder of the real recordings."""
+    return Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data') / 'records'
 
 
 def delays():
@@ -344,7 +423,7 @@ def real_motion():
     Raw beside filtered and low-pass filters of the same delay.
 
     """
-    folder = Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data') / 'records'
+    folder = records()
     print(
         '\nreal motion against differentiated optical attitude (BROAD); noise as recorded, and'
         ' with 0.6 deg/s added;'
@@ -377,9 +456,12 @@ def real_motion():
             z = gyro + added * DEG * rng.standard_normal(gyro.shape)
             ours = filter_record(np.arange(len(z)) / rate, z, design(), rate).rate
             late = max(measured_delay(ours, gyro, rate), 2e-4)
+            both = filter_record(np.arange(len(z)) / rate, z, design(), rate, smooth=True).rate
             candidates = {
                 'raw': z,
                 'default': ours,
+                'smoothed': both,
+                'zero-phase Butterworth 8 Hz': filtfilt(*butter(2, 8.0, fs=rate), z, axis=0),
                 'Butterworth 1, same delay': _tuned(
                     lambda c: butterworth(z, rate, c), gyro, rate, late
                 ),
@@ -429,9 +511,11 @@ def speed():
     for name, settings, limit in (
         ('single model', {'motion': SEED}, 10),
         ('default bank', {}, 30),
+        ('smoothed', {'smooth': True}, 300),
     ):
         begin = time.process_time()
-        filter_record(t, z, design(**settings))
+        both = settings.pop('smooth', False)
+        filter_record(t, z, design(**settings), smooth=both)
         print(f'  {name}: {time.process_time() - begin:.1f} (limit {limit})', flush=True)
     for name, settings in (('single model', {'motion': SEED}), ('default bank', {})):
         engine = Engine(rate_hz=1000.0, values=KNOWN, **settings)
@@ -448,8 +532,8 @@ def speed():
 
 def main(names) -> int:
     """Run what is named."""
-    every = {'table': table, 'fresh': fresh, 'delay': delays,
-             'motion': real_motion, 'speed': speed}
+    every = {'table': table, 'fresh': fresh, 'smooth': smooth, 'coarse': coarse, 'delay': delays,
+             'motion': real_motion, 'verdicts': verdicts, 'speed': speed}
     for name in names or every:
         every[name]()
     return 0

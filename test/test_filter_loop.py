@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from imu_noise_tools import store
 from imu_noise_tools.cli.main import main
-from imu_noise_tools.core.errors import InputError
+from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import evaluate
 from imu_noise_tools.filter.design import design
@@ -296,7 +296,7 @@ def test_command_filters_a_recording_and_its_study_goes_through_the_loop(
     again = tmp_path / 'again.npz'
     assert main(['filter', str(recording), '-o', str(again), '--model', str(study), '--json']) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said['motion'] == ['constant_rate', 'ar_increment'] and 'sinusoid' in said['noise']
+    assert said['motion'] == ['any_motion'] and 'sinusoid' in said['noise']
 
 
 @pytest.mark.parametrize(
@@ -355,3 +355,36 @@ def test_a_real_bag_keeps_its_topics_and_stamps(shared_data, tmp_path, capsys):
     raw, filtered = open_record(source), open_record(out, topic='/imu/data_filtered')
     assert np.array_equal(raw.t, filtered.t) and np.array_equal(raw.accel, filtered.accel)
     assert not np.array_equal(raw.gyro, filtered.gyro)
+
+
+def test_motion_that_stops_and_starts_is_named_and_the_bank_holds_it():
+    rng = np.random.default_rng(12)
+    n = 8000
+    moving = (np.arange(n) // 800) % 2 == 1                    # eight seconds each
+    a = np.cumsum(np.where(moving, 8.0, 0.0) * rng.standard_normal(n))
+    edges = np.flatnonzero(np.diff(np.r_[False, moving].astype(int)) == 1)
+    x = np.zeros(n)
+    for k in edges:
+        stretch = np.arange(k, k + 800)
+        x[stretch] = np.cumsum(a[stretch] - a[k]) / RATE
+    x = np.cumsum(np.where(moving, np.diff(np.r_[0.0, x]), 0.0))
+    z = (x + np.sqrt(R) * rng.standard_normal(n)) * DEG
+    found = study_of(z).diagnose()['gyro_x']
+    assert found.verdict == 'missing' and found.found[0].name == 'stop_and_go'
+    problem = FilterProblem(z, 1 / RATE, stated=STATED)
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    assert study.diagnose()['gyro_x'].verdict == 'complete'
+
+
+@pytest.mark.parametrize('kind', ['sinusoid', 'outliers', 'noise_level'])
+def test_under_the_bank_what_the_noise_lacks_is_named(kind):
+    problem = FilterProblem(record(kind), 1 / RATE, stated={'white': STATED['white']})
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    found = study.diagnose()['gyro_x']
+    assert found.verdict == 'missing' and found.found[0].name == kind
+    assert not {f.name for f in found.ranked} & {'rate_step', 'stop_and_go', 'harmonic'}
+
+
+def test_two_motions_that_jump_are_refused():
+    with pytest.raises(UsageError, match='side by side'):
+        design(('any_motion', 'rate_step'))

@@ -433,4 +433,6 @@ def test_default_bank_holds_the_acceleration_still_in_the_wandering_modes():
     still = spaces[0]
     assert not still.phi[1].any() and not still.phi[0, 1] and not still.q[1].any()
     one_step = modes.stay + (1 - modes.stay) * modes.prior[0]
-    assert one_step == pytest.approx(np.exp(-0.01 / 10.0), rel=1e-9)  # a sojourn of ten seconds
+    assert one_step == pytest.approx(np.exp(-0.01 / 10.0), rel=1e-6)  # a sojourn of ten seconds
+    twice = default_modes([Model([WHITE])], 0.02)       # two intervals are one of twice the length
+    assert twice.stay == pytest.approx(modes.stay ** 2, rel=1e-12)

@@ -126,14 +126,21 @@ def _complete(model: Model) -> bool:
     return any(not e.jumps for e in model.of(Motion)) and white_of(model) is not None
 
 
-def maximise(model: Model, fixed: Any, evaluate: Likelihood) -> tuple[Model, float]:
-    """Return the model at its largest likelihood, from its own values, and that log-likelihood."""
+def maximise(
+    model: Model, fixed: Any, evaluate: Likelihood, hope: float = -np.inf
+) -> tuple[Model, float]:
+    """
+    Return the model at its largest likelihood, from its own values, and that log-likelihood.
+
+    A bank's climb, which costs most, ends early where two rounds have not brought it to ``hope``.
+
+    """
     free = Free(model, fixed)
     x = free.vector()
     if not len(x):
         return model, float(evaluate([model])[0])
     if jumps(model):
-        x, best = _pattern(free, x, evaluate)
+        x, best = _pattern(free, x, evaluate, hope)
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
     found = minimize(
@@ -149,7 +156,7 @@ def _finite(value):
     return float(value) if np.isfinite(value) else -1e300
 
 
-def _pattern(free: Free, x, evaluate, rounds: int = 9):
+def _pattern(free: Free, x, evaluate, hope: float, rounds: int = 9):
     """
     Climb by trying every coordinate both ways and all their parabolas at once.
 
@@ -159,7 +166,9 @@ def _pattern(free: Free, x, evaluate, rounds: int = 9):
     step = 1.6 * free.scale(evaluate.span)
     least = 0.1 * step
     best = float(evaluate([free.at(x)])[0])
-    for _ in range(rounds):
+    for done in range(rounds):
+        if done == 2 and best < hope:
+            break
         k = len(x)
         around = np.concatenate([x + np.diag(step), x - np.diag(step)])
         value = evaluate([free.at(v) for v in around])

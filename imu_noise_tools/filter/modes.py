@@ -1,28 +1,19 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The models of a bank: the default's, in one fixed setting, and those that effects stand for."""
+"""The models of a bank: the default's, and those that effects stand for."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from .motion import AngularAcceleration, ConstantRate
+from .motion import AnyMotion
 from .statespace import state_space, StateSpace
-from ..core.units import DEG
 from ..loop.effect import Model
 
-SOJOURN = 10.0  # s that a mode of the default bank lasts on average
-REST = 0.5  # share of the changes of mode that lead to rest: where nothing speaks for motion
-WANDER = (1e-7, 3e4)  # random walks of the rate, (deg/s)^2/s: at rest, and jumps
 NEVER = 1e-15                                      # probability of a step within no time
-# random walks of the acceleration, (deg/s^2)^2/s: from a slow turn to vigorous hands, by steps of
-# 7.7, which move the variance of an estimate (to the fourth root of it) by less than a third
-# either way of the best
-ACCELERATION = tuple(float(q) for q in np.geomspace(0.3, 3e7, 10))
 
 
 @dataclass(frozen=True)
@@ -41,8 +32,7 @@ class Modes:
     stay: float
 
 
-def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wander: Any = WANDER,
-                  acceleration: Any = ACCELERATION) -> Modes:
+def default_modes(noise: list[Model], dt: float) -> Modes:
     """
     Return the default bank.
 
@@ -52,54 +42,52 @@ def default_modes(noise: list[Model], dt: float, sojourn: float = SOJOURN, wande
     axis) sets R.
 
     """
-    axes = []
-    for model in noise:
-        smooth = state_space(AngularAcceleration({'q': DEG ** 2}) + model, dt)
-        still = state_space(ConstantRate() + model, dt)
-        axes.append(tuple([_wandering(smooth, still, q * DEG ** 2 * dt) for q in wander]
-                          + [_accelerating(smooth, q) for q in acceleration]))
-    count = len(wander) + len(acceleration)
-    prior = np.array([REST, *np.full(count - 1, (1 - REST) / (count - 1))])
-    leave = -np.expm1(-dt / sojourn) / (1 - REST)
-    return Modes(tuple(axes), prior, 1 - min(leave, 1.0))
+    return modes_of([AnyMotion() + model for model in noise], dt)
 
 
-def _wandering(smooth: StateSpace, still: StateSpace, q: float) -> StateSpace:
+def _wandering(space: StateSpace, q: float) -> StateSpace:
     """
-    Return a random walk of the rate in the states of ``smooth``.
+    Return a random walk of the rate in the states of ``space``, by the variance q an interval.
 
     The acceleration (state 1) is held at zero.
 
     """
-    keep = np.array([0, *range(2, smooth.size)])
-    phi, cov, p0 = np.zeros_like(smooth.phi), np.zeros_like(smooth.q), np.zeros_like(smooth.p0)
-    phi[np.ix_(keep, keep)], cov[np.ix_(keep, keep)], p0[np.ix_(keep, keep)] = (
-        still.phi,
-        still.q,
-        still.p0,
-    )
-    cov[0, 0] += q
-    return replace(smooth, phi=phi, q=cov, p0=p0)
+    phi, cov, p0 = space.phi.copy(), space.q.copy(), space.p0.copy()
+    phi[0, 1] = 0.0
+    for m in (phi, cov, p0):
+        m[1, :] = m[:, 1] = 0.0
+    cov[0, 0] = q
+    return replace(space, phi=phi, q=cov, p0=p0)
 
 
-def _accelerating(smooth: StateSpace, factor: float) -> StateSpace:
-    q = smooth.q.copy()
-    q[:2, :2] *= factor
-    return replace(smooth, q=q)
+def _accelerating(space: StateSpace, density: float) -> StateSpace:
+    q = space.q.copy()
+    q[:2, :2] *= density
+    return replace(space, q=q)
 
 
 def modes_of(models: list[Model], dt: float) -> Modes:
-    """Return the bank that a model is for each axis: one mode, or two where the rate may step."""
+    """
+    Return the bank that a model is for each axis.
+
+    One mode, two where the rate may step, or those of what switches.
+
+    """
     axes = []
-    step = None
+    prior, stay = np.ones(1), 0.0
     for model in models:
         space = state_space(model, dt)
         modes = [space]
-        if space.step:
+        if space.switching:
+            turns = space.switching
+            modes = [*(_wandering(space, q * dt) for q in turns.wander),
+                     *(_accelerating(space, q) for q in turns.acceleration)]
+            prior, stay = np.array(turns.prior), max(0.0, 1 + np.expm1(-dt * turns.leave))
+        elif space.step:
             step = max(space.step[0], NEVER), space.step[1]
             q = space.q.copy()
             q[0, 0] += step[1]
             modes.append(replace(space, q=q))
+            prior = np.array([1 - step[0], step[0]])
         axes.append(tuple(modes))
-    prior = np.array([1.0]) if step is None else np.array([1 - step[0], step[0]])
-    return Modes(tuple(axes), prior, 0.0)
+    return Modes(tuple(axes), prior, stay)

@@ -10,16 +10,27 @@ Each a small class, in the units of the rate (``{rate}``) and its derivative (``
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .oscillation import Oscillation, parameters
-from .statespace import Block, Look, Motion, nothing
+from .statespace import Block, Look, Motion, nothing, Switching
 from ..core.units import DEG
 from ..loop.effect import Effect, Parameter
 
 DIFFUSE = (
     3000 * DEG
 ) ** 2  # no gyroscope turns faster: the variance of a rate nothing is known of
+
+
+SOJOURN = 10.0  # s that a mode of the bank for any motion lasts on average
+REST = 0.5  # share of its changes of mode that lead to rest: where nothing speaks for motion
+WANDER = (1e-7, 3e4)  # random walks of the rate, (deg/s)^2/s: at rest, and jumps
+# random walks of the acceleration, (deg/s^2)^2/s: from a slow turn to vigorous hands, by steps of
+# 7.7, which move the variance of an estimate (to the fourth root of it) by less than a third
+# either way of the best
+ACCELERATION = tuple(float(q) for q in np.geomspace(0.3, 3e7, 10))
 
 
 def _integrator(phi, q, p0=0.0) -> Block:
@@ -127,6 +138,80 @@ class AngularAcceleration(Motion):
         """Return the doubly integrated white noise."""
         q = self['q'] * np.array([[dt ** 3 / 3, dt ** 2 / 2], [dt ** 2 / 2, dt]])
         return _integrator([[1, dt], [0, 1]], q, (100 * DEG) ** 2)
+
+
+class Switched(Motion):
+    """What drives the rate changes: a subclass says from what to what."""
+
+    jumps = True
+
+    def switching(self) -> Switching:
+        """Return the modes."""
+        raise NotImplementedError
+
+    def block(self, dt: float) -> Block:
+        """Return rate and acceleration, driven by a density of one, and what switches."""
+        return replace(AngularAcceleration({'q': 1.0}).block(dt), switching=self.switching())
+
+
+class AnyMotion(Switched):
+    """
+    The bank that ``auto`` runs: any motion, from rest to impacts.
+
+    One fixed setting; a share REST of the changes of mode leads to rest.
+
+    """
+
+    name = 'any_motion'
+    symbol = 'm'
+    sought = False
+    every = True
+    title = 'any motion'
+    equation = 'x driven by one of twelve densities, from rest to impacts, that take turns'
+    signature = 'what auto runs'
+    hint = 'the default: nothing of the motion need be known'
+    reference = 'Blom, Bar-Shalom 1988'
+
+    def switching(self) -> Switching:
+        """Return rest, jumps, and accelerations by one ratio."""
+        count = len(WANDER) + len(ACCELERATION)
+        prior = REST, *[(1 - REST) / (count - 1)] * (count - 1)
+        return Switching(tuple(q * DEG ** 2 for q in WANDER),
+                         tuple(q * DEG ** 2 for q in ACCELERATION),
+                         prior, 1 / (SOJOURN * (1 - REST)))
+
+
+class StopAndGo(Switched):
+    """Motion that stops and starts: the angular acceleration wanders, or all is at rest."""
+
+    name = 'stop_and_go'
+    symbol = 's'
+    title = 'motion that stops and starts'
+    equation = "x' = a, a' = white of density q while it moves; x' = 0 while it rests"
+    signature = 'stretches of large innovations and of small ones, each longer than a moment'
+    hint = 'hands, vehicles, robots: motion auto is made for it'
+    reference = 'Ackerson, Fu 1970; Blom, Bar-Shalom 1988'
+    heals = 'variance in time'
+    search = 4.0
+    parameters = (
+        Parameter('q', '{slope}^2/s', 1e-10, 1e6, amplitude=True, title='density in motion'),
+        Parameter('dwell', 's', 0.05, 1e3, title='how long motion, or rest, lasts'),
+    )
+
+    @classmethod
+    def example(cls) -> Effect:
+        """Return turns by hand, some seconds each."""
+        return cls({'q': 1e4 * DEG ** 2, 'dwell': 5.0})
+
+    @classmethod
+    def guesses(cls, look: Look) -> list[Effect]:
+        """Return bandwidths in motion from a hundredth to a third of the rate."""
+        return [cls({'q': x ** 4 * look.r / look.dt ** 3, 'dwell': dwell})
+                for x in (0.01, 0.05, 0.2, 0.8) for dwell in (0.5, 5.0)]
+
+    def switching(self) -> Switching:
+        """Return rest and motion, alike in length."""
+        return Switching((WANDER[0] * DEG ** 2,), (self['q'],), (0.5, 0.5), 2 / self['dwell'])
 
 
 class Jerk(Motion):

@@ -21,7 +21,7 @@ from .modes import modes_of
 from .statespace import FilterEffect, jumps, state_space
 from ..loop.effect import Model
 
-CHUNK, WARM = 128, 512  # samples: of a chunk run beside others, and of what it is warmed up on
+CHUNK, WARM = 128, 256  # samples: of a chunk run beside others, and of what it is warmed up on
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
 from .predict import predict, Prediction
-from .statespace import DOMAIN, FilterEffect, Look, white_of
+from .statespace import DOMAIN, FilterEffect, Look, Motion, white_of
 from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
@@ -25,6 +25,12 @@ from ..loop.verdict import HEALED
 
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
+WORTH = 1.0  # nats from which a candidate is worth the intervals of its values
+
+
+def covers(model: Model) -> bool:
+    """Tell whether a model stands for every motion: then it is coarse in each."""
+    return any(e.every for e in model.of(Motion))
 
 
 class FilterProblem(Problem):
@@ -52,6 +58,7 @@ class FilterProblem(Problem):
         self._target = target
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
+        self.part = (0, len(self.z))
         self._fits: dict[Model, Fit] = {}
         self._seen: dict[Model, Prediction] = {}
         if len(self.z) < 400 and whole is None:
@@ -83,7 +90,8 @@ class FilterProblem(Problem):
             self._fits[model] = self._fit(model)
         return self._fits[model]
 
-    def _fit(self, model):
+    def _fit(self, model, hope=-np.inf):
+        """Fit a model; without intervals where its likelihood stays below ``hope``."""
         evaluate = Likelihood(self.z, self.dt, self.alpha)
         if self.whole is not None:
             begin = self.whole.fit(model).model
@@ -91,13 +99,13 @@ class FilterProblem(Problem):
             begin = start(model, self.stated, self.look(), evaluate)
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
-        best, log_l = maximise(begin, self.stated, evaluate)
+        best, log_l = maximise(begin, self.stated, evaluate, hope)
         if self.whole is None:
             best = self._with_measured(best)
             log_l = float(evaluate([best])[0])
-        found, flags = (
-            estimates(best, self.stated, log_l, evaluate) if self.whole is None else ({}, ())
-        )
+        found, flags = ({}, ())
+        if self.whole is None and log_l >= hope:
+            found, flags = estimates(best, self.stated, log_l, evaluate)
         return Fit(best, found, log_l, flags)
 
     def _with_measured(self, model: Model) -> Model:
@@ -120,11 +128,11 @@ class FilterProblem(Problem):
 
     def score(self, fit: Fit) -> Score:
         """Score a fit made on other data."""
-        return score_of(self.prediction(fit.model).u, self.dt)
+        return score_of(self.prediction(fit.model).u, self.dt, covers(fit.model))
 
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the innovations."""
-        return omnibus(self.prediction(fit.model).u, self.dt)
+        return omnibus(self.prediction(fit.model).u, self.dt, covers(fit.model))
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """
@@ -136,6 +144,9 @@ class FilterProblem(Problem):
         out = []
         n = len(self.z)
         known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
+        driven = fit.model.of(Motion)
+        every = covers(fit.model)
+        jumping = any(e.jumps for e in driven)
         white = white_of(fit.model)
         stated = white is not None and white.label in self.stated
         for name, effect in known.items():
@@ -143,9 +154,14 @@ class FilterProblem(Problem):
                 continue
             if effect.scales and not stated:
                 continue
+            if issubclass(effect, Motion) and (every or jumping and effect.jumps):
+                continue
             if effect.after and not any(effect.after in e.lineage() for e in fit.model):
                 continue
-            after = self.fit(unfitted(fit.model).plus(effect()))
+            more = unfitted(fit.model).plus(effect())
+            after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH)
+            if after.estimates:
+                self._fits[more] = after
             gain = after.log_likelihood - fit.log_likelihood
             if not np.isfinite(gain):
                 continue
@@ -187,7 +203,7 @@ class FilterProblem(Problem):
         if verdict == 'missing':
             return f'add {ranked[0].name}: {registry(DOMAIN)[ranked[0].name].hint}'
         if verdict == 'complete':
-            return 'innovations are white and of the right size: nothing is missing'
+            return 'the innovations speak for no effect that is missing'
         if verdict == 'unknown':
             return 'something fails that no known effect explains: ' + '; '.join(
                 f.evidence for f in failed[:2]
@@ -257,7 +273,8 @@ def problem_of(
     """
     Return the problem of one axis of a record.
 
-    Its longest stretch without a gap, at most the first 2 x 16384 samples.
+    Its longest stretch without a gap, at most the first 2 x 16384 samples of that: ``part`` says
+    which samples of the record.
 
     """
     good = np.isfinite(z) & np.isfinite(t)
@@ -270,10 +287,11 @@ def problem_of(
         )
     cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt * rate_hz > 1.9)) + 1, [len(t)]])
     longest = int(np.argmax(np.diff(cut)))
-    z = z[cut[longest]:cut[longest + 1]]
-    if len(z) > 2 * LONGEST:
-        z = z[:2 * LONGEST]
-    return FilterProblem(z, 1 / rate_hz, target, stated, alpha)
+    first, last = int(cut[longest]), int(min(cut[longest + 1], cut[longest] + 2 * LONGEST))
+    problem = FilterProblem(z[first:last], 1 / rate_hz, target, stated, alpha)
+    where = np.flatnonzero(good)
+    problem.part = int(where[first]), int(where[last - 1]) + 1
+    return problem
 
 
 def problems(arrays: Mapping[str, Any]) -> dict[str, FilterProblem]:

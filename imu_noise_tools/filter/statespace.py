@@ -27,6 +27,23 @@ DOMAIN = 'filter'
 
 
 @dataclass(frozen=True)
+class Switching:
+    """
+    Noise that drives the rate now as one thing, now as another: the modes of a bank.
+
+    ``wander`` are densities of random walks of the rate ({rate}^2/s), the acceleration held at
+    zero; ``acceleration`` those of random walks of the acceleration ({slope}^2/s). ``prior``
+    (modes,) is what the probabilities of the modes drift towards, by the share ``leave`` (1/s).
+
+    """
+
+    wander: tuple[float, ...]
+    acceleration: tuple[float, ...]
+    prior: tuple[float, ...]
+    leave: float
+
+
+@dataclass(frozen=True)
 class Block:
     """
     One effect's part of a state space.
@@ -36,6 +53,7 @@ class Block:
     ``r`` is variance added to the measurement, ``r_factor`` multiplies what all blocks add.
     ``integrates``: the first state is the rate itself, to be shared. ``outliers`` is (fraction,
     variance factor), ``step`` (probability, variance) of a jump of the rate within one interval.
+    ``switching``: its second state is the acceleration, and q is for a density of one.
 
     """
 
@@ -48,6 +66,7 @@ class Block:
     integrates: bool = False
     outliers: tuple[float, float] | None = None
     step: tuple[float, float] | None = None
+    switching: Switching | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +75,8 @@ class StateSpace:
     The sum of blocks over one interval dt.
 
     ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion;
-    ``r`` the variance of the white part; ``outliers`` and ``step`` as in :class:`Block`.
+    ``r`` the variance of the white part; ``outliers``, ``step`` and ``switching`` as in
+    :class:`Block`.
 
     """
 
@@ -69,6 +89,7 @@ class StateSpace:
     dt: float
     outliers: tuple[float, float] | None = None
     step: tuple[float, float] | None = None
+    switching: Switching | None = None
 
     @property
     def size(self) -> int:
@@ -118,6 +139,8 @@ class FilterEffect(Effect):
     heals: ClassVar[str] = ''
     #: whether its block holds a step or outliers: a model with it has no steady state
     jumps: ClassVar[bool] = False
+    #: whether it stands for every motion: no other is missing beside it
+    every: ClassVar[bool] = False
     #: whether it multiplies the stated noise: nothing to be found where none is stated
     scales: ClassVar[bool] = False
     #: the parameter that is the variance of white noise, for an effect that is
@@ -192,6 +215,7 @@ def state_space(model: Model, dt: float) -> StateSpace:
         blocks.append((e, e.block(dt)))
     motions = [b for e, b in blocks if e.kind == 'motion']
     sharing = [b for b in motions if b.integrates]
+    sharing.sort(key=lambda b: b.switching is None)     # its states come first: the bank's modes
     own = [b for b in motions if not b.integrates]
     noises = [b for e, b in blocks if e.kind == 'noise']
     if not motions:
@@ -218,7 +242,16 @@ def state_space(model: Model, dt: float) -> StateSpace:
         dt,
         next((b.outliers for _, b in blocks if b.outliers), None),
         next((b.step for _, b in blocks if b.step), None),
+        _switching([b for _, b in blocks]),
     )
+
+
+def _switching(blocks: list[Block]) -> Switching | None:
+    """Return what switches: one thing at the most, and then nothing steps beside it."""
+    found = [b.switching for b in blocks if b.switching]
+    if len(found) + sum(b.step is not None for b in blocks) > 1:
+        raise UsageError('two motions that jump or switch stand side by side', 'name one of them')
+    return found[0] if found else None
 
 
 def _share(blocks: list[Block]) -> Block:

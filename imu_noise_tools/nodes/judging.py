@@ -11,7 +11,8 @@ import numpy as np
 
 from ..core.record import AXES
 from ..filter.design import aligned, AUTO, Design
-from ..filter.problem import problem_of, START
+from ..filter.motion import AnyMotion
+from ..filter.problem import problem_of
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
 from ..loop.effect import Model, model_of
 from ..loop.study import Study
@@ -29,8 +30,7 @@ def begin_study(t: np.ndarray, z: np.ndarray, design: Design, stated: Mapping[st
     t, z : ndarray (n,), (n, 3)
         Stamps, s, and rates, rad/s.
     design : Design
-        What runs. Its bank for any motion is no sum of effects: then the study starts from
-        constant_rate + ar_increment.
+        What runs; its bank for any motion is one effect, any_motion.
     stated : mapping of axis to mapping of label to values
         What was given; the rest is fitted.
     source : mapping
@@ -42,7 +42,7 @@ def begin_study(t: np.ndarray, z: np.ndarray, design: Design, stated: Mapping[st
         Too few samples, or a constant axis.
 
     """
-    motion = START[:2] if design.motion is None else [e.name for e in design.motion[0]]
+    motion = [AnyMotion.name] if design.motion is None else [e.name for e in design.motion[0]]
     model = model_of(DOMAIN, [*motion, *(e.name for e in design.noise[0])])
     problems = {axis: problem_of(t, z[:, k], axis, stated[axis], design.alpha)
                 for k, axis in enumerate(GYRO)}

@@ -24,8 +24,9 @@ from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
 from ..filter.design import aligned, AUTO, Design, design
 from ..filter.evaluate import Innovations
+from ..filter.motion import AnyMotion
 from ..filter.output_noise import noise_blocks
-from ..filter.problem import problem_of, START
+from ..filter.problem import problem_of
 from ..filter.recorded import filter_record, Filtered, memory
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
 from ..health import Selection
@@ -114,8 +115,9 @@ def filter_bag(
     """
     Write a bag with ``imu/data_filtered`` beside all it holds, and a study of the innovations.
 
-    The study, ``<out>.study``, starts from constant_rate + ar_increment + white, or from the
-    motion and noise named; what is given with ``model`` or ``values`` is stated, the rest fitted.
+    The study, ``<out>.study``, starts from what ran: the bank for any motion and white noise, or
+    the motion and noise named; what is given with ``model`` or ``values`` is stated, the rest
+    fitted.
 
     Parameters
     ----------
@@ -269,7 +271,13 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
             notes.append(f'{axis} is not in the study: {error.message}')
     if not problems:
         return None
-    names = list(START[:2]) if chosen.motion is None else [e.name for e in chosen.motion[0]]
+    names = [AnyMotion.name] if chosen.motion is None else [e.name for e in chosen.motion[0]]
+    parts = {axis: p.part for axis, p in problems.items()}
+    for first, last in sorted(set(parts.values())):
+        if last - first < record.n:
+            axes = ', '.join(a for a, part in parts.items() if part == (first, last))
+            notes.append(f'{axes}: judged by samples {first} to {last - 1} of {record.n}, the'
+                         ' longest stretch of even stamps or its beginning')
     model = model_of(DOMAIN, [*names, *(e.name for e in chosen.noise[0])])
     source = {
         'path': record.path,
@@ -281,6 +289,7 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         'frame_id': record.frame_id,
         **chosen.names,
         'alpha': alpha,
+        'judged': {axis: list(part) for axis, part in parts.items()},
         'warnings': [*record.warnings, *notes, BIAS, CORRELATED],
     }
     return Study.begin(problems, model, source)
