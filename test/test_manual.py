@@ -117,6 +117,8 @@ def wrong_with(command):
     """Return what is wrong with a command that is only shown: '' where nothing is."""
     root = DOC.parent
     words = shlex.split(command)
+    if words[0] == 'ros2' and len(words) < 4:       # the name of a command of ROS, no more
+        return ''
     if words[0] == 'imu_noise':
         words = [w for w in words if not w.startswith(('…', '...', '[', '|', '>'))]
         try:
