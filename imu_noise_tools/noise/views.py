@@ -294,7 +294,14 @@ def predicted(
     c_kk = c_kk + np.eye(len(c_kk)) * 1e-12 * np.trace(c_kk) / len(c_kk)
     solved = np.linalg.solve(c_kk, np.column_stack([c_wk.T, x_k, means.y[known]]))
     gain, kx, ky = solved[:, :len(c_wk)].T, solved[:, len(c_wk):-1], solved[:, -1]
-    gram = np.linalg.pinv(x_k.T @ kx)
+    about = x_k.T @ kx
+    if np.linalg.matrix_rank(x_k) < x_k.shape[1]:
+        # a step behind all that is known: nothing tells its size, which must not be taken for 0
+        y = means.y - np.mean(means.y[known])
+        means = replace(means, y=y)
+        ky = np.linalg.solve(c_kk, y[known])
+        about = about + np.eye(len(about)) / (100 * np.var(means.y))
+    gram = np.linalg.pinv(about)
     beta = gram @ (x_k.T @ ky)
     rest = means.y[wanted] - x_w @ beta - gain @ (means.y[known] - x_k @ beta)
     lever = x_w - gain @ x_k
