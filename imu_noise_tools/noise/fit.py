@@ -363,8 +363,8 @@ def _score(bands: Bands, found: _Found) -> float:
 
 def _spread(found: _Found) -> float:
     """Return the largest standard deviation of ln of what every sensor has."""
-    model, slots = found.likelihood.model, found.likelihood.slots
-    some = [j for j, s in enumerate(slots) if model[s.label].in_every_sensor]
+    certain = {e.label for e in found.likelihood.model.of(Spectrum) if e.in_every_sensor}
+    some = [j for j, s in enumerate(found.likelihood.slots) if s.label in certain]
     std = np.sqrt(np.diag(np.linalg.pinv(marginal(found.information, some))))
     return float(np.max(std, initial=0.0))
 

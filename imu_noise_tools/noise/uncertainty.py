@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from .kinds import MEASURED
+from .kinds import MEASURED, Spectrum
 from .likelihood import Likelihood, Linear
 from .response import OPEN
 from ..core import units
@@ -122,6 +122,11 @@ def plain_estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarr
     return out
 
 
+def _certain(model: Model, label: str) -> bool:
+    """Tell whether an effect is one that every sensor has."""
+    return any(e.label == label and e.in_every_sensor for e in model.of(Spectrum))
+
+
 def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, linear: Linear,
               reddest: int | None) -> tuple[Estimates, list[str]]:
     """Return profile-likelihood intervals, upper limits and flags."""
@@ -156,7 +161,7 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
                 point=value,
                 note='not observable: the interval reaches zero',
             )
-            if likelihood.model[slot.label].in_every_sensor and value > SHOWN * hi:
+            if _certain(likelihood.model, slot.label) and value > SHOWN * hi:
                 e = replace(e, value=value, upper95=None, note=IN_EVERY_SENSOR)
         else:
             hi = profile.crossing(j, +1, CHI2_95, wide)
