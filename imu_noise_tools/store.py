@@ -27,7 +27,7 @@ from .core.errors import ImuNoiseError, InputError
 from .core.files import plain_yaml
 from .loop.diagnosis import Diagnosis, Remaining
 from .loop.domains import DOMAINS, package
-from .loop.effect import Estimate, find_effect, Finding, Model, Parameter
+from .loop.effect import Estimate, find_effect, Finding, Model, Parameter, registry
 from .loop.study import assess, Contrast, Step, Study
 
 FORMAT = 'imu_noise_study/1'
@@ -287,7 +287,9 @@ def _step_of(domain: str, d: Any, contrast: Contrast | None) -> Step:
         d.get('fall'),
         d.get('verdict', ''),
         tuple(d.get('failing') or ()),
-        tuple(_finding_of(domain, f) for f in d.get('why') or ()),
+        # of a user's own file nobody has to name to see the ladder
+        tuple(_finding_of(domain, f) for f in d.get('why') or ()
+              if f['effect'] in registry(domain)),
         contrast,
     )
 

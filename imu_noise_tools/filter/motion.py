@@ -194,7 +194,7 @@ class StopAndGo(Switched):
     heals = 'variance in time'
     search = 4.0
     parameters = (
-        Parameter('q', '{slope}^2/s', 1e-10, 1e6, amplitude=True, title='density in motion'),
+        Parameter('q', '({slope})^2/s', 1e-10, 1e6, amplitude=True, title='density in motion'),
         Parameter('dwell', 's', 0.05, 1e3, title='how long motion, or rest, lasts'),
     )
 

@@ -48,8 +48,6 @@ _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
-_DRIFT, _FEW = 0.1, 0.1  # where drift has this share of the power, or this share of that span
-_VAGUE = 2.0  # times the standard deviation of N beside holes: a response tells it better
 _CREDIBLE = 0.3  # share of the bands that must agree for the others to be called disturbed
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
@@ -309,12 +307,7 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     best = _score(bands, held[0])
     for basis, x in _behind_responses(bands, held[0], hint):
         more = _settled(search, bands, held[0], basis, [], x)
-        if more is None or not _flat(more[0]) or _score(bands, more[0]) <= best + 1e-6:
-            continue
-        # holes are better than one that reaches into the slow end, or tells little of white noise
-        worst = (_VAGUE if _flat(more[0], strict=True) else 1) * _spread(
-            _on_the_safe_side(search, bands, held[0]))
-        if _spread(more[0]) < worst:
+        if more is not None and _flat(more[0]) and _score(bands, more[0]) > best + 1e-6:
             held.insert(0, more[0])
     first = None
     for found in held:  # a fit that leaves no white noise holds only where every one does
@@ -361,42 +354,14 @@ def _score(bands: Bands, found: _Found) -> float:
         - 4 * _BAND * _lacks(found)
 
 
-def _spread(found: _Found) -> float:
-    """Return the largest standard deviation of ln of what every sensor has."""
-    certain = {e.label for e in found.likelihood.model.of(Spectrum) if e.in_every_sensor}
-    some = [j for j, s in enumerate(found.likelihood.slots) if s.label in certain]
-    std = np.sqrt(np.diag(np.linalg.pinv(marginal(found.information, some))))
-    return float(np.max(std, initial=0.0))
-
-
-def _flat(found: _Found, strict: bool = False) -> bool:
-    """
-    Tell whether the response that a fit leaves open, if any, does nothing at the slow end.
-
-    Not ``strict``: of one that is tied, only where drift shows.
-
-    """
+def _flat(found: _Found) -> bool:
+    """Tell whether the response that a fit leaves open, if any, does nothing at the slow end."""
     f, dt = found.likelihood.bins.f, found.likelihood.dt
-    for r in found.likelihood.with_search(found.x).of(OpenResponse):
-        slow = f[_slow(found, r.order.tied and not strict)]
-        if np.max(np.abs(np.log(r.gain2(slow, dt)))) > 2 * _FLATNESS:
-            return False
-    return True
-
-
-def _slow(found: _Found, tied: bool) -> np.ndarray:
-    """
-    Return which bins (b,) are the slow end, where a response does nothing.
-
-    One that is tied has its level from the fast end too: only where drift shows must it be flat.
-
-    """
-    likelihood = found.likelihood
-    model = likelihood.with_search(found.x)
-    v, each = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
-    f = likelihood.bins.f / (_FLAT * 0.5 / likelihood.dt)
-    drift = v - sum(each[e.label] for e in model.of(Spectrum) if e.in_every_sensor)
-    return (f < 1) & ((drift > _DRIFT * v) | (f < _FEW) | (not tied))
+    slow = f[f < _FLAT * 0.5 / dt]
+    return all(
+        np.max(np.abs(np.log(r.gain2(slow, dt)))) <= 2 * _FLATNESS
+        for r in found.likelihood.with_search(found.x).of(OpenResponse)
+    )
 
 
 def _band(bands: Bands, x: np.ndarray, w: np.ndarray, dt: float):
@@ -423,6 +388,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
     x, w = _ratio(found)
     best = supported_by(bands, x, w, np.ones(len(x)), _BAND)
     chosen = None
+    slow = bins.f < _FLAT * 0.5 / bins.dt
     begun = _band(bands, x, w, bins.dt)
     known: dict[Order, np.ndarray] = {}
     enough = np.inf
@@ -431,7 +397,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
             continue
         near = [(o, a) for o, a in known.items() if order.twice and o.within(order)]
         near += [(o, a) for o, a in begun if o == order]
-        weight, slow = np.ones(len(x)), _slow(found, order.tied)
+        weight = np.ones(len(x))
         for _ in range(3):
             tried = Rational(x, w * weight, bins, order).fit(near)
             if tried is None:
