@@ -51,6 +51,19 @@ SETTLE = 0.3                # s, see Ros.call
 ROOM = 256 << 20            # bytes that shared memory should have left
 
 
+@contextmanager
+def domain_of_its_own():
+    """Run in a domain that nobody uses; then the nodes of other tests start in theirs again."""
+    before = dict(os.environ)
+    held = reserve_domain()
+    try:
+        yield
+    finally:
+        held.close()
+        os.environ.clear()
+        os.environ.update(before)
+
+
 def reserve_domain() -> socket.socket:
     """Set a domain id that no other process here uses; it is ours while the socket is held."""
     for domain in random.SystemRandom().sample(range(2, 101), 99):

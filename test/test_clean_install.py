@@ -171,29 +171,28 @@ def test_the_demo_runs_with_real_nodes(clean):
 
 def test_every_node_runs(clean):
     """A bag goes through them, and each ends well on a signal."""
-    from nodes_support import reserve_domain        # skips where there is no ROS
+    from nodes_support import domain_of_its_own        # skips where there is no ROS
     if not (clean.here / 'bag').exists():
         clean.run('imu_noise', *COMMANDS[0])
-    domain = reserve_domain()
-    clean.env.update({k: v for k, v in os.environ.items()
-                      if k.startswith(('ROS_DOMAIN', 'ROS_AUTO', 'FASTDDS'))})
-    analyser = clean.start('analyser', input='messages', exit_at_end=True, output_dir='nodes')
-    others = [clean.start('filter'), clean.start('calibration')]
-    reader = clean.start('bag_reader', bag='bag', publish='messages',
-                         readers=['analyser', 'filter', 'calibration'])
-    running = [reader, analyser, *others]
-    try:
-        status = analyser.wait(400)
-        assert status == 0, (clean.here / 'analyser.log').read_text()[-2000:]
-        assert (clean.here / 'nodes' / 'imu.yaml').is_file()
-        for process, name in zip((reader, *others), ('bag_reader', 'filter', 'calibration')):
-            assert process.poll() is None, (clean.here / f'{name}.log').read_text()
-            process.send_signal(signal.SIGTERM)
-        for process, name in zip((reader, *others), ('bag_reader', 'filter', 'calibration')):
-            assert process.wait(60) == 0, (clean.here / f'{name}.log').read_text()
-    finally:
-        for process in running:
-            if process.poll() is None:
-                process.kill()
-        time.sleep(0.1)
-        domain.close()
+    with domain_of_its_own():
+        clean.env.update({k: v for k, v in os.environ.items()
+                          if k.startswith(('ROS_DOMAIN', 'ROS_AUTO', 'FASTDDS'))})
+        analyser = clean.start('analyser', input='messages', exit_at_end=True, output_dir='nodes')
+        others = [clean.start('filter'), clean.start('calibration')]
+        reader = clean.start('bag_reader', bag='bag', publish='messages',
+                             readers=['analyser', 'filter', 'calibration'])
+        running = [reader, analyser, *others]
+        try:
+            status = analyser.wait(400)
+            assert status == 0, (clean.here / 'analyser.log').read_text()[-2000:]
+            assert (clean.here / 'nodes' / 'imu.yaml').is_file()
+            for process, name in zip((reader, *others), ('bag_reader', 'filter', 'calibration')):
+                assert process.poll() is None, (clean.here / f'{name}.log').read_text()
+                process.send_signal(signal.SIGTERM)
+            for process, name in zip((reader, *others), ('bag_reader', 'filter', 'calibration')):
+                assert process.wait(60) == 0, (clean.here / f'{name}.log').read_text()
+        finally:
+            for process in running:
+                if process.poll() is None:
+                    process.kill()
+            time.sleep(0.1)

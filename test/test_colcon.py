@@ -154,23 +154,22 @@ def test_a_bag_is_analysed_by_launch(root, prefix, tmp_path):
     """Where launch is installed: it starts the nodes, ends by itself, and its status is theirs."""
     pytest.importorskip('launch_ros')
     from bad_input import still
-    from nodes_support import reserve_domain
+    from nodes_support import domain_of_its_own
     import numpy as np
     record = still(70)
     np.savez(tmp_path / 'a.npz', gyro=record.gyro, accel=record.accel, t=record.t)
-    domain = reserve_domain()
-    (site,) = prefix.glob('lib/python*/site-packages')
-    env = {**os.environ, 'ROS_LOG_DIR': str(tmp_path), 'AMENT_PREFIX_PATH': os.pathsep.join(
-        [str(prefix), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])]),
-        'PYTHONPATH': os.pathsep.join([str(site), *filter(None, [os.environ.get('PYTHONPATH')])])}
-    path = prefix / 'share' / NAME / 'launch' / 'bag_analysis.launch.py'
-    for bag, status in (('a.npz', 0), ('nowhere.npz', 1)):
-        done = subprocess.run(
-            [sys.executable, '-c', LAUNCH, str(path), f'bag:={tmp_path / bag}', 'namespace:=robot',
-             f'output_dir:={tmp_path / "study"}'],
-            cwd=tmp_path, env=env, capture_output=True, text=True, timeout=400)
-        said = done.stdout + done.stderr
-        assert done.returncode == status, said[-3000:]
-    assert 'no such file' in said
-    assert (tmp_path / 'study' / 'imu.yaml').is_file()
-    domain.close()
+    with domain_of_its_own():
+        (site,) = prefix.glob('lib/python*/site-packages')
+        env = {**os.environ, 'ROS_LOG_DIR': str(tmp_path)}
+        for name, own in (('AMENT_PREFIX_PATH', prefix), ('PYTHONPATH', site)):
+            env[name] = os.pathsep.join([str(own), *filter(None, [os.environ.get(name)])])
+        path = prefix / 'share' / NAME / 'launch' / 'bag_analysis.launch.py'
+        for bag, status in (('a.npz', 0), ('nowhere.npz', 1)):
+            done = subprocess.run(
+                [sys.executable, '-c', LAUNCH, str(path), f'bag:={tmp_path / bag}',
+                 'namespace:=robot', f'output_dir:={tmp_path / "study"}'],
+                cwd=tmp_path, env=env, capture_output=True, text=True, timeout=400)
+            said = done.stdout + done.stderr
+            assert done.returncode == status, said[-3000:]
+        assert 'no such file' in said
+        assert (tmp_path / 'study' / 'imu.yaml').is_file()
