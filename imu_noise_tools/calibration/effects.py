@@ -252,7 +252,19 @@ class TemperatureCurve(Regressor):
         return super().why_not(poses) or _no_temperature(poses)
 
 
-class WarmUp(Regressor):
+class _InTime(Regressor):
+    """What the biases do over the time of the session."""
+
+    passing = True
+    needs = 'faces held again at the end of the session'
+
+    def why_not(self, poses: Poses) -> str:
+        """Poses of one time, or of records without a common one, tell nothing of it."""
+        return super().why_not(poses) or ('' if np.ptp(poses.time) > 0
+                                          else 'all poses are of one time')
+
+
+class WarmUp(_InTime):
     """
     Bias that settles in time: exponentials of 40 s and of 200 s, what small sensors warm up with.
 
@@ -270,20 +282,13 @@ class WarmUp(Regressor):
     parameters = _named('w40', '{rate}', title='settling within a minute') + _named(
         'w200', '{rate}', title='settling within ten minutes')
     feeds = np.array([[0, 3], [1, 4], [2, 5]])
-    passing = True
-    needs = 'faces held again at the end of the session'
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the two exponentials of the time since the start of the record."""
         return np.exp(-poses.time / np.array([[40.0], [200.0]]))
 
-    def why_not(self, poses: Poses) -> str:
-        """Poses of one time do not settle."""
-        return super().why_not(poses) or ('' if np.ptp(poses.time) > 0
-                                          else 'all poses are of one time')
 
-
-class Drift(Regressor):
+class Drift(_InTime):
     """Bias that grows in time by a constant rate, over the session."""
 
     name = 'drift'
@@ -295,17 +300,10 @@ class Drift(Regressor):
     reference = 'IEEE 1293 (bias trend)'
     parameters = _named('d', '({rate})/s', title='bias per second')
     feeds = _EACH
-    passing = True
-    needs = 'faces held again at the end of the session'
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the time since the start of the record."""
         return poses.time[None]
-
-    def why_not(self, poses: Poses) -> str:
-        """Poses of several records have no common time."""
-        return super().why_not(poses) or ('' if np.ptp(poses.time) > 0
-                                          else 'all poses are of one time')
 
 
 class TemperatureScale(Regressor):
