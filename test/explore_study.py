@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A small study with something hidden in it, of a generator that knows no effect of the package."""
+"""A small study with something hidden, of a generator that knows no effect of the package."""
 
 from __future__ import annotations
 

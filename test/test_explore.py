@@ -66,7 +66,7 @@ def rungs(session, target='gyro_x'):
     return [(s.added, s.removed) for s in session.study.history if s.target == target]
 
 
-# --- the loop, and the study on disk ---------------------------------------------------------------
+# --- the loop, and the study on disk
 
 def test_what_is_clicked_is_what_the_commands_see(session, folder, capsys):
     assert done(session, 'diagnose', ['gyro_x']) is None
@@ -122,7 +122,7 @@ def test_a_refusal_is_said(session):
     assert 'unknown label ramp' in session.said.text
 
 
-# --- others at the same study ----------------------------------------------------------------------
+# --- others at the same study
 
 def test_what_the_command_line_does_meanwhile_is_read(session, folder):
     assert main(['add', str(folder), 'ramp', '--axis', 'accel_z']) == 0
@@ -164,7 +164,7 @@ def test_touching_the_file_is_no_change(session, folder):
     assert session.version == version and session.said is None
 
 
-# --- what it is opened with ------------------------------------------------------------------------
+# --- what it is opened with
 
 def test_a_recording_is_analysed_first(tmp_path):
     r = explore_study.record()
@@ -220,7 +220,7 @@ def test_every_format_can_be_exported(session):
     assert all('--calibration' in remedy for _, remedy in refused) and len(refused) < 3
 
 
-# --- what is looked at -----------------------------------------------------------------------------
+# --- what is looked at
 
 @pytest.mark.parametrize('domain', DOMAINS)
 def test_every_domain_says_what_there_is_to_see(domain):
