@@ -27,6 +27,7 @@ ERROR = 'held-out deviance'     # the one name of the error on data that the fit
 
 # name of a view: (what it looks at, what it means when it fails)
 VIEWS = {
+    'allan': ('Allan deviation', 'the curve lies beside the model\'s'),
     'frequency': ('power over frequency', 'at some frequencies the power is not the model\'s'),
     'time': ('mean over time', 'the mean moves in a way that the model does not foresee'),
     'variance': ('noise level over time',
