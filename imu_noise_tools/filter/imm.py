@@ -77,8 +77,8 @@ class Coefficients:
         """
         if not any(axis[0].jitter for axis in choices[0].spaces):
             return None
-        change = np.array([[[(s.rate @ s.phi - s.rate) * s.jitter / s.dt for s in axis]
-                            for axis in c.spaces] for c in choices])
+        change = np.array([[[(s.rate @ s.phi - s.rate) * (s.jitter / s.dt if s.dt else 0.0)
+                             for s in axis] for axis in c.spaces] for c in choices])
         return np.moveaxis(change.swapaxes(1, 2), -1, 0)
 
     def at(self, which: Any) -> Entries:
