@@ -20,7 +20,7 @@ from nicegui import ui
 from . import look
 from .figure import figure
 from .hand import Hand
-from .panels import names_of, panel_of, Stretch, with_hand
+from .panels import names_of, Stretch, with_hand
 from .session import Session
 from .widgets import loud, quiet
 from .. import export
@@ -84,13 +84,19 @@ class Page:
     def show(self, target: str = '', view: str = '') -> None:
         """Look at another axis, or in another way."""
         self.stretch = None
-        if target and target != self.target:
+        moved = bool(target) and target != self.target
+        if moved:
             self.hand.clear()
         self.target, self.view = target or self.target, view or self.view
         self._settle()
         ui.run_javascript(
             f'history.replaceState(null, "", "?axis={self.target}&view={self.view}")')
-        self.draw_all()
+        if moved:
+            self.draw_all()
+        else:
+            self._draw_tabs()
+            self.draw_curve()
+            self.hand.draw(self._by_hand)
 
     def _settle(self) -> None:
         """Make axis and view such as the study has."""
@@ -103,7 +109,7 @@ class Page:
     def _brushed(self, event: Any) -> None:
         """Take the stretch that was drawn across the plot."""
         low, high = sorted(float(v) for v in event.args[:2])
-        panel = panel_of(self.study.domain, self.state, self.view)
+        panel = self.session.panel(self.state, self.target, self.view)
         if high > low:
             self.stretch = Stretch(low, high, panel.unit)
             self.draw_curve()
@@ -199,7 +205,7 @@ class Page:
         state = self.state
         if self.hand.effect is not None:
             state = with_hand(state, self.hand.effect)
-        panel = panel_of(self.study.domain, state, self.view)
+        panel = self.session.panel(state, self.target, self.view)
         found = self.study.diagnosis.get(self.target)
         suspect = found.found[0].name if found and found.found else ''
         label = next((x for x in state.model.labels if x not in self.state.model), '')
