@@ -105,7 +105,8 @@ def _pulls(panel: Panel, below: bool) -> list[dict[str, Any]]:
         return []
     axis = 'y2' if below else 'y'
     shown = np.clip(panel.pull, -_MOST, _MOST)
-    few = len(panel.x) < 40
+    single = len(np.unique(panel.x)) < len(panel.x)     # several to a place: no line
+    mode = 'markers' if single else 'lines+markers' if len(panel.x) < 40 else 'lines'
     beyond = np.abs(panel.pull) > CHANCE
     base = {'type': 'scatter', 'yaxis': axis, 'showlegend': False}
     ends = [float(panel.x[0]), float(panel.x[-1])]
@@ -115,7 +116,7 @@ def _pulls(panel: Panel, below: bool) -> list[dict[str, Any]]:
         {**base, 'x': ends, 'y': [CHANCE] * 2, 'line': {'width': 0}, 'mode': 'lines',
          'fill': 'tonexty', 'fillcolor': BAND, 'hoverinfo': 'skip'},
         {**base, 'x': _list(panel.x), 'y': _list(shown), 'name': 'pull',
-         'hovertemplate': '%{x}: %{y:.1f} standard errors<extra></extra>', 'mode': 'lines+markers' if few else 'lines',
+         'hovertemplate': '%{x}: %{y:.1f} standard errors<extra></extra>', 'mode': mode,
          'line': {'color': MEASURED, 'width': 1.1}},
         {**base, 'x': _list(panel.x[beyond]), 'y': _list(shown[beyond]), 'mode': 'markers',
          'marker': {'color': FAIL, 'size': 5}, 'hoverinfo': 'skip'}]
