@@ -36,6 +36,7 @@ VIEWS = {
                      'the samples do not spread as Gaussian noise does'),
     'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
+    'repeats': ('equal neighbours', 'samples repeat the one before more often than by chance'),
     'poses': ('poses left out', 'poses are not where the other poses put them'),
 }
 VERDICTS = {
