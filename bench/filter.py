@@ -6,7 +6,8 @@ Measure the default filter in one fixed setting.
 
 Rms errors, delay, real motion against optical attitude, CPU time:
 
-    python bench/filter.py [table] [fresh] [smooth] [coarse] [delay] [motion] [verdicts] [speed]
+    python bench/filter.py [table] [fresh] [smooth] [coarse] [delay] [motion] [uneven] [verdicts]
+                           [speed]
 
 (all by default).
 
@@ -24,7 +25,7 @@ import sys
 import time
 
 import numpy as np
-from scipy.signal import butter, filtfilt, lfilter
+from scipy.signal import butter, filtfilt, lfilter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from imu_noise_tools.core.units import DEG
@@ -486,6 +487,35 @@ def real_motion():
                 )
 
 
+def uneven():
+    """
+    Print whether recorded motion was sampled off its time, by no model of the filter.
+
+    What is left of each rate above 0.35 of the sampling rate, over its slope, is a delay: of
+    chance noise it differs from axis to axis, of uneven sampling it is one for all.
+
+    """
+    print('\ndelay of samples in vigorous motion: rms, correlation between axes, with the next')
+    for path in sorted(records().glob('broad_*.npz')):
+        with np.load(path) as data:
+            z = np.asarray(data['gyro'], float)
+        z = z[np.isfinite(z).all(axis=1)]
+        fast = sosfiltfilt(butter(4, 0.7, 'high', output='sos'), z, axis=0)
+        rate = 1e7 / 35000
+        slope = np.gradient(sosfiltfilt(butter(4, 0.2, output='sos'), z, axis=0), axis=0) * rate
+        strong = np.abs(slope) > np.quantile(np.abs(slope), 0.7, axis=0)
+        delay_of = np.where(strong, fast / slope, np.nan)
+
+        def alike(a, b):
+            both = np.isfinite(a) & np.isfinite(b)
+            return np.corrcoef(a[both], b[both])[0, 1]
+
+        between = [alike(delay_of[:, i], delay_of[:, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+        after = [alike(d[1:], d[:-1]) for d in delay_of.T]
+        print(f'  {path.stem[:8]}  {1e3 * np.nanstd(delay_of, axis=0).round(6)} ms '
+              f'{np.round(between, 2)} {np.round(after, 2)}')
+
+
 def _tuned(filtered, reference, rate, late):
     """Return the low-pass whose measured delay is `late` s, by bisection of its cut-off."""
     low, high = 0.2, 0.495 * rate
@@ -533,7 +563,7 @@ def speed():
 def main(names) -> int:
     """Run what is named."""
     every = {'table': table, 'fresh': fresh, 'smooth': smooth, 'coarse': coarse, 'delay': delays,
-             'motion': real_motion, 'verdicts': verdicts, 'speed': speed}
+             'motion': real_motion, 'uneven': uneven, 'verdicts': verdicts, 'speed': speed}
     for name in names or every:
         every[name]()
     return 0
