@@ -263,24 +263,29 @@ def coarse(runs=2, seed=2):
 
 
 def verdicts():
-    """Print what the loop says of real motion under the bank, and the CPU time of an axis."""
-    print('\nverdicts of the loop on real records, motion auto')
-    for name in ('broad_01*', 'broad_10*', 'broad_24*', 'px4_auavx21*'):
-        for path in sorted(records().glob(f'{name}.npz')):
-            with np.load(path) as data:
-                gyro, rate = data['gyro'].astype(float), float(data['rate_hz'])
-                t = data['t'].astype(float) if 't' in data else np.arange(len(gyro)) / rate
-            for axis in range(3):
-                begin = time.process_time()
-                problem = problem_of(t, gyro[:, axis], f'gyro_{"xyz"[axis]}')
-                study = Study.begin({problem.target: problem},
-                                    model_of('filter', ('any_motion', 'white')))
-                found = study.diagnose()[problem.target]
-                left = found.remaining.failed if found.remaining else ()
-                print(f'  {path.stem[:12]} {problem.target}, samples {problem.part}:'
-                      f' {found.verdict} {[f.name for f in found.found]}, then fails'
-                      f' {[f.name for f in left]};'
-                      f' {time.process_time() - begin:.1f} CPU s', flush=True)
+    """Print what the loop says of real motion, and the CPU time of an axis."""
+    for model in (('any_motion', 'white'), (*SEED, 'white')):
+        print(f'\nverdicts of the loop on real records: {" + ".join(model)}')
+        for name in ('yei*', 'px4_auavx21*', 'broad_01*', 'broad_10*', 'broad_24*'):
+            for path in sorted(records().glob(f'{name}.npz')):
+                with np.load(path) as data:
+                    gyro = data['gyro'].astype(float)
+                    t = (data['t'].astype(float) if 't' in data
+                         else np.arange(len(gyro)) / float(data['rate_hz']))
+                for axis in range(3):
+                    _say_verdict(path.stem[:12], t, gyro[:, axis], f'gyro_{"xyz"[axis]}', model)
+
+
+def _say_verdict(record, t, z, axis, model):
+    begin = time.process_time()
+    problem = problem_of(t, z, axis)
+    study = Study.begin({axis: problem}, model_of('filter', model))
+    found = study.diagnose()[axis]
+    left = found.remaining.failed if found.remaining else ()
+    print(f'  {record} {axis}, samples {problem.part}: {found.verdict}'
+          f' {[f.name for f in found.found]},'
+          f' gains {[(f.name, round(f.gain)) for f in found.ranked[:3]]}, then fails'
+          f' {[f.evidence for f in left]}; {time.process_time() - begin:.1f} CPU s', flush=True)
 
 
 def records() -> Path:
