@@ -31,10 +31,10 @@ DARK = 0.15             # luminance
 class Served:
     """A server of its own in a process of its own."""
 
-    def __init__(self, path, *words):
+    def __init__(self, *words):
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'imu_noise_tools.cli.main', 'explore', str(path),
-             '--no-browser', *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            [sys.executable, '-m', 'imu_noise_tools.cli.main', 'explore',
+             *map(str, words), '--no-browser'], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'})
         line = self.process.stdout.readline()
         self.url = re.search(r'http://127\.0\.0\.1:\d+/[\w-]+/', line)[0]
@@ -55,7 +55,8 @@ class Served:
 class Window:
     """One window of the browser, which keeps what it asked for."""
 
-    def __init__(self, browser, url, width=1440, height=1000, scheme='light', query=''):
+    def __init__(self, browser, url, width=1440, height=1000, scheme='light', query='',
+                 wait='.rung'):
         self.asked: list[str] = []
         self.wrong: list[str] = []
         self._context = browser.new_context(viewport={'width': width, 'height': height},
@@ -67,7 +68,7 @@ class Window:
         self.page.on('pageerror', lambda e: self.wrong.append(str(e)))
         self.page.on('console', lambda m: self.wrong.append(m.text) if m.type == 'error' else None)
         self.page.goto(url + query)
-        self.page.wait_for_selector('.rung')
+        self.page.wait_for_selector(wait, state='attached')
         self.idle()
 
     def idle(self):
