@@ -46,7 +46,7 @@ def test_a_bag_played_to_the_analyser_is_seen_and_driven(ros, browser, tmp_path)
         w.page.get_by_role('button', name='Diagnose').click()
         w.page.wait_for_selector('text=missing: sinusoid')
         w.page.get_by_role('button', name='Add the best').click()
-        w.page.wait_for_selector('text=+ sinusoid')
+        w.page.locator('.rung').nth(1).wait_for()
         (_, before, _), (what, after, _) = w.rungs()
         assert what == '+ sinusoid' and after < 0.6 * before
         w.shot('live')
