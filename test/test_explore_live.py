@@ -12,7 +12,7 @@ from test_explore_browser import browser, Served, Window
 
 from imu_noise_tools.bag.writing import write_bag
 from imu_noise_tools.cli.main import main
-from imu_noise_tools.explore.live import panel
+from imu_noise_tools.explore.live import coefficients, panel
 from nodes_support import wait_for
 
 pytestmark = pytest.mark.thorough
@@ -32,6 +32,15 @@ def test_the_curve_is_drawn_as_it_came():
     assert len(alone.curves) == 1 and not alone.pull.any()
 
 
+def test_coefficients_are_read_from_the_topic():
+    assert coefficients({'N [rad/s/sqrt(Hz)]': '0.000141', 'N_std [rad/s/sqrt(Hz)]': '4e-7',
+                         'N_lo [rad/s/sqrt(Hz)]': '0.00014', 'N_hi [rad/s/sqrt(Hz)]': '0.000142',
+                         'B_std [rad/s]': '1e-12', 'B_upper95 [rad/s]': '2.9e-05',
+                         'held_out': '0.07'}) == [
+        'N 0.000141 (0.000140 ... 0.000142) rad/s/√Hz',
+        'B not observable, below 2.90e-05 rad/s']
+
+
 def test_a_bag_played_to_the_analyser_is_seen_and_driven(ros, browser, tmp_path):
     write_bag(tmp_path / 'bag', explore_study.record())
     served = Served('--topic', '/explored/analyser')
@@ -42,7 +51,7 @@ def test_a_bag_played_to_the_analyser_is_seen_and_driven(ros, browser, tmp_path)
         w = Window(browser, served.url, wait='.plot .scatterlayer .trace')
         w.page.wait_for_selector('button:has-text("gyro_x")')
         w.page.wait_for_selector('text=white')
-        w.click('gyro_x')
+        w.click('gyro_x', 'button[aria-pressed=true]:has-text("gyro_x")')
         w.page.get_by_role('button', name='Diagnose').click()
         w.page.wait_for_selector('text=missing: sinusoid')
         w.page.get_by_role('button', name='Add the best').click()

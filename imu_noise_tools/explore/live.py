@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+import re
 from typing import Any, Protocol
 
 from nicegui import run, ui
@@ -21,8 +22,10 @@ from ..core import units
 from ..core.errors import ImuNoiseError
 from ..plots.panels import TAU
 from ..plots.style import readable
+from ..report import words
 
 FOLLOW = 0.3        # s between looks at what has come
+_END = re.compile('_(std|lo|hi|upper95)$')
 NORMAL = 1.96       # standard deviations in half of a 95 % interval
 
 
@@ -50,6 +53,25 @@ def panel(axis: str, found: Mapping[str, Any]) -> Panel:
         pull = np.log(dev / model) / np.maximum(np.log(hi / lo) / (2 * NORMAL), 1e-9)
     return Panel('allan', 'Allan deviation', TAU, 's', tau, pull,
                  f'Allan deviation, {readable(unit)}', 'xy', tuple(lines))
+
+
+def coefficients(values: Mapping[str, str]) -> list[str]:
+    """Return a status's numbers as people read them: value, interval or limit, unit."""
+    out = []
+    for name in dict.fromkeys(_END.sub('', k.partition(' [')[0]) for k in values if '[' in k):
+        found = {k.partition(' [')[0].removeprefix(name): (float(v), k.partition('[')[2][:-1])
+                 for k, v in values.items() if k.startswith(name) and '[' in k}
+        unit = next(u for _, u in found.values())
+        if '' in found:
+            ends = ' ... '.join(words.significant(found[e][0]) for e in ('_lo', '_hi')
+                                if e in found)
+            said = words.significant(found[''][0]) + (f' ({ends})' if ends else '')
+        elif '_upper95' in found:
+            said = f'not observable, below {words.significant(found["_upper95"][0])}'
+        else:
+            continue
+        out.append(f'{name} {said} {readable(unit)}')
+    return out
 
 
 class Live:
@@ -107,8 +129,7 @@ class Live:
             ui.html(f'<h2>Ladder of {look.escape(self.axis)}</h2>'
                     + (look.rungs(steps) if steps else '<p class="faint">not analysed yet</p>')
                     + f'<h2>In the model</h2><p>{look.escape(model)}</p>' + look.bullets(
-                        (f'{look.escape(k)}: {look.escape(v)}' for k, v in values.items()),
-                        'small'), sanitize=False)
+                        map(look.escape, coefficients(values)), 'small'), sanitize=False)
         self._draw_verdict()
 
     def _draw_verdict(self) -> None:
