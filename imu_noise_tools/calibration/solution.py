@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from . import faces, solve
 from .axes import refuse_crossed_axes
@@ -326,7 +326,7 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
     said = list(fit.flags)
     x2, dof = fit.details.chi2, fit.details.dof
     residual, inputs = fit.details.residual, fit.details.inputs
-    if dof and chi2.sf(x2, dof) < 0.005:
+    if dof and chdtrc(dof, x2) < 0.005:
         said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
                     f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
