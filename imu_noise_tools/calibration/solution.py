@@ -178,8 +178,7 @@ def stated(
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
-def calibrate_turns(turns: Turns, model: Model | None = None,
-                    notes: Iterable[str] = ()) -> Calibration:
+def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
     """
     Return the gyroscope's calibration by the turns between rests, or refuse it.
 
@@ -197,7 +196,7 @@ def calibrate_turns(turns: Turns, model: Model | None = None,
                          f'terms of a gyroscope', f'hold {_TURN_ROWS // 2 + 1} poses or more, '
                          'turning about all axes between them')
     problem = TurnsProblem.of(turns)
-    fit = problem.fit(model or solve.base_model())
+    fit = problem.fit(solve.base_model())
     _refuse_failure(fit, problem.poses, 'turns')
     # what the turns tell by their geometry: a scatter that an effect explains is the loop's
     noise = np.median(turns.spread)

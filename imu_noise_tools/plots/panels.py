@@ -113,9 +113,9 @@ def allan(ax: Axes, state: State, found: Curves | None = None, title: str | None
     return ax
 
 
-def _band(ax, x, lo, hi, middle, colour=MEASURED, **options):
-    ax.fill_between(x, lo, hi, color=colour, alpha=0.16, linewidth=0)
-    ax.plot(x, middle, color=colour, linewidth=1.6, **options)
+def _band(ax, x, lo, hi, middle):
+    ax.fill_between(x, lo, hi, color=MEASURED, alpha=0.16, linewidth=0)
+    ax.plot(x, middle, color=MEASURED, linewidth=1.6)
 
 
 def _colour(state, label):
@@ -249,9 +249,9 @@ def _name_line(ax, e, at, density):
                 fontsize=SMALL, color=FAIL, fontweight='bold')
 
 
-def _rebinned(f, power, count, per_decade=10):
-    """Return (f, mean power, coefficients) of logarithmic bins made of the kept ones."""
-    group = np.floor(np.log10(f / f[0]) * per_decade).astype(int)
+def _rebinned(f, power, count):
+    """Return (f, mean power, coefficients) of ten bins a decade made of the kept ones."""
+    group = np.floor(np.log10(f / f[0]) * 10).astype(int)
     starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
     w = np.add.reduceat(count.astype(float), starts)
     return (np.exp(np.add.reduceat(np.log(f) * count, starts) / w),
