@@ -56,12 +56,15 @@ setup(
         # Only where no ROS is installed: wheels of the same packages. Without [fastrtps] rclpy has
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+        'explore': ['fastapi', 'nicegui>=3', 'uvicorn'],
         'fleet': ['dask', 'distributed'],
         'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'nicegui>=3',
             'pandas',
+            'playwright',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',
