@@ -71,25 +71,24 @@ def _register_changes(commands) -> None:
     )
     completion.offer(effects, completion.effects())
     c.add_argument('--all', action='store_true', help='all that was found, not the first')
-    axis = c.add_argument(
-        '--axis', metavar='A', action='append', help='only this axis (may be given again)'
-    )
-    completion.offer(axis, completion.axes)
-    common.si_option(c)
-    common.output_options(c, 'the new rungs of the ladder and the targets')
-    c.set_defaults(func=add)
+    _change_options(c, add)
 
     c = commands.add_parser('remove', help='take an effect out of the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
     label = c.add_argument('label', metavar='LABEL', help='as in study.yaml, e.g. sinusoid.2')
     completion.offer(label, completion.labels)
+    _change_options(c, remove)
+
+
+def _change_options(c, func) -> None:
+    """Add what is common to ``add`` and ``remove``."""
     axis = c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
     completion.offer(axis, completion.axes)
     common.si_option(c)
     common.output_options(c, 'the new rungs of the ladder and the targets')
-    c.set_defaults(func=remove)
+    c.set_defaults(func=func)
 
 
 def _register_export(commands) -> None:
