@@ -147,8 +147,7 @@ def by_bank(
         )
         if not live.any():
             continue
-        counted = live & (at >= settle)
-        log_l += log_density(density).reshape(-1, k)[counted].sum(0)
+        log_l += log_density(density).reshape(-1, k)[live & (at >= settle)].sum(0)
         for u, off in zip(scores, at_off):
             u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
     return np.where(np.isfinite(log_l), log_l, -np.inf), [u[:, settle:] for u in scores]
