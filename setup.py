@@ -56,12 +56,15 @@ setup(
         # Only where no ROS is installed: wheels of the same packages. Without [fastrtps] rclpy has
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
-        'fleet': ['dask', 'distributed'],
+        'fleet': ['bokeh', 'dask[distributed]', 'fsspec', 'pyarrow'],
         'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
+            'dask[distributed]',
+            'fsspec',
             'hypothesis',
             'pandas',
+            'pyarrow',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',
