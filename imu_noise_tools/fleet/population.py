@@ -41,6 +41,7 @@ LIMIT_WIDTH = 0.25  # s of an upper limit: amplitude^2 within 1.6 sigma, on a lo
 #: L' - L, such that the likelihood at a 95 % limit L is exp(-1.645^2/2) of its plateau
 LIMIT_SHIFT = LIMIT_WIDTH * float(special.ndtri(np.exp(-0.5 * special.ndtri(0.95) ** 2)))
 SMALL, LARGE = 1e-4, 3.0        # bounds of a standard deviation on the log scale
+LEAST = 3           # units that show a value, for a population
 MOST = 20_000       # records from which variances are estimated; more do not change them
 DENSE = 900         # records up to which degrees of freedom are computed
 
@@ -304,11 +305,11 @@ def fit(data: Sample) -> Fit:
     Raises
     ------
     ValueError
-        Nothing but upper limits, or fewer than two units: there is no population to be had.
+        Fewer than three units show the value: there is no population to be had.
 
     """
-    if data.limit.all() or data.units < 2:
-        raise ValueError('no population: nothing but limits, or one unit')
+    if len(np.unique(data.unit[~data.limit])) < LEAST:
+        raise ValueError('no population: shown by too few units')
     some = _Likelihood(data)
     x = _variances(_Likelihood(_thinned(data)) if len(data.y) > MOST else some)
     found = some.at(x)
