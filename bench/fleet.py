@@ -11,9 +11,10 @@ Tell whether a fleet's table is right about units, models and changes, and what 
     python bench/fleet.py reduce [--bags 100000]             the table and the statistics alone
 
 ``fleets``: 64 units of two models, recorded once, twelve of them on two later dates too. One is
-noisy (all axes or one), one has a line that its model does not have, one drifts; a firmware changes
-N by 10 %, for half of the units from the first, for the twelve at their last date. ``draws`` are
-numbers with the same structure that no bag was made for: for the coverage of intervals alone.
+noisy (all axes or one), one has a line that its model does not have, one drifts; a firmware
+changes N by 10 %, for half of the units from the first, for the twelve at their last date.
+``draws`` are numbers with the same structure that no bag was made for: for the coverage of
+intervals alone.
 
 """
 
@@ -242,8 +243,8 @@ def cost(args: argparse.Namespace) -> None:
                     run.run(kept, every[:count], client)
                     wall, mine = time.monotonic() - begin, time.process_time() - before
                 inside = [f['cpu_s'] for _, _, f in kept.facts(every[:count], {})]
-                print(f'{workers} workers, {count} bags: {wall:.1f} s, {np.mean(inside):.2f} CPU s '
-                      f'a bag in the workers, {1e3 * mine / count:.1f} CPU ms a bag in client and '
+                print(f'{workers} workers, {count} bags: {wall:.1f} s, {np.mean(inside):.2f} '
+                      f'CPU s a bag in the workers, {1e3 * mine / count:.1f} CPU ms a bag in client and '
                       f'scheduler, load {os.getloadavg()[0]:.1f}', flush=True)
 
 
@@ -297,7 +298,8 @@ def main() -> None:
     if args.what == 'reduce':
         args.bags = args.bags[-1]
     args.count = args.count or {'fleets': 20}.get(args.what, 400)
-    {'fleets': fleets, 'again': again, 'draws': draws, 'cost': cost, 'reduce': reduce}[args.what](args)
+    {'fleets': fleets, 'again': again, 'draws': draws, 'cost': cost,
+     'reduce': reduce}[args.what](args)
 
 
 if __name__ == '__main__':

@@ -27,7 +27,7 @@ from ..export import PARAMETERS
 from ..loop.effect import find_effect
 
 LEVELS = 8          # of a factor; one with more is a name, not a factor
-COMMON = 0.2        # share of a model's units from which a missing effect is the model's, not theirs
+COMMON = 0.2        # share of a model's units from which an effect is the model's, not theirs
 YEAR = 365.25       # days
 NEAR = 0.01         # relative width within which two lines are one
 FLOOR = 0.004       # standard error (log) below which no record is believed
@@ -284,7 +284,7 @@ def outlying(found: Sequence[Population], effects: Sequence[Mapping[str, Any]]) 
                 'unit': unit, 'model': one.model, 'probability': float(f.p_out[u]),
                 'what': f'{one.sensor} {one.parameter}', 'axes': _axes_out(one, u),
                 'drift': shape[k] == 'drift', **_moved(one, u, k)})
-    sure = called(np.array([c['probability'] for c in cases])) if cases else []
+    sure = called(np.array([c['probability'] for c in cases], float))
     out: dict[str, dict[str, Any]] = {}
     for case, yes in zip(cases, sure):
         if yes:
@@ -349,8 +349,7 @@ def missing(rows: Columns) -> dict[str, list]:
             out.append({'unit': unit, 'model': model, 'what': f'{effect} missing from its model',
                         'probability': float(1 / (1 + np.exp(-min(odds, 30.0)))),
                         'axes': sorted(one['axes'], key=AXES.index), 'drift': False})
-    often.sort(key=lambda o: -o['share'])
-    return {'often': often, 'units': out}
+    return {'often': sorted(often, key=lambda o: -float(o['share'])), 'units': out}
 
 
 def lines(rows: Columns) -> list[dict[str, Any]]:

@@ -224,7 +224,8 @@ def _units(s: Mapping[str, Any]) -> str:
     for unit, one in list(s['about'].items())[:MOST_UNITS]:
         bags = sorted(one['bags'], key=lambda b: b['date'] or '')
         links = ', '.join(f'<a href="bags/{quote(b["key"])}/{s["report"]}">'
-                          f'{escape(b["date"] or str(k))}</a>' for k, b in enumerate(bags[-12:], 1))
+                          f'{escape(b["date"] or str(k))}</a>'
+                          for k, b in enumerate(bags[-12:], 1))
         said = '; '.join(f'{v}: {len(a)}' for v, a in sorted(one.get('verdicts', {}).items()))
         rows.append((_link(s, unit), escape(one['model']), links, escape(said)))
     more = len(s['about']) - len(rows)

@@ -152,7 +152,7 @@ class _Nested:
 
     def dot(self, a: Array, solved: Array) -> Array:
         """Return a' V^-1 b for each unit, of a and what :meth:`solve` gave for b."""
-        return np.bincount(self.unit, a * solved, self.units)
+        return np.asarray(np.bincount(self.unit, a * solved, self.units), float)
 
 
 @dataclass
@@ -430,8 +430,11 @@ def upper(found: Fit, axes: Sequence[int], share: float = 0.95) -> float:
     Parameters
     ----------
     found : Fit
+        The population.
     axes : sequence of int
         The columns of X that are the means of the axes.
+    share : float
+        Of the units.
 
     """
     mean = found.beta[list(axes)]

@@ -181,8 +181,11 @@ def run(fleet: Fleet, bags: Sequence[Bag], client: Any, progress: Progress | Non
     Parameters
     ----------
     fleet : Fleet
+        Where the results are kept.
     bags : sequence of Bag
+        All of the fleet.
     client : distributed.Client
+        Who does it.
     progress : callable or None
         Called with (share done, what), the time left in it.
     again : bool

@@ -37,9 +37,10 @@ STEM = 'fleet'
 
 def table(found: Iterable[tuple[Bag, str, Mapping[str, Any]]], factors: Iterable[str] = ()) -> Any:
     """
-    Return the table (pyarrow) of (bag, key, facts); ``factors`` are its further columns.
+    Return the long table, of pyarrow, from each bag with its key and facts.
 
-    Rows are taken in batches, so that memory does not go with the plain rows of all bags.
+    ``factors`` are its further columns. Rows are taken in batches, so that memory does not go with
+    the plain rows of all bags.
 
     """
     pa = extra('pyarrow')

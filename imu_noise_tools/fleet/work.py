@@ -102,7 +102,9 @@ def examine(bag: Bag, options: Options, folder: str, mark: str,
     Parameters
     ----------
     bag : Bag
+        Which one.
     options : Options
+        What is done with it.
     folder, mark : str
         The folder of the fleet and what its mark says. A worker that finds the mark there writes
         the study itself; else the files are carried back.
