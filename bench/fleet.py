@@ -89,7 +89,8 @@ def fleets(args: argparse.Namespace) -> None:
     """Print what the table says of fresh fleets, against the truth."""
     distributed = __import__('distributed')
     tally = Tally()
-    options = Options({'effects': ('white', 'flicker', 'random_walk')}, reports=False)
+    # K does not show in minutes
+    options = Options({'effects': ('white', 'flicker'), 'points': 20}, reports=False)
     with distributed.LocalCluster(n_workers=args.workers, threads_per_worker=1,
                                   dashboard_address=None, silence_logs=50) as cluster, \
             distributed.Client(cluster) as client:

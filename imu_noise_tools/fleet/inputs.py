@@ -148,7 +148,7 @@ def _stem(path: str) -> str:
 def _manifest(where: '_Place') -> list[dict[str, str]] | None:
     """Return the rows of a manifest; None for a record in CSV."""
     try:
-        lines = list(csv.reader(where.text().splitlines()))
+        lines = list(csv.reader(where.text().splitlines(), strict=True))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f'{where.path}: not readable as a manifest ({error})',
                          'a CSV file with a column bag') from None
