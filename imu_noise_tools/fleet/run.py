@@ -86,6 +86,7 @@ def connected(bags: Sequence[Bag], scheduler: str | None = None,
     with dask.config.set(settings), \
             distributed.LocalCluster(n_workers=workers or count, threads_per_worker=1,
                                      memory_limit=int(limit), dashboard_address=':0',
+                                     preload=f'{__package__}.worker',
                                      silence_logs=50) as cluster, \
             distributed.Client(cluster, set_as_default=False) as client:
         yield client
