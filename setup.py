@@ -56,6 +56,7 @@ setup(
         # Only where no ROS is installed: wheels of the same packages. Without [fastrtps] rclpy has
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+        'explore': ['fastapi', 'nicegui>=3', 'uvicorn'],
         'fleet': ['bokeh', 'dask[distributed]', 'fsspec', 'pyarrow'],
         'notebook': ['pandas'],
         'test': [
@@ -63,7 +64,9 @@ setup(
             'dask[distributed]',
             'fsspec',
             'hypothesis',
+            'nicegui>=3',
             'pandas',
+            'playwright',
             'pyarrow',
             'pytest',
             'pytest-timeout',

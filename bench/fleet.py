@@ -245,7 +245,7 @@ def cost(args: argparse.Namespace) -> None:
                     wall, mine = time.monotonic() - begin, time.process_time() - before
                 inside = [f['cpu_s'] for _, _, f in kept.facts(every[:count], {})]
                 print(f'{workers} workers, {count} bags: {wall:.1f} s, {np.mean(inside):.2f} '
-                      f'CPU s a bag in the workers, {1e3 * mine / count:.1f} CPU ms a bag in client '
+                      f'CPU s a bag in workers, {1e3 * mine / count:.1f} CPU ms a bag in client '
                       f'and scheduler, load {os.getloadavg()[0]:.1f}', flush=True)
 
 

@@ -13,6 +13,7 @@ Nothing in a study names code to run: YAML is loaded safely, arrays without pick
 from __future__ import annotations
 
 from collections.abc import Mapping
+import hashlib
 import io
 import math
 from pathlib import Path
@@ -359,6 +360,17 @@ def study_files(study: Study) -> dict[str, bytes | str]:
     arrays.update(_ladder_arrays(study))
     np.savez_compressed(buffer, **arrays)
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
+
+
+def fingerprint(folder: str | Path) -> str:
+    """Return a digest of what a folder's study is read from; empty where there is none."""
+    digest = hashlib.sha256()
+    try:
+        for name in ('study.yaml', 'evidence.npz'):
+            digest.update((Path(folder) / name).read_bytes())
+    except OSError:
+        return ''
+    return digest.hexdigest()
 
 
 def read(folder: str | Path) -> dict:

@@ -33,6 +33,7 @@ SETTINGS = {
         'noise': ('white', 'gauss_markov'),
     },
     'robust': {'noise': ('white', 'outliers')},
+    'uneven': {'noise': ('white', 'sampling_jitter')},
     'steps': {'motion': ('constant_rate', 'ar_increment', 'rate_step')},
     'vibration': {'noise': ('white', 'sinusoid')},
 }
@@ -195,6 +196,7 @@ SWITCHES = [
     {'alpha': 0.7},
     {'noise': ('white', 'gauss_markov')},
     {'motion': AUTO, 'noise': ('white', 'outliers')},
+    {'motion': AUTO, 'noise': ('white', 'sampling_jitter')},
 ]
 
 

@@ -9,7 +9,7 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 from imu_noise_tools import store
 from imu_noise_tools.cli.main import main
@@ -370,7 +370,11 @@ def test_motion_that_stops_and_starts_is_named_and_the_bank_holds_it():
     x = np.cumsum(np.where(moving, np.diff(np.r_[0.0, x]), 0.0))
     z = (x + np.sqrt(R) * rng.standard_normal(n)) * DEG
     found = study_of(z).diagnose()['gyro_x']
-    assert found.verdict == 'missing' and found.found[0].name == 'stop_and_go'
+    # the bank for any motion holds it too, and leaves the rate at once where it stops
+    assert found.verdict == 'missing' and found.found[0].name in ('stop_and_go', 'any_motion')
+    gain = {f.name: f.gain - f.penalty for f in found.ranked}
+    others = max(v for k, v in gain.items() if k not in ('stop_and_go', 'any_motion'))
+    assert min(gain['stop_and_go'], gain['any_motion']) > others + 100
     problem = FilterProblem(z, 1 / RATE, stated=STATED)
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
     assert study.diagnose()['gyro_x'].verdict == 'complete'
@@ -388,3 +392,38 @@ def test_under_the_bank_what_the_noise_lacks_is_named(kind):
 def test_two_motions_that_jump_are_refused():
     with pytest.raises(UsageError, match='side by side'):
         design(('any_motion', 'rate_step'))
+
+
+@pytest.mark.parametrize('alternate', [False, True], ids=['random', 'alternating'])
+def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate):
+    """A delay of every sample, normal by itself or to and fro, is noise that grows with motion."""
+    rng = np.random.default_rng(41)
+    n, sigma, jitter = 8000, 0.1 * DEG, 5e-4
+    off = jitter * (np.where(np.arange(n) % 2, 1.0, -1.0) if alternate else rng.standard_normal(n))
+    fine = 20                                               # a shaking hand, finely sampled
+    hand = lfilter(*butter(2, 3.0, fs=fine * RATE), rng.standard_normal(fine * (n + 2)))
+    hand *= np.sin(2 * np.pi * 0.05 * np.arange(len(hand)) / (fine * RATE)) ** 2
+    at = np.arange(1, n + 1) / RATE + off
+    rate = 1.5 * np.interp(at, np.arange(len(hand)) / (fine * RATE), hand / hand.std())
+    z = rate + sigma * rng.standard_normal(n)
+    problem = FilterProblem(z, 1 / RATE)
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    found = study.diagnose()['gyro_x']
+    assert found.verdict == 'missing' and found.found[0].name == 'sampling_jitter', found
+    before = study.history[0].held_out
+    step, = study.add()
+    assert step.held_out < before and step.verdict.startswith('falls')
+    seen = study.states['gyro_x'].fit.estimates['sampling_jitter']['jitter']
+    # a delay to and fro is looked for among those of chance: the prediction has half of it
+    most = 2.0 if alternate else 1.4
+    assert 0.7 * jitter < seen.value < most * jitter
+
+
+def test_rounding_is_not_a_heavy_or_light_tail():
+    """White noise in steps of more than its standard deviation is white noise."""
+    rng = np.random.default_rng(8)
+    z = np.round(rng.standard_normal(8000) / 1.2) * 1.2 * 0.1 * DEG
+    study = Study.begin({'gyro_x': FilterProblem(z, 1 / RATE)},
+                        model_of('filter', ('any_motion', 'white')))
+    found = study.diagnose()['gyro_x']
+    assert found.verdict == 'complete', found

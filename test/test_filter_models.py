@@ -312,7 +312,7 @@ def test_recursion_by_chunks_predicts_like_the_steady_state():
     rng = np.random.default_rng(6)
     z = 0.01 * rng.standard_normal(5000)
     model = LINEAR['acceleration']
-    log_l, u = by_bank([model, model], z, 0.01)
+    log_l, (u,) = by_bank([model, model], z, 0.01, at_off=(0.0,))
     fast = predict(model, z, 0.01)
     assert log_l[0] == log_l[1] == pytest.approx(fast.log_likelihood, abs=0.1)
     assert np.allclose(u[0], fast.u, atol=2e-3)

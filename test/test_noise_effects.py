@@ -34,11 +34,13 @@ from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 
 DT = 0.02
-VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence'}
+VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence', 'repeats'}
 EFFECTS = dict(registry('noise'))
 # Where another value of one parameter asks for another value of a second one as well.
 # Noise of less than half a step is not white after rounding: there is no density to test.
-MORE = {'duplicates': [{'fraction': 0.5, 'pattern': 'regular'}],
+MORE = {'duplicates': [{'fraction': 0.5, 'pattern': 'regular', 'run': 1.0},
+                       {'fraction': 0.3, 'pattern': 'regular', 'run': 1.0},
+                       {'fraction': 0.15, 'pattern': 'random', 'run': 6.0}],
         'rate_quantization': [{'step': 2e-3, 'white': 1.0}],
         'variance_change': [{**EFFECTS['variance_change'].neutral, 'factor': 3.0, **v} for v in (
             {'form': 'drift'}, {'form': 'periodic', 'time': 60.0, 'period': 150.0},

@@ -10,8 +10,9 @@ import pytest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, model_of
-from imu_noise_tools.loop.prediction import fall_of
+from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs
 from imu_noise_tools.noise.gather import gather, unrounded
@@ -43,6 +44,21 @@ def test_what_is_not_there_is_null_or_small(name):
         e = fit.estimates[name][p.name]
         if p.amplitude and e.value is not None:
             assert e.std and abs(e.value) < 4.5 * e.std, p.name
+
+
+@pytest.mark.parametrize('form', ['runs', 'slower'])
+def test_samples_held_in_runs_or_by_a_slower_clock_are_named_and_nothing_remains(form):
+    """In runs of six, or by a sensor that measures at 0.7 times the rate it is read with."""
+    rng, rate, n = np.random.default_rng(8), 50.0, 60_000
+    sensor, k = hidden.draw_sensor(rng), np.arange(n)
+    y = np.column_stack([hidden.base_noise(n, 1 / rate, sensor, rng) for _ in range(3)])
+    held = np.convolve(rng.random(n) < 0.004, np.ones(6))[:n] > 0
+    at = np.maximum.accumulate(np.where(held, 0, k)) if form == 'runs' \
+        else np.floor(np.floor(k * 0.7 + 1e-9) / 0.7 + 1e-9).astype(int)
+    problem = NoiseProblem(gather(ImuRecord(y[at], None, k / rate, rate), ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['duplicates'] and found.remaining is None
 
 
 def test_a_second_step_lands_beside_the_first():

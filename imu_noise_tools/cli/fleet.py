@@ -70,8 +70,10 @@ def fleet(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     """Examine the bags and write what they say."""
-    from ..fleet import assemble, inputs, run
+    from ..fleet import assemble, extra, inputs, run
 
+    for name in ('distributed', 'pyarrow'):
+        extra(name)
     options = _options(args)
     bags = inputs.bags_of(args.inputs, args.pattern, args.topic or '')
     kept = run.Fleet(Path(args.output), options)

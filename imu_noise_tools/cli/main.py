@@ -20,7 +20,7 @@ from ..core.errors import ImuNoiseError, unknown, UsageError
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
-MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'fleet', 'demo',
+MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'fleet', 'demo', 'explore',
            'completion')
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import errno
+import fcntl
 import os
 from pathlib import Path
 import re
@@ -217,6 +218,28 @@ def scratch_folder() -> Path:
         folder = _sibling(name)
         folder.mkdir(mode=0o700)
     return folder
+
+
+@contextmanager
+def only_writer(folder: str | Path) -> Iterator[None]:
+    """
+    Wait until nobody else writes into a folder, and keep others waiting until the block ends.
+
+    Only who asks in the same way is kept waiting; nothing is left in the folder.
+
+    Raises
+    ------
+    InputError
+        There is no such folder.
+
+    """
+    with _mapped(folder):
+        handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def replace_files(folder: str | Path, files: Mapping[str, str | bytes]) -> None:

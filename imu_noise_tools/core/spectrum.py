@@ -184,7 +184,7 @@ def _grid(
     return np.concatenate(parts), weight[:low], alone, (first, second)
 
 
-def leaked(v: np.ndarray, bins: Bins) -> np.ndarray:
+def leaked(v: np.ndarray, bins: Bins, along: np.ndarray | None = None) -> np.ndarray:
     """
     Return what reaches each bin from the bins far below it through the record's ends, (b,).
 
@@ -198,16 +198,23 @@ def leaked(v: np.ndarray, bins: Bins) -> np.ndarray:
         The expected power of the bins.
     bins : Bins
         Of the record.
+    along : ndarray (b,) or None
+        A change of v: then how much more leaks with it is returned.
 
     """
     w, own = _leakage(bins.n, bins.dt, bins.fine)
-    return np.maximum(w @ v - own * v, 0.0)
+    low = w.shape[1]    # what lies above leaks into nothing
+    if along is None:
+        return np.maximum(w @ v[:low] - own * v, 0.0)
+    net, more = (w @ np.column_stack([v, along])[:low] - own[:, None] * np.column_stack(
+        [v, along])).T
+    return np.where(net > 0, more, 0.0)
 
 
 @lru_cache(maxsize=8)
 def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return (w, own): the power that bin b takes from bin j is w[b, j] of its own.
+    Return (w, own): the power that bin b takes from bin j is w[b, j] of its own (b, low).
 
     |Phi_k(omega)|^2 = (8/n) {sin, cos}^2(n omega/2) sin^2(omega/2) cos^2(theta/2) /
     (cos omega - cos theta)^2, theta = pi k/n, Phi_k the Fourier transform of the cosine k; its
@@ -221,7 +228,8 @@ def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[np.ndarray, np
     gap = np.where(by < 0.5 * to, np.cos(by) - np.cos(to), np.inf)
     w = 8 * dt / n * np.cos(to / 2) ** 2 * wave / gap**2
     w[:CORRECTED] = 0.0  # their window is integrated as it is
-    return w, w.sum(axis=1)
+    low = int(np.flatnonzero(w.any(axis=0))[-1]) + 1 if w.any() else 0
+    return np.ascontiguousarray(w[:, :low]), w.sum(axis=1)
 
 
 def folded(f: float, dt: float) -> float:

@@ -120,7 +120,9 @@ def time_view(u: np.ndarray, dt: float) -> View:
     return View('time', (np.arange(count) + 0.5) * size * dt, pull, 0.0, 0.0, 's')
 
 
-def score_of(u: np.ndarray, dt: float, coarse: bool = False) -> Score:
+def score_of(
+    u: np.ndarray, dt: float, coarse: bool = False, smooth: np.ndarray | None = None
+) -> Score:
     """
     Return the error of the loop.
 
@@ -129,17 +131,21 @@ def score_of(u: np.ndarray, dt: float, coarse: bool = False) -> Score:
     The deviance of both views together is 2 n times the mean innovation log-likelihood that a true
     model would have scored above this one: u and the samples carry the same information.
     ``coarse``: less what a bank loses by itself, so that 0 is as good as a bank need be.
+    ``smooth`` (n,): the scores whose distribution counts where rounding makes a comb of that of u.
 
     """
     u = np.clip(u, -1e6, 1e6)
-    views = [spectrum_view(u, dt), distribution_view(u)]
+    smooth = u if smooth is None else np.clip(smooth, -1e6, 1e6)
+    views = [spectrum_view(u, dt), distribution_view(smooth)]
     if coarse:
         views = [replace(v, excess=v.excess - 2 * len(u) * COARSE[v.name] / len(v.pull))
                  for v in views]
     return Score.of(views)
 
 
-def omnibus(u: np.ndarray, dt: float, coarse: bool = False) -> list[Finding]:
+def omnibus(
+    u: np.ndarray, dt: float, coarse: bool = False, smooth: np.ndarray | None = None
+) -> list[Finding]:
     """
     Return tests of u (n,) that fail when anything is missing.
 
@@ -148,13 +154,14 @@ def omnibus(u: np.ndarray, dt: float, coarse: bool = False) -> list[Finding]:
     Spectrum and autocorrelation are tested on the side of too much: innovations with too little
     power at low frequency say that the model allows for motion that the record does not hold, and
     nothing is missing then. ``coarse``: what a bank loses by itself is no failure either, in any
-    test of a view that loses no more.
+    test of a view that loses no more. ``smooth`` as for :func:`score_of`.
 
     """
     n = len(u)
+    smooth = u if smooth is None else smooth
     r = autocorrelation(u, LAGS)
     nis = float(np.mean(u * u))
-    kurtosis = stats.kurtosistest(u)
+    kurtosis = stats.kurtosistest(smooth)
     p_spectrum, where = _too_much_power(u, dt)
     blocks = time_view(u / max(float(np.std(u)), 1e-300), dt)
     power_k = cosine_transform(u)[1:] ** 2
@@ -190,7 +197,7 @@ def omnibus(u: np.ndarray, dt: float, coarse: bool = False) -> list[Finding]:
             'kurtosis',
             float(kurtosis.pvalue),
             'distribution',
-            f'excess kurtosis is {float(stats.kurtosis(u)):.3g}',
+            f'excess kurtosis is {float(stats.kurtosis(smooth)):.3g}',
         ),
         (
             'variance in time',
@@ -201,7 +208,7 @@ def omnibus(u: np.ndarray, dt: float, coarse: bool = False) -> list[Finding]:
     ]
     passed = set()
     if coarse:
-        views = score_of(u, dt, coarse=True).views
+        views = score_of(u, dt, True, smooth).views
         passed = {k for k, v in views.items() if v.excess <= 0}
     return [Finding(name, 0.0, view=where, evidence=words,
                     p_value=1.0 if ('distribution' if where == 'distribution' else 'spectrum')

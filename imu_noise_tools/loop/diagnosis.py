@@ -214,8 +214,18 @@ class _Search:
             able = self.able(place)
             if not able:
                 break
-            members.append(able[0])
+            # at once, or what follows is looked for beside something that is not there
+            if self._heals(members, able[0]):
+                members.append(able[0])
         return members
+
+    def _heals(self, members: list[Finding], finding: Finding) -> bool:
+        """Tell whether a candidate heals what it claims behind a chain; else it is refuted."""
+        before = self.model_of(members)
+        against = self._unhealed(before, before.plus(_new(finding)), finding)
+        if against:
+            self.refuted[label(before, finding)] = replace(finding, against=against)
+        return not against
 
     def _note(self, members: list[Finding], place: _Place) -> None:
         """Keep the surplus of the set reached, and of each set one candidate further on."""
@@ -238,7 +248,8 @@ class _Search:
                  if surplus(rival) > NEAR * surplus(main[i])]
         begun.sort(key=lambda z: -z[0])
         whole = frozenset(self.model_of(main).labels)
-        for _, begin in begun[:CHAINS - 1]:
+        begun = [b for _, b in begun if self._heals(b[:-1], b[-1])]
+        for begin in begun[:CHAINS - 1]:
             other = self.chain(begin)
             # a rival with all of the main chain beside it: from there it was seen to gain nothing
             if not whole < frozenset(self.model_of(other).labels):
@@ -316,10 +327,11 @@ class _Search:
 
     def _unhealed(self, before_it: Model, after_it: Model, finding: Finding) -> str:
         """Say that the view a member claims to heal does not gain at its place what it claims."""
-        without, with_it = self.tests(before_it), self.tests(after_it)
         assert finding.effect is not None
+        without = self.tests(before_it)
         if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
+        with_it = self.tests(after_it)
         if finding.view not in {f.view for f in with_it}:
             return f'it hides the view {finding.view} and does not heal it'
         before, after = (sum(max(f.gain, 0.0) for f in tests if f.view == finding.view)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 import importlib.util
 from pathlib import Path
 import re
@@ -112,6 +113,11 @@ class Parameter:
         return self.choices[int(value)] if self.choices else value
 
 
+@lru_cache(maxsize=512)
+def _by_name(parameters: tuple[Parameter, ...]) -> dict[str, Parameter]:
+    return {p.name: p for p in parameters}
+
+
 @dataclass(frozen=True)
 class Effect:
     """
@@ -162,14 +168,15 @@ class Effect:
 
     def __post_init__(self) -> None:
         """Check the names of the values and freeze them."""
-        known = {p.name: p for p in self.parameters}
-        unknown = sorted(set(self.values) - set(known))
-        if unknown:
+        known = _by_name(self.parameters)
+        if not self.values.keys() <= known.keys():
+            unknown = sorted(set(self.values) - set(known))
             raise UsageError(
                 f'{self.name} has no parameter {", ".join(unknown)}',
                 f'its parameters are {", ".join(known) or "none"}',
             )
-        values = {k: known[k].number(v) for k, v in self.values.items()}
+        values = {k: v if type(v) is float and not known[k].choices else known[k].number(v)
+                  for k, v in self.values.items()}
         object.__setattr__(self, 'values', MappingProxyType(values))
         object.__setattr__(self, 'label', self.label or self.name)
 

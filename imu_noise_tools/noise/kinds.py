@@ -22,7 +22,7 @@ from scipy.fft import dct, idct
 
 from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
 from ..core.statistics import interval
-from ..loop.effect import Effect, Estimate, Finding, Fit, Model, Parameter
+from ..loop.effect import Effect, Estimate, Finding, Fit, Model, Parameter, View
 
 if TYPE_CHECKING:       # evidence knows the kinds; they know it by its type alone
     from .evidence import Evidence
@@ -401,6 +401,17 @@ class Defect(NoiseEffect):
         Return a Finding from kept statistics, or None.
 
         It holds the gain in log-likelihood, the effect with values and the evidence in words.
+
+        """
+        return None
+
+    @classmethod
+    def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
+        """
+        Return a view of a part (a half, or whole) by what it kept of the samples there.
+
+        Whether it is in the fit's model or not, where that was fitted to the other half; None
+        where the samples show nothing of the kind, or another view shows it.
 
         """
         return None

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from scipy.fft import dct
@@ -23,14 +23,13 @@ from scipy.fft import dct
 from .evidence import Evidence
 from .explained import Explained
 from .kinds import (
-    binned_behind,
     Coupling,
-    gain2_of,
     Inputs,
     Mean,
     MEASURED,
     model_crowd,
     NoiseEffect,
+    psd_behind,
     Response,
     slopes_behind,
     Spectrum,
@@ -145,6 +144,7 @@ class Likelihood:
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
         self._units: dict[tuple, np.ndarray] = {}
+        self._pairs: dict[tuple, tuple] = {}
         if self.means:
             self._prepare_slow(mean)
 
@@ -313,11 +313,13 @@ class Likelihood:
     def _channels(self, model):
         """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
         pair, here, names = self.evidence.common.pair, self.part_name, self._coupled_names(model)
-        return (
-            names,
-            np.array([pair(self.evidence.axis, n, here) for n in names]),
-            np.array([[pair(a, b, here) for b in names] for a in names]),
-        )
+        if tuple(names) not in self._pairs:
+            self._pairs[tuple(names)] = (
+                names,
+                np.array([pair(self.evidence.axis, n, here) for n in names]),
+                np.array([[pair(a, b, here) for b in names] for a in names]),
+            )
+        return self._pairs[tuple(names)]
 
     def without_couplings(self, model: Model) -> np.ndarray:
         """
@@ -348,11 +350,18 @@ class Likelihood:
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
         total = sum(each.values())
         if any(r.leaks for r in model.of(Response)):
-            # rounding happens behind the filter: where that leaves nothing, the output's own step
-            # is what is measured
-            total = total + self.evidence.resolution**2 * self.dt / 6
+            total = self._rounded(total)
             total = total + leaked(total, self.bins)
         return np.maximum(total + self._missed(model), 1e-290), each
+
+    def _rounded(self, total):
+        """
+        Return a spectrum (b,) with the output's rounding.
+
+        That happens behind the filter: where the filter leaves nothing, it is what is measured.
+
+        """
+        return total + self.evidence.resolution**2 * self.dt / 6
 
     def _missed(self, model: Model) -> np.ndarray:
         """Return the power (b,) of a shared source that the couplings' channels miss."""
@@ -364,27 +373,34 @@ class Likelihood:
                     out = out + e.values.get(name, 0.0) ** 2 * self._spreads[channel]
         return out
 
-    def _spectrum(self, effect, model):
+    def _spectrum(self, effect, model, turn=1.0):
         """
         Return what one effect puts into the bins, as expected behind the sensor's responses.
 
         Power goes with the square of an amplitude: what else it depends on seldom moves, and is
-        kept.
+        kept. With ``turn`` (g,), a slope of ln gain^2, the slope of that.
 
         """
         amplitude = [p.name for p in effect.parameters if p.amplitude]
         size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
-        if not size > 0 or effect.centre is not None:
-            return binned_behind(effect, model, self.bins)
         behind = [e for e in model.of(Response) if effect.filtered or e.last]
+        if effect.centre is not None:
+            own = effect.binned(self.bins)
+            return own * gathered(self._gain2(behind) * turn, self.bins) if behind else own
+        if not size > 0:
+            return gathered(psd_behind(effect, model, asked(self.bins), self.dt) * turn, self.bins)
         shape = effect.label, *((k, v) for k, v in effect.values.items() if k != amplitude[0])
         one = self._kept(shape, lambda: effect.with_values(**{amplitude[0]: 1.0}).psd(
             asked(self.bins), self.dt))
         if not behind:
             return size**2 * self._kept((*shape, ''), lambda: gathered(one, self.bins))
-        gain = self._kept(tuple((e.label, *e.values.values()) for e in behind),
-                          lambda: gain2_of(behind, asked(self.bins), self.dt))
-        return size**2 * gathered(one * gain, self.bins)
+        return size**2 * gathered(one * self._gain2(behind) * turn, self.bins)
+
+    def _gain2(self, responses):
+        """Return the squared gain (g,) of responses where :func:`gathered` wants it."""
+        return reduce(np.multiply, (
+            self._kept((r.label, *r.values.values()), partial(r.gain2, asked(self.bins), self.dt))
+            for r in responses))
 
     def _kept(self, key, make):
         """Return what was made for a key, or make it."""
@@ -408,13 +424,15 @@ class Likelihood:
                 model = model.with_values({slot.label: {slot.parameter.name: float(value)}})
             v, each = self.spectra(model)
             linear = self.solve_linear(model, v)
-        nll = (
-            0.5 * float(np.sum(linear.weight * (np.log(v) + linear.power / v)))
-            + 0.5 * linear.log_det
-        )
+        nll = self._cost(linear, v)
         if penalty and reddest is not None:
             nll -= penalty * x[reddest]
         return nll, linear, v, each
+
+    @staticmethod
+    def _cost(linear, v):
+        return 0.5 * float(
+            np.sum(linear.weight * (np.log(v) + linear.power / v))) + 0.5 * linear.log_det
 
     def jacobian(self, x: np.ndarray, v: np.ndarray, each: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return d ln v / d x, (b, p)."""
@@ -431,20 +449,39 @@ class Likelihood:
             elif isinstance(effect, Spectrum) and name in (
                     known := slopes_behind(effect, model, self.bins)):
                 out[:, j] = known[name] / v
-            elif isinstance(effect, (Spectrum, Response)):
-                out[:, j] = self._slope(x, j, isinstance(effect, Spectrum)) / v
+            elif isinstance(effect, Spectrum):
+                out[:, j] = self._slope(x, j) / v
+            elif isinstance(effect, Response):
+                out[:, j] = self._response_slope(x, j, model, each) / v
         return out
 
-    def _slope(self, x, j, alone: bool, h: float = 1e-4) -> np.ndarray:
-        """Return d v/d x_j by central differences, (b,); ``alone``: of that effect's spectrum."""
+    def _slope(self, x, j, h: float = 1e-4) -> np.ndarray:
+        """Return d v/d x_j of a spectrum by central differences, (b,)."""
         sides = []
         for step in (h, -h):
             moved = x.copy()
             moved[j] += step
             model = self.with_search(moved)
-            sides.append(self._spectrum(model[self.slots[j].label], model) if alone
-                         else self.spectra(model)[0])
+            sides.append(self._spectrum(model[self.slots[j].label], model))
         return (sides[0] - sides[1]) / (2 * h)
+
+    def _response_slope(self, x, j, model, each, h: float = 1e-4) -> np.ndarray:
+        """
+        Return d v/d x_j of a response, (b,): of its gain alone by central differences.
+
+        Power goes with the gain, and so does what leaks.
+
+        """
+        slot, own = self.slots[j], model[self.slots[j].label]
+        up, down = (
+            own.with_values(**{slot.parameter.name: slot.from_search(x[j] + step)}).gain2(
+                asked(self.bins), self.dt) for step in (h, -h))
+        turn = (up - down) / (2 * h * self._gain2([own]))
+        out = sum((self._spectrum(e, model, turn) for e in model.of(Spectrum)
+                   if e.filtered or own.last), np.zeros(len(self.power)))
+        if any(r.leaks for r in model.of(Response)):
+            out = out + leaked(self._rounded(sum(each.values())), self.bins, out)
+        return out
 
     def minimise(self, x0: np.ndarray, free: np.ndarray | None = None, penalty: float = 0.0,
                  reddest: int | None = None, steps: int = 400, enough: float = 1e-7,
@@ -496,7 +533,9 @@ class Likelihood:
             up, down = x.copy(), x.copy()
             up[j] += h
             down[j] -= h
-            a, b, c = (self.value(z)[0] for z in (down, x, up))
+            # the spectrum stays where it is
+            a, b, c = (self._cost(self.solve_linear(self.with_search(z), v), v)
+                       for z in (down, x, up))
             gradient[j] = (c - a) / (2 * h)
             information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
         if penalty and reddest is not None:

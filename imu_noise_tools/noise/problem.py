@@ -173,7 +173,8 @@ class NoiseProblem(Problem):
         # what acts on the samples and the mean was estimated on the whole: the fit that knows it
         # is the whole's
         whole = self.whole.point(unfitted(fit.model))
-        found = [views.frequency(e, self.part, fit, mean=whole)]
+        found = [views.frequency(e, self.part, fit, mean=whole),
+                 *views.of_samples(e, self.part, whole)]
         if self.part == 'second':  # these views have no fitted part that could be held out
             found += [
                 views.variance(e, fit),
@@ -198,6 +199,7 @@ class NoiseProblem(Problem):
             views.variance(e, fit),
             views.distribution(e, fit),
             views.coherence(e, fit),
+            *views.of_samples(e, 'whole', fit),
         ):
             if len(view.pull) and not view.muted:
                 worst = int(np.argmax(np.abs(view.pull)))

@@ -35,7 +35,7 @@ from .kinds import (
 from .likelihood import Likelihood
 from ..core.spectrum import bins_of, expected
 from ..core.statistics import gamma_excess, gamma_pull
-from ..loop.effect import Fit, Model, View
+from ..loop.effect import Fit, Model, registry, View
 from ..loop.verdict import tail
 
 TIME_BLOCKS = 256
@@ -489,6 +489,13 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
         'distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile'
     )
     return replace(view, muted=muted_by(fit, 'distribution'))
+
+
+def of_samples(evidence: Evidence, part: str, fit: Fit) -> list[View]:
+    """Return the views of a part that defects have of their own (:meth:`Defect.held_out`)."""
+    found = (cls.held_out(evidence, part, fit) for cls in registry('noise').values()
+             if issubclass(cls, Defect))
+    return [view for view in found if view is not None]
 
 
 def normal_shares(evidence: Evidence, model: Model, k: int) -> np.ndarray:

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 #: (from, to, why), s from the first sample
 Stretch: TypeAlias = Sequence[Any]
 
-_SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
-_DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}
+SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
+DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}
 RARE = 3.29           # standard errors that one point of a thousand exceeds by chance
 TAU = 'averaging time τ, s'
 
@@ -202,7 +202,7 @@ HATCHED: dict[str, Any] = {
 def psd(ax: Axes, state: State) -> Axes:
     """Draw the measured noise density with its 95 % band, the model, each effect, lines found."""
     e = evidence_of(state)
-    factor, unit = _DENSITY[e.sensor]
+    factor, unit = DENSITY[e.sensor]
     f, count = e.whole.bins.f, e.whole.bins.count
 
     def density(s):
@@ -210,7 +210,7 @@ def psd(ax: Axes, state: State) -> Axes:
 
     measured, v, each = spectra(state)
     total, v = density(measured + views.unclaimed(e, 'whole', state.model)), density(v)
-    mid, level, weight = _rebinned(f, measured, count)
+    mid, level, weight = rebinned(f, measured, count)
     lo, hi = interval(density(level), weight)
     level = density(level)
     known = state.model.of(Mean) + state.model.of(Coupling)
@@ -249,7 +249,8 @@ def _name_line(ax, e, at, density):
                 fontsize=SMALL, color=FAIL, fontweight='bold')
 
 
-def _rebinned(f, power, count, per_decade=10):
+def rebinned(f: np.ndarray, power: np.ndarray, count: np.ndarray,
+             per_decade: int = 10) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (f, mean power, coefficients) of logarithmic bins made of the kept ones."""
     group = np.floor(np.log10(f / f[0]) * per_decade).astype(int)
     starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
@@ -276,7 +277,7 @@ def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
 
     """
     e = evidence_of(state)
-    factor, unit = _SHOWN[e.sensor]
+    factor, unit = SHOWN[e.sensor]
     t, lo, hi = e.envelope.T
     mean = float(np.mean(e.slow_y))
     scale, word = _time_unit(e.duration)

@@ -27,6 +27,7 @@ ERROR = 'held-out deviance'     # the one name of the error on data that the fit
 
 # name of a view: (what it looks at, what it means when it fails)
 VIEWS = {
+    'allan': ('Allan deviation', 'the curve lies beside the model\'s'),
     'frequency': ('power over frequency', 'at some frequencies the power is not the model\'s'),
     'time': ('mean over time', 'the mean moves in a way that the model does not foresee'),
     'variance': ('noise level over time',
@@ -35,6 +36,7 @@ VIEWS = {
                      'the samples do not spread as Gaussian noise does'),
     'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
+    'repeats': ('equal neighbours', 'samples repeat the one before more often than by chance'),
     'poses': ('poses left out', 'poses are not where the other poses put them'),
 }
 VERDICTS = {

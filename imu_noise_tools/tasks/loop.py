@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +20,51 @@ from ..loop.study import Study
 BEYOND = 3.0  # standard deviations
 
 
+class ChangedError(InputError):
+    """Between reading and writing a study somebody else has written it."""
+
+
 def change(folder: str | Path, what: Callable[[Study], object]) -> tuple[Study, object]:
-    """Load a study, do something to it, rewrite all of its files; return it and what came back."""
+    """
+    Load a study, do something to it, rewrite all of its files; return it and what came back.
+
+    Raise ChangedError where somebody else has changed it meanwhile: nothing is written then.
+
+    """
+    seen = store.fingerprint(folder)
     study = store.load(folder)
     if study.source.get('sheet'):
         raise InputError(f'{folder}: a data sheet, no measurement', 'analyse a record of the unit')
     result = what(study)
-    files.replace_files(folder, outputs(study, folder))
+    rewrite(folder, outputs(study, folder), seen)
     return study, result
+
+
+def rewrite(folder: str | Path, content: Mapping[str, str | bytes], seen: str) -> str:
+    """
+    Rewrite the files of a study that nobody else has changed, and return its new fingerprint.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of a study.
+    content : mapping of str to str or bytes
+        What :func:`outputs` gave.
+    seen : str
+        :func:`~imu_noise_tools.store.fingerprint` of the folder when the study was read.
+
+    Raises
+    ------
+    ChangedError
+        It is another study now; nothing is written.
+
+    """
+    with files.only_writer(folder):
+        if store.fingerprint(folder) != seen:
+            raise ChangedError(f'{folder}: somebody else has changed the study meanwhile',
+                               'look at what is new, and do it again')
+        files.replace_files(folder, content)
+        return store.fingerprint(folder)
 
 
 def outputs(study: Study, folder: str | Path) -> dict[str, str | bytes]:

@@ -4,11 +4,15 @@
 """Held samples: the same value is sent again."""
 
 import numpy as np
+from scipy.special import xlogy
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter, Response
 from ...core.statistics import interval, repeats
-from ...loop.effect import Effect, Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding, Fit, View
+
+LONGEST = 50  # samples that are held at a time
+STRETCHES = 8  # of the record, in which repeats are counted
 
 
 class Duplicates(Defect, Response):
@@ -23,8 +27,9 @@ class Duplicates(Defect, Response):
     symbol = 'fraction'
     title = 'repeated samples'
     equation = (
-        'gain^2, scaled to 1 at f = 0: held at random (1-p)^2/(1-2p cos w+p^2); always r times '
-        'the squared Dirichlet kernel of r = 1/(1-p) samples'
+        'gain^2, scaled to 1 at f = 0, of the autocovariance r_k, the chance that k samples more '
+        'repeat one: p^k held at random, each for one sample; the triangle of 1/(1-p) samples '
+        'where always held as long'
     )
     signature = (
         'neighbours are exactly equal more often than noise and resolution allow; power falls '
@@ -36,22 +41,26 @@ class Duplicates(Defect, Response):
         'frequencies.'
     )
     reference = 'sample and hold: Oppenheim and Schafer, Discrete-Time Signal Processing'
-    views = ('frequency', 'time', 'distribution', 'variance')
+    views = ('frequency', 'time', 'distribution', 'variance', 'repeats')
     mutes = ('distribution', 'variance')  # whitened, held samples are neither normal nor steady
     last = True
     decide = 'read the sensor at its own rate'
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
         Parameter.choice('pattern', ('random', 'regular'),
-                         title='runs of any length, or always of the same', formerly='regular'),
+                         title='now and then, or always as long', formerly='regular'),
+        Parameter('run', '1', 1, LONGEST, discrete=True,
+                  title='samples that are held each time, where now and then'),
     )
+    neutral = {'run': 1.0}
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """
         Keep the share of equal neighbours and what chance gives.
 
-        Kept too is whether the runs have one length.
+        Kept too are the shares of stretches of the record, how they clump, whether a sample is
+        held always as long, and how long where not.
 
         """
         fraction, expected, held = repeats(y)
@@ -67,12 +76,41 @@ class Duplicates(Defect, Response):
         same = np.diff(y) == 0
         edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
         runs = np.diff(edges)[1:-1]
+        more = runs[runs > 1] - 1
+        out['stretches'] = np.array([np.mean(x) for x in np.array_split(same, STRETCHES)])
+        out['clumps'] = np.array(np.mean(more**2) / np.mean(more) if len(more) else 1.0)
         if len(runs) > 10:
-            counts = np.bincount(np.minimum(runs, 50))
-            out['regular'] = np.array(
-                float(counts.argmax() > 1 and counts.max() > 0.9 * len(runs))
-            )
+            # always as long: one length, or two that are neighbours where its mean lies between
+            shorter = int(np.mean(runs))
+            longer = np.mean(runs > shorter + 1)
+            by_chance = fraction**(shorter + 1)
+            out['regular'] = np.array(float(
+                longer < 0.1 * by_chance and by_chance * len(runs) > 10
+                and np.mean(runs < shorter) < 0.02))
+            out['run'] = np.array(float(min(np.bincount(more).argmax(), LONGEST)))
         return out
+
+    @classmethod
+    def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
+        """Return the equal neighbours of stretches beside what the others say, or chance alone."""
+        kept = evidence.kept(cls.name)
+        if 'stretches' not in kept or not kept['held']:
+            return None
+        seen, n = kept['stretches'], int(kept['n']) // STRETCHES
+        half = {'first': seen[:STRETCHES // 2], 'second': seen[STRETCHES // 2:]}
+        here = half.get(part, seen)
+        others = {'first': half['second'], 'second': half['first']}.get(part, seen)
+        known = bool(fit.model.of(cls))
+        q = float(np.mean(others)) if known else float(kept['expected'])
+        q = min(max(q, 0.5 / n), 1 - 0.5 / n)
+        clumps = float(kept['clumps']) if known else 1.0
+        # the root of the deviance is normal where few are equal, too; what the others say scatters
+        deviance = 2 * n * (xlogy(here, here / q) + xlogy(1 - here, (1 - here) / (1 - q)))
+        pull = np.sign(here - q) * np.sqrt(
+            np.maximum(deviance, 0) / clumps / (1 + known * len(here) / STRETCHES))
+        t = (np.arange(STRETCHES) + 0.5) * evidence.duration / STRETCHES
+        return View('repeats', t[-len(here):] if part == 'second' else t[:len(here)], pull,
+                    float(np.mean(pull**2) - 1), float(np.sqrt(2 / len(here))), 's')
 
     def find(self, evidence: Evidence) -> Finding | None:
         """Test for more equal neighbours than a Poisson count of the expected ones allows."""
@@ -85,7 +123,8 @@ class Duplicates(Defect, Response):
         q = min(max(chance, 0.5 / n), 0.999)
         gain = n * (seen * np.log(seen / q) + (1 - seen) * np.log(max(1 - seen, 1e-12) / (1 - q)))
         std = float(np.sqrt(seen * (1 - seen) / n))
-        effect = self.with_values(fraction=share, pattern=float(kept['regular']))
+        effect = self.with_values(fraction=share, pattern=float(kept['regular']),
+                                  run=float(kept.get('run', 1.0)))
         return Finding(
             self.name,
             float(gain),
@@ -93,6 +132,7 @@ class Duplicates(Defect, Response):
             {
                 'fraction': Estimate(share, std, interval(share, std, positive=True)),
                 'pattern': Estimate(effect['pattern'], None, None),
+                'run': Estimate(effect['run'], None, None),
             },
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '
             'would be by rounding',
@@ -101,10 +141,34 @@ class Duplicates(Defect, Response):
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain on white noise, scaled to 1 at zero frequency."""
         p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
+        if self.chosen('pattern') == 'random' and self._run == 1:
+            return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
+        share = self._repeated()
+        k = np.arange(1, len(share) + 1)
+        gain = 1 + 2 * np.cos(np.multiply.outer(w, k)) @ share
+        return np.maximum(gain / (1 + 2 * np.sum(share)), 1e-9)
+
+    @property
+    def _run(self) -> int:
+        return int(self.values.get('run', 1.0))
+
+    def _repeated(self) -> np.ndarray:
+        """Return the chance that k = 1, 2, ... samples more repeat one, where that is any."""
+        p, run = self['fraction'], self._run
         if self.chosen('pattern') == 'regular':
             r = 1 / max(1 - p, 1e-6)
-            return np.maximum((np.sin(r * w / 2) / (r * np.sin(w / 2))) ** 2, 1e-9)
-        return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
+            m, k = int(r), np.arange(1, int(r) + 1)
+            short, long = np.maximum(m - k, 0), m + 1 - k   # blocks of m and of m + 1 samples
+            return ((m + 1 - r) * short + (r - m) * long) / r
+        # held for so many samples from each of random beginnings, which may overlap
+        begin = 1 - (1 - p) ** (1 / run)
+        left = begin * (1 - begin) ** np.arange(run)[::-1]  # 1, 2 ... run samples still to come
+        out = [float(np.sum(left))]
+        while out[-1] > 1e-4 * out[0] and len(out) < 8 * LONGEST:
+            held = float(np.sum(left))
+            left = np.append((1 - begin) * left[1:], begin * held)
+            out.append(float(np.sum(left)))
+        return np.array(out)
 
     def crowd(self) -> float:
         """
@@ -123,13 +187,16 @@ class Duplicates(Defect, Response):
         """Hold samples, at random or always the same number of times."""
         n = len(x)
         if self.chosen('pattern') == 'regular':
-            r = int(round(1 / (1 - self['fraction'])))
-            return x[np.arange(n) // r * r]
-        fresh = rng.random(n) >= self['fraction']
-        fresh[0] = True
-        return x[np.maximum.accumulate(np.where(fresh, np.arange(n), 0))]
+            # what is read at each time was measured at the sensor's own rate
+            rate = 1 - self['fraction']
+            return x[(np.floor(np.floor(np.arange(n) * rate + 1e-9) / rate + 1e-9)).astype(int)]
+        run = self._run
+        begin = rng.random(n) < 1 - (1 - self['fraction']) ** (1 / run)
+        held = np.convolve(begin, np.ones(run))[:n] > 0
+        held[0] = False
+        return x[np.maximum.accumulate(np.where(held, 0, np.arange(n)))]
 
     @classmethod
     def example(cls) -> Effect:
         """Every fifth sample is a repeat."""
-        return cls({'fraction': 0.2, 'pattern': 'random'})
+        return cls({'fraction': 0.2, 'pattern': 'random', 'run': 1.0})

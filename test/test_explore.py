@@ -1,0 +1,313 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The study behind the page: what is clicked, what is on disk, who else writes. No browser."""
+
+from __future__ import annotations
+
+import shutil
+
+import explore_study
+import numpy as np
+import pytest
+
+from imu_noise_tools import export, store
+from imu_noise_tools.cli.main import main
+from imu_noise_tools.core.errors import InputError, UsageError
+from imu_noise_tools.explore import jobs, panels
+from imu_noise_tools.explore.figure import figure
+from imu_noise_tools.explore.panels import Stretch
+from imu_noise_tools.explore.session import Session
+from imu_noise_tools.loop.domains import DOMAINS, part
+from imu_noise_tools.tasks import loop as tasks
+
+THERE = Stretch(0.9 * explore_study.LINE, 1.1 * explore_study.LINE, 'Hz')
+
+
+def silent(share, what=''):
+    """Say nothing."""
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory):
+    """Return a study that nobody changes."""
+    return explore_study.study(tmp_path_factory.mktemp('explore') / 'a.study')
+
+
+@pytest.fixture
+def folder(made, tmp_path):
+    """Return a copy of it."""
+    return shutil.copytree(made, tmp_path / 'a.study')
+
+
+@pytest.fixture(scope='module')
+def loaded(made):
+    return store.load(made)
+
+
+@pytest.fixture
+def session(folder):
+    s = Session(folder)
+    s.begin()
+    s.wait()
+    assert s.study is not None, s.said
+    yield s
+    s.close()
+
+
+def done(session, what, *args):
+    """Do something, wait for it, and return what is said."""
+    assert getattr(session, what)(*args)
+    session.wait()
+    return session.said
+
+
+def rungs(session, target='gyro_x'):
+    return [(s.added, s.removed) for s in session.study.history if s.target == target]
+
+
+# --- the loop, and the study on disk
+
+def test_what_is_clicked_is_what_the_commands_see(session, folder, capsys):
+    assert done(session, 'diagnose', ['gyro_x']) is None
+    assert session.study.diagnosis['gyro_x'].found[0].name == 'sinusoid'
+    before = session.study.states['gyro_x'].error
+    done(session, 'add', 'gyro_x')
+    after = session.study.states['gyro_x'].error
+    assert not before.within_chance and after.within_chance
+    assert rungs(session) == [(None, None), ('sinusoid', None)]
+    assert main(['history', str(folder)]) == 0
+    assert 'sinusoid' in capsys.readouterr().out
+    on_disk = store.load(folder)
+    assert on_disk.states['gyro_x'].model.labels == session.study.states['gyro_x'].model.labels
+    assert on_disk.states['gyro_x'].error.excess == pytest.approx(after.excess, rel=1e-6)
+    assert (folder / 'report.html').read_text().count('sinusoid') > 3
+
+
+def test_undo_goes_back_and_the_ladder_remembers(session):
+    assert not session.can_undo and not session.undo()
+    done(session, 'add', 'gyro_x', ['sinusoid'])
+    assert session.can_undo == 'gyro_x: white + flicker + random_walk'
+    done(session, 'remove', 'gyro_x', 'flicker')
+    done(session, 'undo')
+    assert set(session.study.states['gyro_x'].model.labels) == {
+        'white', 'flicker', 'random_walk', 'sinusoid'}
+    done(session, 'undo')
+    assert session.study.states['gyro_x'].model.labels == ['white', 'random_walk', 'flicker']
+    assert not session.can_undo
+    assert rungs(session) == [(None, None), ('sinusoid', None), (None, 'flicker'),
+                              ('flicker', None), (None, 'sinusoid')]
+
+
+def test_two_things_at_once_are_refused(session):
+    assert session.diagnose(['accel_z'])
+    assert not session.add('gyro_x', ['ramp'])
+    session.wait()
+    assert rungs(session) == [(None, None)]
+
+
+def test_what_is_stopped_leaves_everything_as_it_was(session, folder):
+    seen = store.fingerprint(folder)
+    assert session.complete(['gyro_x', 'accel_z'])
+    session.stop()
+    session.wait()
+    assert session.said.kind == 'doubt' and 'nothing was changed' in session.said.text
+    assert store.fingerprint(folder) == seen
+    assert rungs(session) == [(None, None)]
+    assert done(session, 'diagnose', ['accel_z']) is None        # and it goes on
+
+
+def test_a_refusal_is_said(session):
+    assert done(session, 'remove', 'gyro_x', 'ramp').kind == 'bad'
+    assert 'unknown label ramp' in session.said.text
+
+
+# --- others at the same study
+
+def test_what_the_command_line_does_meanwhile_is_read(session, folder):
+    assert main(['add', str(folder), 'ramp', '--axis', 'accel_z']) == 0
+    session.look()
+    session.wait()
+    assert 'changed elsewhere' in session.said.text
+    assert 'ramp' in session.study.states['accel_z'].model.labels
+
+
+def test_a_step_on_a_study_that_is_another_by_now_is_not_written(session, folder):
+    assert main(['add', str(folder), 'ramp', '--axis', 'accel_z']) == 0
+    said = done(session, 'add', 'gyro_x', ['sinusoid'])         # before anybody looked
+    assert said.kind == 'doubt' and 'not kept' in said.text
+    assert 'ramp' in session.study.states['accel_z'].model.labels
+    assert 'sinusoid' not in store.load(folder).states['gyro_x'].model.labels
+    assert done(session, 'add', 'gyro_x', ['sinusoid']) is None
+    both = store.load(folder)
+    assert 'sinusoid' in both.states['gyro_x'].model.labels
+    assert 'ramp' in both.states['accel_z'].model.labels
+
+
+def test_neither_does_a_command_overwrite_what_the_page_did(folder):
+    def meanwhile(study):
+        tasks.change(folder, lambda other: other.add(['ramp'], ['accel_z']))
+        study.add(['sinusoid'], ['gyro_x'])
+
+    with pytest.raises(tasks.ChangedError, match='somebody else'):
+        tasks.change(folder, meanwhile)
+    now = store.load(folder)
+    assert 'ramp' in now.states['accel_z'].model.labels
+    assert 'sinusoid' not in now.states['gyro_x'].model.labels
+
+
+def test_touching_the_file_is_no_change(session, folder):
+    (folder / 'study.yaml').touch()
+    version = session.version
+    session.look()
+    session.wait()
+    assert session.version == version and session.said is None
+
+
+# --- what it is opened with
+
+def test_a_recording_is_analysed_first(tmp_path):
+    r = explore_study.record()
+    np.savez(tmp_path / 'r.npz', t=r.t, gyro=r.gyro, accel=r.accel)
+    s = Session(tmp_path / 'r.npz', options={'axes': ['gyro_x']})
+    told = []
+    progress = s._progress
+    s._progress = lambda *said: (told.append(said), progress(*said))
+    s.begin()
+    s.wait()
+    s.close()
+    assert s.said is None and s.study.targets == ['gyro_x']
+    assert (tmp_path / 'r.npz.study' / 'report.html').is_file()
+    assert any(share is not None for share, _ in told)
+    again = Session(tmp_path / 'r.npz')         # the study is there now
+    assert again.folder == s.folder and again._bag is None
+
+
+def test_what_cannot_be_opened_is_one_line(tmp_path, capsys, folder):
+    assert main(['explore', str(tmp_path / 'no.bag'), '--no-browser']) == 1
+    assert capsys.readouterr().err.startswith('imu_noise: ')
+    text = (folder / 'study.yaml').read_text().replace('source:\n', 'source:\n  sheet: x\n', 1)
+    (folder / 'study.yaml').write_text(text)
+    assert main(['explore', str(folder), '--no-browser']) == 1
+    assert 'data sheet' in capsys.readouterr().err
+
+
+def test_without_the_framework_the_extra_is_named(folder, capsys, monkeypatch):
+    import sys
+    monkeypatch.setitem(sys.modules, 'nicegui', None)
+    assert main(['explore', str(folder), '--no-browser']) == 1
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1 and 'pip install "imu_noise_tools[explore]"' in err
+
+
+def test_the_studies_beside_it_are_offered(session, folder):
+    shutil.copytree(folder, folder.parent / 'b.study')
+    (folder.parent / 'other').mkdir()
+    assert sorted(session.others().values()) == ['a.study (noise)', 'b.study (noise)']
+    done(session, 'go_to', folder.parent / 'b.study')
+    assert session.folder.name == 'b.study'
+    with pytest.raises(InputError):
+        session.go_to(folder.parent / 'other')
+
+
+def test_every_format_can_be_exported(session):
+    refused = []
+    for name in export.formats():
+        try:
+            assert len(session.export(name)) > 20
+        except UsageError as error:             # said on the page
+            refused.append((name, error.remedy))
+    assert all('--calibration' in remedy for _, remedy in refused) and len(refused) < 3
+
+
+# --- what is looked at
+
+@pytest.mark.parametrize('domain', DOMAINS)
+def test_every_domain_says_what_there_is_to_see(domain):
+    module = part('explore', domain)
+    assert callable(module.panels) and callable(module.by_hand)
+
+
+def test_a_panel_is_the_measurement_beside_the_model(loaded):
+    state = loaded.states['gyro_x']
+    for name, title in panels.names_of('noise', state).items():
+        panel = panels.panel_of('noise', state, name)
+        assert title and len(panel.x) == len(panel.pull) > 10
+        assert np.all(np.isfinite(panel.pull)) and np.all(np.diff(panel.x) >= 0)
+        drawn = figure(panel, state.model.labels, THERE, suspect='x')
+        assert len(drawn['data']) >= len(panel.curves)
+    curve = panels.panel_of('noise', state, 'allan')
+    by_name = {c.name: c.y for c in curve.curves}
+    total = sum(by_name[x] ** 2 for x in state.model.labels)
+    np.testing.assert_allclose(total, by_name['model'] ** 2, rtol=1e-6)
+    noise = panels.panel_of('noise', loaded.states['accel_z'], 'frequency')
+    assert 0.8 < np.std(noise.pull) < 1.25      # nothing is hidden there
+
+
+def test_pulls_beyond_chance_are_where_the_line_is(loaded):
+    panel = panels.panel_of('noise', loaded.states['gyro_x'], 'frequency')
+    bins, fails = panel.fails(THERE)
+    assert fails > 10 * np.sqrt(2 * bins)
+    clean = Stretch(12.0, 20.0, 'Hz')
+    bins, fails = panel.fails(clean)
+    assert abs(fails) < 5 * np.sqrt(2 * bins)
+
+
+def test_a_stretch_that_fails_is_told_what_it_is(loaded):
+    _, answer = jobs.identify(loaded, 'gyro_x', 'frequency', THERE, silent)
+    near = answer.nearest
+    assert near.name == 'sinusoid' and near.share > 0.95 and near.beyond_chance
+    assert answer.makes[0][0] == 'white' and answer.makes[0][1] > 0.9
+    assert all(c.share <= near.share or not c.beyond_chance for c in answer.candidates)
+
+
+def test_where_nothing_fails_nothing_is_named(loaded):
+    _, answer = jobs.identify(loaded, 'accel_z', 'allan', Stretch(0.05, 1.0, 's'), silent)
+    assert answer.nearest is None and not answer.candidates
+    assert sum(v for _, v in answer.makes) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize('name', ['gauss_markov', 'sinusoid', 'ramp', 'low_pass', 'quantization'])
+def test_what_is_put_in_by_hand_stands_where_it_says(loaded, name):
+    state = loaded.states['accel_z']
+    effect = panels.begin_by_hand('noise', state, name)
+    for p in effect.parameters:
+        if not p.choices:
+            low, high = panels.span_of('noise', state, effect, p)
+            assert low <= effect[p.name] <= high
+    more = panels.with_hand(state, effect)
+    assert more.model[more.model.labels[-1]] == effect
+    before, after = (panels.panel_of('noise', s, 'allan') for s in (state, more))
+    model = [next(c.y for c in p.curves if c.name == 'model') for p in (before, after)]
+    drawn = [c for c in after.curves if c.name == name]
+    assert np.max(np.abs(model[1] / model[0] - 1)) > 0.01
+    assert len(drawn) == (name != 'low_pass')
+    for x in state.model.labels:                    # nothing was fitted again
+        assert more.model[x] == state.model[x]
+
+
+def test_a_line_put_in_by_hand_heals_no_other(loaded):
+    state = loaded.states['gyro_x']
+    line = panels.begin_by_hand('noise', state, 'sinusoid').with_values(frequency=0.5)
+    before, far, near = (panels.panel_of('noise', s, 'frequency').fails(THERE)[1] for s in (
+        state, panels.with_hand(state, line),
+        panels.with_hand(state, line.with_values(frequency=explore_study.LINE))))
+    assert far == pytest.approx(before) and near < 0.1 * before
+
+
+def test_every_effect_offered_by_hand_can_be_drawn(loaded):
+    state = loaded.states['accel_z']
+    names = panels.names_by_hand('noise', state)
+    assert len(names) > 8
+    drawn = 0
+    for name in names:
+        try:
+            effect = panels.begin_by_hand('noise', state, name)
+        except InputError as error:
+            assert 'does not apply' in str(error)
+            continue
+        for view in panels.names_of('noise', state):
+            panel = panels.panel_of('noise', panels.with_hand(state, effect), view)
+            assert np.all(np.isfinite(panel.pull)), (name, view)
+        drawn += 1
+    assert drawn > 8
