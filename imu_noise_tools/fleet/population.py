@@ -242,47 +242,52 @@ class _Likelihood:
     def at(self, x: Array) -> dict:
         """Return all that follows from the variances: beta, who is out, the likelihood."""
         tau, omega, rho = self.sds(x)
-        data, prior = self.data, 1 / WIDE**2
-        y, d = data.y.copy(), data.s**2 + rho**2
-        wide = LIMIT_WIDTH**2 + rho**2
-        before, rounds = np.inf, 0
-        out = np.tile(self.prior, (data.units, 1))
-        while True:
+        y, d = self.data.y.copy(), self.data.s**2 + rho**2
+        before, out = np.inf, np.tile(self.prior, (self.data.units, 1))
+        for _ in range(40):
             y[self.limit], d[self.limit] = self.sites.at, self.sites.var
-            V = _Nested(data, self.group, d, tau, omega)
-            VX, Vy, VD = V.solve(data.X), V.solve(y), V.solve(self.D)
-            a = np.column_stack([V.dot(x, v) for x, v in zip(self.D.T, VD.T)])
-            e = np.stack([np.column_stack([V.dot(c, v) for c in data.X.T]) for v in VD.T])
-            f = np.column_stack([V.dot(y, v) for v in VD.T])
-            share = out[:, 1:] / (a + prior)
-            A = data.X.T @ VX - np.einsum('uk,kui,kuj->ij', share, e, e)
-            c = data.X.T @ Vy - np.einsum('uk,kui,uk->i', share, e, f)
-            beta = np.linalg.solve(A, c)
-            r, Vr = y - data.X @ beta, Vy - VX @ beta
-            b = f - np.einsum('kui,i->uk', e, beta)
-            gain = 0.5 * b**2 / (a + prior) - 0.5 * np.log1p(a / prior)
-            gain[a <= 0] = -np.inf          # no such direction in this unit
-            odds = np.column_stack([np.zeros(data.units), gain]) + np.log(self.prior)
-            whole = special.logsumexp(odds, axis=1)
-            out = np.exp(odds - whole[:, None])
-            normal = -0.5 * (V.dot(r, Vr) + V.logdet)
-            value = float(np.sum(normal + whole) - 0.5 * np.linalg.slogdet(A)[1]
-                          + np.sum(self.sites.log))
-            rounds += 1
-            if abs(value - before) < 1e-6 or rounds > 40:
+            V = _Nested(self.data, self.group, d, tau, omega)
+            found = self._given(V, y, out)
+            out = found['out']
+            if abs(found['value'] - before) < 1e-6:
                 break
-            before = value
+            before = found['value']
             if len(self.limit):
-                self._propagate(r, Vr, V, data.X @ beta, wide)
-        # what only a constant was left out of, so that values at other variances compare
-        return {'value': value, 'beta': beta, 'A': A, 'out': out, 'V': V, 'Vr': Vr, 'VD': VD,
-                'y': y, 'd': d, 'a': a + prior, 'b': b, 'sds': (tau, omega, rho)}
+                self._propagate(found, V, d, LIMIT_WIDTH**2 + rho**2)
+        return {**found, 'V': V, 'y': y, 'd': d, 'sds': (tau, omega, rho)}
 
-    def _propagate(self, r: Array, Vr: Array, V: _Nested, mean: Array, wide: float) -> None:
+    def _given(self, V: _Nested, y: Array, out: Array) -> dict:
+        """Return beta by generalised least squares, who is out with it, and the likelihood."""
+        X, prior = self.data.X, 1 / WIDE**2
+        VX, Vy, VD = V.solve(X), V.solve(y), V.solve(self.D)
+        a = np.column_stack([V.dot(x, v) for x, v in zip(self.D.T, VD.T)])
+        e = np.stack([np.column_stack([V.dot(c, v) for c in X.T]) for v in VD.T])
+        f = np.column_stack([V.dot(y, v) for v in VD.T])
+        share = out[:, 1:] / (a + prior)        # a direction takes so much of V^-1 away
+        A = X.T @ VX - np.einsum('uk,kui,kuj->ij', share, e, e)
+        beta = np.linalg.solve(A, X.T @ Vy - np.einsum('uk,kui,uk->i', share, e, f))
+        r, Vr = y - X @ beta, Vy - VX @ beta
+        b = f - np.einsum('kui,i->uk', e, beta)
+        whole, out = self._mixture(a, b)
+        value = float(np.sum(whole - 0.5 * (V.dot(r, Vr) + V.logdet))
+                      - 0.5 * np.linalg.slogdet(A)[1] + np.sum(self.sites.log))
+        return {'value': value, 'beta': beta, 'A': A, 'out': out, 'r': r, 'Vr': Vr, 'VD': VD,
+                'a': a + prior, 'b': b}
+
+    def _mixture(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Return the log odds of a unit to a regular one, and the probability of each way."""
+        prior = 1 / WIDE**2
+        gain = 0.5 * b**2 / (a + prior) - 0.5 * np.log1p(a / prior)
+        gain[a <= 0] = -np.inf          # no such direction in this unit
+        odds = np.column_stack([np.zeros(len(a)), gain]) + np.log(self.prior)
+        whole = special.logsumexp(odds, axis=1)
+        return whole, np.exp(odds - whole[:, None])
+
+    def _propagate(self, found: dict, V: _Nested, before: Array, wide: float) -> None:
         """Fit the pseudo-observations of the limits anew to what all others say of them."""
         k, sites = self.limit, self.sites
-        d = sites.var
-        at = mean[k] + r[k] - d * Vr[k]
+        d = before[k]
+        at = sites.at - d * found['Vr'][k]      # of the level: y - d V^-1 r
         var = np.maximum(d - d**2 * V.diagonal()[k], 1e-12)
         cavity = 1 / np.maximum(1 / var - 1 / d, 1e-9)
         where = cavity * (at / var - sites.at / d)
