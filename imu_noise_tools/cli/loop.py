@@ -54,8 +54,8 @@ def register(commands: Any) -> None:
     c.set_defaults(func=history)
 
     c = commands.add_parser('effects', help='what is known: equation, units, signature, reference')
-    name = c.add_argument('name', metavar='NAME', nargs='?', help='one effect')
-    completion.offer(name, completion.effects())
+    name = c.add_argument('name', metavar='NAME', nargs='?', help='one effect, or a domain')
+    completion.offer(name, completion.effects_and_domains)
     common.output_options(c, 'names, parameters and units')
     c.set_defaults(func=effects)
 
@@ -71,25 +71,24 @@ def _register_changes(commands) -> None:
     )
     completion.offer(effects, completion.effects())
     c.add_argument('--all', action='store_true', help='all that was found, not the first')
-    axis = c.add_argument(
-        '--axis', metavar='A', action='append', help='only this axis (may be given again)'
-    )
-    completion.offer(axis, completion.axes)
-    common.si_option(c)
-    common.output_options(c, 'the new rungs of the ladder and the targets')
-    c.set_defaults(func=add)
+    _change_options(c, add)
 
     c = commands.add_parser('remove', help='take an effect out of the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
     label = c.add_argument('label', metavar='LABEL', help='as in study.yaml, e.g. sinusoid.2')
     completion.offer(label, completion.labels)
+    _change_options(c, remove)
+
+
+def _change_options(c, func) -> None:
+    """Add what is common to ``add`` and ``remove``."""
     axis = c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
     completion.offer(axis, completion.axes)
     common.si_option(c)
     common.output_options(c, 'the new rungs of the ladder and the targets')
-    c.set_defaults(func=remove)
+    c.set_defaults(func=func)
 
 
 def _register_export(commands) -> None:
@@ -282,12 +281,11 @@ def effects(args: argparse.Namespace) -> int:
     from ..loop.effect import registry
 
     common.load_own_effects(args)
-    if args.name:
-        found = [registry(d)[args.name] for d in DOMAINS if args.name in registry(d)]
-        if not found:
-            raise unknown('effect', args.name, [n for d in DOMAINS for n in registry(d)])
-    else:
-        found = [c for d in DOMAINS for c in registry(d).values()]
+    domains = [args.name] if args.name in DOMAINS else list(DOMAINS)
+    one = args.name if args.name not in DOMAINS else None
+    found = [c for d in domains for c in registry(d).values() if one in (None, c.name)]
+    if not found:
+        raise unknown('effect', one, [*DOMAINS, *(n for d in DOMAINS for n in registry(d))])
     if args.json:
         common.print_json(
             {
@@ -311,7 +309,7 @@ def effects(args: argparse.Namespace) -> int:
                 ]
             }
         )
-    elif args.name:
+    elif one:
         print('\n\n'.join(text.effect(c) for c in found))
     else:
         print(text.effects_table(found))

@@ -139,10 +139,9 @@ def by_bank(
     each = [modes_of([m], dt) for m in models]
     table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
     bank = Bank(table, k * len(first))
-    e = table.at(0).tiled(len(first))
-    prior = np.tile(np.array([m.prior for m in each]).T, (1, len(first)))
-    e = replace(e, prior=prior)
-    bank.mu[:] = prior
+    e = replace(table.at(0).tiled(len(first)),
+                prior=np.tile(np.array([m.prior for m in each]).T, (1, len(first))))
+    bank.mu[:] = e.prior
     log_l, scores = np.zeros(k), [np.empty((k, n)) for _ in at_off]
     for step in range(int(np.max(np.minimum(first + CHUNK, n) - begin))):
         at = begin + step
@@ -153,8 +152,7 @@ def by_bank(
         )
         if not live.any():
             continue
-        counted = live & (at >= settle)
-        log_l += log_density(density).reshape(-1, k)[counted].sum(0)
+        log_l += log_density(density).reshape(-1, k)[live & (at >= settle)].sum(0)
         for u, off in zip(scores, at_off):
             u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
     return np.where(np.isfinite(log_l), log_l, -np.inf), [u[:, settle:] for u in scores]
