@@ -6,9 +6,10 @@ VENV  := .venv
 READY := $(VENV)/.ready
 PY    := $(VENV)/bin/python
 PYTHON ?=
-# Files side by side, each in one process; nodes reserve a ROS domain for themselves.
-JOBS  ?= $(shell nproc 2>/dev/null || echo 2)
-PYTEST = $(PY) -m pytest -ra -n $(JOBS) --dist loadfile
+# Files side by side, each in one process, the long ones first (test/conftest.py), and one process
+# more than there are cores: tests of nodes wait. Each reserves a ROS domain for itself.
+JOBS  ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
+PYTEST = $(PY) -m pytest -ra -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-all bench fuzz lint docs clean
 

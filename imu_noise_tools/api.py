@@ -452,8 +452,8 @@ def open_record(path: str | Path, topic: str | None = None, *, apart: bool = Tru
     """
     Read one IMU record; as :func:`imu_noise_tools.bag.open_record`.
 
-    Sensors with a clock of their own are kept ``apart``, which noise needs; ``apart=False`` unites
-    them for a calibration.
+    Sensors with a clock of their own are kept ``apart``, which noise needs; :func:`calibrate` and
+    :func:`filter` unite them, as ``apart=False`` does here.
 
     """
     return bag.open_record(path, topic, apart=apart, **options)
@@ -497,7 +497,7 @@ def calibrate(source: Source | Iterable[Source], *, topic: str | None = None,
 
     """
     some = [source] if isinstance(source, (str, Path, ImuRecord)) else list(source)
-    records = [s if isinstance(s, ImuRecord) else bag.open_record(
+    records = [s.united() if isinstance(s, ImuRecord) else bag.open_record(
         s, topic, gyro_unit=gyro_unit, accel_unit=accel_unit, rate_hz=rate_hz) for s in some]
     return Study(calibrating.calibrate_records(records, **options).study)
 
@@ -533,7 +533,8 @@ def filter(source: Source, out: str | Path | None = None, *, topic: str | None =
         done = filtering.filter_bag(source, out, topic=topic, **options)
         record = bag.open_record(done.bag or out, filtering.TOPIC)
     else:
-        given = source if isinstance(source, ImuRecord) else bag.open_record(source, topic)
+        given = (source.united() if isinstance(source, ImuRecord)
+                 else bag.open_record(source, topic))
         record, done = filtering.filter_samples(given, **options)
     if done.study is None:
         raise InputError('no study of the innovations: ' + '; '.join(done.notes),

@@ -38,7 +38,7 @@ _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': (*_NUMBER, str), 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
 _SHAPE = {
     'source!': {
-        **dict.fromkeys(('rate_hz', 'duration_s', 'samples', 'start'), _NUMBER),
+        **dict.fromkeys(('rate_hz', 'duration_s', 'samples', 'start', 'begin_s'), _NUMBER),
         'warnings': [str],
     },
     'targets!': {str: {'effects!': {str: {'effect!': str, str: _ESTIMATE}}}},
@@ -127,11 +127,6 @@ def load_yaml(path: str | Path) -> Any:
         ) from None
     except ValueError as error:
         raise InputError(f'{path}: {error}', 'analyse the bag again with --force') from None
-
-
-def parse_yaml(text: str) -> Any:
-    """Return the plain data of a short YAML text (the answer of a service)."""
-    return plain_yaml(text)
 
 
 def study_to_dict(study: Study) -> dict:

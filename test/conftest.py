@@ -29,6 +29,17 @@ else:
     settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'same'))
 
 ROOT = Path(__file__).resolve().parents[1]
+# The files that take longest come first: where files run side by side, the last of them would
+# otherwise run alone. One that is missing here costs time and nothing else.
+LONG_FILES = ('noise_loop', 'ladder_processes', 'filter_loop', 'manual', 'clean_install',
+              'node_analyser', 'first_use', 'two_topics', 'noise_robust', 'noise_fit',
+              'own_effects')
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order the files of tests, the long ones first."""
+    rank = {f'test_{name}.py': k for k, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
 
 
 @pytest.fixture(scope='session')

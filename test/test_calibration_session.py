@@ -391,7 +391,7 @@ def test_a_damaged_calibration_is_never_applied(tmp_path, text):
     file = tmp_path / 'calibration.yaml'
     file.write_text(text)
     with pytest.raises(InputError, match='calibration.yaml'):
-        tasks.load_correction(file)
+        tasks.load_corrections(file)
 
 
 def real(folder: Path, name, rate=None):

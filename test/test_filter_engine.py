@@ -33,6 +33,7 @@ SETTINGS = {
         'noise': ('white', 'gauss_markov'),
     },
     'robust': {'noise': ('white', 'outliers')},
+    'uneven': {'noise': ('white', 'sampling_jitter')},
     'steps': {'motion': ('constant_rate', 'ar_increment', 'rate_step')},
     'vibration': {'noise': ('white', 'sinusoid')},
 }
@@ -195,6 +196,7 @@ SWITCHES = [
     {'alpha': 0.7},
     {'noise': ('white', 'gauss_markov')},
     {'motion': AUTO, 'noise': ('white', 'outliers')},
+    {'motion': AUTO, 'noise': ('white', 'sampling_jitter')},
 ]
 
 
@@ -317,11 +319,11 @@ def test_variance_is_honest_in_every_motion():
 
 
 def test_an_engine_says_what_it_does_not_know_yet():
-    """Before it has read the rate, and after a reset, it has neither rate nor probabilities."""
+    """Before it has read the rate, and after a reset, it has no rate."""
     engine = Engine()
-    assert engine.rate_hz is None and engine.probabilities() is None
+    assert engine.rate_hz is None
     for k in range(WAIT + 1):
         engine.step(0.01 * k, 0.01 * np.sin(np.arange(3) + k))
-    assert engine.rate_hz == pytest.approx(100) and engine.probabilities() is not None
+    assert engine.rate_hz == pytest.approx(100)
     engine.reset()
-    assert engine.rate_hz is None and engine.probabilities() is None
+    assert engine.rate_hz is None

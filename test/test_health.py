@@ -11,6 +11,7 @@ import json
 import numpy as np
 import pytest
 
+from imu_noise_tools import store
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.clock import fit_clock
@@ -18,6 +19,7 @@ from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step
 from imu_noise_tools.health import examine, prepare, resolution, Selection, still_stretches
+from imu_noise_tools.plots.noise import left_out
 
 SEEDS = range(3)
 
@@ -346,8 +348,15 @@ def test_the_study_says_what_is_left_out(tmp_path, capsys):
     assert len(source['left_out']) == 2 and source['disturbances'][0]['size']['accel_x'] > 0.5
     page = (tmp_path / 's' / 'report.html').read_text()
     assert 'shock from 39' in page or 'shock from 40' in page
-    assert main(['analyse', *arguments, '--no-screen', '--force']) == 0
-    assert 'not set aside' in capsys.readouterr().out
+    assert main(['analyse', *arguments, '--no-screen', '--force', '--start', '20', '--mask',
+                 '60-62.5']) == 0
+    said = capsys.readouterr().out
+    assert 'not set aside' in said
+    # in the seconds of the record that --mask takes, wherever the analysed stretch begins
+    assert 'left out: 60 s to 62.5 s, masked' in said
+    assert 'shock from 39' in said or 'shock from 40' in said or 'shock at 40' in said
+    (begin, end), = [(a, b) for a, b, _ in left_out(store.load(tmp_path / 's'), 'gyro_x')]
+    assert (begin, end) == (pytest.approx(40, abs=0.03), pytest.approx(42.5, abs=0.03))
 
 
 # -- the rest of what inspect says

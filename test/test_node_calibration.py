@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from nodes_support import DiagnosticArray, Imu, Time, values, wait_for
+from nodes_support import DiagnosticArray, Imu, messages, Time, values, wait_for
 
 G = 9.80665
 S = np.array([[1.02, 0.004, -0.003], [0.002, 0.985, 0.005], [-0.004, 0.001, 1.01]])
@@ -130,6 +130,22 @@ def test_captures_say_which_face_was_seen_and_which_are_left(solved):
         assert success and answer['held'] == name and (answer['done'], answer['of']) == (k + 1, 6)
         assert answer['left'] == [f for f in ('+x', '-x', '+y', '-y', '+z', '-z')
                                   if f in list(FACES)[k + 1:]]
+
+
+def test_monitors_see_how_it_is(solved):
+    """The session is stale where nothing comes; the sensor is as its solution is."""
+    bench, _ = solved
+    name = f'{bench.node.full[1:]}: '
+    with bench.ros.listening('/diagnostics', DiagnosticArray) as got:
+        def told():
+            return {s.name.partition(': ')[2]: s for m in got[-4:] for s in m.status
+                    if s.name.startswith(name)}
+
+        assert wait_for(lambda: told() and told()['session'].level == messages.STALE), got[-1:]
+        seen = told()
+    assert set(seen) == {'session', 'accel'} and seen['accel'].level == messages.OK
+    assert {s.hardware_id for s in seen.values()} == {'imu_link'}
+    assert 'nothing comes' in seen['session'].message
 
 
 def test_the_solution_is_right_published_and_in_the_answer(solved):

@@ -35,11 +35,10 @@ def started(ros, ns, table, nodes=NODES):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 def test_every_node_ends_on_a_signal(ros, table, number):
     """How fast, bench/nodes.py measures: two seconds are asked."""
-    for _ in range(2):
-        for process in started(ros, ros.namespace(), table):
-            _, code = process.stop(number)
-            assert code == 0, f'{process.name}: {code}'
-            assert 'Traceback' not in process.text
+    for process in started(ros, ros.namespace(), table):
+        _, code = process.stop(number)
+        assert code == 0, f'{process.name}: {code}'
+        assert 'Traceback' not in process.text
 
 
 def test_parameters_are_described_and_config_files_hold_their_defaults(ros, root, table):

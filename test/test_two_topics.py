@@ -14,11 +14,13 @@ import csv
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
+from imu_noise_tools import api
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.bag.decode import IMU, TEMPERATURE
 from imu_noise_tools.bag.encode import imu_values, serialise
@@ -272,3 +274,24 @@ def test_both_at_once_where_something_needs_it(studies):
     record = open_record(studies / 'camera.mcap')
     assert record.n == 80000 and record.accel is not None and not record.beside
     assert any('interpolated' in w for w in record.warnings)
+
+
+def test_what_was_opened_apart_can_be_joined(tmp_path, monkeypatch):
+    """A calibration and a filter need both: of a record at hand they see what they would read."""
+    bag = camera_bag(tmp_path / 'camera.mcap', seconds=20)
+    joined, apart = open_record(bag), open_record(bag, apart=True)
+    assert apart.accel is None and len(apart.beside) == 1
+    one = apart.united()
+    np.testing.assert_array_equal(one.gyro, joined.gyro)
+    # the start of a record is known to a quarter of a microsecond
+    np.testing.assert_allclose(one.accel, joined.accel, atol=5e-7 * 63 * 0.1)
+    assert one.beside == () and any('interpolated' in w for w in one.warnings)
+    assert joined.united().accel is joined.accel and not apart.beside[0].united().beside
+    seen = []
+    monkeypatch.setattr(api.calibrating, 'calibrate_records',
+                        lambda records, **_: seen.extend(records) or SimpleNamespace(study=None))
+    monkeypatch.setattr(api.filtering, 'filter_samples', lambda record, **_: (
+        seen.append(record) or record, SimpleNamespace(study=1, folder=None)))
+    api.calibrate(apart)
+    api.filter(apart)
+    assert [r.accel is not None for r in seen] == [True, True]

@@ -28,8 +28,8 @@ BLOCK = 4096
 # what of the rows of some topics (which) that are sound, from an id on; in the order of their ids
 ROWS = 'SELECT {} FROM messages NOT INDEXED WHERE topic_id IN ({}) {} AND id > ?'
 # numbers of a block of rows as text, the bytes of all of them as one
-JOINED = ('max(id), count(*), group_concat(topic_id), group_concat(timestamp), '
-          "group_concat(length(data)), CAST(group_concat(data, '') AS BLOB)")
+JOINED = ("max(id), count(*), {topic}, group_concat(timestamp), group_concat(length(data)), "
+          "CAST(group_concat(data, '') AS BLOB)")
 #: topics, times (ns) and lengths of rows, and the bytes of all
 Columns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -180,8 +180,9 @@ class SqliteFile:
             self.database.create_function('whole', 1, partial(_whole, tail))
             sound = 'AND whole(data)'
         of = ', '.join('?' * len(topics))
+        topic = 'NULL' if len(topics) == 1 else 'group_concat(topic_id)'    # that of all is known
         one_by_one, joined = (ROWS.format(what, of, sound) for what in (
-            'id, topic_id, timestamp, data', JOINED))
+            'id, topic_id, timestamp, data', JOINED.format(topic=topic)))
         after, step, block = 0, 0, BLOCK
         while after + step < 2 ** 62:
             try:
@@ -213,6 +214,8 @@ class SqliteFile:
             f'{ask} AND id <= ?', (*values, values[-1] + block)).fetchone()
         with suppress(ValueError):      # it is no number
             topic, time, length = (np.fromstring(x or '', np.int64, sep=',') for x in text)
+            if len(values) == 2:
+                topic = np.full(n, values[0])
             whole = len(topic) == len(time) == len(length) == n > 0
             if whole and length.sum() == len(data or b''):
                 return id, (topic, time, length, np.frombuffer(data or b'', np.uint8))

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from .poses import DIRECTIONS, Poses, unit
 from ..core.statistics import TWO_SIDED
@@ -130,7 +130,7 @@ def widened(system: Any, poses: Poses, scale: np.ndarray, theta: float, dof: int
     tilted = np.isfinite(aims(poses)[0])
     across = theta ** 2 * tilted[:, None, None] * np.einsum(
         'nri,nij,nsj->nrs', system.whitener, _across(poses, scale), system.whitener)
-    factor = (student.ppf(0.975, dof) / TWO_SIDED) ** 2
+    factor = (stdtrit(dof, 0.975) / TWO_SIDED) ** 2
     return (factor - 1) * np.einsum('anr,nrs,bns->ab', plus, across, plus)
 
 

@@ -288,8 +288,8 @@ def _refuse_saturated(record, found, names) -> None:
                     'samples at the end of its range)', 'set a larger range and record again')
 
 
-def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
-              any_unit: bool = False) -> tuple[Poses, tuple[str, ...]]:
+def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S
+              ) -> tuple[Poses, tuple[str, ...]]:
     """
     Return the accelerometer's poses of a record, of unknown direction yet, and notes for people.
 
@@ -302,8 +302,7 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S,
     found = rests(record, seconds)
     _, short = _placements(record, seconds)
     outputs = np.array([r.accel for r in found]).T
-    if not any_unit:
-        check_unit(outputs, gravity)
+    check_unit(outputs, gravity)
     poses = Poses.of(
         'accel', outputs, standard_errors(np.asarray(record.accel), found, record.rate_hz),
         gravity, temperature=temperatures(record, found),

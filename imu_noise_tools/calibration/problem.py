@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri
 
 from . import solve
 from .effects import Drift, Regressor, Scatter
@@ -153,7 +153,7 @@ class CalibrationProblem(Problem):
                      f'{np.sqrt(left.x[k]):.1f} standard errors from what the others predict'))
         gain, rank = system.gain(self.columns(fit, Drift()))
         if rank:
-            found.append(Finding('drift', 0.0, p_value=float(chi2.sf(2 * gain, rank)), view='time',
+            found.append(Finding('drift', 0.0, p_value=float(chdtrc(rank, 2 * gain)), view='time',
                                  evidence='residual against the time of the pose'))
         return found
 
@@ -181,7 +181,7 @@ class CalibrationProblem(Problem):
     def _chi2_tail(self, fit: Fit) -> float:
         """Return the chance of a larger chi-squared, by its first two moments."""
         system, ratio = fit.details.equations, self._overdispersion(fit)
-        return float(chi2.sf(system.chi2 / ratio, system.dof / ratio)) if system.dof else 1.0
+        return float(chdtrc(system.dof / ratio, system.chi2 / ratio)) if system.dof else 1.0
 
     def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
         """Return the whitened columns that an effect would add to a fit's equations."""
@@ -218,7 +218,8 @@ class CalibrationProblem(Problem):
         normal one.
 
         """
-        tail = np.where(left.bins > 0, chi2.logsf(left.x, np.maximum(left.bins, 1)), 0.0)
+        with np.errstate(divide='ignore'):
+            tail = np.where(left.bins > 0, np.log(chdtrc(np.maximum(left.bins, 1), left.x)), 0.0)
         return np.where(self._tilted_share(fit) > 0.5, np.maximum(tail, -1 - np.sqrt(left.x)),
                         tail)
 
@@ -234,8 +235,8 @@ class CalibrationProblem(Problem):
             # BIC, but never less than what the best of so many candidates gains by chance in one
             # case of 200
             penalty = max(rank * np.log(len(fit.details.equations.right)),
-                          chi2.isf(_CHANCE / len(able), rank)) / 2
-            p_value = float(chi2.sf(2 * gain, rank)) / (2 if isinstance(e, Scatter) else 1)
+                          chdtri(rank, _CHANCE / len(able))) / 2
+            p_value = float(chdtrc(rank, 2 * gain)) / (2 if isinstance(e, Scatter) else 1)
             said = f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
             if rank < len(e.parameters):
                 unseen = len(e.parameters) - rank

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from . import faces, solve
 from .axes import refuse_crossed_axes
@@ -178,8 +178,7 @@ def stated(
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
-def calibrate_turns(turns: Turns, model: Model | None = None,
-                    notes: Iterable[str] = ()) -> Calibration:
+def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
     """
     Return the gyroscope's calibration by the turns between rests, or refuse it.
 
@@ -197,7 +196,7 @@ def calibrate_turns(turns: Turns, model: Model | None = None,
                          f'terms of a gyroscope', f'hold {_TURN_ROWS // 2 + 1} poses or more, '
                          'turning about all axes between them')
     problem = TurnsProblem.of(turns)
-    fit = problem.fit(model or solve.base_model())
+    fit = problem.fit(solve.base_model())
     _refuse_failure(fit, problem.poses, 'turns')
     # what the turns tell by their geometry: a scatter that an effect explains is the loop's
     noise = np.median(turns.spread)
@@ -326,7 +325,7 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
     said = list(fit.flags)
     x2, dof = fit.details.chi2, fit.details.dof
     residual, inputs = fit.details.residual, fit.details.inputs
-    if dof and chi2.sf(x2, dof) < 0.005:
+    if dof and chdtrc(dof, x2) < 0.005:
         said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
                     f'explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2, f as f_distribution, t as student
+from scipy.special import chdtri, fdtrc, stdtrit
 
 from . import solve
 from .between import ends, integrated, misses, sums, tangents, Turns
@@ -40,7 +40,6 @@ class TurnsProblem(CalibrationProblem):
     """
 
     turns: Turns | None = None
-    _data: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, turns: Turns) -> TurnsProblem:
@@ -133,8 +132,8 @@ class TurnsProblem(CalibrationProblem):
         if not rank or dof < 1 or not fit.details.tilt:
             return gain, rank
         left = max(system.chi2 - 2 * gain, 1e-9 * system.chi2)
-        chance = f_distribution.logsf(2 * gain / rank * dof / left, rank, dof)
-        return float(chi2.isf(np.exp(max(chance, -700.0)), rank)) / 2, rank
+        chance = fdtrc(rank, dof, 2 * gain / rank * dof / left)
+        return float(chdtri(rank, max(chance, 1e-304))) / 2, rank
 
     def _scatter_gain(self, fit: Fit, effect: Scatter) -> tuple[float, int]:
         return 0.0, 0
@@ -209,7 +208,7 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
                            'turn about all axes, with a rest between; check the units')
     miss = misses(turns, at.rotation)
     dof = max(1, 2 * turns.n - len(keys) + 3)
-    widen = (student.ppf(0.975, dof) / TWO_SIDED) ** 2 if scatter[0] else 1.0
+    widen = (stdtrit(dof, 0.975) / TWO_SIDED) ** 2 if scatter[0] else 1.0
     state = solve.State(poses.with_inputs(_mean_rates(turns, at.rates, poses)), keys, theta)
     fit = solve.report(model, state, system, system.cov * widen, _log_det(system), 'turns',
                        float(scatter[0]), None, state.values)

@@ -83,6 +83,13 @@ def effects(*domains: str) -> Names:
     return names
 
 
+def effects_and_domains(args: argparse.Namespace) -> Iterable[str]:
+    """Return the domains and the effects of all of them."""
+    from ..loop.domains import DOMAINS
+
+    return [*DOMAINS, *effects(*DOMAINS)(args)]
+
+
 def blocks(kind: str) -> Names:
     """Return what names the effects of a filter that are of a kind: Motion or OutputNoise."""
     def names(args: argparse.Namespace) -> Iterable[str]:

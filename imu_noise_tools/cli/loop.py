@@ -54,8 +54,8 @@ def register(commands: Any) -> None:
     c.set_defaults(func=history)
 
     c = commands.add_parser('effects', help='what is known: equation, units, signature, reference')
-    name = c.add_argument('name', metavar='NAME', nargs='?', help='one effect')
-    completion.offer(name, completion.effects())
+    name = c.add_argument('name', metavar='NAME', nargs='?', help='one effect, or a domain')
+    completion.offer(name, completion.effects_and_domains)
     common.output_options(c, 'names, parameters and units')
     c.set_defaults(func=effects)
 
@@ -71,31 +71,34 @@ def _register_changes(commands) -> None:
     )
     completion.offer(effects, completion.effects())
     c.add_argument('--all', action='store_true', help='all that was found, not the first')
-    axis = c.add_argument(
-        '--axis', metavar='A', action='append', help='only this axis (may be given again)'
-    )
-    completion.offer(axis, completion.axes)
-    common.si_option(c)
-    common.output_options(c, 'the new rungs of the ladder and the targets')
-    c.set_defaults(func=add)
+    _change_options(c, add)
 
     c = commands.add_parser('remove', help='take an effect out of the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
     label = c.add_argument('label', metavar='LABEL', help='as in study.yaml, e.g. sinusoid.2')
     completion.offer(label, completion.labels)
+    _change_options(c, remove)
+
+
+def _change_options(c, func) -> None:
+    """Add what is common to ``add`` and ``remove``."""
     axis = c.add_argument(
         '--axis', metavar='A', action='append', help='only this axis (may be given again)'
     )
     completion.offer(axis, completion.axes)
     common.si_option(c)
     common.output_options(c, 'the new rungs of the ladder and the targets')
-    c.set_defaults(func=remove)
+    c.set_defaults(func=func)
 
 
 def _register_export(commands) -> None:
     """Add ``export``."""
     c = commands.add_parser('export', help='the numbers in the file another program reads')
-    c.add_argument('dir', metavar='DIR', nargs='?', help='a noise study')
+    c.add_argument('dir', metavar='DIR', nargs='?', help='a noise study, or a fleet')
+    c.add_argument('--unit', metavar='U', help='of a fleet: this unit, beside what its model does')
+    c.add_argument('--population', action='store_true',
+                   help='of a fleet: for a unit never measured; covers 95 %% of units')
+    c.add_argument('--model', metavar='M', help='of a fleet with several: with --population')
     c.add_argument('--list', action='store_true', help='the formats, a line on each')
     completion.offer(c.add_argument('--format', metavar='F', help='e.g. kalibr'),
                      completion.formats)
@@ -278,12 +281,11 @@ def effects(args: argparse.Namespace) -> int:
     from ..loop.effect import registry
 
     common.load_own_effects(args)
-    if args.name:
-        found = [registry(d)[args.name] for d in DOMAINS if args.name in registry(d)]
-        if not found:
-            raise unknown('effect', args.name, [n for d in DOMAINS for n in registry(d)])
-    else:
-        found = [c for d in DOMAINS for c in registry(d).values()]
+    domains = [args.name] if args.name in DOMAINS else list(DOMAINS)
+    one = args.name if args.name not in DOMAINS else None
+    found = [c for d in domains for c in registry(d).values() if one in (None, c.name)]
+    if not found:
+        raise unknown('effect', one, [*DOMAINS, *(n for d in DOMAINS for n in registry(d))])
     if args.json:
         common.print_json(
             {
@@ -307,7 +309,7 @@ def effects(args: argparse.Namespace) -> int:
                 ]
             }
         )
-    elif args.name:
+    elif one:
         print('\n\n'.join(text.effect(c) for c in found))
     else:
         print(text.effects_table(found))
@@ -323,6 +325,26 @@ def _list_formats(args, formats: dict[str, str]) -> int:
     else:
         print(table(list(formats.items()), ('format', 'what is written')))
     return 0
+
+
+def _of_fleet(args):
+    """Return the stated study of a unit of a fleet or of its population; None for no fleet."""
+    from pathlib import Path
+
+    from ..core.errors import UsageError
+
+    if not (Path(args.dir) / 'fleet.json').is_file():
+        if args.unit or args.population:
+            raise UsageError('--unit and --population are for fleets',
+                             'name a folder that fleet wrote')
+        return None
+    from ..fleet import export as fleets
+
+    if bool(args.unit) == args.population:
+        raise UsageError(f'{args.dir}: a fleet', 'choose --unit U or --population')
+    if args.population:
+        return fleets.population_study(args.dir, args.model)
+    return fleets.unit_study(args.dir, args.unit)
 
 
 def export(args: argparse.Namespace) -> int:
@@ -345,7 +367,7 @@ def export(args: argparse.Namespace) -> int:
         raise UsageError(f'invalid --inflate {args.inflate:g}', 'it must be above zero')
     if args.horizon is not None and not args.horizon > 0:
         raise UsageError(f'invalid --horizon {args.horizon:g}', 'it must be above zero (seconds)')
-    study = store.load(args.dir)
+    study = _of_fleet(args) or store.load(args.dir)
     if study.domain != 'noise':
         raise InputError(
             f'{args.dir}: a {study.domain} study has no noise densities',

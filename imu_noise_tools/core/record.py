@@ -144,6 +144,26 @@ class ImuRecord:
         """This record and those beside it, each for itself."""
         return (replace(self, beside=()), *self.beside) if self.beside else (self,)
 
+    def united(self) -> ImuRecord:
+        """
+        Return it with what is beside it, interpolated linearly at its own times, and said.
+
+        For what needs both sensors at once; for noise each is taken by itself.
+
+        """
+        out = replace(self, beside=())
+        for other in self.beside:
+            at = (self.start - other.start) + self.t
+            for sensor in ('gyro', 'accel'):
+                known = getattr(other, sensor)
+                if known is None or getattr(out, sensor) is not None:
+                    continue
+                columns = [np.interp(at, other.t, x) for x in known.T]
+                out = replace(out.warned(
+                    f'{other.topic or other.path or sensor}: the {sensor} is sampled at other '
+                    'times; it was interpolated'), **{sensor: np.stack(columns).T})
+        return out
+
     @property
     def n(self) -> int:
         """Number of samples."""

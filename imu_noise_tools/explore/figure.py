@@ -80,7 +80,7 @@ def _traces(panel: Panel, c: Curve, k: int, labels: list[str], hand: str) -> lis
                             'mode': 'lines', 'line': line,
                             'name': c.name if c.seen else f'({c.name})'}
     if c.kind == 'dots':
-        look.update(mode='markers', marker={'color': colour, 'size': 2.5, 'opacity': 0.6})
+        look.update(mode='markers', marker={'color': colour, 'size': 3.5, 'opacity': 0.6})
     out = []
     if c.lo is not None and c.hi is not None:
         fill = BAND if c.kind == 'chance' else colour
@@ -105,18 +105,18 @@ def _pulls(panel: Panel, below: bool) -> list[dict[str, Any]]:
         return []
     axis = 'y2' if below else 'y'
     shown = np.clip(panel.pull, -_MOST, _MOST)
-    few = len(panel.x) < 40
+    single = len(np.unique(panel.x)) < len(panel.x)     # several to a place: no line
+    mode = 'markers' if single else 'lines+markers' if len(panel.x) < 40 else 'lines'
     beyond = np.abs(panel.pull) > CHANCE
     base = {'type': 'scatter', 'yaxis': axis, 'showlegend': False}
     ends = [float(panel.x[0]), float(panel.x[-1])]
-    text = [f'{v:.1f} standard errors' for v in panel.pull]
     return [
         {**base, 'x': ends, 'y': [-CHANCE] * 2, 'line': {'width': 0}, 'mode': 'lines',
          'hoverinfo': 'skip'},
         {**base, 'x': ends, 'y': [CHANCE] * 2, 'line': {'width': 0}, 'mode': 'lines',
          'fill': 'tonexty', 'fillcolor': BAND, 'hoverinfo': 'skip'},
-        {**base, 'x': _list(panel.x), 'y': _list(shown), 'name': 'pull', 'text': text,
-         'hoverinfo': 'x+text', 'mode': 'lines+markers' if few else 'lines',
+        {**base, 'x': _list(panel.x), 'y': _list(shown), 'name': 'pull',
+         'hovertemplate': '%{x}: %{y:.1f} standard errors<extra></extra>', 'mode': mode,
          'line': {'color': MEASURED, 'width': 1.1}},
         {**base, 'x': _list(panel.x[beyond]), 'y': _list(shown[beyond]), 'mode': 'markers',
          'marker': {'color': FAIL, 'size': 5}, 'hoverinfo': 'skip'}]
@@ -133,6 +133,7 @@ def _layout(panel: Panel, both: bool) -> dict[str, Any]:
         'margin': {'l': 62, 'r': 10, 't': 8, 'b': 44}, 'dragmode': 'select',
         'selectdirection': 'h', 'hovermode': 'closest', 'xaxis': x, 'uirevision': panel.name,
         'legend': {'orientation': 'h', 'x': 0, 'y': 1.01, 'yanchor': 'bottom',
+                   'traceorder': 'normal',
                    'font': {'size': 12}},
         'newselection': {'line': {'width': 1, 'color': EFFECTS[0]}}, 'showlegend': both}
     if both:

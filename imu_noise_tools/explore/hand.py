@@ -66,7 +66,7 @@ class Hand:
                 if self.effect is not None:
                     for p in self.effect.parameters:
                         self._slider(p)
-                    self._outcome = ui.html('', sanitize=False).classes('small')
+                    self._outcome = ui.html('', sanitize=False).classes('small hand-outcome')
                     self._buttons()
         self._say()
 

@@ -16,6 +16,7 @@ from ..loop.diagnosis import Diagnosis
 from ..loop.effect import Finding
 from ..loop.prediction import State
 from ..loop.study import Step
+from ..plots.style import readable
 from ..report import words
 from ..report.markup import badge, bullets, escape
 
@@ -115,8 +116,9 @@ def coefficients(state: State, target: str, label: str) -> str:
     effect = state.model[label]
     found = [f'{r.symbol} {r.shown}' + (f' ({r.interval})' if r.interval else '')
              for r in words.rows(state, target) if r.label == label]
+    said = '<br>'.join(escape(readable(x)) for x in found)
     return (f'<div><b>{escape(label)}</b> {badge(effect.title, "small faint")}'
-            f'<div class="small">{"<br>".join(map(escape, found))}</div></div>')
+            f'<div class="small">{said}</div></div>')
 
 
 def verdict_of(state: State, d: Diagnosis | None) -> str:
@@ -154,7 +156,7 @@ def found(f: Finding, target: str) -> str:
 def answer_of(answer: Answer) -> str:
     """Return what a stretch is: what makes it, and what fails there."""
     makes = ', '.join(f'{escape(k)} {100 * v:.0f} %' for k, v in answer.makes)
-    out = f'<p>In the model, {makes} of the power there.</p>' if makes else ''
+    out = f'<p>What the model has there: {makes} of the power.</p>' if makes else ''
     if answer.fails <= answer.chance:
         return out + (f'<p>{badge("Nothing stands out there", "good")}: measured and model differ '
                       'by no more than chance.</p>')

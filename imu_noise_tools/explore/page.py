@@ -20,7 +20,8 @@ from nicegui import ui
 from . import look
 from .figure import figure
 from .hand import Hand
-from .panels import names_of, panel_of, Stretch, with_hand
+from .live import Live, Source
+from .panels import names_of, Stretch, with_hand
 from .session import Session
 from .widgets import loud, quiet
 from .. import export
@@ -32,18 +33,21 @@ FOLLOW = 0.15       # s between looks at the session
 DISK = 2.0          # s between looks at the study on disk
 
 
-def build(session: Session, live: Any = None) -> None:
-    """Offer the page of a session."""
+def build(session: Session | None, live: Source | None = None) -> None:
+    """Offer the page of a session, or of what follows an analyser."""
     @ui.page('/')
     def index(axis: str = '', view: str = '') -> None:
-        Page(session, axis, view, live)
+        if session is not None:
+            Page(session, axis, view)
+        elif live is not None:
+            Live(live, axis)
 
 
 class Page:
     """One window."""
 
-    def __init__(self, session: Session, target: str, view: str, live: Any) -> None:
-        self.session, self.target, self.view, self.live = session, target, view, live
+    def __init__(self, session: Session, target: str, view: str) -> None:
+        self.session, self.target, self.view = session, target, view
         self.stretch: Stretch | None = None
         self._shown = (-1, None, None)      # version, busy and said that are on the screen
         ui.add_css(look.STYLE)
@@ -84,13 +88,19 @@ class Page:
     def show(self, target: str = '', view: str = '') -> None:
         """Look at another axis, or in another way."""
         self.stretch = None
-        if target and target != self.target:
+        moved = bool(target) and target != self.target
+        if moved:
             self.hand.clear()
         self.target, self.view = target or self.target, view or self.view
         self._settle()
         ui.run_javascript(
             f'history.replaceState(null, "", "?axis={self.target}&view={self.view}")')
-        self.draw_all()
+        if moved:
+            self.draw_all()
+        else:
+            self._draw_tabs()
+            self.draw_curve()
+            self.hand.draw(self._by_hand)
 
     def _settle(self) -> None:
         """Make axis and view such as the study has."""
@@ -103,7 +113,7 @@ class Page:
     def _brushed(self, event: Any) -> None:
         """Take the stretch that was drawn across the plot."""
         low, high = sorted(float(v) for v in event.args[:2])
-        panel = panel_of(self.study.domain, self.state, self.view)
+        panel = self.session.panel(self.state, self.target, self.view)
         if high > low:
             self.stretch = Stretch(low, high, panel.unit)
             self.draw_curve()
@@ -199,7 +209,7 @@ class Page:
         state = self.state
         if self.hand.effect is not None:
             state = with_hand(state, self.hand.effect)
-        panel = panel_of(self.study.domain, state, self.view)
+        panel = self.session.panel(state, self.target, self.view)
         found = self.study.diagnosis.get(self.target)
         suspect = found.found[0].name if found and found.found else ''
         label = next((x for x in state.model.labels if x not in self.state.model), '')

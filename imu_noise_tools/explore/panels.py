@@ -59,6 +59,8 @@ class Stretch:
         """Return it as people read it."""
         if self.unit == 's':
             return f'{words.duration(self.low)} to {words.duration(self.high)}'
+        if self.unit == 'pose':
+            return f'poses {self.low:.0f} to {self.high:.0f}'
         return f'{self.low:.3g} to {self.high:.3g} {self.unit}'.strip()
 
     def holds(self, x: np.ndarray) -> np.ndarray:

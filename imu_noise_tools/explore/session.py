@@ -20,10 +20,11 @@ from typing import Any
 
 from . import jobs
 from .jobs import Answer
-from .panels import Stretch
+from .panels import Panel, panel_of, Stretch
 from .worker import StoppedError, Worker
 from .. import export, store
 from ..core.errors import ImuNoiseError, InputError
+from ..loop.prediction import State
 from ..loop.study import Study
 from ..tasks import loop as tasks
 from ..tasks.noise import default_folder
@@ -82,6 +83,7 @@ class Session:
         self._thread: threading.Thread | None = None
         self._dropped = False
         self._undo: list[jobs.Models] = []
+        self._panels: dict[tuple[str, str], tuple[State, Panel]] = {}
         self._seen = self._stamp = ''
         self.study: Study | None = None
         self.version = 0
@@ -286,6 +288,15 @@ class Session:
             self.study, answer = self._run(jobs.identify, self.study, target, view, stretch)
             self.answers[target, view] = answer
         return self._start('looking', work)
+
+    def panel(self, state: State, target: str, view: str) -> Panel:
+        """Return a panel of a target, worked out once for each of its states."""
+        assert self.study is not None
+        known = self._panels.get((target, view))
+        if known is None or known[0] is not state:
+            known = state, panel_of(self.study.domain, state, view)
+            self._panels[target, view] = known
+        return known[1]
 
     def export(self, name: str, axes: str = 'worst', inflate: float = 1.0) -> str:
         """Return the numbers as another program reads them."""

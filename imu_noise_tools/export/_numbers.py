@@ -124,9 +124,9 @@ class Numbers:
         return f'{sensor} {parameter} in {UNITS[parameter][sensor]}: {", ".join(parts)}'
 
 
-def commented(said: list[str], mark: str = '#') -> str:
+def commented(said: list[str]) -> str:
     """Return sentences as lines of comment."""
-    return ''.join(f'{mark} {" ".join(s.split())}\n' for s in said)
+    return ''.join(f'# {" ".join(s.split())}\n' for s in said)
 
 
 def numbers_of(values: Any) -> str:

@@ -300,7 +300,3 @@ class Engine:
             return x, var
         left = offset * np.exp(-age / BLEND)
         return x + left, var + left ** 2
-
-    def probabilities(self) -> np.ndarray | None:
-        """Return the probabilities of the modes (modes, 3) of a bank; None before it runs."""
-        return self._bank.mu.copy() if self._ready else None

@@ -31,7 +31,7 @@ class Likelihood:
         """Return the log-likelihood of each."""
         models = list(models)
         if models and jumps(models[0]):
-            return by_bank(models, self.z, self.dt, self.alpha, scores=False)[0]
+            return by_bank(models, self.z, self.dt, self.alpha)[0]
         return np.array([predict(m, self.z, self.dt, self.alpha).log_likelihood for m in models])
 
 

@@ -59,6 +59,7 @@ class Coefficients:
         )
         mixture = [axis[0].outliers for axis in choices[0].spaces]
         self.outliers = np.array(mixture).T if all(mixture) else None
+        self.slope = self._slopes(choices)
 
     @staticmethod
     def _stack(choices, name):
@@ -66,6 +67,19 @@ class Coefficients:
         return np.array(
             [[[getattr(s, name) for s in axis] for axis in c.spaces] for c in choices]
         ).swapaxes(1, 2)
+
+    def _slopes(self, choices):
+        """
+        Return what of the state, (d,) of (choices, modes, axes), makes a sample off by jitter.
+
+        The change of the rate over the interval, jitter/dt of it; None where there is no jitter.
+
+        """
+        if not any(axis[0].jitter for axis in choices[0].spaces):
+            return None
+        change = np.array([[[(s.rate @ s.phi - s.rate) * (s.jitter / s.dt if s.dt else 0.0)
+                             for s in axis] for axis in c.spaces] for c in choices])
+        return np.moveaxis(change.swapaxes(1, 2), -1, 0)
 
     def at(self, which: Any) -> Entries:
         """
@@ -86,7 +100,8 @@ class Coefficients:
             prior = np.repeat(self.prior[which], self.axes, 0).T
             stay = np.repeat(self.stay[which], self.axes)
         return Entries({k: 1.0 if np.all(v == 1.0) else lanes(v) for k, v in self.phi.items()},
-                       {k: lanes(v) for k, v in self.q.items()}, lanes(self.r), prior, stay)
+                       {k: lanes(v) for k, v in self.q.items()}, lanes(self.r), prior, stay,
+                       None if self.slope is None else [lanes(v) for v in self.slope])
 
 
 @dataclass(frozen=True)
@@ -98,6 +113,7 @@ class Entries:
     r: np.ndarray
     prior: np.ndarray
     stay: float | np.ndarray
+    slope: list | None = None
 
     def tiled(self, chunks: int) -> Entries:
         """Return entries (modes, axes) repeated for every chunk."""
@@ -109,6 +125,7 @@ class Entries:
             lanes(self.r),
             self.prior,
             self.stay,
+            None if self.slope is None else [lanes(v) for v in self.slope],
         )
 
 
@@ -132,12 +149,14 @@ class Bank:
         self.start = {k: np.tile(table.p0[:, :, k[0], k[1]], repeat) for k in self.pairs}
         shape = (table.modes, lanes)
         self.mu = np.tile(table.prior[0][:, None], lanes)
+        self.jitter = np.zeros(shape)   # variance that uneven sampling adds to the next sample
         self.x = [np.zeros(shape) for _ in d]
         self.p = {k: v.copy() for k, v in self.start.items()}
 
     def restart(self, lanes: np.ndarray | slice) -> None:
         """Forget everything in some lanes (mask or index)."""
         self.mu[:, lanes] = self.table.prior[0][:, None]
+        self.jitter[:, lanes] = 0.0
         for x in self.x:
             x[:, lanes] = 0.0
         for k, p in self.p.items():
@@ -167,6 +186,10 @@ class Bank:
     def predict(self, e: Entries) -> None:
         """Carry every mode over the interval: P^- = Phi P Phi^T/alpha + Q."""
         phi, p, alpha = e.phi, self.p, self.table.alpha
+        if e.slope is not None:
+            mean = _sum(a * x for a, x in zip(e.slope, self.x))
+            self.jitter = mean ** 2 + _sum(e.slope[i] * e.slope[j] * p[min(i, j), max(i, j)]
+                                           for i in self.rows for j in self.rows)
 
         def times(f, a):
             return a if isinstance(f, float) else f * a
@@ -182,6 +205,10 @@ class Bank:
             new[i, j] = v + e.q[i, j] if (i, j) in e.q else v
         self.p = new
 
+    def noise(self, e: Entries) -> np.ndarray:
+        """Return the variance of the next sample's noise, (modes, lanes) or what broadcasts."""
+        return e.r if e.slope is None else e.r + self.jitter
+
     def update(self, z: np.ndarray, e: Entries) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
         Weigh the samples z (lanes,) in.
@@ -189,17 +216,17 @@ class Bank:
         Return (innovation, S, log-likelihood) of each mode, prior weights included.
 
         """
-        p = self.p
+        p, r = self.p, self.noise(e)
         ph = [_sum(w * p[min(i, k), max(i, k)] for k, w in self.seen) for i in self.rows]
         spread = _sum(w * ph[i] for i, w in self.seen)
-        s = spread + e.r
+        s = spread + r
         nu = z - _sum(w * self.x[i] for i, w in self.seen)
         if self.mixture is None:
             scaled = nu / s
             log_l = -0.5 * (nu * scaled + np.log(s))
             gain, shrink = scaled, 1 / s
         else:
-            gain, shrink, log_l = self._robust(nu, s, e.r)
+            gain, shrink, log_l = self._robust(nu, s, r)
         self.x = [x + v * gain for x, v in zip(self.x, ph)]
         self.p = {(i, j): p[i, j] - ph[i] * ph[j] * shrink for i, j in self.pairs}
         if self.table.modes > 1:
@@ -281,7 +308,7 @@ class Bank:
         if self.mixture is not None:
             fraction, factor = self.mixture
             parts = [(self.prior * (1 - fraction), parts[0][1]),
-                     (self.prior * fraction, nu / np.sqrt(s + e.r * (factor - 1)))]
+                     (self.prior * fraction, nu / np.sqrt(s + self.noise(e) * (factor - 1)))]
         below = sum((w * ndtr(a)).sum(0) for w, a in parts)
         above = sum((w * ndtr(-a)).sum(0) for w, a in parts)
         return np.where(

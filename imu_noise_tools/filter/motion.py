@@ -26,11 +26,11 @@ DIFFUSE = (
 
 SOJOURN = 10.0  # s that a mode of the bank for any motion lasts on average
 REST = 0.5  # share of its changes of mode that lead to rest: where nothing speaks for motion
-WANDER = (1e-7, 3e4)  # random walks of the rate, (deg/s)^2/s: at rest, and jumps
-# random walks of the acceleration, (deg/s^2)^2/s: from a slow turn to vigorous hands, by steps of
-# 7.7, which move the variance of an estimate (to the fourth root of it) by less than a third
-# either way of the best
-ACCELERATION = tuple(float(q) for q in np.geomspace(0.3, 3e7, 10))
+WANDER = (1e-7, 1e6)  # random walks of the rate, (deg/s)^2/s: at rest, and jumps
+# random walks of the acceleration, (deg/s^2)^2/s: from a slow turn to a sensor that is struck, by
+# steps of 7.7, which move the variance of an estimate (to the fourth root of it) by less than a
+# third either way of the best
+ACCELERATION = tuple(float(q) for q in np.geomspace(0.3, 1.8e9, 12))
 
 
 def _integrator(phi, q, p0=0.0) -> Block:
@@ -113,6 +113,7 @@ class AngularAcceleration(Motion):
     name = 'angular_acceleration'
     symbol = 'a'
     title = 'angular acceleration'
+    smooth = True
     equation = "x' = a, a' = white of density q"
     signature = 'innovations of one sign for as long as the rotation speeds up or slows down'
     hint = 'the filter lags behind every change of rate; turning by hand, rocking, vehicles'
@@ -144,6 +145,7 @@ class Switched(Motion):
     """What drives the rate changes: a subclass says from what to what."""
 
     jumps = True
+    smooth = True
 
     def switching(self) -> Switching:
         """Return the modes."""
@@ -164,12 +166,13 @@ class AnyMotion(Switched):
 
     name = 'any_motion'
     symbol = 'm'
-    sought = False
     every = True
+    heals = 'autocorrelation'
+    search = float(np.log(len(WANDER) + len(ACCELERATION)))
     title = 'any motion'
-    equation = 'x driven by one of twelve densities, from rest to impacts, that take turns'
-    signature = 'what auto runs'
-    hint = 'the default: nothing of the motion need be known'
+    equation = 'x driven by one of fourteen densities, from rest to impacts, that take turns'
+    signature = 'innovations whose size and correlation change from stretch to stretch'
+    hint = 'hands, legs, vehicles: filter with --motion auto, which runs this bank'
     reference = 'Blom, Bar-Shalom 1988'
 
     def switching(self) -> Switching:
@@ -220,6 +223,7 @@ class Jerk(Motion):
     name = 'jerk'
     symbol = 'j'
     title = 'angular jerk'
+    smooth = True
     equation = "x'' = j, j' = white of density q"
     signature = 'innovations that keep their sign while the angular acceleration changes'
     hint = 'smooth and strong motion, well above the noise'
@@ -264,6 +268,7 @@ class Singer(Motion):
     name = 'singer'
     symbol = 'a'
     title = 'manoeuvre (Gauss-Markov acceleration)'
+    smooth = True
     equation = "x' = a, a Gauss-Markov (sigma, tc)"
     signature = 'bursts of innovations of one sign, each about tc long'
     hint = 'turns that begin and end'
@@ -312,6 +317,7 @@ class Harmonic(Oscillation, Motion):
     name = 'harmonic'
     symbol = 's'
     title = 'sway'
+    smooth = True
     equation = 'x = A cos(2 pi f t + phase)'
     signature = 'innovations oscillate at one slow frequency'
     hint = (

@@ -224,6 +224,44 @@ class Outliers(OutputNoise):
         return nothing(outliers=(self['fraction'], self['factor']))
 
 
+class SamplingJitter(OutputNoise):
+    """
+    A sample is taken a little before or after its time.
+
+    While the rate changes by a in a second, that is an error of a times the delay; the filter
+    weighs every sample by the change that it expects.
+
+    """
+
+    name = 'sampling_jitter'
+    symbol = 'j'
+    title = 'noise that grows with angular acceleration (sampling jitter)'
+    equation = "v_k normal with variance R + (jitter x')^2"
+    signature = 'white innovations that are the larger the faster the rate changes'
+    hint = ('samples are not taken when their stamps say (a busy bus, resampled data), or the'
+            ' mount gives way when it is shaken')
+    reference = 'Balakrishnan 1962'
+    jumps = True
+    slopes = True
+    search = 6.0  # where the acceleration is all but constant, it is another level of the noise
+    parameters = (Parameter('jitter', 's', 1e-7, 1.0, amplitude=True,
+                            title='standard deviation of when a sample is taken'),)
+
+    @classmethod
+    def example(cls) -> Effect:
+        """Return a tenth of the interval at 100 Hz."""
+        return cls({'jitter': 1e-3})
+
+    @classmethod
+    def guesses(cls, look: Look) -> list[Effect]:
+        """Return from a hundredth of the interval to all of it."""
+        return [cls({'jitter': k * look.dt}) for k in (0.01, 0.03, 0.1, 0.3, 1.0)]
+
+    def block(self, dt: float) -> Block:
+        """Return the jitter."""
+        return nothing(jitter=self['jitter'])
+
+
 def gauss_markov_terms(
     psd: Callable[[np.ndarray, float], np.ndarray], dt: float, shortest: float, longest: float,
     per_decade: int = 1

@@ -11,9 +11,9 @@ Many sets of values at once where it must be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from . import kalman
 from .imm import Bank, Coefficients, log_density
@@ -29,12 +29,14 @@ class Prediction:
     """
     Log-likelihood of the samples after the first ``settle``, and the scores of those.
 
-    (n - settle,).
+    ``u`` (n - settle,); ``smooth`` alike, of samples as they may have been before they were
+    rounded: rounding makes a comb of the distribution of ``u``, and no model is to blame.
 
     """
 
     log_likelihood: float
     u: np.ndarray
+    smooth: np.ndarray
 
 
 def settle_of(n: int) -> int:
@@ -63,12 +65,37 @@ def _from_best_start(steady, z, x):
     return nu[:, 0] - nu[:, 1:] @ np.linalg.lstsq(nu[:, 1:], nu[:, 0], rcond=None)[0]
 
 
-def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Prediction:
-    """Return the prediction of z (n,) by one model; likelihood 0 where it cannot be."""
-    if jumps(model):
-        log_l, u = by_bank([model], z, dt, alpha)
-        return Prediction(float(log_l[0]), u[0])
+def within_step(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """
+    Return scores drawn, by chance, between those of either end of a step of the output, (n,).
+
+    By their probability: as normal as the samples were before they were rounded (the randomised
+    transform of Brockwell 2007).
+
+    """
+    flip = low + high > 0       # in the lower tail small probabilities are exact
+    low, high = np.where(flip, -high, low), np.where(flip, -low, high)
+    share = np.random.default_rng(len(low)).random(len(low))
+    below = ndtr(low)
+    x = ndtri(np.maximum(below + share * (ndtr(high) - below), 1e-300))
+    return np.where(flip, -x, x)
+
+
+def predict(
+    model: Model, z: np.ndarray, dt: float, alpha: float = 1.0, step: float = 0.0
+) -> Prediction:
+    """
+    Return the prediction of z (n,), an output in steps of ``step``, by one model.
+
+    Likelihood 0 where it cannot be.
+
+    """
     settle = settle_of(len(z))
+    ends = (-0.5 * step, 0.5 * step) if step else ()
+    if jumps(model):
+        log_l, scores = by_bank([model], z, dt, alpha, (0.0, *ends))
+        u, *sides = (x[0] for x in scores)
+        return Prediction(float(log_l[0]), u, within_step(*sides) if step else u)
     space = state_space(model, dt)
     steady = kalman.steady_state(space, alpha)
     start = float(np.mean(z[:32]))
@@ -81,23 +108,27 @@ def predict(model: Model, z: np.ndarray, dt: float, alpha: float = 1.0) -> Predi
         steady = kalman.steady_state(replace(space, q=q), alpha)
         start = float(np.mean(z))
     if steady is None:
-        return Prediction(-np.inf, np.full(len(z) - settle, np.nan))
+        unknown = np.full(len(z) - settle, np.nan)
+        return Prediction(-np.inf, unknown, unknown)
     x = np.zeros(space.size)
     x[int(np.argmax(space.rate != 0))] = start
     nu = (
         _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
     )
     nu = nu[settle:]
-    return Prediction(kalman.log_likelihood(nu, steady.s), nu / np.sqrt(steady.s))
+    sigma = np.sqrt(steady.s)
+    smooth = within_step(*((nu + end) / sigma for end in ends)) if step else nu / sigma
+    return Prediction(kalman.log_likelihood(nu, steady.s), nu / sigma, smooth)
 
 
 def by_bank(
-    models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0, scores: bool = True
-) -> Any:
+    models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0,
+    at_off: tuple[float, ...] = ()
+) -> tuple[np.ndarray, list[np.ndarray]]:
     """
-    Return log-likelihoods (k,) and scores (k, n - settle) of k models of one structure.
+    Return log-likelihoods (k,) of k models of one structure, and lists of scores (k, n - settle).
 
-    By the recursion of the bank.
+    By the recursion of the bank. There are scores of the samples off by each of ``at_off``.
 
     Chunks of the series run side by side, each warmed up on the samples before it.
 
@@ -105,14 +136,8 @@ def by_bank(
     n, k, settle = len(z), len(models), settle_of(len(z))
     first = np.arange(0, n, CHUNK)
     begin = np.maximum(first - WARM, 0)
-    each = [modes_of([m], dt) for m in models]
-    table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
-    bank = Bank(table, k * len(first))
-    e = table.at(0).tiled(len(first))
-    prior = np.tile(np.array([m.prior for m in each]).T, (1, len(first)))
-    e = replace(e, prior=prior)
-    bank.mu[:] = prior
-    log_l, u = np.zeros(k), np.empty((k, n))
+    bank, e = _side_by_side(models, dt, alpha, len(first))
+    log_l, scores = np.zeros(k), [np.empty((k, n)) for _ in at_off]
     for step in range(int(np.max(np.minimum(first + CHUNK, n) - begin))):
         at = begin + step
         live = (at >= first) & (at < np.minimum(first + CHUNK, n))
@@ -122,11 +147,21 @@ def by_bank(
         )
         if not live.any():
             continue
-        counted = live & (at >= settle)
-        log_l += log_density(density).reshape(-1, k)[counted].sum(0)
-        if scores:
-            u[:, at[live]] = bank.transform(nu, s, e).reshape(-1, k)[live].T
-    return np.where(np.isfinite(log_l), log_l, -np.inf), u[:, settle:]
+        log_l += log_density(density).reshape(-1, k)[live & (at >= settle)].sum(0)
+        for u, off in zip(scores, at_off):
+            u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
+    return np.where(np.isfinite(log_l), log_l, -np.inf), [u[:, settle:] for u in scores]
+
+
+def _side_by_side(models, dt, alpha, chunks):
+    """Return a bank whose lanes are chunks of the series, all models each, and its entries."""
+    each = [modes_of([m], dt) for m in models]
+    table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
+    bank = Bank(table, len(models) * chunks)
+    prior = np.tile(np.array([m.prior for m in each]).T, (1, chunks))
+    bank.mu[:] = prior
+    stay = np.tile([m.stay for m in each], chunks)
+    return bank, replace(table.at(0).tiled(chunks), prior=prior, stay=stay)
 
 
 def _first(bank, samples, e):

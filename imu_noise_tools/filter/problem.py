@@ -19,6 +19,7 @@ from .statespace import DOMAIN, FilterEffect, Look, Motion, white_of
 from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
+from ..core.statistics import grid_step
 from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
 from ..loop.problem import Problem
 from ..loop.verdict import HEALED
@@ -55,6 +56,7 @@ class FilterProblem(Problem):
         whole: FilterProblem | None = None,
     ):
         self.z, self.dt, self.alpha = np.asarray(z, float), float(dt), float(alpha)
+        self.step: float = whole.step if whole else grid_step(self.z)[0]
         self._target = target
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
@@ -123,16 +125,21 @@ class FilterProblem(Problem):
     def prediction(self, model: Model) -> Prediction:
         """Return log-likelihood and scores of a model with values."""
         if model not in self._seen:
-            self._seen[model] = predict(model, self.z, self.dt, self.alpha)
+            self._seen[model] = predict(model, self.z, self.dt, self.alpha, self.step)
         return self._seen[model]
 
     def score(self, fit: Fit) -> Score:
         """Score a fit made on other data."""
-        return score_of(self.prediction(fit.model).u, self.dt, covers(fit.model))
+        return self._score(fit.model, covers(fit.model))
+
+    def _score(self, model: Model, coarse: bool = False) -> Score:
+        seen = self.prediction(model)
+        return score_of(seen.u, self.dt, coarse, seen.smooth)
 
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the innovations."""
-        return omnibus(self.prediction(fit.model).u, self.dt, covers(fit.model))
+        seen = self.prediction(fit.model)
+        return omnibus(seen.u, self.dt, covers(fit.model), seen.smooth)
 
     def candidates(self, fit: Fit) -> list[Finding]:
         """
@@ -144,19 +151,8 @@ class FilterProblem(Problem):
         out = []
         n = len(self.z)
         known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
-        driven = fit.model.of(Motion)
-        every = covers(fit.model)
-        jumping = any(e.jumps for e in driven)
-        white = white_of(fit.model)
-        stated = white is not None and white.label in self.stated
         for name, effect in known.items():
-            if not effect.sought or (name in fit.model and not effect.several):
-                continue
-            if effect.scales and not stated:
-                continue
-            if issubclass(effect, Motion) and (every or jumping and effect.jumps):
-                continue
-            if effect.after and not any(effect.after in e.lineage() for e in fit.model):
+            if not self._applies(effect, fit.model):
                 continue
             more = unfitted(fit.model).plus(effect())
             after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH)
@@ -183,19 +179,35 @@ class FilterProblem(Problem):
             )
         return sorted(out, key=lambda f: f.penalty - f.gain)
 
+    def _applies(self, effect: type[FilterEffect], model: Model) -> bool:
+        """Tell whether an effect could be missing from a model, and be seen beside what it has."""
+        driven = model.of(Motion)
+        white = white_of(model)
+        if not effect.sought or (effect.name in model and not effect.several):
+            return False
+        if effect.scales and (white is None or white.label not in self.stated):
+            return False
+        if effect.slopes and not any(e.smooth for e in driven):
+            return False
+        if issubclass(effect, Motion) and (
+            covers(model) or any(e.jumps for e in driven) and effect.jumps
+        ):
+            return False
+        return not effect.after or any(effect.after in e.lineage() for e in model)
+
     def _lost(self, fit: Fit) -> float:
         """Return the deviance from what a true model would score."""
         return sum(
             v.excess * len(v.pull)
-            for v in score_of(self.prediction(fit.model).u, self.dt).views.values()
+            for v in self._score(fit.model).views.values()
         )
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the nats lost per sample on the second half by the fit of the first."""
         first, second = self.halves()
-        u = second.prediction(first.fit(unfitted(fit.model)).model).u
-        score = score_of(u, self.dt)
-        total = sum(v.excess * len(v.pull) for v in score.views.values())
+        model = first.fit(unfitted(fit.model)).model
+        u = second.prediction(model).u
+        total = sum(v.excess * len(v.pull) for v in second._score(model).views.values())
         return {'nats_per_sample': float(total / (2 * len(u))), 'nis': float(np.mean(u * u))}
 
     def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:

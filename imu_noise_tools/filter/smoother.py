@@ -15,7 +15,7 @@ moments under what the forward pass knows. A bank of one is the smoother of Fras
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -276,7 +276,7 @@ def _total(terms: Any) -> Any:
 
 def keep(bank: Bank, z: np.ndarray, e: Entries, begins: Any = None) -> Kept:
     """Return a bank as it is after samples z (lanes,)."""
-    return Kept(bank.mu, bank.x, bank.p, z, e, begins)
+    return Kept(bank.mu, bank.x, bank.p, z, replace(e, r=bank.noise(e)), begins)
 
 
 def forward(bank: Bank, z: np.ndarray, e: Entries, begins: np.ndarray | None = None) -> Kept:

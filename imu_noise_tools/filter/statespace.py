@@ -52,7 +52,8 @@ class Block:
 
     ``r`` is variance added to the measurement, ``r_factor`` multiplies what all blocks add.
     ``integrates``: the first state is the rate itself, to be shared. ``outliers`` is (fraction,
-    variance factor), ``step`` (probability, variance) of a jump of the rate within one interval.
+    variance factor), ``step`` (probability, variance) of a jump of the rate within one interval,
+    ``jitter`` the standard deviation, s, of when a sample is taken.
     ``switching``: its second state is the acceleration, and q is for a density of one.
 
     """
@@ -67,6 +68,7 @@ class Block:
     outliers: tuple[float, float] | None = None
     step: tuple[float, float] | None = None
     switching: Switching | None = None
+    jitter: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ class StateSpace:
     The sum of blocks over one interval dt.
 
     ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion;
-    ``r`` the variance of the white part; ``outliers``, ``step`` and ``switching`` as in
-    :class:`Block`.
+    ``r`` the variance of the white part; ``outliers``, ``step``, ``switching`` and ``jitter`` as
+    in :class:`Block`.
 
     """
 
@@ -90,6 +92,7 @@ class StateSpace:
     outliers: tuple[float, float] | None = None
     step: tuple[float, float] | None = None
     switching: Switching | None = None
+    jitter: float = 0.0
 
     @property
     def size(self) -> int:
@@ -137,10 +140,12 @@ class FilterEffect(Effect):
     search: ClassVar[float] = 0.0
     #: the test of evaluate.omnibus that it must mend to be believed
     heals: ClassVar[str] = ''
-    #: whether its block holds a step or outliers: a model with it has no steady state
+    #: whether its block holds a step, outliers or jitter: a model with it has no steady state
     jumps: ClassVar[bool] = False
     #: whether it stands for every motion: no other is missing beside it
     every: ClassVar[bool] = False
+    #: whether it is seen by what the angular acceleration does, which the model must then know
+    slopes: ClassVar[bool] = False
     #: whether it multiplies the stated noise: nothing to be found where none is stated
     scales: ClassVar[bool] = False
     #: the parameter that is the variance of white noise, for an effect that is
@@ -174,6 +179,8 @@ class Motion(FilterEffect):
     """What drives the rate."""
 
     kind: ClassVar[str] = 'motion'
+    #: whether the rate has a slope that goes on: an angular acceleration
+    smooth: ClassVar[bool] = False
 
 
 class OutputNoise(FilterEffect):
@@ -183,7 +190,7 @@ class OutputNoise(FilterEffect):
 
 
 def nothing(**parts: Any) -> Block:
-    """Return a block without states: only R, outliers or a step."""
+    """Return a block without states: only R, outliers, a step or jitter."""
     empty = np.zeros((0, 0))
     return Block(empty, empty, np.zeros(0), empty, **parts)
 
@@ -194,7 +201,7 @@ def white_of(model: Model) -> FilterEffect | None:
 
 
 def jumps(model: Model) -> bool:
-    """Tell whether a model has no steady state, because of outliers or steps."""
+    """Tell whether a model has no steady state: it steps, switches, or its noise changes."""
     return any(e.jumps for e in model.of(FilterEffect))
 
 
@@ -243,6 +250,7 @@ def state_space(model: Model, dt: float) -> StateSpace:
         next((b.outliers for _, b in blocks if b.outliers), None),
         next((b.step for _, b in blocks if b.step), None),
         _switching([b for _, b in blocks]),
+        float(np.sqrt(sum(b.jitter ** 2 for b in noises))),
     )
 
 

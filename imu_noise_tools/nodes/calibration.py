@@ -9,13 +9,14 @@ from pathlib import Path
 import sys
 import threading
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
 from . import messages
+from .diagnostics import Diagnostics
 from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run, threads_executor
@@ -56,12 +57,15 @@ class Calibration(Node):
         self._status = self.create_publisher(DiagnosticArray, '~/calibration', result())
         self._output = self.create_publisher(
             Imu, 'imu/data_calibrated', live(), qos_overriding_options=overridable())
-        ImuInput(self, self._take)
+        self._frame = ImuInput(self, self._take).topic
+        self._diagnostics = Diagnostics(
+            self, self._statuses, lambda: self._samples, lambda: self._frame)
         group = MutuallyExclusiveCallbackGroup()
         Loop(self, lambda: self._session.study, self._adopt, group)
         for name in ('capture', 'solve', 'save', 'reset'):
             serve(self, name, getattr(self, name), group)
-        self.create_timer(1.0, self._tell, callback_group=group, clock=STEADY)
+        for tell in (self._tell, self._diagnostics.tell):
+            self.create_timer(1.0, tell, callback_group=group, clock=STEADY)
         p.changed = self._changed
         self._changed({})
         if p['file'] and Path(p['file']).exists():
@@ -85,6 +89,7 @@ class Calibration(Node):
                     ((samples.stamps - self._start) * 1e-9).tolist(), samples.gyro, samples.accel):
                 self._session.feed(stamp, gyro, accel)
         self._samples += len(samples)
+        self._frame = samples.frame_id or self._frame
         corrections = self._session.corrections
         if not corrections:
             return
@@ -141,20 +146,28 @@ class Calibration(Node):
 
     def _tell(self) -> None:
         """Publish what is captured, and what corrects the stream."""
+        self._status.publish(messages.diagnostics(self, self._statuses()))
+
+    def _statuses(self) -> list[DiagnosticStatus]:
+        """Return a status of the session, and one of each sensor that is corrected."""
         session = self._session
+        solutions = {c.sensor: c for c in (session.calibration, session.gyro) if c is not None}
         wanted, left = session.wanted, session.left
         text = f'left: {", ".join(left)}' if left else 'every face captured'
         statuses = [messages.status('session', text, {
             'samples': self._samples, 'captured': len(wanted) - len(left), 'of': len(wanted),
-            'left': ' '.join(left), 'solved': session.calibration is not None})]
+            'left': ' '.join(left), 'solved': bool(solutions)})]
         for correction in session.corrections:
             unit = 'm/s^2' if correction.sensor == 'accel' else 'rad/s'
             matrix = {f'S_{"xyz"[i]}{"xyz"[j]} [1]': v
                       for (i, j), v in np.ndenumerate(correction.S)}
             bias = {f'bias_{axis} [{unit}]': v for axis, v in zip('xyz', correction.bias)}
-            solved = 'solved' if session.calibration is not None else 'loaded'
-            statuses.append(messages.status(correction.sensor, solved, {**matrix, **bias}))
-        self._status.publish(messages.diagnostics(self, statuses))
+            solution = solutions.get(correction.sensor)
+            doubts = solution.warnings if solution else ()
+            statuses.append(messages.status(
+                correction.sensor, '; '.join(('solved' if solution else 'loaded', *doubts)),
+                {**matrix, **bias}, messages.WARN if doubts else messages.OK))
+        return statuses
 
 
 def main(args: list[str] | None = None) -> int:

@@ -18,7 +18,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, freqz
 
 from .evidence import Evidence
 from .kinds import Parameter, Response
@@ -119,10 +118,13 @@ def beside_a_band(low: float, high: float, more: float) -> tuple[Order, np.ndarr
 
     """
     order, u = Order(4, 4, True), 0.5 + 0.5 * np.cos(np.pi * (np.arange(16) + 0.5) / 16)
-    b, a = butter(2, (low, high), 'band')
-    top, bottom = (np.abs(freqz(x, worN=2 * np.arcsin(np.sqrt(u)))[1]) ** 2 for x in (b, a))
-    at_zero = float(np.sum(a)) ** 2
-    p, q = (np.linalg.lstsq(_terms(u, 4), x / at_zero - 1, rcond=None)[0]
+    # The band is a Butterworth filter of second order by the bilinear transform: in terms of
+    # w^2 = tan^2(pi f dt) = u / (1 - u) its gain^2 is 1 / (1 + ((w^2 - centre) / (width w))^4).
+    edges = np.tan(np.pi / 2 * np.array([low, high]))
+    centre, width = edges[0] * edges[1], edges[1] - edges[0]
+    top = (width * width * u * (1 - u)) ** 2
+    bottom = (u - centre * (1 - u)) ** 4 + top
+    p, q = (np.linalg.lstsq(_terms(u, 4), x / centre ** 4 - 1, rcond=None)[0]
             for x in (bottom + more * top, bottom))
     return order, np.append(p, q)[1:]
 

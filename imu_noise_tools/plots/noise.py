@@ -47,9 +47,11 @@ def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
 
 
 def left_out(study: Study, target: str) -> Sequence[Stretch]:
-    """Return the stretches (from, to, why) that a target's fit does not use."""
+    """Return the stretches (from, to, why), s from the first sample, that a fit does not use."""
     streams = study.source.get('streams') or {}
-    return streams.get(target.partition('_')[0], study.source).get('left_out') or ()
+    source = streams.get(target.partition('_')[0], study.source)
+    begin = source.get('begin_s') or 0.0
+    return [(a - begin, b - begin, why) for a, b, why in source.get('left_out') or ()]
 
 
 def _rows(study: Study) -> list[list[str]]:

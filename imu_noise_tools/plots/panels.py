@@ -113,9 +113,9 @@ def allan(ax: Axes, state: State, found: Curves | None = None, title: str | None
     return ax
 
 
-def _band(ax, x, lo, hi, middle, colour=MEASURED, **options):
-    ax.fill_between(x, lo, hi, color=colour, alpha=0.16, linewidth=0)
-    ax.plot(x, middle, color=colour, linewidth=1.6, **options)
+def _band(ax, x, lo, hi, middle):
+    ax.fill_between(x, lo, hi, color=MEASURED, alpha=0.16, linewidth=0)
+    ax.plot(x, middle, color=MEASURED, linewidth=1.6)
 
 
 def _colour(state, label):

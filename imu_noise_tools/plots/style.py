@@ -35,11 +35,11 @@ SMALL, NORMAL, LARGE = 8, 9, 12
 _RAISED = str.maketrans('-0123456789.', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹·')
 
 
-def new_figure(width: float, height: float, dpi: float = 100) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches, on a canvas of its own."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    figure = Figure(figsize=(width, height), dpi=dpi, facecolor='white')
+    figure = Figure(figsize=(width, height), dpi=100, facecolor='white')
     FigureCanvasAgg(figure)
     return figure
 
@@ -56,12 +56,12 @@ def png(figure: Figure) -> bytes:
     return out.getvalue()
 
 
-def small_png(data: bytes, colours: int = 96) -> bytes:
+def small_png(data: bytes) -> bytes:
     """Return a PNG with few colours: a third of the size, and lines and labels look the same."""
     from PIL import Image
     out = io.BytesIO()
     with Image.open(io.BytesIO(data)) as image:
-        few = image.convert('RGB').quantize(colours, dither=Image.Dither.NONE)
+        few = image.convert('RGB').quantize(96, dither=Image.Dither.NONE)
         few.save(out, 'PNG', optimize=True)
     return out.getvalue()
 

@@ -29,11 +29,11 @@ def pictures(study: Study) -> dict[str, bytes]:
     return out
 
 
-def worst_targets(study: Study, most: int = MOST_TARGETS) -> list[str]:
+def worst_targets(study: Study) -> list[str]:
     """Return the targets that fail most, judged by their worst view."""
     worst = {t: max((v.excess / v.std for v in failing(s.error)), default=0.0)
              for t, s in study.states.items()}
-    return [t for t in sorted(worst, key=lambda t: -worst[t]) if worst[t] > 0][:most]
+    return [t for t in sorted(worst, key=lambda t: -worst[t]) if worst[t] > 0][:MOST_TARGETS]
 
 
 def rung(before: Step, step: Step) -> bytes:

@@ -67,7 +67,8 @@ GLOSSARY = {
     'sufficient': 'What the model leaves changes no Allan deviation by more than 5 % and no '
                   'coefficient by more than its interval.',
 }
-_SOURCE = {'path': 'file', 'rate_hz': 'rate', 'duration_s': 'duration', 'frame_id': 'frame'}
+_SOURCE = {'path': 'file', 'rate_hz': 'rate', 'duration_s': 'duration', 'frame_id': 'frame',
+           'begin_s': 'analysed from'}
 
 
 @dataclass(frozen=True)
@@ -302,7 +303,8 @@ def disturbed_in_words(source: Mapping) -> list[str]:
     """
     Return a sentence on each disturbed stretch of a record, and on each that was masked.
 
-    When, what, its largest deviation, on which axes, and whether it is set aside from the fit.
+    When (seconds of the record, as ``--mask`` takes them), what, its largest deviation, on which
+    axes, and whether it is set aside from the fit.
 
     """
     streams = source.get('streams')
@@ -362,6 +364,8 @@ def _source_value(key: str, value: Any) -> Any:
         return f'{value:.6g} Hz'
     if key == 'duration_s':
         return duration(value)
+    if key == 'begin_s':
+        return f'{value:.6g} s of the record'
     if key == 'start' and 1e8 < value < 1e11:
         return datetime.fromtimestamp(value, timezone.utc).strftime('%Y-%m-%d %H:%M:%S UTC')
     return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -324,11 +324,6 @@ def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 
 
-def load_correction(path: str | Path) -> core.Correction:
-    """Return the first of :func:`load_corrections`."""
-    return load_corrections(path)[0]
-
-
 def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
     """Return a record with each correction applied to its sensor."""
     for c in corrections:

@@ -171,6 +171,7 @@ def source_of(ready: Sequence[ImuRecord], method: str) -> dict:
 
 
 def _one_source(record: ImuRecord) -> dict:
+    """Return it of one record; stretches in seconds of the record, as ``--mask`` takes them."""
     begin = float(record.t[0])
     return {
         'path': record.path,
@@ -179,12 +180,13 @@ def _one_source(record: ImuRecord) -> dict:
         'rate_hz': record.rate_hz,
         'duration_s': record.duration_s,
         'start': record.start + begin,
+        **({'begin_s': begin} if begin else {}),
         'frame_id': record.frame_id,
         'covariates': list(record.covariates),
         'warnings': list(record.warnings),
-        'left_out': [[a - begin, b - begin, why] for a, b, why in record.left_out],
+        'left_out': [list(one) for one in record.left_out],
         'disturbances': [
-            {'begin': d.begin - begin, 'end': d.end - begin, 'kind': d.kind, 'size': dict(d.size)}
+            {'begin': d.begin, 'end': d.end, 'kind': d.kind, 'size': dict(d.size)}
             for d in record.disturbances
         ],
     }

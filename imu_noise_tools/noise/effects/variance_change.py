@@ -174,7 +174,12 @@ class VarianceChange(Modulation):
         yield self._of('drift', factor=float(factor)), 0.0
         rise = np.polyfit(t / t[-1], np.log(x), 1)[0]
         yield self._of('growth', factor=float(np.exp(np.clip(rise, -5, 5)))), 0.0
-        y = x / level - 1
+        yield from self._swings(t, x)
+
+    def _swings(self, t, x):
+        """Return what :meth:`_shapes` does, of those with a period."""
+        n, width = len(x), t[1] - t[0]
+        y = x / np.mean(x) - 1
         power = np.abs(np.fft.rfft(y, 4 * n)) ** 2
         power[:6] = 0
         k = int(np.argmax(power))
