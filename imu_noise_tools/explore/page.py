@@ -20,6 +20,7 @@ from nicegui import ui
 from . import look
 from .figure import figure
 from .hand import Hand
+from .live import Live, Source
 from .panels import names_of, Stretch, with_hand
 from .session import Session
 from .widgets import loud, quiet
@@ -32,18 +33,21 @@ FOLLOW = 0.15       # s between looks at the session
 DISK = 2.0          # s between looks at the study on disk
 
 
-def build(session: Session, live: Any = None) -> None:
-    """Offer the page of a session."""
+def build(session: Session | None, live: Source | None = None) -> None:
+    """Offer the page of a session, or of what follows an analyser."""
     @ui.page('/')
     def index(axis: str = '', view: str = '') -> None:
-        Page(session, axis, view, live)
+        if session is not None:
+            Page(session, axis, view)
+        elif live is not None:
+            Live(live, axis)
 
 
 class Page:
     """One window."""
 
-    def __init__(self, session: Session, target: str, view: str, live: Any) -> None:
-        self.session, self.target, self.view, self.live = session, target, view, live
+    def __init__(self, session: Session, target: str, view: str) -> None:
+        self.session, self.target, self.view = session, target, view
         self.stretch: Stretch | None = None
         self._shown = (-1, None, None)      # version, busy and said that are on the screen
         ui.add_css(look.STYLE)

@@ -84,23 +84,23 @@ def listening(port: int) -> socket.socket:
     return found
 
 
-def serve(session: Session, port: int = 0, browser: bool = True, live: Any = None,
-          say: Callable[[str], None] = print) -> None:
+def serve(session: Session | None, port: int = 0, browser: bool = True,
+          say: Callable[[str], None] = print, live: Any = None) -> None:
     """
     Serve the page of a session until Ctrl-C or SIGTERM.
 
     Parameters
     ----------
-    session : Session
+    session : Session or None
         Begun here, and closed in the end.
     port : int
         0 for any that is free.
     browser : bool
         Whether to open one.
-    live : object or None
-        What follows the topics of a running analyser.
     say : callable
         Is told the address.
+    live : Follower or None
+        What follows the topics of a running analyser, in place of a session; closed in the end.
 
     Raises
     ------
@@ -126,23 +126,25 @@ def serve(session: Session, port: int = 0, browser: bool = True, live: Any = Non
     server = uvicorn.Server(uvicorn.Config(
         Guard(app, token), log_level='error', access_log=False, ws_max_size=1 << 20,
         timeout_graceful_shutdown=1))
-    session.begin()
+    if session is not None:
+        session.begin()
     say(url)
     if browser:
         webbrowser.open(url)
     try:
-        asyncio.run(_run(server, found))
+        asyncio.run(_run(server, found, (session or live).stop))
     finally:
-        session.close()
+        (session or live).close()
         found.close()
 
 
-async def _run(server: Any, found: socket.socket) -> None:
+async def _run(server: Any, found: socket.socket, ended: Callable[[], None]) -> None:
     """Run a server until a signal: that is how it is meant to end, no failure."""
     loop = asyncio.get_running_loop()
 
     def stop() -> None:
         server.should_exit = True
+        ended()         # threads that wait for what is under way would hold the process
 
     server.capture_signals = nullcontext     # its own would raise them again in the end
     for number in (signal.SIGINT, signal.SIGTERM):
