@@ -57,14 +57,17 @@ setup(
         # no middleware and cannot be imported.
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'explore': ['fastapi', 'nicegui>=3', 'uvicorn'],
-        'fleet': ['dask', 'distributed'],
+        'fleet': ['bokeh', 'dask[distributed]', 'fsspec', 'pyarrow'],
         'notebook': ['pandas'],
         'test': [
             'colcon-common-extensions',
+            'dask[distributed]',
+            'fsspec',
             'hypothesis',
             'nicegui>=3',
             'pandas',
             'playwright',
+            'pyarrow',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',

@@ -131,11 +131,12 @@ COMMANDS = (
     ('sheet', '--list'),
     ('sheet', 'bmi088', '-o', 'sheet'),
     ('explore', 'study', '--no-browser'),
+    ('fleet', 'bag', '-o', 'fleet'),
     ('completion', 'bash'),
     ('demo', '-o', 'demo'),
 )
 
-EXTRA = {'explore'}
+EXTRA = {'explore', 'fleet'}
 
 
 def commands() -> set[str]:

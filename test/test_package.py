@@ -104,7 +104,7 @@ def test_what_the_package_imports_is_to_be_had_by_who_follows_the_readme(root):
     named = re.search(r'no rosdep key: `pip install ([^`]+)`', (root / 'README.md').read_text())
     had = {k.removeprefix('python3-').removesuffix('-pip') for k in keys}
     had |= set(named.group(1).split()) | {'lz4', 'PIL'}     # rosbags and matplotlib need these
-    for extra in ('notebook', 'explore'):
+    for extra in ('notebook', 'explore', 'fleet'):
         had |= {re.match(r'[\w.-]+', r).group()
                 for r in setup_arguments(root)['extras_require'][extra]}
     used = set()

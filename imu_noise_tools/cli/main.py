@@ -20,8 +20,8 @@ from ..core.errors import ImuNoiseError, unknown, UsageError
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Each registers its commands; what they need beyond argparse they import when they run.
-MODULES = (
-    'noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'demo', 'explore', 'completion')
+MODULES = ('noise', 'loop', 'calibration', 'filter', 'tools', 'sheet', 'fleet', 'demo', 'explore',
+           'completion')
 
 
 class Parser(argparse.ArgumentParser):

@@ -27,15 +27,15 @@ def register(commands: Any) -> None:
         '-o', '--output', metavar='DIR', help='where the study goes (default: BAG.study)'
     )
     common.topic_options(c, every=True)
-    _model_options(c)
-    _record_options(c)
+    model_options(c)
+    record_options(c)
     c.add_argument('--force', action='store_true', help='replace a study that is there')
     common.si_option(c)
     common.output_options(c, 'study.yaml')
     c.set_defaults(func=analyse)
 
 
-def _model_options(c) -> None:
+def model_options(c: argparse.ArgumentParser) -> None:
     """Add what is fitted, and how."""
     axes = c.add_argument(
         '--axes', type=common.names, metavar='A,…', help='e.g. gyro_x,gyro_y (default: all)'
@@ -76,7 +76,7 @@ def _model_options(c) -> None:
     g.add_argument('--octaves', action='store_true', help='one point an octave')
 
 
-def _record_options(c) -> None:
+def record_options(c: argparse.ArgumentParser) -> None:
     """Add how the recording is to be read."""
     c.add_argument(
         '--rate-hz', type=float, metavar='R', help='sample rate, in place of the stamps'
@@ -100,39 +100,41 @@ def _record_options(c) -> None:
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
 
 
-def analyse(args: argparse.Namespace) -> int:
-    """Run ``analyse``."""
-    from ..bag import ALL
+def how_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options say of the model and the recording, for the task."""
     from ..core.errors import UsageError
     from ..tasks import noise as tasks
 
     if args.points < 2:
         raise UsageError(f'invalid --points {args.points}', 'it must be two or more')
+    return dict(
+        fields=args.fields,
+        rate_hz=args.rate_hz,
+        input_kind='delta' if args.delta else 'integrated' if args.integrated else 'rate',
+        gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
+        accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
+        axes=args.axes,
+        effects=args.effects or tasks.DEFAULT_EFFECTS,
+        method=args.method,
+        bias_at=args.bias_at,
+        deviation=args.deviation or {'standard': 'adev', 'overlapping': 'oadev',
+                                     None: 'oadev'}[args.curve],
+        points=args.points,
+        octaves=args.octaves,
+        keep_motion=args.keep_motion,
+    )
+
+
+def analyse(args: argparse.Namespace) -> int:
+    """Run ``analyse``."""
+    from ..bag import ALL
+    from ..tasks import noise as tasks
+
+    how = how_of(args)
     selection = common.selection_of(args)
     common.load_own_effects(args)
-    deviation = (
-        args.deviation or {'standard': 'adev', 'overlapping': 'oadev', None: 'oadev'}[args.curve]
-    )
-    kind = 'delta' if args.delta else 'integrated' if args.integrated else 'rate'
     with common.progress_line(args) as progress:
-        how: dict[str, Any] = dict(
-            fields=args.fields,
-            rate_hz=args.rate_hz,
-            input_kind=kind,
-            force=args.force,
-            progress=progress,
-            gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
-            accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
-            axes=args.axes,
-            effects=args.effects or tasks.DEFAULT_EFFECTS,
-            method=args.method,
-            bias_at=args.bias_at,
-            deviation=deviation,
-            points=args.points,
-            octaves=args.octaves,
-            keep_motion=args.keep_motion,
-            selection=selection,
-        )
+        how.update(selection=selection, force=args.force, progress=progress)
         if args.topic == ALL:
             every, refused, folder = tasks.analyse_every(args.bag, args.output, **how)
         else:

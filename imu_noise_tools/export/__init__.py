@@ -19,8 +19,11 @@ import pkgutil
 from typing import Any
 
 from ._calibration import read
+from ._values import PARAMETERS
 from ..core.errors import unknown, UsageError
 from ..loop.study import Study
+
+__all__ = ['descriptions', 'export', 'formats', 'module', 'PARAMETERS']
 
 
 def formats() -> list[str]:

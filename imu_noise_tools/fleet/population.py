@@ -1,0 +1,458 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The population behind one coefficient of many units: plain arrays, no files, no plots, no Dask.
+
+Coefficients are amplitudes, so they are looked at on a log scale. A record's value is
+
+    y = X beta + u[unit] + a[unit, axis] + r[record] + e
+
+with u ~ N(0, tau^2) between units, a ~ N(0, omega^2) between the axes of one unit, r ~ N(0, rho^2)
+between the records of one axis, and e ~ N(0, s^2) the error of measurement, whose s is known: the
+linear mixed model (Laird and Ware 1982), its variances by restricted maximum likelihood (Patterson
+and Thompson 1971). An upper limit L enters as what it says, the chance Phi((L' - v)/s) of a true
+value v, by expectation propagation (Minka 2001; Rasmussen and Williams 2006, eq. 3.58 and 3.65).
+
+A unit that is out must not hide by widening the spread that it is measured with. So each unit is a
+mixture: regular with probability 1 - OUT, or moved in one of a few directions (the whole unit, one
+of its axes, a drift over its dates) by an amount of its own, N(0, WIDE^2). Both are normal, so all
+of it is in closed form (a rank-one change of V), the probability of being out comes with it, and a
+unit that is out has no weight in the spread (Box and Tiao 1968; of the same family as the
+heavy-tailed fits, but it says for each unit which it is, and in which axis).
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, special, stats
+
+Array = NDArray[np.float64]
+OUT = 0.03          # share of units that are out, before anything is known of them ...
+WHOLE = 0.5         # ... and of these, those that are out with all of their axes
+WIDE = np.log(2.0)  # how far out: one standard deviation is a factor of two
+FALSE = 0.05        # false discovery rate of what is called
+LIMIT_WIDTH = 0.25  # s of an upper limit: amplitude^2 within 1.6 sigma, on a log scale
+#: L' - L, such that the likelihood at a 95 % limit L is exp(-1.645^2/2) of its plateau
+LIMIT_SHIFT = LIMIT_WIDTH * float(special.ndtri(np.exp(-0.5 * special.ndtri(0.95) ** 2)))
+SMALL, LARGE = 1e-4, 3.0        # bounds of a standard deviation on the log scale
+LEAST = 3           # units that show a value, for a population
+MOST = 20_000       # records from which variances are estimated; more do not change them
+DENSE = 900         # records up to which degrees of freedom are computed
+
+
+@dataclass(frozen=True)
+class Sample:
+    """
+    Records of one coefficient.
+
+    Parameters
+    ----------
+    y : array (n,)
+        Natural log of the value, or of its 95 % upper limit.
+    s : array (n,)
+        Standard error of it; of a limit not used.
+    limit : bool array (n,)
+        Whether it is an upper limit.
+    unit, axis : int array (n,)
+        Which unit, numbered from 0 without gaps, and which of its axes.
+    X : array (n, p)
+        Fixed effects, of full rank.
+    time : array (n,) or None
+        When, in any unit of time; NaN where unknown.
+
+    """
+
+    y: Array
+    s: Array
+    limit: NDArray[np.bool_]
+    unit: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    X: Array
+    time: Array | None = None
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return int(self.unit.max()) + 1
+
+    def part(self, some: NDArray[np.bool_]) -> Sample:
+        """Return the records of some units, numbered anew."""
+        _, unit = np.unique(self.unit[some], return_inverse=True)
+        return Sample(self.y[some], self.s[some], self.limit[some], unit, self.axis[some],
+                      self.X[some], None if self.time is None else self.time[some])
+
+    def directions(self) -> dict[str, Array]:
+        """
+        Return in which ways a unit may be out: 'unit', 'axis k', 'drift', each (n,).
+
+        A drift is a straight line over a unit's own dates, where it has three or more; 1 is the
+        span of the dates of all.
+
+        """
+        out = {'unit': np.ones(len(self.y))}
+        axes = np.unique(self.axis)
+        if len(axes) > 1:
+            out.update({f'axis {k}': (self.axis == k).astype(float) for k in axes})
+        if self.time is not None and (line := self._lines()).any():
+            out['drift'] = line
+        return out
+
+    def _lines(self) -> Array:
+        """Return each record's place on the dates of its unit; zero where they are too few."""
+        assert self.time is not None
+        known = np.isfinite(self.time)
+        line = np.zeros(len(self.y))
+        if known.sum() < 3 or np.ptp(self.time[known]) <= 0:
+            return line
+        t = np.where(known, self.time, 0.0) / np.ptp(self.time[known])
+        count = np.bincount(self.unit, known, self.units)
+        mean = np.bincount(self.unit, t * known, self.units) / np.maximum(count, 1)
+        pairs = np.unique(np.column_stack([self.unit, np.round(t, 9)])[known], axis=0)
+        dates = np.bincount(pairs[:, 0].astype(int), minlength=self.units)
+        able = known & (dates >= 3)[self.unit]
+        line[able] = (t - mean[self.unit])[able]
+        return line
+
+
+class _Nested:
+    """V = diag(d) + omega^2 in each (unit, axis) + tau^2 in each unit, by its inverse (n,)."""
+
+    def __init__(self, data: Sample, group: NDArray[np.int64], d: Array, tau: float,
+                 omega: float) -> None:
+        self.unit, self.group, self.units = data.unit, group, data.units
+        self.w, self.tau2, self.omega2 = 1 / d, tau**2, omega**2
+        in_group = np.bincount(group, self.w)
+        self.inner = self.omega2 / (1 + self.omega2 * in_group)
+        self.one = self.w / (1 + self.omega2 * in_group)[group]
+        per_unit = np.bincount(self.unit, self.one, self.units)
+        self.outer = self.tau2 / (1 + self.tau2 * per_unit)
+        first = np.zeros(len(in_group), int)
+        first[group] = self.unit
+        self.logdet = (np.bincount(self.unit, np.log(d), self.units)
+                       + np.bincount(first, np.log1p(self.omega2 * in_group), self.units)
+                       + np.log1p(self.tau2 * per_unit))
+
+    def solve(self, a: Array) -> Array:
+        """Return V^-1 a for a vector (n,) or the columns of a matrix (n, p)."""
+        if a.ndim > 1:
+            return np.column_stack([self.solve(x) for x in a.T])
+        b = self.w * (a - (self.inner * np.bincount(self.group, self.w * a))[self.group])
+        return b - self.one * (self.outer * np.bincount(self.unit, b, self.units))[self.unit]
+
+    def diagonal(self) -> Array:
+        """Return the diagonal of V^-1 (n,)."""
+        return (self.w - self.inner[self.group] * self.w**2
+                - self.outer[self.unit] * self.one**2)
+
+    def dot(self, a: Array, solved: Array) -> Array:
+        """Return a' V^-1 b for each unit, of a and what :meth:`solve` gave for b."""
+        return np.asarray(np.bincount(self.unit, a * solved, self.units), float)
+
+
+@dataclass
+class _Sites:
+    """What upper limits say, as normal pseudo-observations: places and variances (m,)."""
+
+    at: Array
+    var: Array
+    log: Array = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    A population.
+
+    Parameters
+    ----------
+    beta, cov : array (p,), (p, p)
+        Fixed effects and their covariance.
+    tau, omega, rho : float
+        Standard deviations between units, axes of a unit, records of an axis (log scale).
+    out : array (units, 1 + directions)
+        Probability of a unit to be regular, and to be out in each direction.
+    names : tuple of str
+        Of the directions.
+    size, size_std : array (units, directions)
+        How far out a unit is, if it is.
+    level, level_std : array (n,)
+        The shrunk level of each record's unit and axis, and its standard error.
+    dof : array (p,)
+        Degrees of freedom of each fixed effect.
+    loglik : float
+        Restricted log-likelihood.
+
+    """
+
+    beta: Array
+    cov: Array
+    tau: float
+    omega: float
+    rho: float
+    out: Array
+    names: tuple[str, ...]
+    size: Array
+    size_std: Array
+    level: Array
+    level_std: Array
+    dof: Array
+    loglik: float
+
+    def interval(self, k: int, level: float = 0.95) -> tuple[float, float]:
+        """Return the interval of a fixed effect, by Student's t."""
+        half = stats.t.ppf(0.5 + level / 2, self.dof[k]) * np.sqrt(self.cov[k, k])
+        return float(self.beta[k] - half), float(self.beta[k] + half)
+
+    @property
+    def p_out(self) -> Array:
+        """Probability of each unit to be out, in whatever direction (units,)."""
+        return 1 - self.out[:, 0]
+
+
+class _Likelihood:
+    """The restricted likelihood of a sample over (tau, omega, rho); what is not free is zero."""
+
+    def __init__(self, data: Sample) -> None:
+        self.data = data
+        pairs = np.column_stack([data.unit, data.axis])
+        _, group, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+        self.group = group.reshape(-1)
+        self.free = (data.units > 1, len(count) > data.units, bool((count > 1).any()))
+        self.directions = data.directions()
+        self.D = np.column_stack(list(self.directions.values()))
+        many = self.D.shape[1]
+        share = np.array([1.0] if many == 1 else [WHOLE] + [(1 - WHOLE) / (many - 1)] * (many - 1))
+        self.prior = np.append(1 - OUT, OUT * share)
+        self.limit = np.flatnonzero(data.limit)
+        m = len(self.limit)
+        self.sites = _Sites(data.y[self.limit] - 1.0, np.full(m, 4.0))
+
+    def sds(self, x: Array) -> tuple[float, float, float]:
+        """Return (tau, omega, rho) of the free parameters, logarithms."""
+        values = iter(np.exp(np.clip(x, np.log(SMALL), np.log(LARGE))))
+        tau, omega, rho = (float(next(values)) if f else 0.0 for f in self.free)
+        return tau, omega, rho
+
+    def at(self, x: Array) -> dict:
+        """Return all that follows from the variances: beta, who is out, the likelihood."""
+        tau, omega, rho = self.sds(x)
+        y, d = self.data.y.copy(), self.data.s**2 + rho**2
+        before, out = np.inf, np.tile(self.prior, (self.data.units, 1))
+        for _ in range(40):
+            y[self.limit], d[self.limit] = self.sites.at, self.sites.var
+            V = _Nested(self.data, self.group, d, tau, omega)
+            found = self._given(V, y, out)
+            out = found['out']
+            if abs(found['value'] - before) < 1e-6:
+                break
+            before = found['value']
+            if len(self.limit):
+                self._propagate(found, V, d, LIMIT_WIDTH**2 + rho**2)
+        return {**found, 'V': V, 'y': y, 'd': d, 'sds': (tau, omega, rho)}
+
+    def _given(self, V: _Nested, y: Array, out: Array) -> dict:
+        """Return beta by generalised least squares, who is out with it, and the likelihood."""
+        X, prior = self.data.X, 1 / WIDE**2
+        VX, Vy, VD = V.solve(X), V.solve(y), V.solve(self.D)
+        a = np.column_stack([V.dot(x, v) for x, v in zip(self.D.T, VD.T)])
+        e = np.stack([np.column_stack([V.dot(c, v) for c in X.T]) for v in VD.T])
+        f = np.column_stack([V.dot(y, v) for v in VD.T])
+        share = out[:, 1:] / (a + prior)        # a direction takes so much of V^-1 away
+        A = X.T @ VX - np.einsum('uk,kui,kuj->ij', share, e, e)
+        beta = np.linalg.solve(A, X.T @ Vy - np.einsum('uk,kui,uk->i', share, e, f))
+        r, Vr = y - X @ beta, Vy - VX @ beta
+        b = f - np.einsum('kui,i->uk', e, beta)
+        whole, out = self._mixture(a, b)
+        value = float(np.sum(whole - 0.5 * (V.dot(r, Vr) + V.logdet))
+                      - 0.5 * np.linalg.slogdet(A)[1] + np.sum(self.sites.log))
+        return {'value': value, 'beta': beta, 'A': A, 'out': out, 'r': r, 'Vr': Vr, 'VD': VD,
+                'a': a + prior, 'b': b}
+
+    def _mixture(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Return the log odds of a unit to a regular one, and the probability of each way."""
+        prior = 1 / WIDE**2
+        gain = 0.5 * b**2 / (a + prior) - 0.5 * np.log1p(a / prior)
+        gain[a <= 0] = -np.inf          # no such direction in this unit
+        odds = np.column_stack([np.zeros(len(a)), gain]) + np.log(self.prior)
+        whole = special.logsumexp(odds, axis=1)
+        return whole, np.exp(odds - whole[:, None])
+
+    def _propagate(self, found: dict, V: _Nested, before: Array, wide: float) -> None:
+        """Fit the pseudo-observations of the limits anew to what all others say of them."""
+        k, sites = self.limit, self.sites
+        d = before[k]
+        at = sites.at - d * found['Vr'][k]      # of the level: y - d V^-1 r
+        var = np.maximum(d - d**2 * V.diagonal()[k], 1e-12)
+        cavity = 1 / np.maximum(1 / var - 1 / d, 1e-9)
+        where = cavity * (at / var - sites.at / d)
+        root = np.sqrt(wide + cavity)
+        z = (self.data.y[k] + LIMIT_SHIFT - where) / root
+        ratio = np.exp(-0.5 * z**2 - special.log_ndtr(z)) / np.sqrt(2 * np.pi)
+        slope = np.maximum(ratio * (z + ratio) / root**2, 1e-8)
+        self.sites.var = np.clip(1 / slope - cavity, 1e-6, 1e8)
+        self.sites.at = where - ratio / root / slope
+        whole = cavity + self.sites.var
+        # with the normalisation that the normal density of the pseudo-observation lacks
+        self.sites.log = (special.log_ndtr(z) + 0.5 * np.log(whole)
+                          + 0.5 * (where - self.sites.at) ** 2 / whole)
+
+
+def fit(data: Sample) -> Fit:
+    """
+    Return the population of a sample.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three units show the value: there is no population to be had.
+
+    """
+    if len(np.unique(data.unit[~data.limit])) < LEAST:
+        raise ValueError('no population: shown by too few units')
+    some = _Likelihood(data)
+    x = _variances(_Likelihood(_thinned(data)) if len(data.y) > MOST else some)
+    found = some.at(x)
+    found = some.at(x)          # once more: the limits have settled
+    tau, omega, rho = found['sds']
+    cov = np.linalg.inv(found['A'])
+    level, level_std = _levels(some, found)
+    size = found['b'] / found['a']
+    return Fit(found['beta'], cov, tau, omega, rho, found['out'], tuple(some.directions), size,
+               found['a'] ** -0.5, level, level_std, _dof(some, found, cov), found['value'])
+
+
+def _thinned(data: Sample) -> Sample:
+    keep = np.arange(data.units) % int(np.ceil(len(data.y) / MOST)) == 0
+    return data.part(keep[data.unit])
+
+
+def _variances(some: _Likelihood) -> Array:
+    """Return the free logarithms at the maximum, of two starts: wide and narrow."""
+    best, at = np.inf, np.zeros(0)
+    n = sum(some.free)
+    if not n:
+        return at
+    seen = some.data.y[~some.data.limit]
+    spread = float(np.clip(1.48 * np.median(np.abs(seen - np.median(seen))), 3 * SMALL, 1.0))
+    for start in (spread, 0.2 * spread):
+        done = optimize.minimize(
+            lambda x: -some.at(x)['value'] + 1e3 * np.sum(np.clip(np.log(SMALL) - x, 0, None)
+                                                          + np.clip(x - np.log(LARGE), 0, None)),
+            np.full(n, np.log(start)), method='Nelder-Mead',
+            options={'xatol': 0.01, 'fatol': 1e-3, 'maxfev': 250,
+                     'initial_simplex': np.log(start) + 0.7 * np.vstack([np.zeros(n),
+                                                                         np.eye(n)])})
+        if done.fun < best - 1e-3:
+            best, at = done.fun, done.x
+    return at
+
+
+def _levels(some: _Likelihood, found: dict) -> tuple[Array, Array]:
+    """
+    Return the shrunk level of each record's axis and its standard error (n,).
+
+    E[level | y] = y - d V_k^-1 r and var = d - d^2 (V_k^-1)_ii, over the ways k of being out.
+
+    """
+    unit, y, d = some.data.unit, found['y'], found['d']
+    Vr, VD, a = found['Vr'], found['VD'], found['a']
+    inner = found['V'].diagonal()
+    means, variances = [y - d * Vr], [d - d**2 * inner]
+    for k in range(VD.shape[1]):
+        moved = (found['b'] / a)[unit, k]
+        means.append(y - d * (Vr - VD[:, k] * moved))
+        variances.append(d - d**2 * (inner - VD[:, k] ** 2 / a[unit, k]))
+    weight = found['out'][unit].T
+    mean = np.sum(weight * means, axis=0)
+    var = np.sum(weight * (np.array(variances) + (np.array(means) - mean) ** 2), axis=0)
+    return mean, np.sqrt(np.maximum(var, 0))
+
+
+def _dof(some: _Likelihood, found: dict, cov: Array) -> Array:
+    """
+    Return the degrees of freedom of each fixed effect.
+
+    By Satterthwaite (1941) as for mixed models (Fai and Cornelius 1996): 2 var^2 over the variance
+    of that variance, which follows from the expected information of the variances.
+
+    """
+    data, n = some.data, len(some.data.y)
+    plain = float(max(data.units - np.linalg.matrix_rank(data.X), 1))
+    tau, omega, _ = found['sds']
+    if n > DENSE:
+        return np.full(len(cov), plain)
+    same_unit = data.unit[:, None] == data.unit[None, :]
+    same_axis = some.group[:, None] == some.group[None, :]
+    V = np.diag(found['d']) + omega**2 * same_axis + tau**2 * same_unit
+    worst = np.argmax(found['out'], axis=1)
+    for u in np.flatnonzero(worst):
+        d = some.D[:, worst[u] - 1] * (data.unit == u)
+        V += WIDE**2 * np.outer(d, d)
+    W = np.linalg.inv(V)
+    WX = W @ data.X
+    P = W - WX @ cov @ WX.T
+    parts = [part.astype(float) for part, free in zip(
+        (same_unit, same_axis, np.diag(~data.limit)), some.free) if free]
+    if not parts:
+        return np.full(len(cov), plain)
+    PV = [P @ part for part in parts]
+    information = 0.5 * np.array([[np.sum(p * q.T) for q in PV] for p in PV])
+    slopes = np.array([np.diag(cov @ (WX.T @ part @ WX) @ cov) for part in parts])
+    spread = np.einsum('jk,ji,ik->k', slopes, np.linalg.pinv(information), slopes)
+    return np.clip(2 * np.diag(cov) ** 2 / np.maximum(spread, 1e-300), 1.0, 1e6)
+
+
+def called(p: Array, level: float = FALSE) -> NDArray[np.bool_]:
+    """
+    Return which are called, so that the expected share of false ones is at most ``level``.
+
+    From the probabilities of being true: the longest list whose mean of 1 - p is within it (Newton
+    et al. 2004).
+
+    """
+    p = np.asarray(p, float)
+    order = np.argsort(-p, kind='stable')
+    false = np.cumsum(1 - p[order]) / np.arange(1, len(p) + 1)
+    many = int(np.max(np.flatnonzero(false <= level), initial=-1)) + 1
+    out = np.zeros(len(p), bool)
+    out[order[:many]] = True
+    return out
+
+
+def upper(found: Fit, axes: Sequence[int], share: float = 0.95) -> float:
+    """
+    Return the log of what the worst axis of a new, regular unit does not exceed in ``share``.
+
+    A prediction bound: the quantile of max over the axes of mean + u + a, the standard deviations
+    widened by Student's t for what the fleet leaves open of them.
+
+    Parameters
+    ----------
+    found : Fit
+        The population.
+    axes : sequence of int
+        The columns of X that are the means of the axes.
+    share : float
+        Of the units.
+
+    """
+    mean = found.beta[list(axes)]
+    own = float(np.mean(np.diag(found.cov)[list(axes)]))
+    dof = float(np.min(found.dof[list(axes)]))
+    wider = stats.t.ppf(share, dof) / stats.norm.ppf(share)
+    tau, omega = np.sqrt(found.tau**2 + own) * wider, max(found.omega * wider, 1e-9)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(80)
+    weights = weights / weights.sum()
+
+    def short(x: float) -> float:
+        inside = special.ndtr((x - mean[None, :] - tau * nodes[:, None]) / omega)
+        return float(weights @ np.prod(inside, axis=1)) - share
+
+    reach = 12 * (tau + omega) + 1e-6
+    return float(optimize.brentq(short, mean.min() - reach, mean.max() + reach))
