@@ -6,7 +6,8 @@ Measure the default filter in one fixed setting.
 
 Rms errors, delay, real motion against optical attitude, CPU time:
 
-    python bench/filter.py [table] [fresh] [smooth] [coarse] [delay] [motion] [verdicts] [speed]
+    python bench/filter.py [table] [fresh] [smooth] [coarse] [delay] [motion] [uneven] [verdicts]
+                           [speed]
 
 (all by default).
 
@@ -24,7 +25,7 @@ import sys
 import time
 
 import numpy as np
-from scipy.signal import butter, filtfilt, lfilter
+from scipy.signal import butter, filtfilt, lfilter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from imu_noise_tools.core.units import DEG
@@ -262,24 +263,29 @@ def coarse(runs=2, seed=2):
 
 
 def verdicts():
-    """Print what the loop says of real motion under the bank, and the CPU time of an axis."""
-    print('\nverdicts of the loop on real records, motion auto')
-    for name in ('broad_01*', 'broad_10*', 'broad_24*', 'px4_auavx21*'):
-        for path in sorted(records().glob(f'{name}.npz')):
-            with np.load(path) as data:
-                gyro, rate = data['gyro'].astype(float), float(data['rate_hz'])
-                t = data['t'].astype(float) if 't' in data else np.arange(len(gyro)) / rate
-            for axis in range(3):
-                begin = time.process_time()
-                problem = problem_of(t, gyro[:, axis], f'gyro_{"xyz"[axis]}')
-                study = Study.begin({problem.target: problem},
-                                    model_of('filter', ('any_motion', 'white')))
-                found = study.diagnose()[problem.target]
-                left = found.remaining.failed if found.remaining else ()
-                print(f'  {path.stem[:12]} {problem.target}, samples {problem.part}:'
-                      f' {found.verdict} {[f.name for f in found.found]}, then fails'
-                      f' {[f.name for f in left]};'
-                      f' {time.process_time() - begin:.1f} CPU s', flush=True)
+    """Print what the loop says of real motion, and the CPU time of an axis."""
+    for model in (('any_motion', 'white'), (*SEED, 'white')):
+        print(f'\nverdicts of the loop on real records: {" + ".join(model)}')
+        for name in ('yei*', 'px4_auavx21*', 'broad_01*', 'broad_10*', 'broad_24*'):
+            for path in sorted(records().glob(f'{name}.npz')):
+                with np.load(path) as data:
+                    gyro = data['gyro'].astype(float)
+                    t = (data['t'].astype(float) if 't' in data
+                         else np.arange(len(gyro)) / float(data['rate_hz']))
+                for axis in range(3):
+                    _say_verdict(path.stem[:12], t, gyro[:, axis], f'gyro_{"xyz"[axis]}', model)
+
+
+def _say_verdict(record, t, z, axis, model):
+    begin = time.process_time()
+    problem = problem_of(t, z, axis)
+    study = Study.begin({axis: problem}, model_of('filter', model))
+    found = study.diagnose()[axis]
+    left = found.remaining.failed if found.remaining else ()
+    print(f'  {record} {axis}, samples {problem.part}: {found.verdict}'
+          f' {[f.name for f in found.found]},'
+          f' gains {[(f.name, round(f.gain)) for f in found.ranked[:3]]}, then fails'
+          f' {[f.evidence for f in left]}; {time.process_time() - begin:.1f} CPU s', flush=True)
 
 
 def records() -> Path:
@@ -486,6 +492,35 @@ def real_motion():
                 )
 
 
+def uneven():
+    """
+    Print whether recorded motion was sampled off its time, by no model of the filter.
+
+    What is left of each rate above 0.35 of the sampling rate, over its slope, is a delay: of
+    chance noise it differs from axis to axis, of uneven sampling it is one for all.
+
+    """
+    print('\ndelay of samples in vigorous motion: rms, correlation between axes, with the next')
+    for path in sorted(records().glob('broad_*.npz')):
+        with np.load(path) as data:
+            z = np.asarray(data['gyro'], float)
+        z = z[np.isfinite(z).all(axis=1)]
+        fast = sosfiltfilt(butter(4, 0.7, 'high', output='sos'), z, axis=0)
+        rate = 1e7 / 35000
+        slope = np.gradient(sosfiltfilt(butter(4, 0.2, output='sos'), z, axis=0), axis=0) * rate
+        strong = np.abs(slope) > np.quantile(np.abs(slope), 0.7, axis=0)
+        delay_of = np.where(strong, fast / slope, np.nan)
+
+        def alike(a, b):
+            both = np.isfinite(a) & np.isfinite(b)
+            return np.corrcoef(a[both], b[both])[0, 1]
+
+        between = [alike(delay_of[:, i], delay_of[:, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+        after = [alike(d[1:], d[:-1]) for d in delay_of.T]
+        print(f'  {path.stem[:8]}  {1e3 * np.nanstd(delay_of, axis=0).round(6)} ms '
+              f'{np.round(between, 2)} {np.round(after, 2)}')
+
+
 def _tuned(filtered, reference, rate, late):
     """Return the low-pass whose measured delay is `late` s, by bisection of its cut-off."""
     low, high = 0.2, 0.495 * rate
@@ -533,7 +568,7 @@ def speed():
 def main(names) -> int:
     """Run what is named."""
     every = {'table': table, 'fresh': fresh, 'smooth': smooth, 'coarse': coarse, 'delay': delays,
-             'motion': real_motion, 'verdicts': verdicts, 'speed': speed}
+             'motion': real_motion, 'uneven': uneven, 'verdicts': verdicts, 'speed': speed}
     for name in names or every:
         every[name]()
     return 0

@@ -23,6 +23,7 @@ from imu_noise_tools.filter.motion import (
     Jerk,
     RateStep,
     Singer,
+    StopAndGo,
 )
 from imu_noise_tools.filter.output_noise import (
     gauss_markov_terms,
@@ -436,3 +437,12 @@ def test_default_bank_holds_the_acceleration_still_in_the_wandering_modes():
     assert one_step == pytest.approx(np.exp(-0.01 / 10.0), rel=1e-6)  # a sojourn of ten seconds
     twice = default_modes([Model([WHITE])], 0.02)       # two intervals are one of twice the length
     assert twice.stay == pytest.approx(modes.stay ** 2, rel=1e-12)
+
+
+def test_models_side_by_side_switch_each_at_its_own_pace():
+    """Their likelihoods are those that each has alone."""
+    z = 0.01 * np.cumsum(np.random.default_rng(4).standard_normal(1500))
+    models = [StopAndGo({'q': 10.0, 'dwell': dwell}) + White({'R': 1e-4}) for dwell in (0.5, 8.0)]
+    together, _ = by_bank(models, z, 0.01)
+    assert together == pytest.approx([predict(m, z, 0.01).log_likelihood for m in models])
+    assert abs(together[0] - together[1]) > 1

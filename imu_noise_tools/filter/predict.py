@@ -136,12 +136,7 @@ def by_bank(
     n, k, settle = len(z), len(models), settle_of(len(z))
     first = np.arange(0, n, CHUNK)
     begin = np.maximum(first - WARM, 0)
-    each = [modes_of([m], dt) for m in models]
-    table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
-    bank = Bank(table, k * len(first))
-    e = replace(table.at(0).tiled(len(first)),
-                prior=np.tile(np.array([m.prior for m in each]).T, (1, len(first))))
-    bank.mu[:] = e.prior
+    bank, e = _side_by_side(models, dt, alpha, len(first))
     log_l, scores = np.zeros(k), [np.empty((k, n)) for _ in at_off]
     for step in range(int(np.max(np.minimum(first + CHUNK, n) - begin))):
         at = begin + step
@@ -156,6 +151,17 @@ def by_bank(
         for u, off in zip(scores, at_off):
             u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
     return np.where(np.isfinite(log_l), log_l, -np.inf), [u[:, settle:] for u in scores]
+
+
+def _side_by_side(models, dt, alpha, chunks):
+    """Return a bank whose lanes are chunks of the series, all models each, and its entries."""
+    each = [modes_of([m], dt) for m in models]
+    table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
+    bank = Bank(table, len(models) * chunks)
+    prior = np.tile(np.array([m.prior for m in each]).T, (1, chunks))
+    bank.mu[:] = prior
+    stay = np.tile([m.stay for m in each], chunks)
+    return bank, replace(table.at(0).tiled(chunks), prior=prior, stay=stay)
 
 
 def _first(bank, samples, e):

@@ -151,21 +151,8 @@ class FilterProblem(Problem):
         out = []
         n = len(self.z)
         known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
-        driven = fit.model.of(Motion)
-        every = covers(fit.model)
-        jumping = any(e.jumps for e in driven)
-        white = white_of(fit.model)
-        stated = white is not None and white.label in self.stated
         for name, effect in known.items():
-            if not effect.sought or (name in fit.model and not effect.several):
-                continue
-            if effect.scales and not stated:
-                continue
-            if effect.slopes and not any(e.smooth for e in driven):
-                continue
-            if issubclass(effect, Motion) and (every or jumping and effect.jumps):
-                continue
-            if effect.after and not any(effect.after in e.lineage() for e in fit.model):
+            if not self._applies(effect, fit.model):
                 continue
             more = unfitted(fit.model).plus(effect())
             after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH)
@@ -191,6 +178,22 @@ class FilterProblem(Problem):
                 )
             )
         return sorted(out, key=lambda f: f.penalty - f.gain)
+
+    def _applies(self, effect: type[FilterEffect], model: Model) -> bool:
+        """Tell whether an effect could be missing from a model, and be seen beside what it has."""
+        driven = model.of(Motion)
+        white = white_of(model)
+        if not effect.sought or (effect.name in model and not effect.several):
+            return False
+        if effect.scales and (white is None or white.label not in self.stated):
+            return False
+        if effect.slopes and not any(e.smooth for e in driven):
+            return False
+        if issubclass(effect, Motion) and (
+            covers(model) or any(e.jumps for e in driven) and effect.jumps
+        ):
+            return False
+        return not effect.after or any(effect.after in e.lineage() for e in model)
 
     def _lost(self, fit: Fit) -> float:
         """Return the deviance from what a true model would score."""
