@@ -124,8 +124,8 @@ def _models(s: Mapping[str, Any]) -> str:
                 if p['covers95'] else '', _strip(p, sensor)))
         out.append(f'<h3>{escape(model or "Model not named")}</h3>' + table(
             ('', 'typical', 'spread between units', 'covers 95 % of units', 'units'), rows))
-                f'<b>{cell(f"{SENSORS[sensor]} {parameter}")}</b><br>' + cell(TITLES[parameter]),
-            'limit alone. The bar is where 95 % of regular units are.</p>')
+    said = ('<p class="small">A dot is a unit, on a logarithmic scale; red is out; a dash has '
+            'an upper limit alone. The bar is where 95 % of regular units are.</p>')
     return '<h2>What the models do</h2>' + ''.join(out) + said
 
 
