@@ -264,4 +264,4 @@ def test_effects_of_every_domain_are_listed():
                     ('filter', 'angular_acceleration')}
     assert 'angular_acceleration' in run('effects', 'angular_acceleration')
     of_filter = run('effects', 'filter')        # a domain: what is known in it
-    assert 'angular_acceleration' in of_filter and 'random_walk' not in of_filter
+    assert 'angular_acceleration' in of_filter and 'g_sensitivity' not in of_filter
