@@ -119,13 +119,13 @@ def _models(s: Mapping[str, Any]) -> str:
         for name, p in found.items():
             sensor, parameter = name.split()
             rows.append((
-                f'<b>{SENSORS[sensor]} {parameter}</b><br>{TITLES[parameter]}',
+                f'<b>{cell(f"{SENSORS[sensor]} {parameter}")}</b><br>{cell(TITLES[parameter])}',
                 _means(p, sensor), _spread(p), cell(shown(p['covers95'], p['template'], sensor))
                 if p['covers95'] else '', _strip(p, sensor)))
         out.append(f'<h3>{escape(model or "Model not named")}</h3>' + table(
             ('', 'typical', 'spread between units', 'covers 95 % of units', 'units'), rows))
-    said = ('<p class="small">A dot is a unit; red is out; a hollow one at the left end has an '
-            'upper limit alone. The bar is where 95 % of regular units are.</p>')
+    said = ('<p class="small">A dot is a unit, on a logarithmic scale; red is out; a dash has '
+            'an upper limit alone. The bar is where 95 % of regular units are.</p>')
     return '<h2>What the models do</h2>' + ''.join(out) + said
 
 
@@ -145,8 +145,12 @@ def _spread(p: Mapping[str, Any]) -> str:
     if not p['axes']:
         return ''
     limits = f', {p["limits"]} of {p["records"]} are limits' if p['limits'] else ''
-    return (f'<b>{p["between_units"]:.2g} %</b><br><span class="small faint">axes of a unit '
-            f'{p["between_axes"]:.2g} %; measured to {p["measurement"]:.2g} %{limits}</span>')
+    return (f'<b>{_small(p["between_units"])}</b><br><span class="small faint">axes of a unit '
+            f'{_small(p["between_axes"])}; measured to {_small(p["measurement"])}{limits}</span>')
+
+
+def _small(percent: float) -> str:
+    return f'{percent:.2g} %' if percent >= 0.1 else 'none seen'
 
 
 def _strip(p: Mapping[str, Any], sensor: str) -> str:

@@ -232,6 +232,7 @@ class _Likelihood:
         self.limit = np.flatnonzero(data.limit)
         m = len(self.limit)
         self.sites = _Sites(data.y[self.limit] - 1.0, np.full(m, 4.0))
+        self.middle = _middle(data.y, data.X)
 
     def sds(self, x: Array) -> tuple[float, float, float]:
         """Return (tau, omega, rho) of the free parameters, logarithms."""
@@ -243,12 +244,13 @@ class _Likelihood:
         """Return all that follows from the variances: beta, who is out, the likelihood."""
         tau, omega, rho = self.sds(x)
         y, d = self.data.y.copy(), self.data.s**2 + rho**2
-        before, out = np.inf, np.tile(self.prior, (self.data.units, 1))
+        # from where most units are: from the mean, all would be out beside one that is far out
+        before, out, beta = np.inf, np.tile(self.prior, (self.data.units, 1)), self.middle
         for _ in range(40):
             y[self.limit], d[self.limit] = self.sites.at, self.sites.var
             V = _Nested(self.data, self.group, d, tau, omega)
-            found = self._given(V, y, out)
-            out = found['out']
+            found = self._given(V, y, out, beta)
+            out, beta = found['out'], None
             if abs(found['value'] - before) < 1e-6:
                 break
             before = found['value']
@@ -256,8 +258,8 @@ class _Likelihood:
                 self._propagate(found, V, d, LIMIT_WIDTH**2 + rho**2)
         return {**found, 'V': V, 'y': y, 'd': d, 'sds': (tau, omega, rho)}
 
-    def _given(self, V: _Nested, y: Array, out: Array) -> dict:
-        """Return beta by generalised least squares, who is out with it, and the likelihood."""
+    def _given(self, V: _Nested, y: Array, out: Array, beta: Array | None) -> dict:
+        """Return beta (generalised least squares), who is out with it, and the likelihood."""
         X, prior = self.data.X, 1 / WIDE**2
         VX, Vy, VD = V.solve(X), V.solve(y), V.solve(self.D)
         a = np.column_stack([V.dot(x, v) for x, v in zip(self.D.T, VD.T)])
@@ -265,7 +267,8 @@ class _Likelihood:
         f = np.column_stack([V.dot(y, v) for v in VD.T])
         share = out[:, 1:] / (a + prior)        # a direction takes so much of V^-1 away
         A = X.T @ VX - np.einsum('uk,kui,kuj->ij', share, e, e)
-        beta = np.linalg.solve(A, X.T @ Vy - np.einsum('uk,kui,uk->i', share, e, f))
+        if beta is None:
+            beta = np.linalg.solve(A, X.T @ Vy - np.einsum('uk,kui,uk->i', share, e, f))
         r, Vr = y - X @ beta, Vy - VX @ beta
         b = f - np.einsum('kui,i->uk', e, beta)
         whole, out = self._mixture(a, b)
@@ -301,6 +304,15 @@ class _Likelihood:
         # with the normalisation that the normal density of the pseudo-observation lacks
         self.sites.log = (special.log_ndtr(z) + 0.5 * np.log(whole)
                           + 0.5 * (where - self.sites.at) ** 2 / whole)
+
+
+def _middle(y: Array, X: Array) -> Array:
+    """Return the least absolute deviations fit, by reweighting (Schlossmacher 1973)."""
+    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    for _ in range(50):
+        w = 1 / np.maximum(np.abs(y - X @ beta), 1e-3)
+        beta = np.linalg.solve(X.T @ (w[:, None] * X), X.T @ (w * y))
+    return beta
 
 
 def fit(data: Sample) -> Fit:

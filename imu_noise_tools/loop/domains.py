@@ -14,10 +14,12 @@ effects are known however the question came. Its face is
     of the page about a study; (command, why) once nothing is missing, ``{study}`` its folder; the
     format of export whose numbers open the page, empty for none;
 
-and, since imports run one way, two functions in the module of its name in the layers above it:
+and, since imports run one way, functions in the module of its name in the layers above it:
 
 ``part('plots', name).pictures(study, full)``, ``part('tasks', name).outputs(study, folder)``
-    its pictures as PNG bytes by name (some targets in full), and all of its files by name.
+    its pictures as PNG bytes by name (some targets in full), and all of its files by name;
+``part('explore', name).panels(state)``, ``by_hand(state)``
+    what can be looked at of a target, and which effects can be put into its model by hand.
 
 """
 
