@@ -88,10 +88,13 @@ def match(found, hidden, duration):
         if name == 'sinusoid' and len(lines) > 1 and frequency is not None:
             fits = [i for i in fits if abs(hidden[i]['params'].get('frequency', 0) - frequency)
                     < max(3 / duration, 1e-3 * frequency)]
+        if not fits:    # up and down again is two steps
+            fits = [i for i, h in enumerate(hidden)
+                    if name == h['name'] == 'step' and h['form'] != 'one']
         # The name itself before an alias: a shared line may be called either way.
         fits.sort(key=lambda i: hidden[i]['name'] != name)
         out.append(fits[0] if fits else None)
-        if fits:
+        if fits and fits[0] in left:
             left.remove(fits[0])
     return out
 

@@ -198,7 +198,7 @@ def test_a_stretch_is_asked_about_and_an_effect_put_in_by_hand(browser, served):
     w.brush(0.8 * explore_study.LINE, 1.25 * explore_study.LINE)
     w.click('What is this?', 'text=nearest comes')
     said = w.text('.curve')
-    assert 'nearest comes sinusoid' in said and '100 % of what fails there' in said
+    assert 'Nearest comes sinusoid' in said and '100 % of what fails there' in said
     assert 'What the model has there: white' in said
     w.shot('4_asked')
     w.click('Clear', 'text=nearest comes', gone=True)

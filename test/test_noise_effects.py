@@ -44,6 +44,7 @@ MORE = {'duplicates': [{'fraction': 0.5, 'pattern': 'regular', 'run': 1.0},
         'rate_quantization': [{'step': 2e-3, 'white': 1.0}],
         'variance_change': [{**EFFECTS['variance_change'].neutral, 'factor': 3.0, **v} for v in (
             {'form': 'drift'}, {'form': 'periodic', 'time': 60.0, 'period': 150.0},
+            {'form': 'growth'}, {'form': 'swell', 'time': 60.0, 'period': 150.0},
             {'form': 'stretch', 'time': 90.0, 'duration': 60.0},
             {'form': 'stretch', 'time': 30.0, 'duration': 60.0, 'time_2': 160.0,
              'duration_2': 100.0})]}

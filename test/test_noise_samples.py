@@ -202,3 +202,12 @@ def test_a_spike_that_was_held_is_no_shock(held):
     y[np.arange(500, N, 5000)] += 60
     y = y[np.arange(N) // held * held]
     assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+
+
+@pytest.mark.parametrize('share', [0.0, 0.01])
+@pytest.mark.parametrize('step', [0.02, 0.1])
+def test_few_held_samples_show_beside_what_rounding_makes_equal(step, share):
+    """Noise of any colour on a grid fine enough that one neighbour in a hundred is equal."""
+    y = noise(4, 4 * N)
+    y = step * np.round((y + 0.6 * np.roll(y, 1)) / step)
+    assert repeats(held_at_random(y, share)).held == (share > 0)

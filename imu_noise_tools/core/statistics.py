@@ -167,6 +167,21 @@ class Repeats(NamedTuple):
     held: bool
 
 
+def _by_rounding(y: np.ndarray, step: float) -> float:
+    """
+    Return the share of neighbours that rounding makes equal, by how many differ by a step or two.
+
+    Whatever the colour of the noise, differences are spread smoothly around zero: ln p(0) = (4 ln
+    p(1) - ln p(2))/3 of a normal distribution; a converter's uneven steps show in p(2).
+
+    """
+    if not step > 0:
+        return 0.0
+    steps = np.abs(np.diff(y)) / step
+    one, two = (max(0.5 * float(np.mean(np.abs(steps - k) < 0.5)), 0.5 / len(y)) for k in (1, 2))
+    return max(float(np.exp((4 * np.log(one) - np.log(two)) / 3)), one, two)
+
+
 def repeats(y: np.ndarray) -> Repeats:
     """
     Tell whether more neighbours are equal than rounding makes equal by chance.
@@ -187,8 +202,8 @@ def repeats(y: np.ndarray) -> Repeats:
     lags = [k for k in FAR if k < n]
     far = float(np.mean([np.mean(y[k:] == y[:-k]) for k in lags])) if lags else 0.0
     if max(near, far) <= 0.2:
-        chance = max(near, far)
-        return Repeats(seen, chance, seen >= 2 * chance + 10 / n)
+        chance = max(near, far, _by_rounding(y, step))
+        return Repeats(seen, chance, (seen - chance) * n >= 10 + 5 * np.sqrt(4 * chance * n))
     if not lags or far > 0.8:
         return Repeats(seen, max(near, far), False)
     wide = 1.5 * step

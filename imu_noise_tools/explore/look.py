@@ -43,7 +43,7 @@ body { background: var(--paper) !important; color: var(--ink); font-size: 15px; 
 .curve { border-left: 1px solid var(--line); border-right: 1px solid var(--line) }
 .plot { height: min(60vh, 34rem); min-height: 21rem; width: 100%; background: #fff }
 h2 { font-size: 1rem; font-weight: 600; line-height: 1.3; margin: 1.1rem 0 .3rem }
-h2:first-child { margin-top: 0 }
+section > :first-child > h2:first-child { margin-top: 0 }
 p { margin: .3rem 0; overflow-wrap: anywhere }
 ul { margin: .3rem 0; padding-left: 1.1rem } li { overflow-wrap: anywhere; margin: .15rem 0 }
 .small { font-size: .87rem } .faint { color: var(--faint) }
@@ -163,7 +163,7 @@ def answer_of(answer: Answer) -> str:
     near = answer.nearest
     if near is None:
         return out + f'<p>{badge("Something is there that no known effect explains", "bad")}.</p>'
-    said = f'nearest comes {near.name}: it takes away {100 * near.share:.0f} % of what fails there'
+    said = f'Nearest comes {near.name}: it takes away {100 * near.share:.0f} % of what fails there'
     if not near.beyond_chance:
         said += ', but over the whole record chance would do as well' \
             if not near.against else f', but {near.against}'
@@ -173,7 +173,7 @@ def answer_of(answer: Answer) -> str:
 def candidate(c: Candidate) -> str:
     """Return one candidate of a stretch, its share as a bar."""
     doubt = c.against or ('' if c.gain > c.penalty else
-                          f'gains {c.gain:.0f} nats, chance {c.penalty:.0f}')
+                          f'gains {c.gain:.1f} nats, chance {c.penalty:.1f}')
     return (f'<div><span class="share" style="width:{4 * c.share:.2f}rem"></span>'
             f'<b>{escape(c.name)}</b> {100 * c.share:.0f} % '
             f'<span class="small faint">{escape(c.values)}</span>'

@@ -138,6 +138,7 @@ class _Search:
         self.state, self.problem = state, state.problem
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
+        self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
         self._places: dict[frozenset[str], _Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
@@ -211,20 +212,19 @@ class _Search:
             if place is None:
                 return members[:-1]
             self._note(members, place)
-            able = self.able(place)
-            if not able:
-                break
             # at once, or what follows is looked for beside something that is not there
-            if self._heals(members, able[0]):
-                members.append(able[0])
+            best = next((f for f in self.able(place) if self._heals(members, f)), None)
+            if best is None:
+                break
+            members.append(best)
         return members
 
     def _heals(self, members: list[Finding], finding: Finding) -> bool:
-        """Tell whether a candidate heals what it claims behind a chain; else it is refuted."""
+        """Tell whether a candidate heals what it claims behind a chain; what not is kept aside."""
         before = self.model_of(members)
         against = self._unhealed(before, before.plus(_new(finding)), finding)
         if against:
-            self.refuted[label(before, finding)] = replace(finding, against=against)
+            self._aside[label(before, finding)] = replace(finding, against=against)
         return not against
 
     def _note(self, members: list[Finding], place: _Place) -> None:
@@ -277,13 +277,17 @@ class _Search:
         """
         chain: list[Finding] = []
         for _ in range(ROUNDS):
+            self._aside = {}
             chain = self.with_odds(self.forward())
             refuted = self.backward(chain)
             if not refuted:
-                return chain
+                break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
-        return chain                    # each held beside the others when it was last looked at
+        # each held beside the others when it was last looked at
+        self.refuted = {**{k: f for k, f in self._aside.items() if k not in self.labels_of(chain)},
+                        **self.refuted}
+        return chain
 
     def backward(self, chain: list[Finding]) -> dict[str, Finding]:
         """Return the members by label, with what speaks against each, that do not hold."""
@@ -295,7 +299,8 @@ class _Search:
             said = {k: self._unconfirmed(model, k, members[k]) for k in doubted}
             doubted = [k for k in doubted if said[k][1]]
             if doubted:
-                worst = min(doubted, key=lambda k: said[k][0])
+                # of two that do the same, the one that something else could imitate
+                worst = min(doubted, key=lambda k: (said[k][0], _certain(members[k])))
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 model = model.minus(worst)
@@ -435,6 +440,11 @@ class _Search:
 def label(model: Model, finding: Finding) -> str:
     """Return the label that a finding would have in a model."""
     return model.plus(_new(finding)).labels[-1]
+
+
+def _certain(finding: Finding) -> bool:
+    """Tell whether nothing else could imitate what shows a finding."""
+    return finding.effect is not None and finding.effect.certain
 
 
 def _new(finding: Finding) -> Effect:

@@ -437,8 +437,8 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     t, x, w = power_in_time(evidence, fit.model)
     x = x / modulated(fit.model, t, x, w)
     muted = muted_by(fit, 'variance')
-    if muted:  # it scatters otherwise than normal noise: as neighbours do
-        w = rough_degrees(x, w)
+    if muted:  # it scatters otherwise than normal noise: as neighbours do, defects left out
+        w = rough_degrees(power_in_time(evidence)[1], w)    # alike for all models compared
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
     excess, spread = gamma_excess(x, w)

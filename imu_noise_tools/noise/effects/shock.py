@@ -11,7 +11,7 @@ from scipy.special import binom, chdtri, digamma, polygamma
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
-from ...core.statistics import interval, repeats, row_medians
+from ...core.statistics import grid_step, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
@@ -45,6 +45,7 @@ class Shock(Defect):
     reference = 'Harris and Piersol, Shock and Vibration Handbook, 2002'
     views = ('distribution', 'variance')
     first = True
+    certain = True      # loud for half a block at a time: no spike and no spectrum does that
     decide = 'record again with nobody near'
     parameters = (
         Parameter('rate', 'Hz', 1e-9, 1e2, amplitude=True, title='shocks a second'),
@@ -195,6 +196,9 @@ def _loudness(y: np.ndarray, dt: float):
     count = len(y) // length
     if count < 4 * LASTS:
         return None
+    held, (step, _) = repeats(y).held, grid_step(y)
+    if step > 0:    # on a coarse grid squares jump: what rounding took is put in its place
+        y = y + step * np.random.default_rng(0).uniform(-0.5, 0.5, len(y))
     rows = y[:count * length].reshape(count, length)[:, ::max(1, length // 6)]
     slow = median_filter(row_medians(rows), max(int(SLOW_S / dt / length), 5))
     square = (rows - slow[:, None]) ** 2
@@ -211,7 +215,7 @@ def _loudness(y: np.ndarray, dt: float):
     single = np.mean(square > SINGLE**2 * level[:, None])
     width = rows.shape[1]
     filled = count * binom(width, width // 2) * single ** (width // 2)
-    lasts = LASTS if filled > CHANCE or repeats(y).held else 1
+    lasts = LASTS if filled > CHANCE or held else 1
     low, high = np.quantile(np.log(np.maximum(ratio, 1e-12)), (0.25, 0.75))
     variance = max(((high - low) / 1.349) ** 2, 1e-3)
     # the logarithm of chi-squared over its degrees scatters by psi'(degrees/2)

@@ -12,7 +12,7 @@ from ..views import block_variance, followed_by, power_in_time, rough_degrees
 from ...core.statistics import interval
 from ...loop.effect import Effect, Estimate, Finding
 
-FORMS = ('step', 'stretch', 'drift', 'periodic')
+FORMS = ('step', 'stretch', 'drift', 'periodic', 'growth', 'swell')
 MOST = 4  # stretches
 TIMES = tuple(('time', 'duration') if k == 1 else (f'time_{k}', f'duration_{k}')
               for k in range(1, MOST + 1))
@@ -26,8 +26,9 @@ class VarianceChange(Modulation):
     title = 'variance that changes in time'
     equation = (
         'variance x factor from time on (step), or for a duration, up to four times (stretch); x '
-        '1 + (factor - 1) t/T over the record (drift); or swinging by factor between its extremes '
-        'with a period, largest at time (periodic)'
+        '1 + (factor - 1) t/T over the record (drift), or x factor^(t/T) (growth); or swinging by '
+        'factor between its extremes with a period, largest at time: as a cosine (periodic), or '
+        'its logarithm as one (swell)'
     )
     signature = (
         'the dynamic Allan deviation moves; the power of blocks in time scatters more than '
@@ -42,8 +43,8 @@ class VarianceChange(Modulation):
     parameters = (
         Parameter.choice('form', FORMS, title='how it changes'),
         Parameter('factor', '1', 1e-3, 1e3, title='ratio of the variances'),
-        Parameter('time', 's', 0, 1e7, log=False, title='when; when largest (periodic)'),
-        Parameter('period', 's', 0, 1e7, log=False, title='0 unless periodic'),
+        Parameter('time', 's', 0, 1e7, log=False, title='when; when largest (of a period)'),
+        Parameter('period', 's', 0, 1e7, log=False, title='0 unless it swings'),
         Parameter('duration', 's', 0, 1e7, log=False, title='0 unless it ends again'),
         *(
             Parameter(name, 's', 0, 1e7, log=False, title=f'{what} of stretch {k}, 0 for none')
@@ -58,9 +59,9 @@ class VarianceChange(Modulation):
         """Return the factor at t (s)."""
         t = np.asarray(t, float)
         f, form = self['factor'], self.chosen('form')
-        if form == 'periodic' and self['period'] > 0:
-            swing = (f - 1) / (f + 1)
-            return 1 + swing * np.cos(2 * np.pi * (t - self['time']) / self['period'])
+        if form in ('periodic', 'swell') and self['period'] > 0:
+            wave = np.cos(2 * np.pi * (t - self['time']) / self['period'])
+            return f ** (0.5 * wave) if form == 'swell' else 1 + (f - 1) / (f + 1) * wave
         if form == 'stretch':
             inside = np.zeros(t.shape, bool)
             for begin, duration in TIMES:
@@ -69,8 +70,9 @@ class VarianceChange(Modulation):
             return np.where(inside, f, 1.0)
         if form == 'step':
             return np.where(t >= self['time'], f, 1.0)
-        if form == 'drift':
-            return 1 + (f - 1) * t / max(float(t[-1]), 1e-300)
+        if form in ('drift', 'growth'):
+            u = t / max(float(t[-1]), 1e-300)
+            return 1 + (f - 1) * u if form == 'drift' else f ** u
         return np.ones(t.shape)
 
     def measure(self, evidence: Evidence) -> Finding | None:
@@ -85,7 +87,7 @@ class VarianceChange(Modulation):
         w = rough_degrees(x, w)
         some = sorted(self._shapes(t, x @ w / w.sum(), float(w.sum())),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
-        found = [self._refined(e, t, x, w, cost) for e, cost in some[:2]]
+        found = [self._refined(e, t, x, w, cost) for e, cost in some[:3]]
         gain, effect, std = max(found, key=lambda z: z[0])
         if not gain > 0:
             return None
@@ -96,6 +98,8 @@ class VarianceChange(Modulation):
                 f'for {effect[b]:.4g} s from {effect[a]:.4g} s on' for a, b in TIMES if effect[b]),
             'step': f'steps at {effect["time"]:.4g} s',
             'drift': 'drifts',
+            'growth': 'grows or shrinks by the same share each second',
+            'swell': f'swells and fades with a period of {effect["period"]:.3g} s',
         }[effect.chosen('form')]
         return Finding(
             self.name,
@@ -168,7 +172,14 @@ class VarianceChange(Modulation):
         slope, begin = np.polyfit(t / t[-1], x, 1)
         factor = np.clip((begin + slope) / max(begin, 0.01 * level), 0.01, 100)
         yield self._of('drift', factor=float(factor)), 0.0
-        y = x / level - 1
+        rise = np.polyfit(t / t[-1], np.log(x), 1)[0]
+        yield self._of('growth', factor=float(np.exp(np.clip(rise, -5, 5)))), 0.0
+        yield from self._swings(t, x)
+
+    def _swings(self, t, x):
+        """Return what :meth:`_shapes` does, of those with a period."""
+        n, width = len(x), t[1] - t[0]
+        y = x / np.mean(x) - 1
         power = np.abs(np.fft.rfft(y, 4 * n)) ** 2
         power[:6] = 0
         k = int(np.argmax(power))
@@ -176,13 +187,9 @@ class VarianceChange(Modulation):
         z = 2 / n * np.sum(y * np.exp(-2j * np.pi * (t - t[0]) / period))
         swing = min(abs(z), 0.95)
         peak = float(np.angle(z) / (2 * np.pi) * -period + t[0]) % period
-        yield (
-            self._of(
-                'periodic', factor=float((1 + swing) / (1 - swing)),
-                time=peak if peak > 0 else period, period=float(period),
-            ),
-            np.log(n),
-        )
+        for form in ('periodic', 'swell'):
+            yield self._of(form, factor=float((1 + swing) / (1 - swing)),
+                           time=peak if peak > 0 else period, period=float(period)), np.log(n)
 
     def _stretch(self, t, x):
         """Return the stretch of blocks whose level is likeliest to be another than the rest's."""
