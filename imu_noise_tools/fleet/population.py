@@ -308,10 +308,10 @@ class _Likelihood:
 
 def _middle(y: Array, X: Array) -> Array:
     """Return the least absolute deviations fit, by reweighting (Schlossmacher 1973)."""
-    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    beta = np.asarray(np.linalg.lstsq(X, y, rcond=None)[0], float)
     for _ in range(50):
         w = 1 / np.maximum(np.abs(y - X @ beta), 1e-3)
-        beta = np.linalg.solve(X.T @ (w[:, None] * X), X.T @ (w * y))
+        beta = np.asarray(np.linalg.solve(X.T @ (w[:, None] * X), X.T @ (w * y)), float)
     return beta
 
 
