@@ -40,7 +40,6 @@ __all__ = [
     'Response',
     'Spectrum',
     'StateSpace',
-    'binned_behind',
     'measured',
     'model_avar',
     'model_crowd',
@@ -439,14 +438,6 @@ def measured(value: float, std: float) -> Estimate:
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the one-sided PSD of an effect behind the model's responses that act on it."""
     return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
-
-
-def binned_behind(effect: Spectrum, model: Model, bins: Bins) -> np.ndarray:
-    """Return the expected power in bins, (b,), of an effect behind the responses acting on it."""
-    if effect.centre is None:
-        return expected(lambda f: psd_behind(effect, model, f, bins.dt), bins)
-    gain = expected(lambda f: _gain2_on(effect, model, f, bins.dt), bins)
-    return effect.binned(bins) * gain
 
 
 def slopes_behind(effect: Spectrum, model: Model, bins: Bins) -> dict[str, np.ndarray]:
