@@ -325,6 +325,41 @@ def test_a_killed_worker_costs_a_retry(bags, plain, tmp_path):
     assert mine['outlying'] == theirs['outlying'] and mine['models'] == theirs['models']
 
 
+POISON = '''
+import os
+from imu_noise_tools.loop.effect import find_effect
+from imu_noise_tools.tasks import noise
+before = noise.analyse_bag
+
+def analyse_bag(bag, **options):
+    if os.path.basename(bag).startswith('poison'):
+        os.kill(os.getpid(), 9)
+    return before(bag, **options)
+
+noise.analyse_bag = analyse_bag
+
+class Own(find_effect('noise', 'spikes')):
+    name = 'spikes_of_poison'
+'''
+
+
+def test_a_poison_bag_is_set_aside_after_three(tmp_path):
+    """It kills each worker that opens it; the others are done all the same."""
+    folder = tmp_path / 'bags'
+    folder.mkdir()
+    for k in range(3):
+        record(folder / f'good{k}.npz', k)
+    record(folder / 'poison.npz', 9)
+    own = Options(QUICK, reports=False, own=(POISON,))
+    kept, some = run.Fleet(tmp_path / 'fleet', own), bags_of([str(folder)])
+    with run.connected(some, workers=2) as client:
+        lost = run.run(kept, some, client)
+    said = assemble.write(kept, some, lost)
+    assert [f['unit'] for f in said['failed']] == ['poison']
+    assert f'took {run.DEATHS} workers' in said['failed'][0]['error']
+    assert sum(kept.done(b) for b in some) == 3
+
+
 def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     folder = tmp_path / 'bags'
     folder.mkdir()
