@@ -27,7 +27,9 @@ from ..core import files
 from ..core.errors import InputError
 
 Progress = Callable[[float | None, str], None]
-BASE, PER_MESSAGE, MOST = 3e8, 150.0, 1.7e9     # bytes of memory: bench/fleet.py --cost
+# bytes of memory: a worker with nothing to do, and half as much again as analyse takes a message
+# (bench/limits.py: 2.16 M messages 0.4 GB, a day at 200 Hz 1.5 GB)
+BASE, PER_MESSAGE, MOST = 3e8, 150.0, 1.7e9
 MESSAGE = {'.npz': 48, '.csv': 60}              # bytes a message takes on disk; a bag's 300
 DEATHS = 3              # workers that a bag may kill
 AHEAD = 3               # tasks a thread that the scheduler is given at one time
