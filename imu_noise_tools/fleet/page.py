@@ -17,7 +17,7 @@ from ..report.markup import badge, bullets, cell, escape, folded, page, table
 SURE = 0.9
 MOST_UNITS = 1000       # listed; the table of the fleet has all
 MOST_CHANGES = 40
-WIDTH, HEIGHT = 460, 46
+WIDTH, HEIGHT = 280, 46
 TITLES = {'N': 'noise density', 'B': 'bias instability', 'K': 'random walk'}
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 READING = (
@@ -179,16 +179,16 @@ def _strip(p: Mapping[str, Any], sensor: str) -> str:
                    'style="fill:var(--line)"/>')
     regular = ''.join(f'M{at(v):.0f} {_height(i)}h0' for i, (v, d) in enumerate(zip(x, dots))
                       if d[2] <= SURE and not d[1])
-    hollow = ''.join(f'M{at(v) - 2:.0f} {_height(i)}h4' for i, (v, d) in enumerate(zip(x, dots))
+    hollow = ''.join(f'M{at(v) - 4:.0f} {_height(i)}h8' for i, (v, d) in enumerate(zip(x, dots))
                      if d[2] <= SURE and d[1])
     bad = ''.join(f'M{at(v):.0f} 15h0' for v, d in zip(x, dots) if d[2] > SURE)
-    for path, colour, width in ((regular, 'var(--ink)', 3), (hollow, 'var(--faint)', 1),
-                                (bad, 'var(--bad)', 7)):
+    for path, colour, width in ((regular, 'var(--ink)', 4), (hollow, 'var(--faint)', 2),
+                                (bad, 'var(--bad)', 8)):
         if path:
             out.append(f'<path d="{path}" style="stroke:{colour};stroke-width:{width};'
                        'stroke-linecap:round;opacity:.75;fill:none"/>')
     for value, anchor in ((low, 'start'), (high, 'end')):
-        out.append(f'<text x="{at(value):.0f}" y="40" font-size="11" text-anchor="{anchor}" '
+        out.append(f'<text x="{at(value):.0f}" y="42" font-size="12" text-anchor="{anchor}" '
                    'style="fill:var(--faint)">'
                    f'{escape(shown(float(np.exp(value)), p["template"], sensor))}</text>')
     return ''.join(out) + '</svg>'
