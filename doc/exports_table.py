@@ -21,10 +21,11 @@ PAGE = Path(__file__).parent / 'exports.md'
 HEAD = """# Export formats: what each consumer reads, and where its code says so
 
 Made by `python doc/exports_table.py --write`. f is the sample rate, N and K the square roots of
-two-sided densities (continuous time, SI). Each format is tested with a reader of its own, written
-from the code that is named here and not from the writer: what a filter adds in a second for what
-the file holds must be N² and K² (`test/test_exports.py`). Commits are of the consumer's own
-repository. [Which values to use](values.md) says what N, B and K mean to an estimator.
+two-sided densities (continuous time, SI). *Consumer*: the program that reads the file. Each format
+is tested with a reader written from the consumer's code that is named here: with the numbers of
+the file, the variance that its filter adds per second must be N² and K² (`test/test_exports.py`).
+Commits are of the consumer's own repository. [Which values to use](values.md) says what N, B and K
+mean to an estimator.
 
 | format | goes in | how | consumer | file:lines at commit | `--calibration` |
 |---|---|---|---|---|---|

@@ -33,9 +33,9 @@ OUT = HERE / 'generated'
 NODES = ('bag_reader', 'analyser', 'calibration', 'filter')
 BY_HAND = 'This page is written by doc/generate.py.'
 ABOUT = {
-    'noise': 'Effects of a record at rest: `analyse`, `add`, `simulate`.',
-    'calibration': 'Effects of a calibration: `calibrate`, then `add`.',
-    'filter': 'Effects of the filter: `filter --motion` and `--noise`, then `add`.',
+    'noise': 'Effects in a record at rest. `analyse`, `add` and `simulate` take them.',
+    'calibration': 'Effects in a calibration. `add` takes them, after `calibrate`.',
+    'filter': 'Effects of the filter. `filter --motion` and `--noise` take them, later `add`.',
 }
 
 
@@ -175,7 +175,7 @@ def nodes() -> list[str]:
     """Return the page of the nodes' parameters."""
     lines = ['# Parameters of the nodes', '', f'{BY_HAND} `ros2 param describe` shows the same. '
              '*Fixed* ones are read at the start; the others can be set while the node runs. A '
-             'value that will not do is refused, and the answer says why.', '']
+             'value that is not allowed is refused, and the answer says why.', '']
     for node in NODES:
         rows = []
         for s in settings(node):
