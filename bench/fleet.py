@@ -141,8 +141,9 @@ class Tally:
             self.changes[kind] += 1
             self.covered[kind] += c['lo'] <= ratio <= c['hi']
         self.spreads += [m['gyro N']['between_units'] for m in said['models'].values()]
-        print(f'{k}: {said["bags"]} bags, failed {len(said["failed"])}, bad '
-              f'{ {bad[u]: called.get(u) for u in bad} }, false {extra}', flush=True)
+        told = {bad[u]: called.get(u) for u in bad}
+        print(f'{k}: {said["bags"]} bags, failed {len(said["failed"])}, bad {told}, '
+              f'false {extra}', flush=True)
 
     def print(self) -> None:
         """Print the whole."""

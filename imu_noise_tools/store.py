@@ -362,7 +362,10 @@ def fingerprint(folder: str | Path) -> str:
     digest = hashlib.sha256()
     try:
         for name in ('study.yaml', 'evidence.npz'):
-            digest.update((Path(folder) / name).read_bytes())
+            path = Path(folder) / name
+            if not path.is_file():          # a pipe would wait for ever
+                return ''
+            digest.update(path.read_bytes())
     except OSError:
         return ''
     return digest.hexdigest()

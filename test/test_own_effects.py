@@ -92,7 +92,8 @@ def test_a_filter_effect_can_do_what_it_says(name):
     e = find_effect('filter', name).example()
     b = e.block(0.01)
     assert e.kind == ('motion' if isinstance(e, Motion) else 'noise')
-    assert e.jumps == any(x is not None for x in (b.step, b.outliers, b.switching))
+    assert e.jumps == (b.jitter > 0 or any(
+        x is not None for x in (b.step, b.outliers, b.switching)))
     assert (b.r > 0) == bool(e.variance) and (not e.variance or b.r == e[e.variance])
     assert e.scales or b.r_factor == 1
     assert {e.line, *e.measured} - {''} <= {p.name for p in e.parameters}

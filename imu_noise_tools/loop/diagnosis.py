@@ -415,9 +415,10 @@ class _Search:
 
     def ranking(self, chain: list[Finding]) -> list[Finding]:
         """
-        Return the candidates: the chain, what was refuted, and the rest by probability.
+        Return the candidates: what was found, and the rest by probability.
 
-        Each name is listed once, but for what was found more than once.
+        What was refuted stands before what gains no more than chance. Each name is listed once,
+        but for what was found more than once.
 
         """
         found = [f for f in chain if not f.against]
@@ -428,7 +429,7 @@ class _Search:
                  for f in (first.candidates if first is not None else ())
                  if label(self.base, f) not in self.refuted]
         rest = sorted([*(f for f in chain if f.against), *refuted, *other],
-                      key=lambda f: -(f.probability or 0.0))
+                      key=lambda f: (f.gain <= f.penalty, -(f.probability or 0.0)))
         out, seen = found, {f.name for f in found}
         for f in rest:
             if f.name not in seen:
