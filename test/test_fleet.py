@@ -368,7 +368,9 @@ def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     words = [PYTHON, '-m', 'imu_noise_tools.cli.main', 'fleet', folder, '-o', tmp_path / 'fleet',
              '--workers', '1', *WORDS]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                               start_new_session=True)
+                               start_new_session=True,
+                               # a job that a shell runs in the background hears no Ctrl-C
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob('fleet/facts/*.json')) and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -6,10 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-import signal
 import sys
 from typing import Any
 
@@ -85,7 +82,7 @@ def _run(args: argparse.Namespace) -> int:
     try:
         if todo:
             with run.connected(todo, args.scheduler, args.workers) as client, \
-                    common.progress_line(args) as shown, _heard(shown) as progress:
+                    common.progress_line(args) as progress:
                 _say(args, f'{len(bags)} bags, {len(bags) - len(todo)} of them done before; '
                            f'dashboard: {client.dashboard_link}')
                 lost = run.run(kept, todo, client, progress)
@@ -100,40 +97,6 @@ def _run(args: argparse.Namespace) -> int:
     else:
         print(assemble.text(summary, str(kept.folder)))
     return 0
-
-
-@contextmanager
-def _heard(progress: Any) -> Iterator[Any]:
-    """
-    Give a progress that stops the run after Ctrl-C, however far the interrupt came.
-
-    It is raised wherever the main thread is, and what it meets there (a callback that the
-    interpreter runs, code of Dask) may drop it.
-
-    """
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:
-        yield progress
-        return
-    stopped = []
-
-    def stop(number: int, frame: Any) -> None:
-        stopped.append(number)
-        signal.default_int_handler(number, frame)
-
-    def heard(share: float | None, what: str) -> None:
-        if stopped:
-            raise KeyboardInterrupt
-        if progress:
-            progress(share, what)
-
-    signal.signal(signal.SIGINT, stop)
-    try:
-        yield heard
-        if stopped:
-            raise KeyboardInterrupt
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _options(args: argparse.Namespace) -> Any:
