@@ -81,6 +81,7 @@ class Live:
         self.source, self.axis = source, axis
         self._shown, self._busy = -1, ''
         self._steps: list[Any] = []
+        self._axes: tuple[str, ...] = ()
         ui.add_css(look.STYLE)
         ui.colors(primary='#0072b2')
         self._bar = ui.element('header').classes('bar')
@@ -91,7 +92,17 @@ class Live:
             self._ladder = ui.element('section').classes('ladder')
             with ui.element('section').classes('curve'):
                 self._plot = ui.plotly({'data': [], 'layout': {}}).classes('plot')
-            self._verdict = ui.element('section').classes('verdict')
+            with ui.element('section').classes('verdict'):
+                self._verdict = ui.html('', sanitize=False)
+                # made once: one that is drawn anew under the mouse would lose the click
+                with ui.element('div').classes('asked'):
+                    self._buttons = [
+                        (loud if service == 'analyse' else quiet)(
+                            text, partial(self._call, service))
+                        for text, service in (
+                            ('Analyse', 'analyse'), ('Diagnose', 'diagnose'),
+                            ('Add the best', 'add_best'), ('Undo', 'remove_last'),
+                            ('Save', 'save'), ('Reset', 'reset'))]
         self._tell(f'Following {source.name}; nothing has come yet.')
         self.follow()
         ui.timer(FOLLOW, self.follow)
@@ -113,11 +124,13 @@ class Live:
     def draw(self) -> None:
         """Draw everything."""
         self.axis = self.axis or next(iter(sorted(self.source.curves)), '')
-        self._bar.clear()
-        with self._bar:
-            ui.html(f'<h1>{look.escape(self.source.name)}</h1>', sanitize=False)
-            for axis in self.source.curves:
-                quiet(axis, partial(self._show, axis), axis == self.axis)
+        if self._axes != (shown := (self.axis, *self.source.curves)):
+            self._axes = shown
+            self._bar.clear()
+            with self._bar:
+                ui.html(f'<h1>{look.escape(self.source.name)}</h1>', sanitize=False)
+                for axis in self.source.curves:
+                    quiet(axis, partial(self._show, axis), axis == self.axis)
         found = self.source.curves.get(self.axis)
         if found is not None and len(found['tau']):
             self._plot.update_figure(figure(panel(self.axis, found)))
@@ -133,21 +146,15 @@ class Live:
         self._draw_verdict()
 
     def _draw_verdict(self) -> None:
-        self._verdict.clear()
-        with self._verdict:
-            said, values = next(((m, v) for n, m, v in self.source.said.get('diagnosis', ())
-                                 if n == self.axis), ('not asked yet what is missing', {}))
-            quality = {'complete': 'good', 'missing': 'bad', 'unknown': 'bad'}.get(
-                said.partition(':')[0], 'doubt')
-            ui.html(f'<h2>Verdict</h2><p>{look.badge(said, quality)}</p>' + look.bullets(
-                (f'{look.escape(k)}: {look.escape(v)}' for k, v in values.items()), 'small'),
-                sanitize=False)
-            with ui.element('div').classes('asked'):
-                for text, service in (('Analyse', 'analyse'), ('Diagnose', 'diagnose'),
-                                      ('Add the best', 'add_best'), ('Undo', 'remove_last'),
-                                      ('Save', 'save'), ('Reset', 'reset')):
-                    (loud if service == 'analyse' else quiet)(
-                        text, partial(self._call, service), enabled=not self._busy)
+        said, values = next(((m, v) for n, m, v in self.source.said.get('diagnosis', ())
+                             if n == self.axis), ('not asked yet what is missing', {}))
+        quality = {'complete': 'good', 'missing': 'bad', 'unknown': 'bad'}.get(
+            said.partition(':')[0], 'doubt')
+        self._verdict.set_content(
+            f'<h2>Verdict</h2><p>{look.badge(said, quality)}</p>' + look.bullets(
+                (f'{look.escape(k)}: {look.escape(v)}' for k, v in values.items()), 'small'))
+        for button in self._buttons:
+            button.set_enabled(not self._busy)
 
     def _show(self, axis: str) -> None:
         self.axis = axis
