@@ -240,7 +240,7 @@ def cost(args: argparse.Namespace) -> None:
             for count in args.bags:
                 kept = run.Fleet(folder / f'fleet_{workers}_{count}', options)
                 with run.connected(every[:count], None, workers) as client:
-                    client.run(lambda: __import__('imu_noise_tools.fleet.work'))
+                    client.run(exec, 'import imu_noise_tools.fleet.work')
                     begin, before = time.monotonic(), time.process_time()
                     run.run(kept, every[:count], client)
                     wall, mine = time.monotonic() - begin, time.process_time() - before
