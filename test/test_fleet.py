@@ -18,6 +18,7 @@ import time
 import numpy as np
 import pytest
 
+from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.export import export
 from imu_noise_tools.fleet import assemble, page
@@ -384,6 +385,26 @@ def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)['units'] == 12
     assert {p: p.stat().st_mtime_ns for p in first} == first, 'nothing was done twice'
+
+
+def test_what_failed_is_tried_again_when_asked_to(tmp_path, capsys):
+    """And only that: what is done stays as it is."""
+    (tmp_path / 'bags').mkdir()
+    record(tmp_path / 'bags' / 'good.npz')
+    np.savez(tmp_path / 'bags' / 'bad.npz', gyro=np.full((6000, 3), np.nan), rate_hz=50.0)
+    words = ['fleet', str(tmp_path / 'bags'), '-o', str(tmp_path / 'fleet'), '--workers', '1',
+             *WORDS]
+
+    def written(*more):
+        assert main([*words, *more]) == 0
+        capsys.readouterr()
+        return {bool(json.loads(p.read_text())['error']): p.stat().st_mtime_ns
+                for p in (tmp_path / 'fleet' / 'facts').glob('*.json')}
+
+    first = written()
+    assert set(first) == {True, False} and written() == first
+    again = written('--retry-failed')
+    assert again[True] > first[True] and again[False] == first[False]
 
 
 def test_nobody_at_the_address_is_one_line(bags, tmp_path):

@@ -85,7 +85,7 @@ def _run(args: argparse.Namespace) -> int:
                     common.progress_line(args) as progress:
                 _say(args, f'{len(bags)} bags, {len(bags) - len(todo)} of them done before; '
                            f'dashboard: {client.dashboard_link}')
-                lost = run.run(kept, todo, client, progress)
+                lost = run.run(kept, todo, client, progress, args.retry_failed)
         summary = assemble.write(kept, bags, lost)
     except KeyboardInterrupt:
         done = sum(kept.done(b) for b in bags)
