@@ -12,8 +12,8 @@ squares (a shifted chi-square):
     2 ln L(mode) - 2 ln L(p) = dof (ln u + 1/u - 1),   u = 1 + sqrt(2/dof) (p - mode)/std
 
 Its mode may be below zero, where a record has less than its background; ``std`` is its curvature
-there. An upper limit L without more is mode 0 and dof infinite: half of a normal density of p whose
-95 % are below L^2.
+there. An upper limit L without more is mode 0 and dof infinite: half of a normal density of p, at
+whose one-sided 95 % point L^2 is.
 
 """
 
@@ -23,6 +23,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..core.statistics import ONE_SIDED
 
 Array = NDArray[np.float64]
 SQUARE = ('square', 'square_std', 'square_dof')    # the three numbers as columns of a table
@@ -52,6 +54,11 @@ def least_dof(mode: Array, std: Array) -> Array:
     return np.clip(2 * (np.maximum(mode, 0) / std) ** 2, 1e-3, MOST)
 
 
+def of_limit(upper95: Array) -> tuple[Array, Array, Array]:
+    """Return (mode, std, dof) of 95 % upper limits of which no more is known, each (n,)."""
+    return np.zeros(len(upper95)), upper95**2 / ONE_SIDED, np.full(len(upper95), MOST)
+
+
 def of_profile(points: Sequence[tuple[float, float]]) -> tuple[float, float, float] | None:
     """
     Return (mode, std, dof) of a profile likelihood; None where it holds too little.
@@ -70,11 +77,12 @@ def of_profile(points: Sequence[tuple[float, float]]) -> tuple[float, float, flo
     above = some[some[:, 0] > top]
     if not len(above):
         return None
-    p, root = some[:, 0] ** 2, np.sqrt(np.minimum(some[:, 1], FAR))
+    root = np.sqrt(np.minimum(some[:, 1], FAR))
     unit = float(above[:, 0].max()) ** 2
-    found = min((_nearest(some[:, 0] ** 2 / unit, root, np.array([top**2 / unit - less, -0.7, 2.0]))
-                 for less in (0.0, 0.5)), key=lambda f: f[0])[1]
-    mode, std, dof = _numbers(found)
+    p = some[:, 0] ** 2 / unit
+    mode, std, dof = _numbers(min((
+        _nearest(p, root, np.array([top**2 / unit - less, -0.7, 2.0])) for less in (0.0, 0.5)),
+        key=lambda found: found[0])[1])
     return float(mode * unit), float(std * unit), float(dof)
 
 

@@ -28,12 +28,12 @@ from ..core.errors import InputError
 
 TEXT = ('unit', 'model', 'bag', 'topic', 'axis', 'kind', 'effect', 'parameter', 'si', 'verdict',
         'key', 'error')
-NUMBERS = ('value', 'std', 'lo', 'hi', 'upper95', *SQUARE, 'held_out', 'gain', 'penalty', 'probability',
-           'rate_hz', 'duration_s')
+NUMBERS = ('value', 'std', 'lo', 'hi', 'upper95', *SQUARE, 'held_out', 'gain', 'penalty',
+           'probability', 'rate_hz', 'duration_s')
 FACTORS = ('firmware', 'mount', DATE)
 ORDER = ('unit', 'model', *FACTORS, 'bag', 'topic', 'axis', 'kind', 'effect', 'parameter', 'value',
-         'std', 'lo', 'hi', 'null', 'upper95', *SQUARE, 'si', 'verdict', 'held_out', 'gain', 'penalty',
-         'probability', 'rate_hz', 'duration_s', 'key', 'error')
+         'std', 'lo', 'hi', 'null', 'upper95', *SQUARE, 'si', 'verdict', 'held_out', 'gain',
+         'penalty', 'probability', 'rate_hz', 'duration_s', 'key', 'error')
 BATCH = 50_000      # rows that are plain objects at one time
 STEM = 'fleet'
 
