@@ -26,13 +26,18 @@ class Likelihood:
     def __init__(self, z: np.ndarray, dt: float, alpha: float):
         self.z, self.dt, self.alpha = z, dt, alpha
         self.samples, self.span = len(z), len(z) * dt
+        self._known: dict[Model, float] = {}
 
     def __call__(self, models) -> np.ndarray:
         """Return the log-likelihood of each."""
         models = list(models)
-        if models and jumps(models[0]):
-            return by_bank(models, self.z, self.dt, self.alpha)[0]
-        return np.array([predict(m, self.z, self.dt, self.alpha).log_likelihood for m in models])
+        new = [m for m in dict.fromkeys(models) if m not in self._known]
+        if new and jumps(new[0]):
+            found = by_bank(new, self.z, self.dt, self.alpha)[0]
+        else:
+            found = [predict(m, self.z, self.dt, self.alpha).log_likelihood for m in new]
+        self._known.update(zip(new, found))
+        return np.array([self._known[m] for m in models])
 
 
 class Free:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -75,8 +76,9 @@ class FilterProblem(Problem):
         """Name of the axis."""
         return self._target
 
+    @cached_property
     def halves(self) -> tuple[FilterProblem, FilterProblem]:
-        """Return the first and the second half, which start from the values of the whole."""
+        """The first and the second half, which start from the values of the whole."""
         half = len(self.z) // 2
         first, second = (FilterProblem(z, self.dt, self.target, self.stated, self.alpha, self)
                          for z in (self.z[:half], self.z[half:]))
@@ -84,7 +86,7 @@ class FilterProblem(Problem):
 
     def split(self) -> list[tuple[Problem, Problem]]:
         """Return (first half, second half): what is fitted and what is scored."""
-        return [self.halves()]
+        return [self.halves]
 
     def fit(self, model: Model) -> Fit:
         """Fit what is not stated; a half starts from the values of the whole."""
@@ -204,7 +206,7 @@ class FilterProblem(Problem):
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the nats lost per sample on the second half by the fit of the first."""
-        first, second = self.halves()
+        first, second = self.halves
         model = first.fit(unfitted(fit.model)).model
         u = second.prediction(model).u
         total = sum(v.excess * len(v.pull) for v in second._score(model).views.values())
