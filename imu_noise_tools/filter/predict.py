@@ -132,6 +132,19 @@ def by_bank(
 
     By the recursion of the bank. There are scores of the samples off by each of ``at_off``.
 
+    """
+    each, scores = densities(models, z, dt, alpha, at_off)
+    log_l = each.sum(1)
+    return np.where(np.isfinite(log_l), log_l, -np.inf), scores
+
+
+def densities(
+    models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0,
+    at_off: tuple[float, ...] = ()
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """
+    Return what :func:`by_bank` does, the log-likelihood sample by sample, (k, n - settle).
+
     Chunks of the series run side by side, each warmed up on the samples before it.
 
     """
@@ -140,17 +153,16 @@ def by_bank(
     some = max(1, LANES // len(first))
     parts = [_chunks(models[i:i + some], z, dt, alpha, at_off, first, size)
              for i in range(0, len(models), some)]
-    log_l = np.concatenate([part[0] for part in parts])
-    return (np.where(np.isfinite(log_l), log_l, -np.inf),
+    return (np.concatenate([part[0] for part in parts]),
             [np.concatenate(u) for u in zip(*(part[1] for part in parts))])
 
 
 def _chunks(models, z, dt, alpha, at_off, first, size):
-    """Return what :func:`by_bank` does, by chunks of a size that begin at ``first``."""
+    """Return what :func:`densities` does, by chunks of a size that begin at ``first``."""
     n, k, settle = len(z), len(models), settle_of(len(z))
     begin, stop = np.maximum(first - WARM, 0), np.minimum(first + size, n)
     bank, e = _side_by_side(models, dt, alpha, len(first))
-    log_l, scores = np.zeros(k), [np.empty((k, n)) for _ in at_off]
+    each, *scores = np.empty((1 + len(at_off), k, n))
     for step in range(int(np.max(stop - begin))):
         at = begin + step
         live = (at >= first) & (at < stop)
@@ -158,10 +170,10 @@ def _chunks(models, z, dt, alpha, at_off, first, size):
         nu, s, density = bank.step(samples, e) if step else bank.update(samples, e)
         if not live.any():
             continue
-        log_l += log_density(density).reshape(-1, k)[live & (at >= settle)].sum(0)
+        each[:, at[live]] = log_density(density).reshape(-1, k)[live].T
         for u, off in zip(scores, at_off):
             u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
-    return log_l, [u[:, settle:] for u in scores]
+    return each[:, settle:], [u[:, settle:] for u in scores]
 
 
 def _side_by_side(models, dt, alpha, chunks):

@@ -94,13 +94,18 @@ class FilterProblem(Problem):
             self._fits[model] = self._fit(model)
         return self._fits[model]
 
-    def _fit(self, model, hope=-np.inf):
-        """Fit a model; without intervals where its likelihood stays below ``hope``."""
+    def _fit(self, model, hope=-np.inf, known=None):
+        """
+        Fit a model, beginning with what is ``known`` of it.
+
+        Without intervals where its likelihood stays below ``hope``.
+
+        """
         evaluate = Likelihood(self.z, self.dt, self.alpha)
         if self.whole is not None:
             begin = self.whole.fit(model).model
         else:
-            begin = start(model, self.stated, self.look(), evaluate)
+            begin = start(model, self.stated, self.look(), evaluate, known)
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
         best, log_l = maximise(begin, self.stated, evaluate, hope)
@@ -157,7 +162,7 @@ class FilterProblem(Problem):
             if not self._applies(effect, fit.model):
                 continue
             more = unfitted(fit.model).plus(effect())
-            after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH)
+            after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH, fit.model)
             if after.estimates:
                 self._fits[more] = after
             gain = after.log_likelihood - fit.log_likelihood
