@@ -63,7 +63,7 @@ def _from_best_start(steady, z, x):
     columns = np.zeros((len(z), d + 1))
     columns[:, 0] = z
     starts = np.concatenate([x[:, None], np.eye(d)], axis=1)
-    _, nu, _ = kalman.run_steady(steady, columns, starts)
+    nu = kalman.innovations_of(steady, columns, starts)
     return nu[:, 0] - nu[:, 1:] @ np.linalg.lstsq(nu[:, 1:], nu[:, 0], rcond=None)[0]
 
 
@@ -115,7 +115,7 @@ def predict(
     x = np.zeros(space.size)
     x[int(np.argmax(space.rate != 0))] = start
     nu = (
-        _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
+        _from_best_start(steady, z, x) if oscillates(model) else kalman.innovations_of(steady, z, x)
     )
     nu = nu[settle:]
     sigma = np.sqrt(steady.s)
