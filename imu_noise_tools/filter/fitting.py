@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ class Likelihood:
         self.samples, self.span = len(z), len(z) * dt
         self._known: dict[Model, float] = {}
 
-    def __call__(self, models) -> np.ndarray:
+    def __call__(self, models: Iterable[Model]) -> np.ndarray:
         """Return the log-likelihood of each."""
         models = list(models)
         new = [m for m in dict.fromkeys(models) if m not in self._known]
@@ -41,7 +42,7 @@ class Likelihood:
                 (m, predict(m, self.z, self.dt, self.alpha).log_likelihood) for m in new)
         return np.array([self._known[m] for m in models])
 
-    def each(self, models) -> np.ndarray:
+    def each(self, models: list[Model]) -> np.ndarray:
         """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
         found = densities(models, self.z, self.dt, self.alpha)[0]
         total = found.sum(1)
@@ -357,10 +358,10 @@ def _upper(free, x, i, best, evaluate) -> float:
     Where the likelihood has fallen by 1.35 nats, others held.
 
     """
-    s, label, p = 0.0, *free.parts[i]
-    for width, count in ((2.0, 8), (0.5, 4)):       # to two, and between those to a half
-        steps = s + width * np.arange(count)
+    at = 0.0
+    for width in (2.0, 0.5):        # how many steps of two it takes, then of a half
+        steps = at + width * np.arange(1, 8 if width == 2.0 else 4)
         fallen = best - evaluate([free.at(_moved(x, i, v)) for v in steps]) > LIMIT
-        s = float(steps[int(np.argmax(fallen))]) if fallen.any() else float(steps[-1] + width)
-        s = max(s - 2.0, 0.0) if width == 2.0 else s
-    return float(free.at(_moved(x, i, min(s, 14.0)))[label][p.name])
+        at += width * (int(np.argmax(fallen)) if fallen.any() else len(steps))
+    label, p = free.parts[i]
+    return float(free.at(_moved(x, i, min(at + 0.5, 14.0)))[label][p.name])

@@ -382,10 +382,7 @@ def _times(factor, a):
 
 
 def _combined(terms, out, spare):
-    """
-    Return the sum of (factor, array): in ``out``, or the array itself where it is but that.
-
-    """
+    """Return the sum of (factor, array): in ``out``, or the array itself if it is but that."""
     total = None
     for factor, a in terms:
         if not isinstance(factor, float) or factor != 1.0:

@@ -189,7 +189,7 @@ class _Blocks:
             self.states[gap:] = self.states[gap:] + step @ self.states[:-gap]
             step, gap = step @ step, 2 * gap
 
-    def of(self, response):
+    def of(self, response: Any) -> np.ndarray:
         """Return what a response makes of all, like z."""
         of_state, of_samples = response(self.steady, self.powers)
         count, b = len(self.states) - 1, len(of_state)
@@ -198,7 +198,7 @@ class _Blocks:
         whole = found.reshape(count, -1, b).transpose(0, 2, 1).reshape(count * b, -1)
         return whole[:self.shape[0]].reshape(self.shape)
 
-    def end(self):
+    def end(self) -> np.ndarray:
         """Return the state after the last sample."""
         count, b = len(self.states) - 1, len(self.drive)
         if not count:

@@ -114,10 +114,8 @@ def predict(
         return Prediction(-np.inf, unknown, unknown)
     x = np.zeros(space.size)
     x[int(np.argmax(space.rate != 0))] = start
-    nu = (
-        _from_best_start(steady, z, x) if oscillates(model) else kalman.innovations_of(steady, z, x)
-    )
-    nu = nu[settle:]
+    innovations = _from_best_start if oscillates(model) else kalman.innovations_of
+    nu = innovations(steady, z, x)[settle:]
     sigma = np.sqrt(steady.s)
     smooth = within_step(*((nu + end) / sigma for end in ends)) if step else nu / sigma
     return Prediction(kalman.log_likelihood(nu, steady.s), nu / sigma, smooth)
