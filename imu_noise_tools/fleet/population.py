@@ -275,8 +275,8 @@ class _Likelihood:
                 break
             before = found['value']
             if len(self.curved):
-                self._propagate(*(x[:, self.curved] for x in self.ways(found, s2)),
-                                1.0 if k < 8 else 0.5)
+                mean, var, weight = (x[:, self.curved] for x in self.ways(found, s2))
+                self._propagate(mean, var, weight, 1.0 if k < 8 else 0.5)
         if not settled:     # the next one does not begin with what came of it
             self.sites, self.beyond = replace(self.begin), np.zeros_like(self.beyond)
         return {**found, 'd': d, 'sds': (tau, omega, rho), 'settled': settled}
