@@ -326,7 +326,8 @@ def filtered():
     rng = np.random.default_rng(3)
     t = np.arange(6000) / 100
     z = 0.3 * np.sin(2 * np.pi * 0.4 * t) + 0.01 * rng.standard_normal(len(t))
-    return assess(FilterProblem(z, 0.01, stated={'white': {'R': 1e-4}}),
+    return assess(FilterProblem(z, 0.01, stated={'white': {'R': 1e-4},
+                                                 'ar_increment': {'phi': 0.1, 'q': 1e-10}}),
                   model_of('filter', ['constant_rate', 'ar_increment', 'white']))
 
 
@@ -337,6 +338,7 @@ def test_a_filters_effect_put_in_by_hand_heals_what_it_explains(filtered):
     for p in effect.parameters:
         low, high = panels.span_of('filter', filtered, effect, p)
         assert low <= effect[p.name] <= high
+    effect = effect.with_values(tc=1e4)
     before, after = (panels.panel_of('filter', s, 'spectrum') for s in (
         filtered, panels.with_hand(filtered, effect)))
     everywhere = Stretch(0, 99, 'Hz')

@@ -323,13 +323,13 @@ def hidden(effect, n=N):
 
 
 def test_a_temperature_is_shown_as_rate_over_temperature():
-    slope = 2e-4
+    slope = 2e-3
     before, after = hidden(KNOWN['temperature']({'slope': slope, 'curvature': 0.0, 'cubed': 0.0,
                                                  'lag': 0.0}))
     assert 'rate_over_temperature' not in noise.panels(before)
     shown = noise.panels(after)['rate_over_temperature']()
     points, line = shown.curves
-    assert '°C' in shown.x_title and 19.9 < points.x.min() < 20.1 and 29.9 < points.x.max() < 30.1
+    assert '°C' in shown.x_title and 19.9 < points.x.min() < points.x.max() < 30.1
     for curve in (points, line):        # in deg/s for a degree, measured and by the effect
         assert np.polyfit(curve.x, curve.y, 1)[0] == pytest.approx(math.degrees(slope), rel=0.2)
 
@@ -365,14 +365,14 @@ def test_every_effect_can_be_proven(name):
 
 
 def test_a_proof_shows_both_models_and_where_the_first_fails():
-    before, after = hidden(KNOWN['gauss_markov']({'sigma': 4e-4, 'tc': 2.0}))
+    before, after = hidden(KNOWN['sinusoid']({'amplitude': 3e-4, 'frequency': 3.7}))
     panels_ = [noise.panels(s)['frequency']() for s in (before, after)]
-    figure = proof.proof_figure(*panels_, ['gauss_markov'], [], 'gauss_markov')
+    figure = proof.proof_figure(*panels_, ['sinusoid'], [], 'sinusoid')
     key = [t.get_text() for t in figure.legends[0].get_texts()]
-    assert {'measured', 'model without gauss_markov', 'model with gauss_markov',
-            'gauss_markov alone'} < set(key)
-    upper = figure.axes[1]
-    assert len(upper.patches) >= 1                      # shaded, and only where it fails
+    assert {'measured', 'model without sinusoid', 'model with sinusoid',
+            'sinusoid alone'} < set(key)
+    place, = figure.axes[1].patches                     # shaded where it fails, and only there
+    assert place.get_x() < 3.7 < place.get_x() + place.get_width() < 4.2
     clean = proof.proof_figure(panels_[1], panels_[1], [])
     assert not clean.axes[1].patches
     assert 'model' in [t.get_text() for t in clean.legends[0].get_texts()]
@@ -388,7 +388,7 @@ def test_the_filters_own_lines():
                                               0.2))
     q = walk.block(dt).q[0, 0]
     np.testing.assert_allclose(statespace.psd(walk, f, dt),
-                               2 * dt * q / (2 * np.sin(np.pi * f * dt)) ** 2)
+                               2 * dt * q / (2 * np.sin(np.pi * f * dt)) ** 2, rtol=1e-3)
 
 
 # --- the ladder ----------------------------------------------------------------------------------

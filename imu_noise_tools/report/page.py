@@ -44,9 +44,9 @@ _CAPTIONS = {
               'fall; one that is not there does not.'}
 
 
-_PROOF = ('Measured, beside the model without {0} and with it, both fitted to the whole record. '
-          'Below: what either leaves, measured minus model in standard errors; grey is chance, '
-          'red what chance does not explain.')
+_PROOF = ('Measured on the whole record, beside the model without {0} and with it. Below: what '
+          'either leaves, measured minus model in standard errors; grey is chance, red what '
+          'chance does not explain.')
 
 
 def html(study: Study, pictures: Mapping[str, bytes] | None = None,

@@ -64,15 +64,16 @@ def rung(before: Step, step: Step) -> bytes:
 
 def _proofs(study: Study) -> Iterator[tuple[str, bytes]]:
     """Yield name and picture of what is missing or not known, then of what was added."""
-    for t, d in study.diagnosis.items():
-        yield from _of_diagnosis(study.domain, t, study.states[t], d)
+    for t, state in study.states.items():
+        if t in study.diagnosis:
+            yield from _of_diagnosis(study.domain, t, state, study.diagnosis[t])
     for t, state in study.states.items():
         steps = [s for s in study.history if s.target == t]
         for before, step in zip(steps, steps[1:]):
             new = new_labels(before, step)
             if new and all(x in state.model for x in new):
                 view = step.contrast.view if step.contrast else ''
-                less = _fitted(state, [x for x in state.model.labels if x not in new])
+                less = _without(state, new)
                 if less is not None:
                     yield (f'added {t} {"+".join(new)}',
                            _proof(study.domain, less, state, new, view, '+'.join(new)))
@@ -110,30 +111,33 @@ def nearest(d: Diagnosis) -> Finding | None:
     return next((f for f in d.ranked if f.against and f not in d.found), None)
 
 
-def _fitted(state: State, labels: Sequence[str]) -> State | None:
-    """Return a target with some of its effects, fitted again; None where that cannot be."""
-    model = unfitted(state.model)
-    for label in model.labels:
-        if label not in labels:
-            model = model.minus(label)
-    return _pointed(state, model)
+def _without(state: State, labels: Sequence[str]) -> State | None:
+    """Return a target without some of its effects; None where that cannot be."""
+    model = state.model
+    for label in labels:
+        model = model.minus(label)
+    return _of_model(state, model)
 
 
 def _with(state: State | None, finding: Finding) -> State | None:
-    """Return a target with one more effect, fitted."""
+    """Return a target with one more effect; None where that cannot be."""
     if state is None:
         return None
     effect = find_effect(state.problem.domain, finding.name)
     if finding.name in state.model and not effect.several:
         return None
-    return _pointed(state, unfitted(state.model).plus(effect()))
+    return _of_model(state, state.model.plus(finding.effect or effect()))
 
 
-def _pointed(state: State, model: Model) -> State | None:
+def _of_model(state: State, model: Model) -> State | None:
+    """Return a target with another model, fitted where that takes no more than a moment."""
     try:
-        return replace(state, fit=state.problem.point(model))
+        if state.problem.looks_again:
+            return replace(state, fit=state.problem.point(unfitted(model)))
     except FitError:
         return None
+    return replace(state, fit=replace(state.fit, model=model)) if all(
+        e.fitted for e in model) else None
 
 
 def _proof(domain: str, before: State, after: State, labels: Sequence[str], view: str,
