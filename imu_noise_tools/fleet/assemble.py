@@ -122,7 +122,7 @@ def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
             findings.shown(p['covers95'], p['template'], sensor))
 
 
-def compare(a: str, b: str) -> list[dict[str, Any]]:
+def compare(a: str | Path, b: str | Path) -> list[dict[str, Any]]:
     """Return what differs between the fleets of two folders, B against A."""
     return findings.compare(table.read(a), table.read(b))
 
