@@ -13,7 +13,7 @@ the mean. Each effect class may keep more (``statistics``).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -29,6 +29,7 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
+REMEMBERED = 1 << 21  # numbers (16 MB) of what is worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
 
@@ -158,6 +159,7 @@ class Evidence:
     curve: allan.AllanCurve
     loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -287,6 +289,21 @@ class Evidence:
             found = effect.find(self) if isinstance(effect, Defect) else effect.measure(self)
             self._measured[key] = found
         return self._measured[key]
+
+    def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
+        """
+        Return an array that the record alone decides, made once for a key.
+
+        The oldest go where they come to more than :data:`REMEMBERED` numbers.
+
+        """
+        if key not in self._remembered:
+            made = make()
+            while self._remembered and made.size + sum(
+                    x.size for x in self._remembered.values()) > REMEMBERED:
+                del self._remembered[next(iter(self._remembered))]
+            self._remembered[key] = made
+        return self._remembered[key]
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """

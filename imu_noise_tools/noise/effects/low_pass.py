@@ -143,8 +143,10 @@ def _decimated(x: np.ndarray, c: float, times: int) -> np.ndarray:
     top = np.tan(np.pi * min(c / times, 0.499))
 
     def folded(x):
-        return sum(1 / (1 + (np.tan(np.pi * np.minimum(np.abs(y), 0.49999)) / top) ** 4)
-                   for y in (((x + j) / times + 0.5) % 1 - 0.5 for j in range(times)))
+        y = np.add.outer(np.arange(times), x) / times
+        y = np.abs(y - np.floor(y + 0.5))
+        square = (np.tan(np.pi * np.minimum(y, 0.49999)) / top) ** 2
+        return np.sum(1 / (1 + square * square), axis=0)
 
     return folded(x) / folded(0.0)
 
