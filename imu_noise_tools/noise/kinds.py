@@ -86,6 +86,11 @@ class NoiseEffect(Effect):
     first: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
+    #: whether it says that what it adds is normal noise, on every time scale
+    normal: ClassVar[bool] = False
+    #: whether it is one of a family of knees (:mod:`~imu_noise_tools.noise.knee`), which several
+    #: of it imitate
+    knee: ClassVar[bool] = False
     #: parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()
     #: what a record must hold for it to apply

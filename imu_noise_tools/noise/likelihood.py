@@ -13,7 +13,7 @@ parameters move by Fisher scoring with Levenberg's damping.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 
@@ -237,7 +237,7 @@ class Likelihood:
         """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
         channels = self._channels(model)
         _, cross, own = channels
-        covariance = _inverse(own @ (self.weight / v))
+        covariance = inverse(own @ (self.weight / v))
         beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
 
@@ -342,6 +342,20 @@ class Likelihood:
         beta = [e[p.name] for e in (model[c.label] for c in self.couplings)
                 for p in e.parameters if p.linear]
         return self._decoupled(np.array(beta), self._channels(model))[0]
+
+    def left_to(self, model: Model, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return what channels (p) still share with what the model's couplings leave of the axis.
+
+        Cross-powers (p, b), and the channels' own (p, p, b).
+
+        """
+        pair, here = self.evidence.common.pair, self.part_name
+        cross = np.array([pair(self.evidence.axis, n, here) for n in names])
+        for c in (model[c.label] for c in self.couplings):
+            for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):
+                cross = cross - c[p.name] * np.array([pair(known, n, here) for n in names])
+        return cross, np.array([[pair(a, b, here) for b in names] for a in names])
 
     # --- the spectrum
     # -----------------------------------------------------------------------------------------
@@ -571,7 +585,7 @@ class Likelihood:
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
 
 
-def _inverse(gram: np.ndarray) -> np.ndarray:
+def inverse(gram: np.ndarray) -> np.ndarray:
     """Return the inverse of a Gram matrix (p, p), of what it says nothing about zero."""
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, axes = np.linalg.eigh(gram / np.outer(scale, scale))

@@ -31,6 +31,8 @@ class GaussMarkov(Spectrum):
     )
     reference = 'IEEE 952 C.1.5'
     several = True
+    normal = True
+    knee = True
     decide = 'record ten times longer than its correlation time takes to show, on another supply'
     parameters = (
         Parameter('sigma', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),

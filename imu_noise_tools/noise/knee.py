@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A rival without a name to relaxations: a knee of any steepness, or a power of the frequency.
+
+A Gauss-Markov process is the knee of one steepness, and several of them imitate any other over a
+band. It is no effect of the library: nothing is named by it.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .evidence import Evidence
+from .kinds import Parameter, Spectrum
+from ..loop.effect import Effect
+
+MIDDLE = 0.01   # of the sample rate: where the level is read
+STEEP = (0.35, 0.7, 1.5)    # to start from
+
+
+class Knee(Spectrum):
+    """Power level^2 ((1 + (s/fc)^2)/(1 + (s_0/fc)^2))^-steepness, s = sin(pi f dt)/(pi dt)."""
+
+    parameters = (
+        Parameter('level', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True),
+        Parameter('fc', 'Hz', 1e-9, 1e6),
+        Parameter('steepness', '1', 0.1, 4.0),
+    )
+
+    def starts(self, evidence: Evidence) -> list[Effect]:
+        """Start from knees below, inside and at the end of what the record shows."""
+        lowest, highest = 0.1 / evidence.duration, 0.3 / evidence.dt
+        return [self.with_values(level=1.0, fc=float(fc), steepness=p)
+                for fc in np.geomspace(lowest, highest, 6) for p in STEEP]
+
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
+        """A knee below a tenth of what the record resolves is a power of the frequency."""
+        return {'fc': (0.1 / evidence.duration, 1 / evidence.dt)}
+
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
+        """Return the knee."""
+        def over(f):
+            return 1 + (np.sin(np.pi * np.asarray(f) * dt) / (np.pi * dt * self['fc'])) ** 2
+
+        return self['level'] ** 2 * (over(f) / over(MIDDLE / dt)) ** -self['steepness']
