@@ -19,7 +19,7 @@ from . import views
 from .evidence import Evidence
 from .explained import Bands
 from .fit import fit as fit_part
-from .kinds import Coupling, Defect, Inputs, Mean, Modulation, Response, Spectrum
+from .kinds import Coupling, Defect, Inputs, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
 from .likelihood import inverse, Likelihood
 from ..core.statistics import kurtosis_pull
@@ -124,7 +124,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect gains, nats.
 
     """
-    effect = fit.model[label]
+    effect, claimed = fit.model[label], claim
     if isinstance(effect, (Spectrum, Response)):
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
@@ -151,8 +151,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return ''
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
-    if effect.knee:
-        against = _knee(evidence, fit, effect, claim)
+    if effect.broad:
+        against = _knee(evidence, fit, effect, claimed)
         if against:
             return against
     gain = uneven(evidence, fit, effect) if effect.normal else 0.0
@@ -161,27 +161,33 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     return ''
 
 
-def _knee(evidence: Evidence, fit: Fit, effect: Spectrum, claim: float) -> str:
+def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> str:
     """
-    Say that one knee of free steepness is as good as all the effects of a kind together.
+    Say that a knee of free steepness does better than an effect and all knees of one steepness.
 
-    Of several the last is asked, which is there for what the others do not explain.
+    Of several of these the last is asked, which is there for what the others do not explain.
 
     """
-    alike = [e.label for e in fit.model if type(e) is type(effect)]
-    if effect.label != alike[-1] or fit.supported is None:
+    spent = {e.label: e.knees for e in fit.model.of(NoiseEffect) if e.knees}
+    if effect.label in [*spent][:-1] or fit.supported is None:
         return ''
-    model = Model((*(e for e in unfitted(fit.model) if e.label not in alike), Knee({}, 'knee')))
-    rival = fit_part(evidence, model, intervals=False, start=fit.model, hint=fit.details.hint)
+    spent.setdefault(effect.label, 1)
+    left = [e for e in fit.model if e.label not in spent]
+    # drift of other colours may be the knee's, and mostly ends the search before it
+    plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
+    rivals = [fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
+                       intervals=False, start=fit.model, hint=fit.details.hint)
+              for some in ((left, plain) if len(plain) < len(left) else (left,))]
+    rival = max(rivals, key=lambda r: r.supported or -np.inf)
     assert rival.supported is not None
-    better = rival.supported - fit.supported
-    fewer = 2 * len(alike) - len(Knee.parameters)
-    if better <= (-PRICE * fewer if fewer > 0 else max(DIRECTED, FLEXIBLE_SHARE * claim)):
+    better, more = rival.supported - fit.supported, len(Knee.parameters) - sum(spent.values())
+    least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim) if more > 0 \
+        else PRICE * more
+    if better <= least:
         return ''
-    how = f'better by {better:.0f} nats' if better > 0 else \
-        f'within {-better:.1f} nats as well, with {fewer} parameter(s) fewer'
     return f'a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no name, ' \
-           f'fits {how}'
+           f'is {better:.1f} nats better with {abs(more)} parameter(s) ' \
+           f'{"more" if more > 0 else "less"}'
 
 
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:

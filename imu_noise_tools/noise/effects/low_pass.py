@@ -50,6 +50,7 @@ class LowPass(Response):
         Parameter('behind', '1', 0.0, 0.02, log=False,
                   title='share of the white noise that arises behind it'),
     )
+    broad = True
     neutral = {'behind': 0.0}
     optional = ('behind',)
 
@@ -89,6 +90,11 @@ class LowPass(Response):
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
         return {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
+
+    @property
+    def knees(self) -> int:
+        """One, where, for a single pole."""
+        return int('form' in self.values and self.chosen('form') == 'first_order')
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
