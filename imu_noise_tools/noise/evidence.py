@@ -131,13 +131,12 @@ class Evidence:
 
     ``resolution`` is the step of the grid that the samples stand on, 0 where there is none.
     ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z, ``humps`` (h, 3)
-    frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or
-    2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
-    bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
-    cells; a second row of either is without defects, and one row more of cells without lines,
-    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``loud``
-    (stretches, 2) are the times in which something beside the sensor is switched on, s.
-    ``statistics`` maps an effect's name to what it kept.
+    frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or 2,
+    blocks, bands) is the power in time, ``block_count`` its coefficients. ``cells`` (1 to 3,
+    cells) counts the whitened samples in equiprobable cells; a second row of either is without
+    defects, and one row more of cells without lines, where there are any. ``envelope`` (columns,
+    3) is time, minimum, maximum. ``loud`` (stretches, 2) are the times in which something beside
+    the sensor is switched on, s. ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -153,7 +152,6 @@ class Evidence:
     humps: np.ndarray
     block_power: np.ndarray
     block_count: np.ndarray
-    block_f: np.ndarray
     cells: np.ndarray
     envelope: np.ndarray
     curve: allan.AllanCurve
@@ -437,7 +435,7 @@ def _one_from_arrays(axis, flat, common):
     plain = {
         k: flat[k]
         for k in (
-            'line_table', 'humps', 'block_power', 'block_count', 'block_f', 'cells', 'envelope'
+            'line_table', 'humps', 'block_power', 'block_count', 'cells', 'envelope'
         )
     }
     return Evidence(

@@ -155,9 +155,10 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         against = _knee(evidence, fit, effect, claimed)
         if against:
             return against
-    gain = uneven(evidence, fit, effect) if effect.normal else 0.0
-    if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
-        return f'what it explains is not normal noise, by {gain:.0f} nats'
+    if isinstance(effect, (Spectrum, Coupling)) and effect.normal:
+        gain = uneven(evidence, fit, effect)
+        if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+            return f'what it explains is not normal noise, by {gain:.0f} nats'
     return ''
 
 
@@ -185,9 +186,10 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
         else PRICE * more
     if better <= least:
         return ''
+    how = f'better by {better:.0f} nats' if better > 0 else \
+        f'as well, with {-more} parameter{"s" * (more < -1)} less'
     return f'a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no name, ' \
-           f'is {better:.1f} nats better with {abs(more)} parameter(s) ' \
-           f'{"more" if more > 0 else "less"}'
+           f'fits {how}'
 
 
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:

@@ -38,7 +38,7 @@ class Knee(Spectrum):
                 for fc in np.geomspace(lowest, highest, 5) for p in STEEP]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
-        """A knee below a tenth of what the record resolves is a power of the frequency."""
+        """Keep it within a tenth of what the record resolves: below is a power of f."""
         return {'fc': (0.1 / evidence.duration, 1 / evidence.dt)}
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
