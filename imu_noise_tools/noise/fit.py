@@ -48,6 +48,8 @@ _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
+_VAGUE = 2.0  # times the spread of the level beside holes: a response is no better than they are
+_DRIFT = 0.1  # share of the power from which drift is told from it
 _CREDIBLE = 0.3  # share of the bands that must agree for the others to be called disturbed
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
@@ -307,7 +309,12 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     best = _score(bands, held[0])
     for basis, x in _behind_responses(bands, held[0], hint):
         more = _settled(search, bands, held[0], basis, [], x)
-        if more is not None and _flat(more[0]) and _score(bands, more[0]) > best + 1e-6:
+        if more is None or not _flat(more[0]) or _score(bands, more[0]) <= best + 1e-6:
+            continue
+        # what is added in the middle leaves the level to holes as well: they may tell it better
+        vague = _VAGUE if _flat(more[0], strict=True) else 1.0
+        if not basis.order.tied or _spread(more[0]) < vague * _spread(
+                _on_the_safe_side(thorough, bands, held[0])):
             held.insert(0, more[0])
     first = None
     for found in held:  # a fit that leaves no white noise holds only where every one does
@@ -354,14 +361,40 @@ def _score(bands: Bands, found: _Found) -> float:
         - 4 * _BAND * _lacks(found)
 
 
-def _flat(found: _Found) -> bool:
+def _spread(found: _Found) -> float:
+    """Return the largest standard deviation of ln of what every sensor has."""
+    certain = {e.label for e in found.likelihood.model.of(Spectrum) if e.in_every_sensor}
+    some = [j for j, s in enumerate(found.likelihood.slots) if s.label in certain]
+    std = np.sqrt(np.diag(np.linalg.pinv(marginal(found.information, some))))
+    return float(np.max(std, initial=0.0))
+
+
+def _flat(found: _Found, strict: bool = False) -> bool:
     """Tell whether the response that a fit leaves open, if any, does nothing at the slow end."""
     f, dt = found.likelihood.bins.f, found.likelihood.dt
-    slow = f[f < _FLAT * 0.5 / dt]
     return all(
-        np.max(np.abs(np.log(r.gain2(slow, dt)))) <= 2 * _FLATNESS
+        _still(found, r.order, r.gain2(f, dt), 2 * _FLATNESS, strict)
         for r in found.likelihood.with_search(found.x).of(OpenResponse)
     )
+
+
+def _still(found: _Found, order: Order, gain2: np.ndarray, by: float, strict: bool) -> bool:
+    """
+    Tell whether ln gain^2 (b,) stays so near to zero at the slow end.
+
+    That is a share of Nyquist. What is added in the middle, and nowhere takes away, has its level
+    from both ends: if not ``strict``, it may reach down to where drift shows.
+
+    """
+    likelihood = found.likelihood
+    slow = likelihood.bins.f < _FLAT * 0.5 / likelihood.dt
+    away = np.log(np.maximum(gain2, 1e-300))
+    if order.tied and not strict and np.min(away) > -by:
+        model = likelihood.with_search(found.x)
+        v, each = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
+        drift = v - sum(each[e.label] for e in model.of(Spectrum) if e.in_every_sensor)
+        slow &= np.cumsum((drift > _DRIFT * v)[::-1])[::-1] > 0
+    return bool(np.max(np.abs(away[slow]), initial=0.0) <= by)
 
 
 def _band(bands: Bands, x: np.ndarray, w: np.ndarray, dt: float):
@@ -388,7 +421,6 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
     x, w = _ratio(found)
     best = supported_by(bands, x, w, np.ones(len(x)), _BAND)
     chosen = None
-    slow = bins.f < _FLAT * 0.5 / bins.dt
     begun = _band(bands, x, w, bins.dt)
     known: dict[Order, np.ndarray] = {}
     enough = np.inf
@@ -403,7 +435,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
             if tried is None:
                 break
             values, level, v = tried
-            if np.max(np.abs(np.log(v[slow] / level))) > _FLATNESS:
+            if not _still(found, order, v / level, _FLATNESS, False):
                 break
             known[order] = values
             score = supported_by(bands, x, w, v, _BAND) - _TERM * order.terms
