@@ -424,7 +424,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
     begun = _band(bands, x, w, bins.dt)
     known: dict[Order, np.ndarray] = {}
     enough = np.inf
-    for order in _ORDERS:
+    for order in (o.about(begun[0][0].middle) if begun else o for o in _ORDERS):
         if order.terms > enough:
             continue
         near = [(o, a) for o, a in known.items() if order.twice and o.within(order)]
