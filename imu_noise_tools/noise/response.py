@@ -62,8 +62,8 @@ class Order(NamedTuple):
         return self != other and self.zeros <= other.zeros and self.poles <= other.poles
 
     def about(self, middle: float) -> Order:
-        """Return the same about a band, if both degrees are the same and it may be one."""
-        return self._replace(middle=middle) if self.zeros == self.poles >= 2 else self
+        """Return the same about a band, if it is what one has beside it."""
+        return self._replace(middle=middle) if self.tied and self.zeros == self.poles else self
 
     def variable(self, u: np.ndarray) -> np.ndarray:
         """Return z of u."""
