@@ -84,6 +84,7 @@ def squared(b, a, omega):
     """Return |H|^2 of a filter."""
     return np.abs(freqz(b, a, worN=omega)[1]) ** 2
 
+
 def first_order(y, dt, rng):
     """Roll-off of first order, cutoff 0.15 ... 0.8 of Nyquist."""
     c = rng.uniform(0.15, 0.8)

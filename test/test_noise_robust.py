@@ -92,7 +92,7 @@ def test_what_is_not_in_the_model_does_not_bend_it(case):
     y, rng = noise([5, robust.CASES.index(case)])
     if case in (robust.knocks, robust.on_and_off):
         pytest.skip('seen in time, not in the spectrum')
-    y, level = case(y, DT, rng)
+    y, level, _ = case(y, DT, rng)
     evidence = axis_of(y)
     found = fit(evidence, model_of('noise', BASE)).estimates
     near = 0.08 if case is robust.several else 0.03
