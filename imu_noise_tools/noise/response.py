@@ -71,7 +71,7 @@ class Order(NamedTuple):
 
     def share(self, u: np.ndarray) -> np.ndarray:
         """Return what a polynomial in u is multiplied by to be one in z."""
-        return (1 + u / self.middle) ** max(self.zeros, self.poles)
+        return (1 + u / self.middle) ** -float(max(self.zeros, self.poles))
 
 
 class OpenResponse(Response):
