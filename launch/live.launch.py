@@ -29,6 +29,8 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument('imu', default_value='imu/data_raw',
                               description='topic of the driver'),
+        DeclareLaunchArgument('accel', default_value='', description='topic of the accelerations, '
+                              'where they have one of their own (a depth camera)'),
         DeclareLaunchArgument('namespace', default_value='', description='of the nodes'),
         DeclareLaunchArgument('params_file', default_value=str(CONFIG / 'filter.yaml'),
                               description='parameters of the nodes, keyed /**'),
@@ -36,6 +38,6 @@ def generate_launch_description():
                               description='whether time comes from /clock'),
         DeclareLaunchArgument('log_level', default_value='info',
                               description='debug, info, warn or error'),
-        node('analyser', input='messages'),
+        node('analyser', input='messages', accel_topic=LaunchConfiguration('accel')),
         node('filter'),
     ])

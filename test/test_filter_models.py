@@ -302,7 +302,6 @@ def test_weighing_outliers_keeps_two_moments_of_the_mixture():
         total = sum(w for w, _, _ in parts)
         mean = sum(w * xa for w, xa, _ in parts) / total
         covariance = sum(w * (pa + np.outer(xa - mean, xa - mean)) for w, xa, pa in parts) / total
-        bank.prior = bank.mu
         _, _, log_l = bank.update(np.array([z]), e)
         assert np.allclose([v[0, 0] for v in bank.x], mean, rtol=1e-9)
         assert bank.p[0, 0][0, 0] == pytest.approx(covariance[0, 0], rel=1e-6)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 
+from camera import ACCEL, camera_bag, GYRO
 import numpy as np
 import pytest
 
@@ -140,6 +141,32 @@ def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(ros, stati
     found, about = coefficients(ros, ns)
     assert int(about['samples']) == COUNT and about['complete'] == 'true'
     assert_as_computed(found, analyse_record(open_record(static_bag)))
+
+
+@pytest.mark.parametrize('kind', ['buffer', 'messages'])
+def test_a_cameras_sensors_are_analysed_each_at_its_own_rate(ros, tmp_path, kind):
+    """From a bag by blocks, and live from two topics: as the command line does it."""
+    bag = camera_bag(tmp_path / 'camera.mcap', seconds=120.0)
+    ns = ros.namespace()
+    live = {'accel_topic': 'camera/accel'} if kind == 'messages' else {}
+    analyser = ros.start('analyser', ns, input=kind, **live)
+    ros.ready(analyser)
+    if kind == 'buffer':
+        player(ros, ns, bag, publish='buffer')
+    else:
+        for name, topic, to in (('of_gyro', GYRO, 'imu/data_raw'),
+                                ('of_accel', ACCEL, 'camera/accel')):
+            player(ros, ns, bag, publish='messages', topic=topic,
+                   remaps={'imu/data_raw': to, '__node': name})
+        assert wait_for(lambda: int(status(ros, ns)['samples']) == 24000 + 7560)
+        assert ros.trigger(f'{analyser.full}/analyse')[0]
+    found, about = coefficients(ros, ns)
+    assert about['complete'] == 'true' and about['missed'] == '0'
+    assert_as_computed(found, analyse_record(open_record(bag, apart=True)))
+    assert ros.trigger(f'{analyser.full}/save')[0]
+    folder = analyser.folder / 'analyser.study'
+    assert {'gyro.npz', 'accel.npz'} < {p.name for p in folder.iterdir()}
+    assert open_record(folder / 'accel.npz').n == 7560
 
 
 def test_the_loop_over_services(ros, small_bag):

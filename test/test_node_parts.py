@@ -10,7 +10,9 @@ import pytest
 
 from imu_noise_tools.core.allan import curve, overlapping_variance
 from imu_noise_tools.core.errors import UsageError
+from imu_noise_tools.core.record import AXES
 from imu_noise_tools.nodes.live import LiveCurve, Stream
+from imu_noise_tools.nodes.streams import Streams
 
 
 def signal(n, columns=3, seed=1):
@@ -114,6 +116,32 @@ def test_a_record_that_begins_again_replaces_what_was_there():
     assert (stream.received, stream.missed) == (20, 10)
 
 
+def test_sensors_with_topics_of_their_own_have_streams_of_their_own():
+    streams = Streams(hours=1.0)
+    y = signal(400, 6)
+    slow, fast = np.arange(100) * 20_000_000, np.arange(300) * 5_000_000 + 1
+    assert not streams.complete
+    streams.add(fast, y[:300, :3], np.zeros((300, 3)), 0, 'gyro')
+    streams.expected = 400
+    assert not streams.complete and streams.received == 300
+    streams.add(slow, y[:100, :3], y[:100, 3:], 0, 'accel')
+    assert streams.complete and streams.received == streams.held == 400
+    record = streams.record('/w,/f', 'bag')
+    (accel,) = record.beside
+    assert (record.topic, accel.topic) == ('/w', '/f')
+    assert record.accel is None and np.array_equal(record.gyro, y[:300, :3])
+    assert accel.gyro is None and np.array_equal(accel.accel, y[:100, 3:])
+    assert record.rate_hz == pytest.approx(200) and accel.rate_hz == pytest.approx(50)
+    curves = {axis: (dt, c[1][0, k]) for axis, k, dt, c in streams.curves()}
+    assert set(curves) == set(AXES) and curves['gyro_x'][0] == pytest.approx(0.005)
+    assert curves['accel_z'][0] == pytest.approx(0.02)
+    assert curves['accel_z'][1] == pytest.approx(curve(y[:100, 5], 0.02).dev[0])
+    assert {k: sorted(v) for k, v in streams.arrays().items()} == {
+        'gyro': ['gyro', 't'], 'accel': ['accel', 't']}
+    assert 'for both' in streams.add(fast, y[:300, :3], y[:300, 3:], 0)
+    assert streams.received == 300 and streams.record('/imu').beside == ()
+
+
 def test_a_parameter_reads_what_people_write():
     pytest.importorskip('rclpy')
     from imu_noise_tools.nodes.params import Setting
@@ -203,8 +231,15 @@ def test_blocks_and_curves_survive_the_way():
     from imu_noise_tools.nodes import messages
     stamps = 1_700_000_000_000_000_000 + np.arange(50) * 5_000_000
     y = signal(50, 6)
-    first, read = messages.samples_of_block(messages.block(4096, stamps, y[:, :3], y[:, 3:]))
-    assert first == 4096
+    first, sensor, read = messages.samples_of_block(
+        messages.block(4096, stamps, y[:, :3], y[:, 3:]))
+    assert (first, sensor) == (4096, '')
+    own = messages.block(7, stamps, np.full((50, 3), np.nan), y[:, 3:], 'accel')
+    first, sensor, alone = messages.samples_of_block(own)
+    assert (first, sensor) == (7, 'accel') and np.array_equal(alone.accel, y[:, 3:])
+    own.layout.dim[0].label = 'first:7:magnetic'
+    with pytest.raises(ValueError, match='not a block'):
+        messages.samples_of_block(own)
     assert np.abs(read.stamps - stamps).max() <= 128            # a double holds no more
     assert np.array_equal(read.gyro, y[:, :3]) and np.array_equal(read.accel, y[:, 3:])
     tau, dev = np.array([1.0, 10.0]), np.array([0.1, 0.01])

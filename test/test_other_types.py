@@ -211,6 +211,13 @@ def test_px4s_two_sensors_are_analysed_each_at_its_rate(px4_pair, tmp_path):
     assert 'zero' not in said and 'interpolated' not in said
 
 
+def test_the_temperature_that_px4s_messages_hold_is_a_covariate_of_each_sensor(px4_pair):
+    apart = open_record(px4_pair, apart=True)
+    np.testing.assert_array_equal(apart.covariates['temperature'], np.full(apart.n, 40.0))
+    (accel,) = apart.beside
+    np.testing.assert_array_equal(accel.covariates['temperature'], np.full(accel.n, 40.0))
+
+
 def own(path, kind, n=3000, little=True):
     """Write a bag of a type of one's own; return its path, times (ns), rates, counts."""
     rng = np.random.default_rng(4)
@@ -243,6 +250,8 @@ def test_a_type_of_ones_own_is_read_by_its_fields(tmp_path, kind, little):
     np.testing.assert_allclose(record.t, (at - at[0]) * 1e-9, atol=1e-12)
     unstamped = open_record(path, fields='gyro=raw.w')
     assert unstamped.accel is None and any('receive times' in w for w in unstamped.warnings)
+    warm = open_record(path, fields='gyro=raw.w,temperature=temperature:K')
+    np.testing.assert_allclose(warm.covariates['temperature'], np.arange(3000) - 253.15)
     number = open_record(path, fields='gyro=raw.w,stamp=temperature:s')
     np.testing.assert_allclose(number.t, np.arange(3000), atol=1e-9)
 
@@ -251,7 +260,8 @@ def test_a_type_of_ones_own_is_read_by_its_fields(tmp_path, kind, little):
     ('gyro=raw.v', 'did you mean raw.w'), ('gyro=raw.w,stamp=temperature', 'unit'),
     ('gyro=raw.force', 'not three numbers'), ('gyro=raw.w+raw.w', 'one field, or three'),
     ('speed=raw.w', 'unknown name in --fields speed'), ('gyro', 'invalid --fields'),
-    ('gyro=raw.w:rpm', 'unknown unit of gyro rpm'), ('stamp=raw.at', 'invalid --fields'),
+    ('gyro=raw.w:rpm', 'unknown unit of gyro rpm'),
+    ('gyro=raw.w,temperature=raw.w', 'a number'), ('stamp=raw.at', 'invalid --fields'),
     ('gyro=raw.force[0]+raw.force[1]+raw.force[6]', 'raw.force[6]'),
     ('gyro=kind+temperature+name', 'unknown field')])
 def test_fields_that_are_not_there_are_refused(tmp_path, fields, words):

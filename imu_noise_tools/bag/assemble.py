@@ -74,19 +74,22 @@ class Part(NamedTuple):
     gyro: np.ndarray | None
     accel: np.ndarray | None
     frame_id: str
+    temperature: np.ndarray | None = None       # degC, that the messages themselves hold
 
 
 class Reader:
     """Gathers the messages of one topic."""
 
-    def __init__(self, topic: str, type: str, memory: Memory, room: int = 0):
+    def __init__(self, topic: str, type: str, memory: Memory, room: int = 0, warm: bool = False):
         self.topic, self.type = topic, type
         self.frame_id = ''
         self.unreadable = 0
         self.absent = [True, True]
         self.unnamed: set[str] = set()      # sensors that its messages are not meant to have
+        self.warm = warm                    # its messages hold a temperature
         if type == IMU:
-            self.columns = Columns(memory, room, stamp=0, receive=0, gyro=3, accel=3)
+            beside = {'temperature': 1} if warm else {}
+            self.columns = Columns(memory, room, stamp=0, receive=0, gyro=3, accel=3, **beside)
         else:
             width = {VECTOR: 3}.get(type) or len(COVARIATES[type])
             self.columns = Columns(memory, room, stamp=0, receive=0, values=width)
@@ -101,8 +104,13 @@ class Reader:
         if self.type == IMU:
             self.absent[0] &= bool(np.all(found.values[:, GYRO_COVARIANCE.start] == -1))
             self.absent[1] &= bool(np.all(found.values[:, ACCEL_COVARIANCE.start] == -1))
+            beside = {}
+            if self.warm:
+                none = np.full(len(found.stamp), np.nan)
+                beside['temperature'] = (
+                    none if found.temperature is None else found.temperature)[:, None]
             self.columns.extend(stamp=found.stamp, receive=receive, gyro=found.values[:, GYRO],
-                                accel=found.values[:, ACCEL])
+                                accel=found.values[:, ACCEL], **beside)
         else:
             width = len(self.columns._arrays['values'])
             self.columns.extend(stamp=found.stamp, receive=receive, values=found.values[:, :width])
@@ -113,8 +121,10 @@ def _read(
     bag: Bag, wanted: dict[str, str], memory: Memory, progress: Progress = None
 ) -> dict[str, Reader]:
     """Read topics of given types in one pass."""
+    warm = {c.topic for c in bag.connections if c.shape and c.shape.fields.temperature}
     readers = {
-        topic: Reader(topic, type, memory, bag.expected(topic)) for topic, type in wanted.items()
+        topic: Reader(topic, type, memory, bag.expected(topic), topic in warm)
+        for topic, type in wanted.items()
     }
     for batch in bag.batches(readers, set(wanted.values()), progress):
         reader = readers[batch.connection.topic]
@@ -207,7 +217,7 @@ def _record(
 ) -> ImuRecord:
     """Return the record of one part, with the covariates at its times."""
     stamp = part.stamp
-    covariates: dict[str, np.ndarray] = {}
+    covariates = {} if part.temperature is None else {'temperature': part.temperature}
     for reader, arrays in known:
         _resample(reader, arrays, part, covariates, said, memory)
     t = _seconds(stamp, stamp[0], memory)
@@ -282,7 +292,19 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
             f'{bag.path}: {reader.topic} has neither angular rates nor accelerations',
             'choose another --topic',
         )
-    return Part(stamp, receive, data[0], data[1], reader.frame_id)
+    return Part(stamp, receive, data[0], data[1], reader.frame_id, _temperature(arrays))
+
+
+def _temperature(arrays: dict[str, np.ndarray]) -> np.ndarray | None:
+    """Return the temperature that the messages hold, interpolated where they do not say it."""
+    if 'temperature' not in arrays or not _holds_anything(arrays['temperature']):
+        return None
+    x = arrays['temperature'][:, 0]
+    unknown = np.isnan(x)
+    if unknown.any():
+        x[unknown] = np.interp(
+            np.flatnonzero(unknown), np.flatnonzero(~unknown), x[~unknown])
+    return x
 
 
 def _holds_anything(x: np.ndarray) -> bool:

@@ -36,7 +36,8 @@ class Decoded(NamedTuple):
     """
     Messages as arrays.
 
-    They are header stamps (ns), doubles (n, k), and which of the batch could be read at all.
+    They are header stamps (ns), doubles (n, k), which of the batch could be read at all, and the
+    temperature (n,), degC, of messages that hold one.
 
     """
 
@@ -44,6 +45,7 @@ class Decoded(NamedTuple):
     values: np.ndarray
     frame_id: str
     readable: np.ndarray        # (n of the batch,) bool
+    temperature: np.ndarray | None = None
 
 
 def decode(batch: Batch, plain: bool = False) -> Decoded:

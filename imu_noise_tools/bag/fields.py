@@ -28,9 +28,12 @@ from ..core.units import DEG, G0
 
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
 ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+#: unit to (factor, what is added): degC
+TEMPERATURE_UNITS = {'degC': (1.0, 0.0), 'K': (1.0, -273.15), 'mdegC': (1e-3, 0.0)}
 TIME_UNITS = {'s': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1}       # in ns
-UNITS: dict[str, Mapping[str, float]] = {
-    'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS}
+UNITS: dict[str, Mapping[str, Any]] = {
+    'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS,
+    'temperature': TEMPERATURE_UNITS}
 HOW = 'e.g. --fields gyro=gyro_rad,accel=accelerometer_m_s2,stamp=timestamp:us'
 # How many kinds of lengths (of strings, of sequences) are looked for among all messages at once.
 MOST_KINDS = 64
@@ -56,8 +59,11 @@ class Fields:
         message has none.
     stamp : str
         Path to a time, or to a number; empty: the header's, where there is one.
+    temperature : str
+        Path to the sensor's temperature; empty: there is none.
     units : mapping of str to str
-        Of ``gyro``, ``accel``, ``stamp``, where they are not SI; a number needs its unit.
+        Of ``gyro``, ``accel``, where they are not SI, of ``temperature``, where it is not degC; a
+        ``stamp`` that is a number needs its unit.
     invalid : tuple of (str, str, int)
         A sensor's samples are missing where this field has this value.
 
@@ -68,14 +74,15 @@ class Fields:
     stamp: str = ''
     units: Mapping[str, str] | None = None
     invalid: tuple[tuple[str, str, int], ...] = ()
+    temperature: str = ''
 
     @classmethod
     def of(cls, text: str) -> Fields:
         """
         Return what is meant by a text as typed.
 
-        ``gyro=PATH,accel=PATH,stamp=PATH``, each with ``:unit`` behind it where it has another;
-        three numbers are joined with ``+``.
+        ``gyro=PATH,accel=PATH,stamp=PATH,temperature=PATH``, each with ``:unit`` behind it where
+        it has another; three numbers are joined with ``+``.
 
         Raises
         ------
@@ -102,7 +109,7 @@ class Fields:
             raise UsageError(f'invalid --fields {text}', 'gyro and accel are one field, or three '
                              f'joined with +; {HOW}')
         return cls(vectors.get('gyro', ()), vectors.get('accel', ()), found.get('stamp', ''),
-                   units)
+                   units, temperature=found.get('temperature', ''))
 
     def scale(self, name: str) -> float:
         """Return the factor that turns a sensor's unit into SI."""
@@ -142,10 +149,10 @@ KNOWN: dict[str, tuple[str, tuple[Fields, ...]]] = {
         ('gyro_rad',), ('accelerometer_m_s2',), 'timestamp', _US,
         (('accel', 'accelerometer_timestamp_relative', 0x7fffffff),)),)),
     'px4_msgs/msg/SensorGyro': (_SENSOR, (
-        Fields(gyro=_XYZ, stamp='timestamp_sample', units=_US),
+        Fields(gyro=_XYZ, stamp='timestamp_sample', units=_US, temperature='temperature'),
         Fields(gyro=_XYZ, stamp='timestamp', units=_US))),
     'px4_msgs/msg/SensorAccel': (_SENSOR, (
-        Fields(accel=_XYZ, stamp='timestamp_sample', units=_US),
+        Fields(accel=_XYZ, stamp='timestamp_sample', units=_US, temperature='temperature'),
         Fields(accel=_XYZ, stamp='timestamp', units=_US))),
 }
 # What is proposed for a type that has such fields.
@@ -338,7 +345,8 @@ class Shape:
             if not (fields.units or {}).get('stamp'):
                 raise UsageError(f'--fields: the unit of {fields.stamp} is not said',
                                  f'e.g. stamp={fields.stamp}:us')
-        for _, path, _ in fields.invalid:
+        beside = [fields.temperature] if fields.temperature else []
+        for path in (*(path for _, path, _ in fields.invalid), *beside):
             _check_number(path, leaves, connection.type)
         return cls(types, fields)
 
@@ -347,6 +355,7 @@ class Shape:
         n = len(batch.receive)
         stamp, values, good = np.zeros(n, np.int64), np.zeros((n, DOUBLES[IMU])), np.zeros(n, bool)
         values[:, 3], values[:, 4] = 1.0, -1.0
+        temperature = np.full(n, np.nan) if self.fields.temperature else None
         frame = ''
         for part, covariance in ((self.fields.gyro, GYRO_COVARIANCE),
                                  (self.fields.accel, ACCEL_COVARIANCE)):
@@ -366,12 +375,15 @@ class Shape:
                     some = left[same]
                     raw = rows(batch.data, batch.begin[some], int(length))
                     stamp[some], values[some] = self._read(raw, places, values[some])
+                    if temperature is not None:
+                        temperature[some] = self._temperature(raw, places)
                     good[some] = True
                     frame = frame or _text(first, places.get('header.frame_id'))
                     left = left[~same]
                 except Damaged:
                     left = left[1:]
-        return Decoded(stamp[good], values[good], frame, good)
+        return Decoded(stamp[good], values[good], frame, good,
+                       None if temperature is None else temperature[good])
 
     def _read(self, raw: np.ndarray, places: dict, values: np.ndarray) -> tuple:
         """Return stamps and doubles of messages with all of it at the same places."""
@@ -391,6 +403,10 @@ class Shape:
             values[_column(raw, places, path) == value, GYRO if sensor == 'gyro' else ACCEL] = (
                 np.nan)
         return self._stamps(raw, places), values
+
+    def _temperature(self, raw: np.ndarray, places: dict) -> np.ndarray:
+        factor, added = TEMPERATURE_UNITS[(self.fields.units or {}).get('temperature', 'degC')]
+        return _column(raw, places, self.fields.temperature) * factor + added
 
     def _stamps(self, raw: np.ndarray, places: dict) -> np.ndarray:
         path = self.fields.stamp or 'header.stamp'

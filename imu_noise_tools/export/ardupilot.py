@@ -4,11 +4,12 @@
 """
 ArduPilot's EK3_* parameters: sigmas of one step of its filter.
 
-Source: ArduPilot/ardupilot, libraries/AP_NavEKF3/AP_NavEKF3_core.cpp, CovariancePrediction:
-dAngBiasVar = (dt^2 _gyroBiasProcessNoise)^2 of an angle's bias a step (so that of the rate is
-(dt p)^2), and (dt _gyrNoise)^2 of the angle; a step is EKF_TARGET_DT (12 ms). So p = N /
-sqrt(dt) and K / sqrt(dt). Ranges: AP_NavEKF3.cpp, var_info. The file is a list of NAME,VALUE, as
-ground stations and pymavlink's mavparm.py read it.
+Source: ArduPilot/ardupilot, libraries/AP_NavEKF3/AP_NavEKF3_core.cpp, CovariancePrediction (lines
+1057-1065 and 1150-1154 at e37bf9ad53): dAngBiasVar = (dt^2 _gyroBiasProcessNoise)^2 of an angle's
+bias a step (so that of the rate is (dt p)^2), and (dt _gyrNoise)^2 of the angle; a step is
+EKF_TARGET_DT (AP_NavEKF3_core.h:60, 12 ms). So p = N / sqrt(dt) and K / sqrt(dt). Ranges:
+AP_NavEKF3.cpp, var_info (342-376 at d5670ace3b; ABIAS_P_NSE goes to 0.02 since 83c544f792). The
+file is a list of NAME,VALUE, as ground stations and pymavlink's mavparm.py read it.
 
 """
 
@@ -23,8 +24,9 @@ HOLDS = 'N / sqrt(12 ms), K / sqrt(12 ms)'
 HOW = 'sigma of a step of its filter, within its ranges'
 #: file, lines (or what to look for), commit
 PLACES = (
-    ('libraries/AP_NavEKF3/AP_NavEKF3_core.cpp', 'CovariancePrediction', '363e7e9eec'),
-    ('libraries/AP_NavEKF3/AP_NavEKF3.cpp', 'var_info, 24 to 28', '83c544f792'),
+    ('libraries/AP_NavEKF3/AP_NavEKF3_core.cpp', '1057-1065, 1150-1154', 'e37bf9ad53'),
+    ('libraries/AP_NavEKF3/AP_NavEKF3_core.h', '60', 'e37bf9ad53'),
+    ('libraries/AP_NavEKF3/AP_NavEKF3.cpp', '342-376', 'd5670ace3b'),
 )
 DESCRIPTION = 'ArduPilot EK3_GYRO_P_NSE ... as a .param file (N, K over sqrt of 12 ms)'
 STEP_S = 0.012

@@ -4,11 +4,10 @@
 """
 ORB-SLAM3's IMU lines: continuous-time N and K, read by OpenCV's FileStorage.
 
-Source: UZ-SLAMLab/ORB_SLAM3 at 1464d8fe5c: src/Settings.cc, readIMU and, lines 36-64,
-readParameter<float> (a real: with a point or an exponent; there an integer too, which releases
-refuse); src/Tracking.cc,
-newParameterLoader: Calib(Tbc, Ng*sf, Na*sf, Ngw/sf, Naw/sf) with sf = sqrt(IMU.Frequency), so N
-and K go in as they are.
+Source: UZ-SLAMLab/ORB_SLAM3 at 0df83dde1c (release 1.0): src/Settings.cc, readIMU (lines 414-420)
+and readParameter<float> (36-57: a real, with a point or an exponent); src/Tracking.cc,
+newParameterLoader (608-614): Calib(Tbc, Ng*sf, Na*sf, Ngw/sf, Naw/sf) with sf =
+sqrt(IMU.Frequency), so N and K go in as they are.
 
 """
 
@@ -23,8 +22,8 @@ HOLDS = 'N, K'
 HOW = 'it takes N sqrt(f) and K / sqrt(f) itself'
 #: file, lines (or what to look for), commit
 PLACES = (
-    ('src/Settings.cc', '36-64', '1464d8fe5c'),
-    ('src/Tracking.cc', 'newParameterLoader', '1464d8fe5c'),
+    ('src/Settings.cc', '36-57, 414-420', '0df83dde1c'),
+    ('src/Tracking.cc', '608-614', '0df83dde1c'),
 )
 DESCRIPTION = 'ORB-SLAM3: IMU.NoiseGyro, NoiseAcc, GyroWalk, AccWalk, Frequency (N, K per second)'
 

@@ -229,14 +229,12 @@ class Engine:
         if key == RESTART:
             bank.restart(slice(None))
             e = self._entries[0]
-            bank.prior = bank.mu
         else:
             e = self._entries.get(key)
             if e is None:
                 e = self._entry(key)
             bank.mix(e)
             bank.predict(e)
-            bank.prior = bank.mu
         nu, s, _ = bank.update(z, e)
         x, var = bank.rate()
         return x, var, bank.score(nu, s, e)

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
-from .predict import by_bank, predict
+from .predict import densities, predict
 from .statespace import FilterEffect, jumps, Look, Motion, state_space, white_of
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..core.units import si
@@ -18,6 +19,8 @@ from ..loop.effect import Effect, Estimate, Model
 
 NULL = CHI2_95 / 2      # nats: an amplitude that loses less by going to zero is not observable
 LIMIT = CHI2_90 / 2     # nats, for a one-sided 95 % limit
+STENCIL = 0.3           # of the first move of a parameter: how far apart a curvature is read
+ENOUGH = 0.05           # nats: a climb that hopes for less is at the top
 
 
 class Likelihood:
@@ -26,13 +29,25 @@ class Likelihood:
     def __init__(self, z: np.ndarray, dt: float, alpha: float):
         self.z, self.dt, self.alpha = z, dt, alpha
         self.samples, self.span = len(z), len(z) * dt
+        self._known: dict[Model, float] = {}
 
-    def __call__(self, models) -> np.ndarray:
+    def __call__(self, models: Iterable[Model]) -> np.ndarray:
         """Return the log-likelihood of each."""
         models = list(models)
-        if models and jumps(models[0]):
-            return by_bank(models, self.z, self.dt, self.alpha)[0]
-        return np.array([predict(m, self.z, self.dt, self.alpha).log_likelihood for m in models])
+        new = [m for m in dict.fromkeys(models) if m not in self._known]
+        if new and jumps(new[0]):
+            self.each(new)
+        else:
+            self._known.update(
+                (m, predict(m, self.z, self.dt, self.alpha).log_likelihood) for m in new)
+        return np.array([self._known[m] for m in models])
+
+    def each(self, models: list[Model]) -> np.ndarray:
+        """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
+        found = densities(models, self.z, self.dt, self.alpha)[0]
+        total = found.sum(1)
+        self._known.update(zip(models, np.where(np.isfinite(total), total, -np.inf).tolist()))
+        return found
 
 
 class Free:
@@ -84,11 +99,14 @@ class Free:
         return np.log(max(value, 1e-300)) if p.log else value
 
 
-def start(model: Model, fixed: Any, look: Look, evaluate: Likelihood) -> Model | None:
+def start(
+    model: Model, fixed: Any, look: Look, evaluate: Likelihood, known: Model | None = None
+) -> Model | None:
     """
     Return the model with starting values.
 
-    Effect after effect, the best guess of each with the others held.
+    Effect after effect, the best guess of each with the others held; or, for what jumps (its climb
+    costs most), with the values of those ``known`` from a smaller model, where that is better.
 
     None where an effect does not apply to these data.
 
@@ -96,7 +114,7 @@ def start(model: Model, fixed: Any, look: Look, evaluate: Likelihood) -> Model |
     order = sorted(
         model.of(FilterEffect),
         key=lambda e: (
-            e.jumps,
+            e.jumps and bool(e.parameters),
             e.label not in fixed,
             bool(e.parameters) and not e.variance,
         ),
@@ -118,12 +136,17 @@ def start(model: Model, fixed: Any, look: Look, evaluate: Likelihood) -> Model |
             best = int(np.argmax(evaluate(tried))) if able and len(guesses) > 1 else 0
             held.append(guesses[best])
     by_label = {e.label: e for e in held}
-    return Model(by_label[e.label] for e in model)
+    begin = Model(by_label[e.label] for e in model)
+    if known is None or not jumps(model):
+        return begin
+    both = [begin, begin.with_values({e.label: e.values for e in known})]
+    return both[int(np.argmax(evaluate(both)))]
 
 
 def _complete(model: Model) -> bool:
     """Tell whether a partial model can be evaluated: it has motion and white noise."""
-    return any(not e.jumps for e in model.of(Motion)) and white_of(model) is not None
+    return (any(e.every or not e.jumps for e in model.of(Motion))
+            and white_of(model) is not None)
 
 
 def maximise(
@@ -140,7 +163,7 @@ def maximise(
     if not len(x):
         return model, float(evaluate([model])[0])
     if jumps(model):
-        x, best = _pattern(free, x, evaluate, hope)
+        x, best = _climb(free, x, evaluate, hope)
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
     found = minimize(
@@ -156,35 +179,60 @@ def _finite(value):
     return float(value) if np.isfinite(value) else -1e300
 
 
-def _pattern(free: Free, x, evaluate, hope: float, rounds: int = 9):
+def _climb(free: Free, x, evaluate, hope: float, rounds: int = 9):
     """
-    Climb by trying every coordinate both ways and all their parabolas at once.
+    Climb by Newton's steps, from the likelihood a little to either side along every coordinate.
 
-    One pass of lanes a round.
+    That gives slope and curvature; how coordinates go together is what the slopes have in common
+    sample by sample (Berndt, Hall, Hall, Hausman 1974). Every step is tried at half its length
+    and beside the best of the points around.
 
     """
-    step = 1.6 * free.scale(evaluate.span)
-    least = 0.1 * step
+    least = STENCIL * free.scale(evaluate.span)
+    step = 5 * least
     best = float(evaluate([free.at(x)])[0])
     for done in range(rounds):
         if done == 2 and best < hope:
             break
-        k = len(x)
         around = np.concatenate([x + np.diag(step), x - np.diag(step)])
-        value = evaluate([free.at(v) for v in around])
-        up, down = value[:k], value[k:]
-        bend = np.minimum(up + down - 2 * best, -1e-9)
-        move = np.clip(-0.5 * (up - down) / bend, -2.0, 2.0) * step
-        tried = np.concatenate([around, [x + move, x + 0.5 * move]])
-        value = np.concatenate([value, evaluate([free.at(v) for v in tried[-2:]])])
+        models = [free.at(v) for v in around]
+        each = evaluate.each(models)
+        value = evaluate(models)
+        newton, gain = _newton(each, value, best)
+        tried = [*around, x + newton * step, x + 0.5 * newton * step]
+        if gain > ENOUGH:
+            value = np.append(value, evaluate([free.at(v) for v in tried[-2:]]))
         top = int(np.argmax(value))
         gained = value[top] - best
         if gained > 0:
             x, best = tried[top], float(value[top])
-        step = np.where(gained > 1.0, step, 0.4 * step)
-        if gained < 0.05 and np.all(step < 1.3 * least):
+        small = np.all(step < 1.01 * least)
+        step = np.maximum(step if gained > 20 * ENOUGH and not small else 0.2 * step, least)
+        if small and gained <= ENOUGH:
             break
     return x, best
+
+
+def _newton(each: np.ndarray, value: np.ndarray, best: float) -> tuple[np.ndarray, float]:
+    """
+    Return a step, (k,) in lengths to either side, and the gain to be hoped from it.
+
+    ``each`` (2 k, n) and ``value`` (2 k,) are at either side, ``best`` between.
+
+    """
+    k = len(value) // 2
+    up, down = value[:k], value[k:]
+    if not np.isfinite(value).all():
+        return np.clip(np.nan_to_num(up - down, posinf=2.0, neginf=-2.0), -2.0, 2.0), np.inf
+    slope = 0.5 * (up - down)
+    common = 0.5 * (each[:k] - each[k:])
+    common = common @ common.T
+    bend = np.maximum(2 * best - up - down, np.maximum(0.1 * np.diag(common), 1e-9))
+    root = np.sqrt(bend / np.maximum(np.diag(common), 1e-300))
+    both = 0.98 * common * np.outer(root, root)
+    np.fill_diagonal(both, bend)
+    step = np.linalg.solve(both, slope)
+    return np.clip(step, -2.0, 2.0), 0.5 * float(slope @ step)
 
 
 def estimates(
@@ -280,7 +328,7 @@ def _covariance(free, x, best, evaluate):
 
     """
     k = len(x)
-    h = 0.3 * free.scale(evaluate.span)
+    h = STENCIL * free.scale(evaluate.span)
     eye = np.diag(h)
     pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
     points = [x + e for e in eye] + [x - e for e in eye] + [x + eye[i] + eye[j] for i, j in pairs]
@@ -310,8 +358,10 @@ def _upper(free, x, i, best, evaluate) -> float:
     Where the likelihood has fallen by 1.35 nats, others held.
 
     """
-    steps = np.arange(0.0, 14.0, 0.5)
-    fallen = best - evaluate([free.at(_moved(x, i, s)) for s in steps]) > LIMIT
+    at = 0.0
+    for width in (2.0, 0.5):        # how many steps of two it takes, then of a half
+        steps = at + width * np.arange(1, 8 if width == 2.0 else 4)
+        fallen = best - evaluate([free.at(_moved(x, i, v)) for v in steps]) > LIMIT
+        at += width * (int(np.argmax(fallen)) if fallen.any() else len(steps))
     label, p = free.parts[i]
-    s = float(steps[int(np.argmax(fallen))]) if fallen.any() else 14.0
-    return float(free.at(_moved(x, i, s))[label][p.name])
+    return float(free.at(_moved(x, i, min(at + 0.5, 14.0)))[label][p.name])

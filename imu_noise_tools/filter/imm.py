@@ -17,6 +17,7 @@ times faster than stacked matrices, online as in bulk.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -115,6 +116,11 @@ class Entries:
     stay: float | np.ndarray
     slope: list | None = None
 
+    @cached_property
+    def fresh(self) -> np.ndarray:
+        """What of each mode's probability comes from a change of mode."""
+        return self.prior * (1 - self.stay)
+
     def tiled(self, chunks: int) -> Entries:
         """Return entries (modes, axes) repeated for every chunk."""
         def lanes(a):
@@ -133,77 +139,115 @@ class Bank:
     """
     A bank at one moment: probabilities, states and covariances.
 
-    Component by component, (modes, lanes) each.
+    ``mu`` (modes, lanes), ``x`` (d, modes, lanes), ``cov`` (pairs, modes, lanes): the entries i <=
+    k of the covariances, row after row. Each step writes into the same arrays, what it returns of
+    each mode included: a few calls of numpy for all states at once, and no room to be made.
+
+    Parameters
+    ----------
+    table : Coefficients
+        Of the modes.
+    lanes : int
+        How many, a multiple of the table's axes.
+    prior : ndarray (modes, lanes) or None
+        Probabilities to start with, where they differ from lane to lane.
 
     """
 
-    def __init__(self, table: Coefficients, lanes: int):
+    def __init__(self, table: Coefficients, lanes: int, prior: np.ndarray | None = None):
         self.table, self.lanes = table, lanes
-        d = range(table.size)
+        d, shape = range(table.size), (table.modes, lanes)
         self.pairs = [(i, j) for i in d for j in d if i <= j]
+        self.place = {pair: n for n, (i, j) in enumerate(self.pairs) for pair in ((i, j), (j, i))}
+        self.row = [slice(self.place[i, i], self.place[i, table.size - 1] + 1) for i in d]
+        self.rows = {i: [k for k in d if (i, k) in table.phi] for i in d}
+        # what of Phi P the upper half of Phi P Phi^T takes
+        self.halves = [(i, m) for i in d for m in sorted({m for j in d[i:] for m in self.rows[j]})]
         self.seen = [(i, float(table.h[i])) for i in d if table.h[i]]
         self.moving = [(i, float(table.rate[i])) for i in d if table.rate[i]]
-        self.rows = {i: [k for k in d if (i, k) in table.phi] for i in d}
         repeat = lanes // table.axes
         self.mixture = None if table.outliers is None else np.tile(table.outliers, repeat)
-        self.start = {k: np.tile(table.p0[:, :, k[0], k[1]], repeat) for k in self.pairs}
-        shape = (table.modes, lanes)
-        self.mu = np.tile(table.prior[0][:, None], lanes)
+        self.start = np.stack([np.tile(table.p0[:, :, i, k], repeat) for i, k in self.pairs])
+        self.first = np.tile(table.prior[0][:, None], lanes) if prior is None else prior
         self.jitter = np.zeros(shape)   # variance that uneven sampling adds to the next sample
-        self.x = [np.zeros(shape) for _ in d]
-        self.p = {k: v.copy() for k, v in self.start.items()}
+        self.mu, self.prior, self._own, self._common, self._s, self._nu = np.empty((6, *shape))
+        self.x, self._x, self._off = np.empty((3, table.size, *shape))
+        self.cov, self._cov, self._work = np.empty((3, len(self.pairs), *shape))
+        self._half = np.empty((table.size, table.size, *shape))
+        self.restart(slice(None))
+
+    @property
+    def p(self) -> dict:
+        """The covariances entry by entry, {(i, k)} with i <= k: views."""
+        return dict(zip(self.pairs, self.cov))
+
+    def load(self, mu: np.ndarray, x: Any, p: dict) -> None:
+        """Take over probabilities, states [d] and covariances {(i, k)}."""
+        self.mu[:] = mu
+        for mine, one in ((self.x, x), (self.cov, (p[k] for k in self.pairs))):
+            for into, value in zip(mine, one):
+                into[:] = value
 
     def restart(self, lanes: np.ndarray | slice) -> None:
         """Forget everything in some lanes (mask or index)."""
-        self.mu[:, lanes] = self.table.prior[0][:, None]
+        self.mu[:, lanes] = self.prior[:, lanes] = self.first[:, lanes]
         self.jitter[:, lanes] = 0.0
-        for x in self.x:
-            x[:, lanes] = 0.0
-        for k, p in self.p.items():
-            p[:, lanes] = self.start[k][:, lanes]
+        self.x[..., lanes] = 0.0
+        self.cov[..., lanes] = self.start[..., lanes]
 
     def mix(self, e: Entries) -> None:
         """
         Let the modes interact.
 
-        Each starts from what all of them say, weighed by how it may have come about.
+        Each starts from what all of them say, weighed by how it may have come about. With ``own``
+        the weight of the mode itself, and ``off`` how far it is from the mean of all,
+        x = mean + own off, P = own P + (1 - own) (E[P + off off'] + own off off').
 
         """
         if self.table.modes == 1:
             return
-        mu, x, p = self.mu, self.x, self.p
-        prior = e.prior * (1 - e.stay)
-        kept = e.stay * mu
-        self.mu = c = prior + kept
-        own, common = kept / c, prior / c
-        mean = [(mu * v).sum(0) for v in x]
-        off = [v - m for v, m in zip(x, mean)]
-        shift = [own * v for v in off]
-        self.p = {(i, j): common * (mu * b).sum(0) + own * b - shift[i] * shift[j]
-                  for (i, j), b in (((i, j), p[i, j] + off[i] * off[j]) for i, j in self.pairs)}
-        self.x = [m + s for m, s in zip(mean, shift)]
+        mu, x, cov, work, other, off = (
+            self.mu, self.x, self.cov, self._work, self._cov, self._off)
+        own, common = self._own, self._common
+        np.multiply(e.stay, mu, out=own)
+        np.add(own, e.fresh, out=self.prior)
+        np.divide(own, self.prior, out=own)
+        np.subtract(1.0, own, out=common)
+        mean = np.multiply(mu, x, out=off).sum(1)[:, None]
+        np.subtract(x, mean, out=off)
+        for i, row in enumerate(self.row):
+            np.multiply(off[i], off[i:], out=other[row])
+        np.add(cov, other, out=work)
+        np.multiply(mu, work, out=work)
+        np.multiply(own, other, out=other)
+        np.add(other, work.sum(1)[:, None], out=other)
+        np.multiply(common, other, out=other)
+        np.multiply(own, cov, out=cov)
+        np.add(cov, other, out=cov)
+        np.multiply(own, off, out=off)
+        np.add(mean, off, out=x)
 
     def predict(self, e: Entries) -> None:
         """Carry every mode over the interval: P^- = Phi P Phi^T/alpha + Q."""
-        phi, p, alpha = e.phi, self.p, self.table.alpha
+        phi, x, cov, place, half = e.phi, self.x, self.cov, self.place, self._half
+        new_x, new, spare = self._x, self._cov, self._s
         if e.slope is not None:
-            mean = _sum(a * x for a, x in zip(e.slope, self.x))
-            self.jitter = mean ** 2 + _sum(e.slope[i] * e.slope[j] * p[min(i, j), max(i, j)]
+            mean = _sum(a * v for a, v in zip(e.slope, x))
+            self.jitter = mean ** 2 + _sum(e.slope[i] * e.slope[j] * cov[place[i, j]]
                                            for i in self.rows for j in self.rows)
-
-        def times(f, a):
-            return a if isinstance(f, float) else f * a
-
-        self.x = [_sum(times(phi[i, k], self.x[k]) for k in self.rows[i]) for i in self.rows]
-        half = {(i, m): _sum(times(phi[i, k], p[min(k, m), max(k, m)]) for k in self.rows[i])
-                for i in self.rows for m in self.rows}
-        new = {}
-        for i, j in self.pairs:
-            v = _sum(times(phi[j, m], half[i, m]) for m in self.rows[j])
-            if alpha != 1.0:
-                v = v / alpha
-            new[i, j] = v + e.q[i, j] if (i, j) in e.q else v
-        self.p = new
+        for i, row in self.rows.items():
+            _combine([(phi[i, k], x[k]) for k in row], new_x[i], spare)
+        parts = {(i, m): _combined([(phi[i, k], cov[place[k, m]]) for k in self.rows[i]],
+                                   half[i, m], spare) for i, m in self.halves}
+        for n, (i, j) in enumerate(self.pairs):
+            v = _combined([(phi[j, m], parts[i, m]) for m in self.rows[j]], new[n], spare)
+            if self.table.alpha != 1.0:
+                v = np.divide(v, self.table.alpha, out=new[n])
+            if (i, j) in e.q:
+                np.add(v, e.q[i, j], out=new[n])
+            elif v is not new[n]:
+                new[n] = v
+        self.x, self._x, self.cov, self._cov = new_x, x, new, cov
 
     def noise(self, e: Entries) -> np.ndarray:
         """Return the variance of the next sample's noise, (modes, lanes) or what broadcasts."""
@@ -216,28 +260,42 @@ class Bank:
         Return (innovation, S, log-likelihood) of each mode, prior weights included.
 
         """
-        p, r = self.p, self.noise(e)
-        ph = [_sum(w * p[min(i, k), max(i, k)] for k, w in self.seen) for i in self.rows]
-        spread = _sum(w * ph[i] for i, w in self.seen)
-        s = spread + r
-        nu = z - _sum(w * self.x[i] for i, w in self.seen)
+        x, cov, work, r = self.x, self.cov, self._work, self.noise(e)
+        nu, s, log_l = self._nu, self._s, self._own
+        ph = self._half[0]
+        if self.seen == [(0, 1.0)]:
+            ph = cov[self.row[0]]
+        else:
+            for i in self.rows:
+                _combine([(w, cov[self.place[i, k]]) for k, w in self.seen], ph[i], s)
+        np.subtract(z, _combined([(w, x[i]) for i, w in self.seen], nu, s), out=nu)
+        np.add(_combined([(w, ph[i]) for i, w in self.seen], s, self._common), r, out=s)
         if self.mixture is None:
-            scaled = nu / s
-            log_l = -0.5 * (nu * scaled + np.log(s))
-            gain, shrink = scaled, 1 / s
+            shrink = np.divide(1.0, s, out=self._common)
+            gain = np.multiply(nu, shrink, out=work[0])
+            np.multiply(nu, gain, out=log_l)
+            log_l += np.log(s)
+            log_l *= -0.5
         else:
             gain, shrink, log_l = self._robust(nu, s, r)
-        self.x = [x + v * gain for x, v in zip(self.x, ph)]
-        self.p = {(i, j): p[i, j] - ph[i] * ph[j] * shrink for i, j in self.pairs}
-        if self.table.modes > 1:
-            top = log_l.max(0)
-            weight = self.mu * np.exp(log_l - top)
-            total = weight.sum(0)
-            self.mu = weight / total
-            log_l = top + np.log(total)
-        else:
-            log_l = log_l[0]
-        return nu, s, log_l
+        x += np.multiply(gain, ph, out=self._off)
+        scaled = np.multiply(shrink, ph, out=self._off)
+        for i, row in enumerate(self.row):
+            np.multiply(scaled[i], ph[i:], out=work[row])
+        cov -= work
+        return nu, s, self._weigh(log_l)
+
+    def _weigh(self, log_l):
+        """Give the modes their probabilities; return the log-likelihood of all, (lanes,)."""
+        if self.table.modes == 1:
+            return log_l[0]
+        top = log_l.max(0)
+        weight = np.subtract(log_l, top, out=self.mu)
+        np.exp(weight, out=weight)
+        weight *= self.prior
+        total = weight.sum(0)
+        weight /= total
+        return top + np.log(total)
 
     def _robust(self, nu, s, r):
         """
@@ -262,12 +320,11 @@ class Bank:
 
     def rate(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the rate and its variance, over all modes, (lanes,) each."""
-        x = _sum(w * self.x[i] for i, w in self.moving)
-        var = _sum(
-            w * v * self.p[min(i, j), max(i, j)] for i, w in self.moving for j, v in self.moving
-        )
+        x = _sum(_times(w, self.x[i]) for i, w in self.moving)
+        var = _sum(_times(w * v, self.cov[self.place[i, j]])
+                   for i, w in self.moving for j, v in self.moving)
         if self.table.modes == 1:
-            return x[0], var[0]
+            return x[0].copy(), var[0].copy()
         mean = (self.mu * x).sum(0)
         return mean, (self.mu * (var + (x - mean) ** 2)).sum(0)
 
@@ -281,7 +338,6 @@ class Bank:
         if e is not None:
             self.mix(e)
             self.predict(e)
-        self.prior = self.mu
         return self.update(z, self.table.at(0) if e is None else e)
 
     def score(self, nu: np.ndarray, s: np.ndarray, e: Entries) -> np.ndarray:
@@ -309,11 +365,37 @@ class Bank:
             fraction, factor = self.mixture
             parts = [(self.prior * (1 - fraction), parts[0][1]),
                      (self.prior * fraction, nu / np.sqrt(s + self.noise(e) * (factor - 1)))]
-        below = sum((w * ndtr(a)).sum(0) for w, a in parts)
-        above = sum((w * ndtr(-a)).sum(0) for w, a in parts)
-        return np.where(
-            below < above, ndtri(np.maximum(below, 1e-300)), -ndtri(np.maximum(above, 1e-300))
-        )
+        below: Any = 0.0
+        above: Any = 0.0
+        for w, a in parts:      # either tail by itself: a small one keeps its digits
+            tail = ndtr(-np.abs(a))
+            near, low = 1 - tail, a < 0
+            below = below + (w * np.where(low, tail, near)).sum(0)
+            above = above + (w * np.where(low, near, tail)).sum(0)
+        value = ndtri(np.maximum(np.minimum(below, above), 1e-300))
+        return np.where(below < above, value, -value)
+
+
+def _times(factor, a):
+    """Return a product, the array itself where the factor is the number one."""
+    return a if isinstance(factor, float) and factor == 1.0 else factor * a
+
+
+def _combined(terms, out, spare):
+    """Return the sum of (factor, array): in ``out``, or the array itself if it is but that."""
+    total = None
+    for factor, a in terms:
+        if not isinstance(factor, float) or factor != 1.0:
+            a = np.multiply(factor, a, out=out if total is None else spare)
+        total = a if total is None else np.add(total, a, out=out)
+    return total
+
+
+def _combine(terms, out, spare):
+    """Write the sum of (factor, array) into ``out``."""
+    total = _combined(terms, out, spare)
+    if total is not out:
+        out[:] = total
 
 
 def _sum(terms):

@@ -158,52 +158,73 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray) -> Any:
     coefficients (lfilter) lose digits.
 
     """
-    flat = z.ndim == 1
-    z, x = (z[:, None], np.reshape(x, (-1, 1))) if flat else (z, x)
-    n, axes = z.shape
-    space, k, b = steady.space, steady.gain, min(BLOCK, len(z)) or 1
-    powers = _powers(steady.closed, b)
-    drive = (powers[b - 1::-1] @ k).T  # (d, b): the block's samples to the state at its end
-    full = n // b
-    # one row a block and axis, so that each step is one large matrix product
-    zb = z[:full * b].reshape(full, b, axes).transpose(0, 2, 1).reshape(full * axes, b)
-    pushed = (zb @ drive.T).reshape(full, axes, -1).transpose(0, 2, 1)
-    states = np.empty((full + 1, space.size, axes))
-    states[0] = x
-    for i in range(full):
-        states[i + 1] = powers[b] @ states[i] + pushed[i]
-    before = states[:-1].transpose(0, 2, 1).reshape(full * axes, -1)
-    rate, nu = np.empty_like(z), np.empty_like(z)
-    for out, (of_state, of_samples) in zip((rate, nu), _responses(steady, powers)):
-        found = before @ of_state.T + zb @ of_samples.T
-        out[:full * b] = found.reshape(full, axes, b).transpose(0, 2, 1).reshape(-1, axes)
-    x = states[full]
-    for j in range(full * b, n):
-        nu[j] = z[j] - space.h @ space.phi @ x
-        x = steady.closed @ x + np.outer(k, z[j])
-        rate[j] = space.rate @ x
-    return (rate[:, 0], nu[:, 0], x[:, 0]) if flat else (rate, nu, x)
+    blocks = _Blocks(steady, z, x)
+    return blocks.of(_to_rate), blocks.of(_to_innovations), blocks.end()
 
 
-def _responses(
-    steady: Steady, powers: np.ndarray
-) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """
-    Return what a block of b samples makes of state and samples: (of_state, of_samples) twice.
+def innovations_of(steady: Steady, z: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the innovations of :func:`run_steady` alone, in half the time."""
+    return _Blocks(steady, z, x).of(_to_innovations)
 
-    First of the rate, then of the innovations; (b, d) from the state before the block, and (b, b)
-    from its samples.
 
-    """
-    space, k = steady.space, steady.gain
-    rate_of = space.rate @ powers[1:]
-    nu_of = -(space.h @ space.phi @ powers[:-1])
-    response = space.rate @ powers[:-1] @ k                     # after a unit sample, by lag
-    nu_response = np.concatenate([[1.0], nu_of[:-1] @ k])
-    lag = np.subtract.outer(np.arange(len(rate_of)), np.arange(len(rate_of)))
-    of_rate, of_nu = (np.where(lag >= 0, v[np.maximum(lag, 0)], 0.0)
-                      for v in (response, nu_response))
-    return (rate_of, of_rate), (nu_of, of_nu)
+class _Blocks:
+    """Samples in blocks, the last filled up with zeros, and the state before each."""
+
+    def __init__(self, steady, z, x):
+        self.steady, self.shape = steady, z.shape
+        z, x = z.reshape(len(z), -1), np.reshape(x, (steady.space.size, -1))
+        n, axes = z.shape
+        b = min(BLOCK, n) or 1
+        count = -(-n // b)
+        self.powers = _powers(steady.closed, b)
+        self.drive = self.powers[b - 1::-1] @ steady.gain  # a block's samples to its last state
+        # one row a block and axis, so that each step is one large matrix product
+        self.rows = np.zeros((count, b, axes))
+        self.rows.reshape(-1, axes)[:n] = z
+        self.rows = self.rows.transpose(0, 2, 1).reshape(count * axes, b)
+        pushed = (self.rows @ self.drive).reshape(count, axes, -1).transpose(0, 2, 1)
+        self.states = np.concatenate([x[None], pushed])
+        step, gap = self.powers[b], 1       # sums of 2, 4, 8 ... blocks: a few products for all
+        while gap <= count:
+            self.states[gap:] = self.states[gap:] + step @ self.states[:-gap]
+            step, gap = step @ step, 2 * gap
+
+    def of(self, response: Any) -> np.ndarray:
+        """Return what a response makes of all, like z."""
+        of_state, of_samples = response(self.steady, self.powers)
+        count, b = len(self.states) - 1, len(of_state)
+        before = self.states[:-1].transpose(0, 2, 1).reshape(len(self.rows), -1)
+        found = before @ of_state.T + self.rows @ of_samples.T
+        whole = found.reshape(count, -1, b).transpose(0, 2, 1).reshape(count * b, -1)
+        return whole[:self.shape[0]].reshape(self.shape)
+
+    def end(self) -> np.ndarray:
+        """Return the state after the last sample."""
+        count, b = len(self.states) - 1, len(self.drive)
+        if not count:
+            return self.states[0].reshape(-1, *self.shape[1:])
+        left = self.shape[0] - (count - 1) * b
+        last = self.rows.reshape(count, -1, b)[-1, :, :left]
+        x = self.powers[left] @ self.states[-2] + (last @ self.drive[b - left:]).T
+        return x.reshape(-1, *self.shape[1:])
+
+
+def _to_rate(steady: Steady, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what makes the rates of a block of its first state (b, d) and samples (b, b)."""
+    rate = steady.space.rate
+    return rate @ powers[1:], _lower(rate @ powers[:-1] @ steady.gain)
+
+
+def _to_innovations(steady: Steady, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same of the innovations."""
+    of_state = -(steady.space.h @ steady.space.phi @ powers[:-1])
+    return of_state, _lower(np.concatenate([[1.0], of_state[:-1] @ steady.gain]))
+
+
+def _lower(response: np.ndarray) -> np.ndarray:
+    """Return the matrix of a response by lag: samples to what follows them."""
+    lag = np.subtract.outer(np.arange(len(response)), np.arange(len(response)))
+    return np.where(lag >= 0, response[np.maximum(lag, 0)], 0.0)
 
 
 @dataclass(frozen=True)

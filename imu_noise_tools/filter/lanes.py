@@ -92,6 +92,5 @@ class Lanes:
             begins = self.begins(at)
             if begins is not None:
                 bank.restart(begins)
-        bank.prior = bank.mu
         nu, s, _ = bank.update(samples, e)
         return *bank.rate(), bank.score(nu, s, e)

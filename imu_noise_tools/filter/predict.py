@@ -21,7 +21,9 @@ from .modes import modes_of
 from .statespace import FilterEffect, jumps, state_space
 from ..loop.effect import Model
 
-CHUNK, WARM = 128, 256  # samples: of a chunk run beside others, and of what it is warmed up on
+CHUNKS = 40             # of a series, run side by side: fewer take more steps, more warm up more
+CHUNK, WARM = 128, 256  # samples: the fewest of a chunk, and those before it that it warms up on
+LANES = 400             # chunks and models at once: what they need then stays in the cache
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def _from_best_start(steady, z, x):
     columns = np.zeros((len(z), d + 1))
     columns[:, 0] = z
     starts = np.concatenate([x[:, None], np.eye(d)], axis=1)
-    _, nu, _ = kalman.run_steady(steady, columns, starts)
+    nu = kalman.innovations_of(steady, columns, starts)
     return nu[:, 0] - nu[:, 1:] @ np.linalg.lstsq(nu[:, 1:], nu[:, 0], rcond=None)[0]
 
 
@@ -112,10 +114,8 @@ def predict(
         return Prediction(-np.inf, unknown, unknown)
     x = np.zeros(space.size)
     x[int(np.argmax(space.rate != 0))] = start
-    nu = (
-        _from_best_start(steady, z, x) if oscillates(model) else kalman.run_steady(steady, z, x)[1]
-    )
-    nu = nu[settle:]
+    innovations = _from_best_start if oscillates(model) else kalman.innovations_of
+    nu = innovations(steady, z, x)[settle:]
     sigma = np.sqrt(steady.s)
     smooth = within_step(*((nu + end) / sigma for end in ends)) if step else nu / sigma
     return Prediction(kalman.log_likelihood(nu, steady.s), nu / sigma, smooth)
@@ -130,40 +130,55 @@ def by_bank(
 
     By the recursion of the bank. There are scores of the samples off by each of ``at_off``.
 
+    """
+    each, scores = densities(models, z, dt, alpha, at_off)
+    log_l = each.sum(1)
+    return np.where(np.isfinite(log_l), log_l, -np.inf), scores
+
+
+def densities(
+    models: list[Model], z: np.ndarray, dt: float, alpha: float = 1.0,
+    at_off: tuple[float, ...] = ()
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """
+    Return what :func:`by_bank` does, the log-likelihood sample by sample, (k, n - settle).
+
     Chunks of the series run side by side, each warmed up on the samples before it.
 
     """
+    size = max(CHUNK, -(-len(z) // CHUNKS))
+    first = np.arange(0, len(z), size)
+    some = max(1, LANES // len(first))
+    parts = [_chunks(models[i:i + some], z, dt, alpha, at_off, first, size)
+             for i in range(0, len(models), some)]
+    return (np.concatenate([part[0] for part in parts]),
+            [np.concatenate(u) for u in zip(*(part[1] for part in parts))])
+
+
+def _chunks(models, z, dt, alpha, at_off, first, size):
+    """Return what :func:`densities` does, by chunks of a size that begin at ``first``."""
     n, k, settle = len(z), len(models), settle_of(len(z))
-    first = np.arange(0, n, CHUNK)
-    begin = np.maximum(first - WARM, 0)
+    begin, stop = np.maximum(first - WARM, 0), np.minimum(first + size, n)
     bank, e = _side_by_side(models, dt, alpha, len(first))
-    log_l, scores = np.zeros(k), [np.empty((k, n)) for _ in at_off]
-    for step in range(int(np.max(np.minimum(first + CHUNK, n) - begin))):
+    each, *scores = np.empty((1 + len(at_off), k, n))
+    for step in range(int(np.max(stop - begin))):
         at = begin + step
-        live = (at >= first) & (at < np.minimum(first + CHUNK, n))
+        live = (at >= first) & (at < stop)
         samples = np.repeat(z[np.minimum(at, n - 1)], k)
-        nu, s, density = (
-            bank.step(samples, e if step else None) if step else _first(bank, samples, e)
-        )
+        nu, s, density = bank.step(samples, e) if step else bank.update(samples, e)
         if not live.any():
             continue
-        log_l += log_density(density).reshape(-1, k)[live & (at >= settle)].sum(0)
+        each[:, at[live]] = log_density(density).reshape(-1, k)[live].T
         for u, off in zip(scores, at_off):
             u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
-    return np.where(np.isfinite(log_l), log_l, -np.inf), [u[:, settle:] for u in scores]
+    return each[:, settle:], [u[:, settle:] for u in scores]
 
 
 def _side_by_side(models, dt, alpha, chunks):
     """Return a bank whose lanes are chunks of the series, all models each, and its entries."""
     each = [modes_of([m], dt) for m in models]
     table = Coefficients([replace(each[0], spaces=tuple(m.spaces[0] for m in each))], alpha)
-    bank = Bank(table, len(models) * chunks)
     prior = np.tile(np.array([m.prior for m in each]).T, (1, chunks))
-    bank.mu[:] = prior
     stay = np.tile([m.stay for m in each], chunks)
-    return bank, replace(table.at(0).tiled(chunks), prior=prior, stay=stay)
-
-
-def _first(bank, samples, e):
-    bank.prior = bank.mu
-    return bank.update(samples, e)
+    return (Bank(table, len(models) * chunks, prior),
+            replace(table.at(0).tiled(chunks), prior=prior, stay=stay))

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -75,8 +76,9 @@ class FilterProblem(Problem):
         """Name of the axis."""
         return self._target
 
+    @cached_property
     def halves(self) -> tuple[FilterProblem, FilterProblem]:
-        """Return the first and the second half, which start from the values of the whole."""
+        """The first and the second half, which start from the values of the whole."""
         half = len(self.z) // 2
         first, second = (FilterProblem(z, self.dt, self.target, self.stated, self.alpha, self)
                          for z in (self.z[:half], self.z[half:]))
@@ -84,7 +86,7 @@ class FilterProblem(Problem):
 
     def split(self) -> list[tuple[Problem, Problem]]:
         """Return (first half, second half): what is fitted and what is scored."""
-        return [self.halves()]
+        return [self.halves]
 
     def fit(self, model: Model) -> Fit:
         """Fit what is not stated; a half starts from the values of the whole."""
@@ -92,13 +94,18 @@ class FilterProblem(Problem):
             self._fits[model] = self._fit(model)
         return self._fits[model]
 
-    def _fit(self, model, hope=-np.inf):
-        """Fit a model; without intervals where its likelihood stays below ``hope``."""
+    def _fit(self, model, hope=-np.inf, known=None):
+        """
+        Fit a model, beginning with what is ``known`` of it.
+
+        Without intervals where its likelihood stays below ``hope``.
+
+        """
         evaluate = Likelihood(self.z, self.dt, self.alpha)
         if self.whole is not None:
             begin = self.whole.fit(model).model
         else:
-            begin = start(model, self.stated, self.look(), evaluate)
+            begin = start(model, self.stated, self.look(), evaluate, known)
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
         best, log_l = maximise(begin, self.stated, evaluate, hope)
@@ -155,7 +162,7 @@ class FilterProblem(Problem):
             if not self._applies(effect, fit.model):
                 continue
             more = unfitted(fit.model).plus(effect())
-            after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH)
+            after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH, fit.model)
             if after.estimates:
                 self._fits[more] = after
             gain = after.log_likelihood - fit.log_likelihood
@@ -204,7 +211,7 @@ class FilterProblem(Problem):
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the nats lost per sample on the second half by the fit of the first."""
-        first, second = self.halves()
+        first, second = self.halves
         model = first.fit(unfitted(fit.model)).model
         u = second.prediction(model).u
         total = sum(v.excess * len(v.pull) for v in second._score(model).views.values())

@@ -276,7 +276,8 @@ def _total(terms: Any) -> Any:
 
 def keep(bank: Bank, z: np.ndarray, e: Entries, begins: Any = None) -> Kept:
     """Return a bank as it is after samples z (lanes,)."""
-    return Kept(bank.mu, bank.x, bank.p, z, replace(e, r=bank.noise(e)), begins)
+    return Kept(bank.mu.copy(), list(bank.x.copy()), dict(zip(bank.pairs, bank.cov.copy())), z,
+                replace(e, r=bank.noise(e)), begins)
 
 
 def forward(bank: Bank, z: np.ndarray, e: Entries, begins: np.ndarray | None = None) -> Kept:
@@ -314,7 +315,7 @@ def smooth_chunks(
     layout.put(layout.steps - 1, out, bank.rate())
     said = Likelihood.nothing(bank.table.size, bank.mu.shape)
     for b in reversed(range(len(starts))):
-        bank.mu, bank.x, bank.p = starts[b].mu, starts[b].x, starts[b].p
+        bank.load(starts[b].mu, starts[b].x, starts[b].p)
         kept = [starts[b]]
         for k in range(b * BLOCK + 1, min((b + 1) * BLOCK + 1, layout.steps)):
             at = layout.at(k)
@@ -326,7 +327,7 @@ def smooth_chunks(
             if over.any():
                 over = np.repeat(over, z.shape[1])
                 said = said.forgotten(over)
-                bank.mu, bank.x, bank.p = now.mu, now.x, now.p
+                bank.load(now.mu, now.x, now.p)
                 r, v = bank.rate()
                 rate, variance = np.where(over, r, rate), np.where(over, v, variance)
             layout.put(k - 1, out, (rate, variance))

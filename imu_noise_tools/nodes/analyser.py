@@ -13,12 +13,12 @@ from rclpy.node import Node
 
 from .diagnostics import Diagnostics
 from .intake import Intake
-from .live import Stream
 from .loop import guarded, Loop, serve
 from .params import Setting, Settings
 from .results import Results
 from .run import run, threads_executor
 from .saving import Folder, npz
+from .streams import Streams
 from .topics import STEADY
 from .. import store
 from ..core.errors import ImuNoiseError, InputError, UsageError
@@ -42,6 +42,8 @@ class Analyser(Node):
                     check=lambda path: path and load_effects(path)),
             Setting('input', 'messages', 'imu/data_raw or imu/buffer, never both', fixed=True,
                     choices=('messages', 'buffer')),
+            Setting('accel_topic', '', 'Imu topic of the accelerations, where they have one of '
+                    'their own beside imu/data_raw (a camera\'s)', fixed=True),
             Setting('effects', list(tasks.DEFAULT_EFFECTS), 'effects of the model that is fitted',
                     check=_model),
             Setting('method', 'likelihood', 'how the model is fitted', choices=METHODS),
@@ -52,8 +54,8 @@ class Analyser(Node):
                     fixed=True),
             Setting('output_dir', 'analyser.study', 'folder in which everything is saved'),
             Setting('exit_at_end', False, 'end by itself when a bag is at its end and analysed'))
-        self._stream = Stream(p['buffer_hours'])
-        self._intake = Intake(self, self._stream, p['input'])
+        self._stream = Streams(p['buffer_hours'])
+        self._intake = Intake(self, self._stream, p['input'], p['accel_topic'])
         self._results = Results(self, self._stream)
         self._folder = Folder()
         self._study: Study | None = None
@@ -109,9 +111,9 @@ class Analyser(Node):
             self.get_logger().info(f'saved in {self._save(content)}')
 
     def _save(self, content):
-        stamps, gyro, accel = self._stream.samples()
-        samples = npz(t=(stamps - stamps[:1]) * 1e-9, gyro=gyro, accel=accel)
-        return self._folder.save(self._settings['output_dir'], {'samples.npz': samples, **content})
+        samples = {f'{sensor or "samples"}.npz': npz(**arrays)
+                   for sensor, arrays in self._stream.arrays().items()}
+        return self._folder.save(self._settings['output_dir'], {**samples, **content})
 
     def _the_study(self) -> Study:
         if self._study is None:

@@ -61,7 +61,7 @@ class BagReader(Node):
         if not p['bag']:
             raise InputError('no bag is given', 'give one with -p bag:=PATH')
         bag, topic, fields = p['bag'], p['topic'] or None, p['fields'] or None
-        self._total, self._of, said = about(bag, topic, fields)
+        self._total, self._of, said = about(bag, topic, p['publish'] != 'buffer', fields)
         if said:
             self.get_logger().warning(said)
         self._messages = self._publish_on(Imu, 'imu/data_raw') \
@@ -134,7 +134,7 @@ class BagReader(Node):
         if self._blocks is not None and due(int(piece.stamps[-1])):
             self._tick(int(piece.stamps[-1]))
             self._send(self._blocks, messages.block(
-                piece.first, piece.stamps, piece.gyro, piece.accel))
+                piece.first, piece.stamps, piece.gyro, piece.accel, piece.sensor))
             self._since_flush += 1
             if self._since_flush >= _UNDER_WAY:
                 self.flush()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 import threading
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,7 +13,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import Float64MultiArray
 
 from . import messages
-from .live import Stream
+from .streams import SENSORS, Streams
 from .topics import complete, ImuInput, overridable, result
 
 _AT_ONCE = 256          # messages read together: one by one costs twenty times as much
@@ -20,25 +21,27 @@ _AT_ONCE = 256          # messages read together: one by one costs twenty times 
 
 class Intake:
     """
-    Fills a stream from ``imu/data_raw`` or ``imu/buffer``, never both.
+    Fills streams from ``imu/data_raw`` or ``imu/buffer``, never both.
 
     Parameters
     ----------
     node : rclpy.node.Node
         Whose subscriptions they are.
-    stream : Stream
+    stream : Streams
         What is filled.
     kind : str
         ``messages`` or ``buffer``.
+    accel_topic : str
+        Where the accelerations come from, if not in the messages of the rates.
 
     ``end`` is the number of samples of a bag at its end, as bag_reader says, None while it plays;
     ``passes`` says how often it was played.
 
     """
 
-    def __init__(self, node, stream: Stream, kind: str):
+    def __init__(self, node, stream: Streams, kind: str, accel_topic: str = ''):
         self._stream, self._say = stream, node.get_logger().warning
-        self._waiting: list[bytes] = []
+        self._waiting: dict[str, list[bytes]] = {}      # by sensor; '': both
         self._lock = threading.Lock()
         self._quiet, self._seen = 0, 0
         self.end: int | None = None
@@ -46,7 +49,11 @@ class Intake:
         self._told: dict[str, str] = {}
         group = MutuallyExclusiveCallbackGroup()
         if kind == 'messages':
-            self.topic = ImuInput(node, self._take).topic
+            topics = {'gyro': 'imu/data_raw', 'accel': accel_topic} if accel_topic else {
+                '': 'imu/data_raw'}
+            self.topic = ','.join(
+                ImuInput(node, partial(self._take, sensor), topic=topic).topic
+                for sensor, topic in topics.items())
         else:
             self.topic = node.resolve_topic_name('imu/buffer')
             node.create_subscription(Float64MultiArray, self.topic, self._take_block, complete(),
@@ -68,37 +75,38 @@ class Intake:
     def read(self) -> None:
         """Put what waits into the stream."""
         with self._lock:
-            batch, self._waiting = self._waiting, []
-            if batch:
-                self._add(messages.samples(batch))
+            waiting, self._waiting = self._waiting, {}
+            for sensor in sorted(waiting, key=('', *SENSORS).index):
+                self._add(messages.samples(waiting[sensor]), sensor)
 
     def clear(self) -> None:
         """Forget what was received."""
         with self._lock:
-            self._waiting = []
+            self._waiting = {}
             self._stream.clear()
 
-    def _take(self, batch: list[bytes]) -> None:
+    def _take(self, sensor: str, batch: list[bytes]) -> None:
         with self._lock:
-            self._waiting += batch
-            enough = len(self._waiting) >= _AT_ONCE
+            waiting = self._waiting.setdefault(sensor, [])
+            waiting += batch
+            enough = len(waiting) >= _AT_ONCE
         if enough:
             self.read()
 
     def _take_block(self, message) -> None:
         try:
-            first, samples = messages.samples_of_block(message)
+            first, sensor, samples = messages.samples_of_block(message)
         except ValueError as error:
             self._stream.refused += 1
             self._say(f'{self.topic}: {error}')
             return
         with self._lock:
-            self._add(samples, first)
+            self._add(samples, sensor, first)
 
-    def _add(self, samples, first=None) -> None:
+    def _add(self, samples, sensor: str, first: int | None = None) -> None:
         self._stream.refused += samples.refused
         self._stream.frame_id = samples.frame_id or self._stream.frame_id
-        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first)
+        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first, sensor)
         if said:
             self._say(f'{self.topic}: {said}')
 

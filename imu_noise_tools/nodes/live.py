@@ -113,14 +113,11 @@ class Stream:
     The samples of a node: the last ``hours`` of them and the curve of all.
 
     Safe to fill from one thread and to read from another. ``received`` counts what came,
-    ``missed`` what did not (by the index of blocks, else by stamps), ``refused`` what could not
-    be read. ``expected`` is how many there should be, where that is known.
+    ``missed`` what did not (by the index of blocks, else by stamps).
 
     """
 
     hours: float
-    frame_id: str = ''
-    expected: int | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self):
@@ -133,7 +130,7 @@ class Stream:
             self._clear()
 
     def _clear(self) -> None:
-        self.missed = self.refused = self.received = self.held = 0
+        self.missed = self.received = self.held = 0
         self._parts: deque = deque()
         self._limit: int | None = None
         self._curve = LiveCurve(6)
@@ -147,8 +144,7 @@ class Stream:
     @property
     def complete(self) -> bool:
         """Whether all that should have come has come, and is held; nothing is never complete."""
-        enough = self.expected is None or self.received >= self.expected
-        return bool(self.received) and not self.missed and self.whole and enough
+        return bool(self.received) and not self.missed and self.whole
 
     def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
             first: int | None = None) -> str:

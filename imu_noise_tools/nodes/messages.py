@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+import re
 import struct
 from typing import Any
 
@@ -141,26 +142,37 @@ def rows_of(message: Float64MultiArray) -> tuple[str, list[str], np.ndarray]:
     return rows.label, columns.label.split(','), data.reshape(rows.size, columns.size)
 
 
-def block(first: int, stamps: np.ndarray, gyro: np.ndarray,
-          accel: np.ndarray) -> Float64MultiArray:
+def block(first: int, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
+          sensor: str = '') -> Float64MultiArray:
     """
     Return a block of samples for ``imu/buffer``.
 
     ``first`` is the index of the first one, ``stamps`` (n,) ns, ``gyro`` rad/s and ``accel`` m/s^2
-    (n, 3).
+    (n, 3). ``sensor`` names the one whose samples they are, at times of its own; the other's
+    columns are NaN then, and ``first`` counts its samples alone.
 
     """
-    return table(np.column_stack([stamps / 1e9, gyro, accel]), BLOCK_COLUMNS, f'first:{first}')
+    label = f'first:{first}:{sensor}' if sensor else f'first:{first}'
+    return table(np.column_stack([stamps / 1e9, gyro, accel]), BLOCK_COLUMNS, label)
 
 
-def samples_of_block(message: Float64MultiArray) -> tuple[int, Samples]:
-    """Return index of the first sample, and samples; raise ValueError where it is no block."""
+def samples_of_block(message: Float64MultiArray) -> tuple[int, str, Samples]:
+    """
+    Return index of the first sample, the sensor ('': both), and the samples.
+
+    Raises
+    ------
+    ValueError
+        It is no block.
+
+    """
     label, columns, rows = rows_of(message)
-    name, _, first = label.partition(':')
-    if name != 'first' or not first.isdigit() or tuple(columns) != BLOCK_COLUMNS:
+    found = re.fullmatch(r'first:(\d+)(?::(gyro|accel))?', label)
+    if not found or tuple(columns) != BLOCK_COLUMNS:
         raise ValueError(f'not a block of Imu samples: {label} {columns}')
     stamps = np.round(rows[:, 0] * 1e9).astype(np.int64)
-    return int(first), Samples(stamps, rows[:, 1:4].copy(), rows[:, 4:7].copy())
+    return (int(found[1]), found[2] or '',
+            Samples(stamps, rows[:, 1:4].copy(), rows[:, 4:7].copy()))
 
 
 def curve(tau: np.ndarray, adev: np.ndarray, lo: np.ndarray, hi: np.ndarray,

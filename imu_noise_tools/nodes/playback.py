@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from heapq import merge
 from itertools import islice
 from pathlib import Path
 import threading
@@ -15,7 +17,8 @@ import time
 import numpy as np
 
 from . import messages
-from ..bag import iter_blocks, iter_raw
+from ..bag import iter_blocks, iter_raw, open_record
+from ..bag.blocks import Block, blocks_of
 from ..bag.source import Bag
 from ..bag.tables import read_table, table_kind
 from ..bag.topics import choose, list_topics
@@ -30,7 +33,8 @@ class Piece:
     """
     Samples ``first`` and on: stamps (n,) ns, gyro and accel (n, 3), the frame.
 
-    ``raw`` holds the messages, serialised, where they are wanted.
+    ``raw`` holds the messages, serialised, where they are wanted. ``sensor`` is the one that they
+    are of, where each has its own times; ``first`` counts within it.
 
     """
 
@@ -40,20 +44,24 @@ class Piece:
     accel: np.ndarray
     frame_id: str
     raw: list[bytes]
+    sensor: str = ''
 
     def part(self, some: np.ndarray, first: int) -> Piece:
         """Return some samples (mask), the first of which has this index."""
         if some.all():
             return replace(self, first=first)
         raw = [r for r, good in zip(self.raw, some) if good]
-        return Piece(first, self.stamps[some], self.gyro[some], self.accel[some],
-                     self.frame_id, raw)
+        return replace(self, first=first, stamps=self.stamps[some], gyro=self.gyro[some],
+                       accel=self.accel[some], raw=raw)
 
 
 def pieces(path: str | Path, topic: str | None, raw: bool,
            fields: str | None = None) -> Iterator[Piece]:
     """
     Yield a record piece by piece; with the messages where they are wanted.
+
+    Without them, sensors that have topics of their own come each at its own times, in order of
+    time; a message holds both, the accelerations interpolated.
 
     Raises
     ------
@@ -62,12 +70,13 @@ def pieces(path: str | Path, topic: str | None, raw: bool,
 
     """
     if not raw:
-        first = 0
-        for b in iter_blocks(path, topic, _BLOCK, fields):
-            nothing = np.full((len(b.stamp), 3), np.nan)
-            gyro, accel = (nothing if x is None else x for x in (b.gyro, b.accel))
-            yield Piece(first, b.stamp, gyro, accel, b.frame_id, [])
-            first += len(b.stamp)
+        if len(_topics(path, topic, fields)) == 2:
+            record = open_record(path, topic, apart=True, fields=fields)
+            sensors = ('gyro', 'accel') if record.beside else ('',)
+            yield from merge(*(_pieces(blocks_of(r, _BLOCK), s) for r, s in zip(
+                record.streams, sensors)), key=lambda piece: piece.stamps[0])
+        else:
+            yield from _pieces(iter_blocks(path, topic, _BLOCK, fields))
         return
     source, first = iter_raw(path, topic, fields), 0
     while some := list(islice(source, _BLOCK)):
@@ -80,9 +89,29 @@ def pieces(path: str | Path, topic: str | None, raw: bool,
         first += len(some)
 
 
-def about(path: str | Path, topic: str | None, fields: str | None = None) -> tuple[int, str, str]:
+def _pieces(blocks: Iterable[Block], sensor: str = '') -> Iterator[Piece]:
+    first = 0
+    for b in blocks:
+        nothing = np.full((len(b.stamp), 3), np.nan)
+        gyro, accel = (nothing if x is None else x for x in (b.gyro, b.accel))
+        yield Piece(first, b.stamp, gyro, accel, b.frame_id, [], sensor)
+        first += len(b.stamp)
+
+
+def _topics(path: str | Path, topic: str | None, fields: str | None) -> list[str]:
+    """Return the topics that a record is read from; none of a table."""
+    if table_kind(path):
+        return []
+    with Bag(path) as bag:
+        return list(choose(bag, topic, fields).names)
+
+
+def about(path: str | Path, topic: str | None, raw: bool,
+          fields: str | None = None) -> tuple[int, str, str]:
     """
     Return how many samples a record is said to have (0: nobody knows), its topic, and a warning.
+
+    ``raw`` says whether its messages are wanted, as for :func:`pieces`.
 
     Raises
     ------
@@ -96,12 +125,15 @@ def about(path: str | Path, topic: str | None, fields: str | None = None) -> tup
     with Bag(path) as bag:
         choice = choose(bag, topic, fields)
         counts = {t.name: t.samples for t in list_topics(bag) if t.name in choice.names}
-        said = ''
+        said, samples = '', counts[choice.base]
         if len(counts) == 2 and max(counts.values()) > 1.01 * min(counts.values()):
-            said = (f'{" and ".join(choice.names)} are sampled at rates of their own; the '
-                    'accelerations are interpolated, so that their noise reads low: play one '
-                    'with -p topic:=, or use imu_noise analyse, which takes each as it is')
-        return counts[choice.base], ','.join(choice.names), said
+            if raw:
+                said = (f'{" and ".join(choice.names)} are sampled at rates of their own; in the '
+                        'messages the accelerations are interpolated, so that their noise reads '
+                        'low: to analyse them play with -p publish:=buffer')
+            else:
+                samples = sum(counts.values())
+        return samples, ','.join(choice.names), said
 
 
 class Player:
@@ -120,8 +152,8 @@ class Player:
     loop : bool
         Begin again at the end.
 
-    ``state`` is waiting, playing, paused, end, or failed (then ``error`` says why); ``sent``
-    counts samples; ``frame_id`` is that of the last piece.
+    ``state`` is waiting, playing, paused, end, or failed (then ``error`` says why); ``frame_id``
+    is that of the last piece.
 
     """
 
@@ -133,9 +165,15 @@ class Player:
         self._paused, self._quit = False, False
         self._interrupt, self._again = threading.Event(), threading.Event()
         self.state, self.error, self.frame_id = 'waiting', '', ''
-        self.sent = self.seen = self.passes = 0
+        self._sent: Counter[str] = Counter()        # by sensor
+        self.seen = self.passes = 0
         self.position_s = 0.0
         self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def sent(self) -> int:
+        """How many samples were handed over in this pass."""
+        return self._sent.total()
 
     def begin(self) -> None:
         """Start playing."""
@@ -170,7 +208,8 @@ class Player:
             if self._quit:              # looked at after the events: an end() before counts, too
                 return
             self.state, self.error, self._begun = 'waiting', '', None
-            self.sent = self.seen = 0
+            self._sent = Counter()
+            self.seen = 0
             try:
                 self._wait_for_listeners()
                 self._once()
@@ -216,7 +255,7 @@ class Player:
             if len(piece.stamps):
                 self.frame_id = piece.frame_id
                 self._outputs.piece(piece, self._due)
-                self.sent += len(piece.stamps)
+                self._sent[piece.sensor] += len(piece.stamps)
                 self.position_s = (int(piece.stamps[-1]) - zero) * 1e-9
             elif self.sent and self.duration:
                 break
@@ -232,7 +271,7 @@ class Player:
         some = after >= self.start * 1e9
         if self.duration:
             some &= after < (self.start + self.duration) * 1e9
-        return piece.part(some, self.sent)
+        return piece.part(some, self._sent[piece.sensor])
 
     def interrupted(self) -> bool:
         """Whether to leave off at once."""

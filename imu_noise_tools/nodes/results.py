@@ -13,7 +13,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float64MultiArray
 
 from . import messages
-from .live import Stream
+from .streams import Streams
 from .topics import result
 from .. import store
 from ..core.record import AXES
@@ -24,7 +24,7 @@ from ..noise.kinds import model_avar
 class Results:
     """The topics of a study and of the stream it is made from."""
 
-    def __init__(self, node, stream: Stream):
+    def __init__(self, node, stream: Streams):
         self._node, self._stream = node, stream
         self._drawn = 0
         self._state = 'gathering'
@@ -115,9 +115,7 @@ class Results:
             if received == self._drawn:
                 return
             self._drawn = received
-            tau, dev, lo, hi = self._stream.curve()
-            dt = 1.0 / (self._stream.rate_hz or 1.0)
-            for k, axis in enumerate(AXES):
+            for axis, k, dt, (tau, dev, lo, hi) in self._stream.curves():
                 if len(tau) and np.all(dev[:, k] > 0):
                     model = None
                     if study is not None and axis in study.states:

@@ -55,16 +55,18 @@ class ImuInput:
         Called with a list of serialised messages: all that have come, or one where not ``drain``.
     profile : callable
         :func:`complete` or :func:`live`.
+    topic : str
+        Its name, where it is another.
     drain : bool
         Empty the reader in one callback, which makes the multi-threaded executor some fifty times
         faster. (The events executor counts what it announced: never drain behind its back.)
 
     """
 
-    def __init__(self, node, take, profile=complete, drain=True):
+    def __init__(self, node, take, profile=complete, drain=True, topic='imu/data_raw'):
         self._node, self._take, self._profile = node, take, profile
         self._callback = self._drain if drain else lambda raw: take([raw])
-        self.topic = node.resolve_topic_name('imu/data_raw')
+        self.topic = node.resolve_topic_name(topic)
         self._group = MutuallyExclusiveCallbackGroup()
         self.best_effort = False
         name = f'qos_overrides.{self.topic}.subscription.reliability'
