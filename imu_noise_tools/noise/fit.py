@@ -50,6 +50,7 @@ _BAND = 12.0  # nats that a band left to levels of its own costs beside such ter
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
 _VAGUE = 2.0  # times the spread of the level beside holes: a response is no better than they are
 _DRIFT = 0.1  # share of the power from which drift is told from it
+_GAP = 2  # bands from one to the next over which a response reaches
 _CREDIBLE = 0.3  # share of the bands that must agree for the others to be called disturbed
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
@@ -309,7 +310,8 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     best = _score(bands, held[0])
     for basis, x in _behind_responses(bands, held[0], hint):
         more = _settled(search, bands, held[0], basis, [], x)
-        if more is None or not _flat(more[0]) or _score(bands, more[0]) <= best + 1e-6:
+        if more is None or not (_flat(more[0]) and _joined(bands, more[0])) \
+                or _score(bands, more[0]) <= best + 1e-6:
             continue
         # what is added in the middle leaves the level to holes as well: they may tell it better
         vague = _VAGUE if _flat(more[0], strict=True) else 1.0
@@ -376,6 +378,20 @@ def _flat(found: _Found, strict: bool = False) -> bool:
         _still(found, r.order, r.gain2(f, dt), 2 * _FLATNESS, strict)
         for r in found.likelihood.with_search(found.x).of(OpenResponse)
     )
+
+
+def _joined(bands: Bands, found: _Found) -> bool:
+    """
+    Tell whether what a fit rests on behind a response is one stretch of the spectrum, or tied.
+
+    Beyond a hole any response brings the level there down to any level at the slow end: what it
+    says of that is its form, not the record.
+
+    """
+    basis = found.likelihood.explained
+    assert basis is not None
+    kept = np.flatnonzero(bands.sum(basis.weight) > 0)
+    return not basis.order.terms or basis.order.tied or bool(np.max(np.diff(kept)) <= _GAP)
 
 
 def _still(found: _Found, order: Order, gain2: np.ndarray, by: float, strict: bool) -> bool:
