@@ -26,6 +26,9 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 import yaml
 
 from imu_noise_tools.bag import imus, iter_raw, open_record
+from imu_noise_tools.bag.decode import decode, IMU
+from imu_noise_tools.bag.fields import Fields
+from imu_noise_tools.bag.source import Bag
 from imu_noise_tools.core.errors import InputError, UsageError
 
 START = 1_700_000_000 * 10 ** 9
@@ -293,6 +296,38 @@ def test_messages_that_are_not_as_defined_are_left_out(tmp_path):
     assert any('20 message(s) could not be decoded' in w for w in record.warnings)
     kept = np.flatnonzero(~np.isin(np.arange(1, 401) % 40, (1, 2)))
     np.testing.assert_array_equal(record.gyro, rates[kept])
+
+
+def test_damaged_bytes_are_left_out_or_read_as_rosbags_reads_them(tmp_path):
+    """One byte of each message changed: lengths that lead astray included."""
+    path, *_ = own(tmp_path / 'own', 'sqlite', n=1500)
+    rng = np.random.default_rng(8)
+    (database,) = path.glob('*.db3')
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(OWN, 'acme/msg/Own'))
+    truth = []
+    with sqlite3.connect(database) as db:
+        for key, data in db.execute('SELECT id, data FROM messages ORDER BY id').fetchall():
+            raw = bytearray(data)
+            raw[rng.integers(4, len(raw))] = rng.integers(256)
+            db.execute('UPDATE messages SET data = ? WHERE id = ?', (bytes(raw), key))
+            try:
+                truth.append(store.deserialize_cdr(bytes(raw), 'acme/msg/Own').raw)
+            except Exception:       # whatever its generated code runs into
+                truth.append(None)
+    db.close()
+    with Bag(path) as bag:
+        bag.read_as(Fields.of('gyro=raw.w,accel=raw.force[0]+raw.force[4]+raw.force[5]'))
+        found = [decode(batch) for batch in bag.batches(['/own'], [IMU])]
+    readable = np.concatenate([f.readable for f in found])
+    values = np.concatenate([f.values for f in found])
+    assert 0.5 < readable.mean() < 1 and len(readable) == 1500
+    both = [k for k in np.flatnonzero(readable) if truth[k] is not None]
+    assert len(both) > 0.8 * readable.sum()     # it refuses text that is not UTF-8, too
+    rank = np.cumsum(readable) - 1
+    np.testing.assert_array_equal(values[rank[both], 13:16], [truth[k].w for k in both])
+    np.testing.assert_array_equal(
+        values[rank[both], 25:28], [truth[k].force[[0, 4, 5]] for k in both])
 
 
 def test_a_recorded_custom_type(shared_data):

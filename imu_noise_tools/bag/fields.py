@@ -5,9 +5,9 @@
 Messages of other types read as if they were Imu messages.
 
 A type is known by its definition, which the bag holds (for PX4's, where it holds none, one is
-here). What is named of it, :class:`Fields`, is found in the bytes of a message by walking its
-definition once; all messages whose strings and sequences are as long are decoded with it, by one
-view of the buffer.
+here). What is named of it, :class:`Fields`, is found by walking the definition through the bytes
+of thousands of messages at once: each is at its own place, for strings and sequences differ in
+length.
 
 """
 
@@ -35,8 +35,6 @@ UNITS: dict[str, Mapping[str, Any]] = {
     'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS,
     'temperature': TEMPERATURE_UNITS}
 HOW = 'e.g. --fields gyro=gyro_rad,accel=accelerometer_m_s2,stamp=timestamp:us'
-# How many kinds of lengths (of strings, of sequences) are looked for among all messages at once.
-MOST_KINDS = 64
 MOST_ELEMENTS = 4096        # of a sequence of strings or messages
 
 SIZES = {
@@ -213,97 +211,118 @@ class Types:
                 if of[0][1][0] in SIZES:
                     yield above + name, of[1] if kind == 'ARRAY' else None
 
-    def places(self, raw: bytes) -> tuple[dict[str, tuple[int, str, int]], list[int]]:
+    def walk(self, batch: Batch, order: str) -> _Walk:
         """
-        Return where the numbers and strings of a message lie, and the lengths in it.
-
-        Returns
-        -------
-        places : dict
-            Path to (place of the first byte, numpy type, how many).
-        lengths : list of int
-            Places of the four bytes that say how long a string or a sequence is: messages in
-            which they are the same have all else at the same places.
+        Return where the numbers and strings of messages lie, numbers in this order of bytes.
 
         Raises
         ------
         Damaged
-            The message is not as its definition says.
+            The definition names what is not known.
 
         """
-        if not self.ros1 and raw[:2] not in (b'\0\0', b'\0\1'):
-            raise Damaged('not plain CDR')
-        walk = _Walk(self, raw)
+        walk = _Walk(self, batch, order)
         walk.message(self.type, '')
-        if not 0 <= len(raw) - walk.at < 4:     # some pad the end
-            raise Damaged('not as long as its definition says')
-        return walk.places, walk.lengths
+        left = walk.end - walk.at
+        walk.good &= (left >= 0) & (left < 4)       # some pad the end
+        return walk
 
 
 class _Walk:
-    """One way through the bytes of a message."""
+    """
+    One way through the bytes of many messages at once, each at its own place.
 
-    def __init__(self, types: Types, raw: bytes):
-        self.types, self.raw = types, raw
-        self.origin = 0 if types.ros1 else 4
-        self.order = '>' if not types.ros1 and raw[1] == 0 else '<'
-        self.at = self.origin
-        self.places: dict[str, tuple[int, str, int]] = {}
-        self.lengths: list[int] = []
+    ``good`` (n,) says which are as their definition says; ``on`` which of them have the element
+    that is walked through: sequences may differ in length.
+
+    """
+
+    def __init__(self, types: Types, batch: Batch, order: str):
+        self.types, self.data, self.order = types, batch.data, order
+        self.origin = batch.begin + (0 if types.ros1 else 4)
+        self.at, self.end = self.origin, batch.begin + batch.length
+        self.good = self.at <= self.end
+        self.on = self.good
+        #: path to (places of the first byte (n,), numpy type, how many (n,))
+        self.places: dict[str, tuple[np.ndarray, str, np.ndarray]] = {}
 
     def message(self, type: str, above: str) -> None:
-        """Go through a message."""
+        """Go through a message, or one within."""
         fields = self.types.fields(type)
         if not fields and not self.types.ros1:
-            self.at += 1        # an empty structure has one octet
+            self._pass(1)       # an empty structure has one octet
         for name, (node, of) in fields:
             kind = node.name
             if kind in ('BASE', 'NAME'):
                 self._one(kind, of, above + name)
             else:
-                n = of[1] if kind == 'ARRAY' else self._length()
-                self._many(of[0][0].name, of[0][1], above + name, n)
-            if self.at > len(self.raw):
-                raise Damaged('shorter than its definition says')
+                count = np.full(len(self.at), of[1]) if kind == 'ARRAY' else self._length()
+                self._many(of[0][0].name, of[0][1], above + name, count)
+
+    def column(self, path: str) -> np.ndarray:
+        """Return one number of each message, (n,); those that have none are not good."""
+        name, index = _element(path)
+        at, dtype, count = self.places[name]
+        size = np.dtype(dtype).itemsize
+        at = at + (index or 0) * size
+        self.good &= (count > (index or 0)) & (at + size <= self.end)
+        raw = rows(self.data, np.where(self.good, at, 0), size)
+        return np.ascontiguousarray(raw).view(dtype)[:, 0]
+
+    def text(self, path: str) -> str:
+        """Return a string of the first message that is good; nothing where it has none."""
+        first = np.flatnonzero(self.good)[:1]
+        if path not in self.places or not len(first):
+            return ''
+        places, _, counts = self.places[path]
+        at, count = int(places[first[0]]), int(counts[first[0]])
+        return self.data[at:at + count].tobytes().rstrip(b'\0').decode(errors='replace')
 
     def _one(self, kind: str, of: Any, path: str) -> None:
         if kind == 'NAME':
             self.message(of, f'{path}.')
         elif of[0] == 'string':
-            n = self._length()
-            self.places[path] = self.at, 'S', n
-            self.at += n
+            count = self._length()
+            self.places[path] = self.at, 'S', count
+            self._pass(count)
         else:
-            self._numbers(of[0], path, 1)
+            self._numbers(of[0], path, np.ones(len(self.at), np.int64))
 
-    def _many(self, kind: str, of: Any, path: str, n: int) -> None:
+    def _many(self, kind: str, of: Any, path: str, count: np.ndarray) -> None:
         if kind == 'BASE' and of[0] in SIZES:
-            self._numbers(of[0], path, n)
+            self._numbers(of[0], path, count)
             return
-        if n > MOST_ELEMENTS:
-            raise Damaged('too long a sequence')
-        for k in range(n):
+        self.good &= ~self.on | (count <= MOST_ELEMENTS)
+        before, count = self.on, np.where(self.good, count, 0)
+        for k in range(int(count.max(initial=0))):
+            self.on = before & (count > k)
             self._one(kind, of, f'{path}[{k}]')
+        self.on = before & self.good
 
-    def _numbers(self, base: str, path: str, n: int) -> None:
+    def _numbers(self, base: str, path: str, count: np.ndarray) -> None:
         if base not in SIZES:
             raise Damaged(f'{base} is not known')
         size = int(SIZES[base][1])
-        if n:
-            self._align(size)
-        self.places[path] = self.at, self.order + SIZES[base], n
-        self.at += n * size
+        self._align(size, self.on & (count > 0))
+        self.places[path] = self.at, self.order + SIZES[base], np.where(self.on, count, 0)
+        self._pass(count * size)
 
-    def _length(self) -> int:
-        self._align(4)
-        self.lengths.append(self.at)
-        self.at += 4
-        return int.from_bytes(self.raw[self.at - 4:self.at],
-                              'big' if self.order == '>' else 'little')
+    def _length(self) -> np.ndarray:
+        self._align(4, self.on)
+        there = self.on & (self.at + 4 <= self.end)
+        self.good &= there | ~self.on
+        raw = np.ascontiguousarray(rows(self.data, np.where(there, self.at, 0), 4))
+        self.at = self.at + 4 * there
+        return np.where(there, raw.view(f'{self.order}u4')[:, 0].astype(np.int64), 0)
 
-    def _align(self, size: int) -> None:
-        if not self.types.ros1:
-            self.at += -(self.at - self.origin) % size
+    def _align(self, size: int, which: np.ndarray) -> None:
+        if not self.types.ros1 and size > 1:
+            self.at = self.at + np.where(which, -(self.at - self.origin) % size, 0)
+
+    def _pass(self, bytes: Any) -> None:
+        self.at = self.at + np.where(self.on, bytes, 0)
+        self.good = self.good & (self.at <= self.end)
+        self.on = self.on & self.good
 
 
 @dataclass(frozen=True)
@@ -360,66 +379,64 @@ class Shape:
         for part, covariance in ((self.fields.gyro, GYRO_COVARIANCE),
                                  (self.fields.accel, ACCEL_COVARIANCE)):
             values[:, covariance.start] = 0.0 if part else -1.0
-        kinds = 0
-        for length in np.unique(batch.length):
-            left = np.flatnonzero(batch.length == length)
-            while len(left):
-                first = batch.message(int(left[0]))
-                kinds += 1
-                try:
-                    places, lengths = self.types.places(first)
-                    if kinds > MOST_KINDS:
-                        same = np.arange(len(left)) == 0
-                    else:
-                        same = _alike(batch.take(left), int(length), lengths, first)
-                    some = left[same]
-                    raw = rows(batch.data, batch.begin[some], int(length))
-                    stamp[some], values[some] = self._read(raw, places, values[some])
-                    if temperature is not None:
-                        temperature[some] = self._temperature(raw, places)
-                    good[some] = True
-                    frame = frame or _text(first, places.get('header.frame_id'))
-                    left = left[~same]
-                except Damaged:
-                    left = left[1:]
+        for order, some in _orders(batch, self.types.ros1):
+            try:
+                walk = self.types.walk(batch.take(some), order)
+                stamp[some], values[some] = self._read(walk, values[some])
+                if temperature is not None:
+                    temperature[some] = self._temperature(walk)
+            except Damaged:
+                continue
+            good[some] = walk.good
+            frame = frame or walk.text('header.frame_id')
         return Decoded(stamp[good], values[good], frame, good,
                        None if temperature is None else temperature[good])
 
-    def _read(self, raw: np.ndarray, places: dict, values: np.ndarray) -> tuple:
-        """Return stamps and doubles of messages with all of it at the same places."""
+    def _read(self, walk: _Walk, values: np.ndarray) -> tuple:
+        """Return stamps and doubles of messages."""
         for sensor, where in (('gyro', GYRO), ('accel', ACCEL)):
             paths = getattr(self.fields, sensor)
             if not paths:
                 continue
             if len(paths) == 3:
-                columns = [_column(raw, places, p) for p in paths]
-            elif f'{paths[0]}.x' in places:
-                columns = [_column(raw, places, f'{paths[0]}.{a}') for a in 'xyz']
+                columns = [walk.column(p) for p in paths]
+            elif f'{paths[0]}.x' in walk.places:
+                columns = [walk.column(f'{paths[0]}.{a}') for a in 'xyz']
             else:
-                columns = [_column(raw, places, f'{paths[0]}[{k}]') for k in range(3)]
+                columns = [walk.column(f'{paths[0]}[{k}]') for k in range(3)]
             values[:, where] = np.stack(columns, axis=1)
             values[:, where] *= self.fields.scale(sensor)
         for sensor, path, value in self.fields.invalid:
-            values[_column(raw, places, path) == value, GYRO if sensor == 'gyro' else ACCEL] = (
-                np.nan)
-        return self._stamps(raw, places), values
+            values[walk.column(path) == value, GYRO if sensor == 'gyro' else ACCEL] = np.nan
+        return self._stamps(walk), values
 
-    def _temperature(self, raw: np.ndarray, places: dict) -> np.ndarray:
+    def _temperature(self, walk: _Walk) -> np.ndarray:
         factor, added = TEMPERATURE_UNITS[(self.fields.units or {}).get('temperature', 'degC')]
-        return _column(raw, places, self.fields.temperature) * factor + added
+        return walk.column(self.fields.temperature) * factor + added
 
-    def _stamps(self, raw: np.ndarray, places: dict) -> np.ndarray:
+    def _stamps(self, walk: _Walk) -> np.ndarray:
         path = self.fields.stamp or 'header.stamp'
-        if f'{path}.sec' in places:
-            return (_column(raw, places, f'{path}.sec').astype(np.int64) * 1_000_000_000
-                    + _column(raw, places, f'{path}.nanosec').astype(np.int64))
+        if f'{path}.sec' in walk.places:
+            return (walk.column(f'{path}.sec').astype(np.int64) * 1_000_000_000
+                    + walk.column(f'{path}.nanosec').astype(np.int64))
         if not self.fields.stamp:
-            return np.zeros(len(raw), np.int64)
+            return np.zeros(len(walk.at), np.int64)
         unit = TIME_UNITS[(self.fields.units or {})['stamp']]
-        number = _column(raw, places, path)
+        number = walk.column(path)
         if number.dtype.kind == 'f':
             return np.round(number.astype(float) * unit).astype(np.int64)
         return number.astype(np.int64) * unit
+
+
+def _orders(batch: Batch, ros1: bool) -> list[tuple[str, np.ndarray]]:
+    """Return orders of bytes, and which messages are in each; other bytes are in none."""
+    if ros1:
+        return [('<', np.arange(len(batch.begin)))]
+    long = batch.length >= 4
+    head = rows(batch.data, np.where(long, batch.begin, 0), 2) if long.any() else np.zeros((1, 2))
+    kinds = (('<', 1), ('>', 0))
+    found = [(o, np.flatnonzero(long & (head[:, 0] == 0) & (head[:, 1] == k))) for o, k in kinds]
+    return [(order, some) for order, some in found if len(some)]
 
 
 @cache
@@ -488,33 +505,3 @@ def _element(path: str) -> tuple[str, int | None]:
     """Return the name of an array and the number of its element; None without one."""
     found = re.fullmatch(r'(.*)\[(\d+)\]', path)
     return (found[1], int(found[2])) if found else (path, None)
-
-
-def _column(raw: np.ndarray, places: dict, path: str) -> np.ndarray:
-    """Return one number of each message, (n,)."""
-    name, index = _element(path)
-    if name not in places:
-        raise Damaged(f'no {name}')
-    at, dtype, n = places[name]
-    index = index or 0
-    if index >= n or dtype == 'S':
-        raise Damaged(f'no {path}')
-    size = np.dtype(dtype).itemsize
-    at += index * size
-    return np.ascontiguousarray(raw[:, at:at + size]).view(dtype)[:, 0]
-
-
-def _alike(batch: Batch, length: int, lengths: list[int], first: bytes) -> np.ndarray:
-    """Return which messages, all of one length, have the strings and sequences of the first."""
-    raw = rows(batch.data, batch.begin, length)
-    same = np.ones(len(raw), bool)
-    # of CDR the first bytes say how it is encoded
-    for at in lengths if batch.connection.encoding == 'ros1' else (*lengths, 0):
-        same &= np.all(raw[:, at:at + 4] == np.frombuffer(first[at:at + 4], np.uint8), axis=1)
-    return same
-
-
-def _text(raw: bytes, place: tuple[int, str, int] | None) -> str:
-    if place is None:
-        return ''
-    return raw[place[0]:place[0] + place[2]].rstrip(b'\0').decode(errors='replace')

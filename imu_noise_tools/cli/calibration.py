@@ -46,12 +46,7 @@ def register(commands: Any) -> None:
                    help='shortest rest that is a pose, s (default: 0.8, of a second\'s hold)')
     common.topic_options(c)
     common.part_options(c)
-    c.add_argument('--rate-hz', type=float, metavar='R',
-                   help='sample rate, in place of the stamps')
-    c.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
-                   help='unit of the gyroscope data (default: rad/s)')
-    c.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'),
-                   help='unit of the accelerometer data (default: m/s^2)')
+    common.unit_options(c)
     c.add_argument('--force', action='store_true', help='replace a study that is there')
     common.output_options(c, 'calibration.yaml')
     c.set_defaults(func=calibrate)
@@ -84,10 +79,7 @@ def calibrate(args: argparse.Namespace) -> int:
     with common.progress_line(args) as progress:
         done = tasks.calibrate(
             args.bags, args.output, topic=args.topic, fields=args.fields, selection=selection,
-            rate_hz=args.rate_hz, force=args.force,
-            progress=progress,
-            gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
-            accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
+            force=args.force, progress=progress, **common.units_of(args),
             sensor=args.sensor, gravity=args.gravity, latitude=args.latitude, height=args.height,
             rate_deg_s=args.rate, turn_deg=args.turn, tilt_deg=args.tilt, method=args.method,
             seconds=args.still)

@@ -78,23 +78,11 @@ def model_options(c: argparse.ArgumentParser) -> None:
 
 def record_options(c: argparse.ArgumentParser) -> None:
     """Add how the recording is to be read."""
-    c.add_argument(
-        '--rate-hz', type=float, metavar='R', help='sample rate, in place of the stamps'
-    )
+    common.unit_options(c)
     g = c.add_mutually_exclusive_group()
     g.add_argument('--delta', action='store_true', help='each sample is an increment (rad, m/s)')
     g.add_argument(
         '--integrated', action='store_true', help='each sample is the angle or velocity itself'
-    )
-    c.add_argument(
-        '--gyro-unit',
-        choices=('rad/s', 'deg/s'),
-        help='unit of the gyroscope data (default: rad/s)',
-    )
-    c.add_argument(
-        '--accel-unit',
-        choices=('m/s^2', 'g', 'mg'),
-        help='unit of the accelerometer data (default: m/s^2)',
     )
     common.selection_options(c)
     c.add_argument('--keep-motion', action='store_true', help='analyse everything, still or not')
@@ -108,11 +96,9 @@ def how_of(args: argparse.Namespace) -> dict[str, Any]:
     if args.points < 2:
         raise UsageError(f'invalid --points {args.points}', 'it must be two or more')
     return dict(
+        **common.units_of(args),
         fields=args.fields,
-        rate_hz=args.rate_hz,
         input_kind='delta' if args.delta else 'integrated' if args.integrated else 'rate',
-        gyro_unit=None if args.gyro_unit == 'rad/s' else args.gyro_unit,
-        accel_unit=None if args.accel_unit == 'm/s^2' else args.accel_unit,
         axes=args.axes,
         effects=args.effects or tasks.DEFAULT_EFFECTS,
         method=args.method,

@@ -22,8 +22,6 @@ EXAMPLE = """example of SHEET.yaml (units as on the sheet; each entry may be thr
 
 def register(commands: Any) -> None:
     """Add the command."""
-    import argparse
-
     c = commands.add_parser(
         'sheet', help="a data sheet's values and units as a study that every export takes",
         epilog=EXAMPLE, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -22,7 +22,7 @@ from ..loop.study import Study
 CONSUMER = 'ArduPilot/ardupilot'
 HOLDS = 'N / sqrt(12 ms), K / sqrt(12 ms)'
 HOW = 'sigma of a step of its filter, within its ranges'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('libraries/AP_NavEKF3/AP_NavEKF3_core.cpp', '1057-1065, 1150-1154', 'e37bf9ad53'),
     ('libraries/AP_NavEKF3/AP_NavEKF3_core.h', '60', 'e37bf9ad53'),

@@ -25,7 +25,7 @@ from ..loop.study import Study
 CONSUMER = 'VladyslavUsenko/basalt-headers'
 HOLDS = 'N, K'
 HOW = 'x, y, z; it takes N sqrt(f) itself; bias and scale from a calibration'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('include/basalt/serialization/headers_serialization.h', '243-256', 'a585db348a'),
     ('include/basalt/calibration/calibration.hpp', '134-160', 'a585db348a'),

@@ -22,7 +22,7 @@ from ..loop.study import Study
 CONSUMER = 'ros2/common_interfaces'
 HOLDS = 'N^2 f'
 HOW = 'row-major, -1 first where absent; no place for K'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('sensor_msgs/msg/Imu.msg', '5-13, 21, 24', 'c0c0bc57f9'),
 )

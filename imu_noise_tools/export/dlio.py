@@ -22,7 +22,7 @@ from ..loop.study import Study
 CONSUMER = 'vectr-ucla/direct_lidar_inertial_odometry'
 HOLDS = 'none'
 HOW = 'sm raw - bias, from a calibration'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('cfg/dlio.yaml', '24-32', 'fc8d183f18'),
     ('src/dlio/odom.cc', '257-278, 987-988', 'fc8d183f18'),

@@ -20,7 +20,7 @@ from ..loop.study import Study
 CONSUMER = 'hku-mars/FAST_LIO'
 HOLDS = 'N^2 f, K^2 f'
 HOW = 'variances; its filter adds dt^2 Q a step'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('src/laserMapping.cpp', '777-780', '7cc4175de6'),
     ('src/IMU_Processing.hpp', '280-283', '7cc4175de6'),

@@ -23,7 +23,7 @@ from ..loop.study import Study
 CONSUMER = 'borglab/gtsam'
 HOLDS = 'N^2, K^2'
 HOW = '3x3, continuous time'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('gtsam/navigation/PreintegrationParams.h', '27-29', 'eadfbacd82'),
     ('gtsam/navigation/PreintegratedRotation.h', '60', 'a90dbc7fc5'),

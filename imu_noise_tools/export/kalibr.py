@@ -20,7 +20,7 @@ from ..loop.study import Study
 CONSUMER = 'ethz-asl/kalibr'
 HOLDS = 'N, K'
 HOW = 'one a sensor, above zero; it takes N sqrt(f) itself'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('aslam_offline_calibration/kalibr/python/kalibr_common/ConfigReader.py', '464-492',
      '1f60227442'),

@@ -19,7 +19,7 @@ from ..loop.study import Study
 CONSUMER = 'TixiaoShan/LIO-SAM'
 HOLDS = 'N, K'
 HOW = 'it squares N for GTSAM and multiplies K by sqrt(dt)'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('include/utility.h', '203-206', '0be1fbe627'),
     ('src/imuPreintegration.cpp', '215-216, 225, 375', '0be1fbe627'),

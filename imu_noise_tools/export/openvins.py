@@ -23,7 +23,7 @@ from ..loop.study import Study
 CONSUMER = 'rpng/open_vins'
 HOLDS = 'N, K'
 HOW = 'it divides N^2 and multiplies K^2 by dt itself; Tw, Ta from a calibration'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('ov_msckf/src/core/VioManagerOptions.h', '157-163, 305-340', '69488123ed'),
     ('ov_msckf/src/state/Propagator.cpp', '225-228', '69488123ed'),

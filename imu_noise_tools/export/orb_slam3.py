@@ -20,7 +20,7 @@ from ..loop.study import Study
 CONSUMER = 'UZ-SLAMLab/ORB_SLAM3'
 HOLDS = 'N, K'
 HOW = 'it takes N sqrt(f) and K / sqrt(f) itself'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('src/Settings.cc', '36-57, 414-420', '0df83dde1c'),
     ('src/Tracking.cc', '608-614', '0df83dde1c'),

@@ -8,8 +8,8 @@ Source: PX4/PX4-Autopilot, src/modules/ekf2/EKF/covariance.cpp:116-162 at 765f28
 Ekf::predictCovariance: gyro_noise^2 is the variance of a rate (dt^2 of it that of the step's
 angle), gyro_bias_sig = dt gyro_bias_p_noise a step, the same of the accelerometer; a step is
 EKF2_PREDICT_US (10 ms). So N^2 dt = (dt p)^2 gives p = N / sqrt(dt), and p = K / sqrt(dt). Ranges:
-src/modules/ekf2/module.yaml at f55e3b2db4. The file is QGroundControl's: vehicle, component,
-name, value, type (9: a float), with tabs between.
+src/modules/ekf2/module.yaml:215-250 at f55e3b2db4. The file is QGroundControl's: vehicle,
+component, name, value, type (9: a float), with tabs between.
 
 """
 
@@ -22,10 +22,10 @@ from ..loop.study import Study
 CONSUMER = 'PX4/PX4-Autopilot'
 HOLDS = 'N / sqrt(10 ms), K / sqrt(10 ms)'
 HOW = 'sigma of a step of its filter, within its ranges'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('src/modules/ekf2/EKF/covariance.cpp', '116-162', '765f2844e9'),
-    ('src/modules/ekf2/module.yaml', 'EKF2_GYR_NOISE ...', 'f55e3b2db4'),
+    ('src/modules/ekf2/module.yaml', '10-20, 215-250', 'f55e3b2db4'),
 )
 DESCRIPTION = 'PX4 EKF2_GYR_NOISE ... as a QGroundControl .params file (N, K over sqrt of 10 ms)'
 STEP_S = 0.01

@@ -22,7 +22,7 @@ from ..loop.study import Study
 CONSUMER = 'gazebosim/gz-sensors'
 HOLDS = 'N sqrt(f), K'
 HOW = 'x, y, z; K with a correlation time'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('src/GaussianNoiseModel.cc', '114-140', '9ba02f2410'),
 )

@@ -22,7 +22,7 @@ from ..loop.study import Study
 CONSUMER = 'HKUST-Aerial-Robotics/VINS-Fusion'
 HOLDS = 'N sqrt(f), K sqrt(f)'
 HOW = 'sigma of a sample; the bias by dt a step'
-#: file, lines (or what to look for), commit
+#: file, lines, commit
 PLACES = (
     ('vins_estimator/src/estimator/parameters.cpp', '98-102', 'be55a937a5'),
     ('vins_estimator/src/factor/integration_base.h', '31-36, 117-129', 'be55a937a5'),

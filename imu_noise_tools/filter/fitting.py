@@ -155,7 +155,7 @@ def maximise(
     """
     Return the model at its largest likelihood, from its own values, and that log-likelihood.
 
-    A bank's climb, which costs most, ends early where two rounds have not brought it to ``hope``.
+    A climb ends early where its third round does not see it come to ``hope``.
 
     """
     free = Free(model, fixed)
@@ -192,13 +192,13 @@ def _climb(free: Free, x, evaluate, hope: float, rounds: int = 9):
     step = 5 * least
     best = float(evaluate([free.at(x)])[0])
     for done in range(rounds):
-        if done == 2 and best < hope:
-            break
         around = np.concatenate([x + np.diag(step), x - np.diag(step)])
         models = [free.at(v) for v in around]
         each = evaluate.each(models)
         value = evaluate(models)
         newton, gain = _newton(each, value, best)
+        if done > 1 and best + gain < hope:
+            break
         tried = [*around, x + newton * step, x + 0.5 * newton * step]
         if gain > ENOUGH:
             value = np.append(value, evaluate([free.at(v) for v in tried[-2:]]))

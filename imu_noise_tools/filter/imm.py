@@ -213,14 +213,13 @@ class Bank:
         np.add(own, e.fresh, out=self.prior)
         np.divide(own, self.prior, out=own)
         np.subtract(1.0, own, out=common)
-        mean = np.multiply(mu, x, out=off).sum(1)[:, None]
+        mean = np.einsum('ml,iml->il', mu, x)[:, None]
         np.subtract(x, mean, out=off)
         for i, row in enumerate(self.row):
             np.multiply(off[i], off[i:], out=other[row])
         np.add(cov, other, out=work)
-        np.multiply(mu, work, out=work)
         np.multiply(own, other, out=other)
-        np.add(other, work.sum(1)[:, None], out=other)
+        np.add(other, np.einsum('ml,iml->il', mu, work)[:, None], out=other)
         np.multiply(common, other, out=other)
         np.multiply(own, cov, out=cov)
         np.add(cov, other, out=cov)

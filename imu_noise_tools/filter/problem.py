@@ -27,7 +27,7 @@ from ..loop.verdict import HEALED
 
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
-WORTH = 1.0  # nats from which a candidate is worth the intervals of its values
+WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
 
 
 def covers(model: Model) -> bool:
@@ -162,14 +162,15 @@ class FilterProblem(Problem):
             if not self._applies(effect, fit.model):
                 continue
             more = unfitted(fit.model).plus(effect())
-            after = self._fits.get(more) or self._fit(more, fit.log_likelihood + WORTH, fit.model)
+            penalty = 0.5 * len(effect.parameters) * np.log(n) + effect.search + 2.0
+            after = self._fits.get(more) or self._fit(
+                more, fit.log_likelihood + penalty - WORTH, fit.model)
             if after.estimates:
                 self._fits[more] = after
             gain = after.log_likelihood - fit.log_likelihood
             if not np.isfinite(gain):
                 continue
             new = next(e for e in after.model if e.label not in fit.model)
-            penalty = 0.5 * len(effect.parameters) * np.log(n) + effect.search + 2.0
             heals = effect.heals
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):
                 heals = ''  # most is explained: what is left is another effect's
