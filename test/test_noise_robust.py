@@ -33,7 +33,7 @@ from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
 from imu_noise_tools.noise.response import (
-    _raised_to, beside_a_band, open_response, Order, Rational)
+    beside_a_band, open_response, Order, raised_to, Rational)
 from imu_noise_tools.plots.noise import pictures
 from imu_noise_tools.tasks.noise import analyse_record, outputs
 
@@ -406,7 +406,7 @@ def test_a_lower_order_is_raised_into_the_variable_of_a_band():
     f, gains = np.linspace(0.001, 0.49, 60), []
     for one, values in ((lower, np.array([3.0, 1.0, 5.0, 2.0])), (order, None)):
         if values is None:
-            values = _raised_to(order, lower, gains[0][1])
+            values = raised_to(order, lower, gains[0][1])
         response = open_response(one)
         response = response.with_values(
             **{p.name: v for p, v in zip(response.parameters, values)})

@@ -26,9 +26,13 @@ from .kinds import Coupling, Mean, Spectrum
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .quiet import quiet_from
-from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
+from .response import (
+    beside_a_band, DEEP, OPEN, OpenResponse, Order, raised_to, Rational
+)
 from .starts import most_promising, reddest, Start, starts
-from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
+from .uncertainty import (
+    chosen_estimates, estimates, marginal, plain_estimates, widened, with_linear
+)
 from ..core.errors import FitError
 from ..core.statistics import gamma_pull_exact
 from ..loop.effect import Fit, Model
@@ -209,6 +213,7 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
     said = dict(measured)
     if intervals:
         more, hit = estimates(likelihood, x, found.information, linear, found.slowest)
+        more = widened(likelihood, more, _wider(found))
         flags = [*flags, *hit]
     else:
         more = plain_estimates(likelihood, x, found.information, linear)
@@ -226,6 +231,34 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
         details,
         supported_by(Bands.on(likelihood.bins), details.power, details.weight, details.v),
     )
+
+
+def _wider(found: _Found) -> np.ndarray:
+    """
+    Return by how much intervals (p,) of what is searched are wider where a response is tied.
+
+    That the level is the same at both ends is believed where to leave it open gains too little.
+    The spread about the point is then that over both responses, each weighed by its likelihood
+    less what its terms cost (Hoeting et al. 1999, Bayesian model averaging, eq. 3).
+
+    """
+    likelihood, basis = found.likelihood, found.likelihood.explained
+    if basis is None or not basis.order.tied:
+        return np.ones(len(found.x))
+    free, terms = basis.order._replace(tied=False), basis.order.terms
+    x, nll, information = likelihood.minimise(found.x)
+    values = raised_to(free, basis.order, x[-terms:])
+    other = _with_basis(likelihood, replace(basis, order=free, values=tuple(values)))
+    rival = _Found(other, *other.minimise(np.append(x[:-terms], values)), None)
+    if not np.isfinite(rival.nll) or not _flat(rival) or _lacks(rival):
+        return np.ones(len(found.x))
+    share = 1 / (1 + np.exp(np.clip(_TERM - (nll - rival.nll), -50, 50)))
+    keep = range(len(x) - terms)
+    own, its = (np.diag(np.linalg.pinv(marginal(i, keep)))
+                for i in (information, rival.information))
+    apart = (rival.x[:-terms - 1] - x[:-terms]) ** 2
+    total = (1 - share) * own + share * (its + apart)
+    return np.append(np.sqrt(np.maximum(total / np.maximum(own, 1e-300), 1)), np.ones(terms))
 
 
 def _details(found: _Found, fitted: Model, linear: Linear) -> Details:

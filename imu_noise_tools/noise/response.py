@@ -168,7 +168,7 @@ def _mixing(order: Order) -> np.ndarray:
     return out
 
 
-def _raised_to(order: Order, lower: Order, values) -> np.ndarray:
+def raised_to(order: Order, lower: Order, values) -> np.ndarray:
     """Return the values of a lower order as those of an order that holds it."""
     full = _mixing(lower) @ values
     if order.middle == lower.middle:
@@ -225,7 +225,7 @@ class Rational:
         -ln L = 1/2 sum w (ln v + x/v).
 
         """
-        raised = [self._raised(np.append(np.log(np.median(self.x)), _raised_to(self.order, *one)))
+        raised = [self._raised(np.append(np.log(np.median(self.x)), raised_to(self.order, *one)))
                   for one in near]
         ended = []
         for some in ([*self._begun()], raised):
