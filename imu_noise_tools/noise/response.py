@@ -168,7 +168,7 @@ def _mixing(order: Order) -> np.ndarray:
     return out
 
 
-def raised_to(order: Order, lower: Order, values) -> np.ndarray:
+def raised_to(order: Order, lower: Order, values: np.ndarray) -> np.ndarray:
     """Return the values of a lower order as those of an order that holds it."""
     full = _mixing(lower) @ values
     if order.middle == lower.middle:
