@@ -205,6 +205,11 @@ def jumps(model: Model) -> bool:
     return any(e.jumps for e in model.of(FilterEffect))
 
 
+def oscillates(model: Model) -> bool:
+    """Tell whether an effect of the model has a phase, which it may keep for the whole record."""
+    return any(e.line for e in model.of(FilterEffect))
+
+
 def state_space(model: Model, dt: float) -> StateSpace:
     """
     Add the blocks of a model over one interval dt (s).
