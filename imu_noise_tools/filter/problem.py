@@ -144,7 +144,8 @@ class FilterProblem(Problem):
 
     def _score(self, model: Model, coarse: bool = False) -> Score:
         seen = self.prediction(model)
-        return score_of(seen.u, self.dt, coarse, seen.smooth)
+        log_l = seen.log_likelihood if np.isfinite(seen.log_likelihood) else None
+        return score_of(seen.u, self.dt, coarse, seen.smooth, log_l)
 
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the innovations."""
