@@ -5,20 +5,27 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 
+import calibration_sessions as sessions
 import explore_study
 import numpy as np
 import pytest
 
 from imu_noise_tools import export, store
+from imu_noise_tools.calibration import base_model, CalibrationProblem, Poses
+from imu_noise_tools.calibration.poses import unit
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.explore import jobs, panels
-from imu_noise_tools.explore.figure import figure
-from imu_noise_tools.explore.panels import Stretch
+from imu_noise_tools.explore.figure import drawn, marked
 from imu_noise_tools.explore.session import Session
+from imu_noise_tools.filter import FilterProblem
 from imu_noise_tools.loop.domains import DOMAINS, part
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.study import assess
+from imu_noise_tools.plots.panel import Stretch
 from imu_noise_tools.tasks import loop as tasks
 
 THERE = Stretch(0.9 * explore_study.LINE, 1.1 * explore_study.LINE, 'Hz')
@@ -225,7 +232,7 @@ def test_every_format_can_be_exported(session):
 @pytest.mark.parametrize('domain', DOMAINS)
 def test_every_domain_says_what_there_is_to_see(domain):
     module = part('explore', domain)
-    assert callable(module.panels) and callable(module.by_hand)
+    assert callable(module.by_hand) and callable(part('plots', domain).panels)
 
 
 def test_a_panel_is_the_measurement_beside_the_model(loaded):
@@ -234,8 +241,8 @@ def test_a_panel_is_the_measurement_beside_the_model(loaded):
         panel = panels.panel_of('noise', state, name)
         assert title and len(panel.x) == len(panel.pull) > 10
         assert np.all(np.isfinite(panel.pull)) and np.all(np.diff(panel.x) >= 0)
-        drawn = figure(panel, state.model.labels, THERE, suspect='x')
-        assert len(drawn['data']) >= len(panel.curves)
+        found = json.loads(marked(drawn(panel, state.model.labels), THERE, suspect='x'))
+        assert len(found['data']) >= len(panel.curves)
     curve = panels.panel_of('noise', state, 'allan')
     by_name = {c.name: c.y for c in curve.curves}
     total = sum(by_name[x] ** 2 for x in state.model.labels)
@@ -284,6 +291,64 @@ def test_what_is_put_in_by_hand_stands_where_it_says(loaded, name):
     assert len(drawn) == (name != 'low_pass')
     for x in state.model.labels:                    # nothing was fitted again
         assert more.model[x] == state.model[x]
+
+
+@pytest.fixture(scope='module')
+def posed():
+    """Return the state of an accelerometer whose z has a quadratic part."""
+    rng = np.random.default_rng(5)
+    device = sessions.Device.drawn(rng)
+    device.quadratic = (0.0, 0.0, 2e-3)
+    inputs = sessions.G * unit(rng.standard_normal((3, 24)))
+    poses = Poses.of('accel', device.output(inputs.T, rng).T, np.full(24, 1e-3), sessions.G,
+                     None)
+    return assess(CalibrationProblem(poses, 'norm'), base_model())
+
+
+def test_a_calibrations_effect_put_in_by_hand_heals_what_it_explains(posed):
+    assert 'quadratic' in panels.names_by_hand('calibration', posed)
+    effect = panels.begin_by_hand('calibration', posed, 'quadratic')
+    low, high = panels.span_of('calibration', posed, effect, effect.parameters[0])
+    assert low < effect[effect.parameters[0].name] < high
+    truth = effect.with_values(**{p.name: 0.0 for p in effect.parameters})
+    name = next(p.name for p in effect.parameters if p.name.endswith('z'))
+    fails = [panels.panel_of('calibration', state, 'poses').fails(Stretch(0, 99, 'pose'))[1]
+             for state in (posed, *(panels.with_hand(posed, truth.with_values(**{name: v}))
+                                    for v in (2e-3, -2e-3)))]
+    assert fails[1] < 0.2 * fails[0] < fails[2]
+    own = panels.panel_of('calibration', panels.with_hand(posed, effect), 'poses').curves
+    assert {'scale', 'bias', 'quadratic'} <= {c.name for c in own}
+
+
+@pytest.fixture(scope='module')
+def filtered():
+    """Return the state of a rate that sways, under the filter for constant rates."""
+    rng = np.random.default_rng(3)
+    t = np.arange(6000) / 100
+    z = 0.3 * np.sin(2 * np.pi * 0.4 * t) + 0.01 * rng.standard_normal(len(t))
+    return assess(FilterProblem(z, 0.01, stated={'white': {'R': 1e-4},
+                                                 'ar_increment': {'phi': 0.1, 'q': 1e-10}}),
+                  model_of('filter', ['constant_rate', 'ar_increment', 'white']))
+
+
+def test_a_filters_effect_put_in_by_hand_heals_what_it_explains(filtered):
+    names = panels.names_by_hand('filter', filtered)
+    assert {'angular_acceleration', 'harmonic'} <= set(names) and 'any_motion' not in names
+    effect = panels.begin_by_hand('filter', filtered, 'harmonic')
+    for p in effect.parameters:
+        low, high = panels.span_of('filter', filtered, effect, p)
+        assert low <= effect[p.name] <= high
+    effect = effect.with_values(tc=1e4)
+    before, after = (panels.panel_of('filter', s, 'spectrum') for s in (
+        filtered, panels.with_hand(filtered, effect)))
+    everywhere = Stretch(0, 99, 'Hz')
+    assert after.fails(everywhere)[1] < 0.5 * before.fails(everywhere)[1]
+    lines = {c.name: c for c in after.curves}
+    assert {'measured', 'model', 'white', 'harmonic'} <= set(lines)
+    peak = lines['harmonic'].x[int(np.argmax(lines['harmonic'].y))]
+    assert peak == pytest.approx(0.4, rel=0.1)
+    np.testing.assert_allclose(lines['model'].y ** 2, sum(
+        lines[e].y ** 2 for e in panels.with_hand(filtered, effect).model.labels), rtol=1e-9)
 
 
 def test_a_line_put_in_by_hand_heals_no_other(loaded):

@@ -21,6 +21,8 @@ import explore_study
 import pytest
 
 from imu_noise_tools import store
+from imu_noise_tools.tasks.demo import SPEC
+from imu_noise_tools.tasks.simulate import simulate
 
 pytestmark = pytest.mark.thorough
 CHROMIUM = next((found for name in ('chromium', 'chromium-browser', 'google-chrome')
@@ -137,41 +139,76 @@ def made(tmp_path_factory):
     return explore_study.study(tmp_path_factory.mktemp('browser') / 'made' / 'a.study')
 
 
-@pytest.fixture
-def served(browser, made, tmp_path):
-    """Return a server over a copy of the study; ``folder`` is where that is."""
-    folder = shutil.copytree(made, tmp_path / 'a.study')
+def over(folder):
+    """Yield a server over a study; ``folder`` is where that is."""
     s = Served(folder)
     s.folder = folder
     yield s
     s.end()
 
 
-def history_of(folder) -> list:
-    """Return what the command says was added to and removed from gyro_x."""
+@pytest.fixture
+def served(browser, made, tmp_path):
+    """Return a server over a copy of the study, which a test may change."""
+    yield from over(shutil.copytree(made, tmp_path / 'a.study'))
+
+
+@pytest.fixture(scope='module')
+def looked_at(browser, made, tmp_path_factory):
+    """Return a server whose study no test changes."""
+    yield from over(shutil.copytree(made, tmp_path_factory.mktemp('looked_at') / 'a.study'))
+
+
+@pytest.fixture
+def demo(browser, tmp_path):
+    """Return a server over the recording of ``imu_noise demo``, which it has to analyse first."""
+    simulate(SPEC, tmp_path / 'bag')
+    s = Served(tmp_path / 'bag')
+    s.folder = tmp_path / 'bag.study'
+    yield s
+    s.end()
+
+
+def history_of(folder, target='gyro_x') -> list:
+    """Return what the command says was added to and removed from an axis."""
     done = subprocess.run([sys.executable, '-m', 'imu_noise_tools.cli.main', 'history',
                            str(folder), '--json'], capture_output=True, text=True, check=True)
     return [(s['added'], s.get('removed')) for s in json.loads(done.stdout)['history']
-            if s['target'] == 'gyro_x']
+            if s['target'] == target]
 
 
-def test_the_whole_story_by_clicks(browser, served):
-    w = Window(browser, served.url)
+def test_the_story_of_the_demo_by_clicks(browser, demo):
+    """What ``imu_noise demo`` prints, seen: found, added, and the error falls."""
+    w = Window(browser, demo.url)
     assert [r[0] for r in w.rungs()] == ['white + flicker + random_walk']
     w.shot('1_opened')
-    w.click('Diagnose', 'text=missing: sinusoid')
+    w.click('Diagnose all', 'text=missing: sinusoid')
     assert 'coherent' in w.text('.verdict')
     w.shot('2_diagnosed')
-    w.click('Add sinusoid', '.rung >> nth=1')
-    (_, before, long), (what, after, short) = w.rungs()
-    assert what == '+ sinusoid' and after < 0.6 * before and short < 0.8 * long
-    assert 'complete' in w.text('.verdict')
-    w.shot('3_added')
-    assert history_of(served.folder) == [(None, None), ('sinusoid', None)]
-    on_disk = store.load(served.folder)
-    assert on_disk.states['gyro_x'].model.labels[-1] == 'sinusoid'
-    assert f'{on_disk.states["gyro_x"].error.excess:.2g}' == f'{after:.2g}'
+    for target, effect in (('gyro_x', 'sinusoid'), ('gyro_y', 'gauss_markov')):
+        w.click(target, f'text=missing: {effect}')
+        w.click(f'Add {effect}', '.rung >> nth=1')
+        (_, before, long), (what, after, short) = w.rungs()
+        assert what == f'+ {effect}' and after < 0.6 * before and short < 0.8 * long
+        assert 'complete' in w.text('.verdict')
+        w.shot(f'3_added_{effect}')
+        assert history_of(demo.folder, target) == [(None, None), (effect, None)]
+    for target in ('gyro_z', 'accel_x', 'accel_y', 'accel_z'):
+        w.click(target, f'h2:has-text("Ladder of {target}")')
+        assert 'complete' in w.text('.verdict') and len(w.rungs()) == 1
+    on_disk = store.load(demo.folder)
+    assert {t: set(s.model.labels) for t, s in on_disk.states.items()} == {
+        t: set(v) - {'bias'} for t, v in SPEC['targets'].items()}
+    assert f'{on_disk.states["gyro_y"].error.excess:.2g}' == f'{after:.2g}'
+    assert not w.wrong
+    w.close()
 
+
+def test_a_step_is_taken_back_and_a_reload_keeps_the_state(browser, served):
+    w = Window(browser, served.url)
+    w.click('Diagnose', 'text=missing: sinusoid')
+    w.click('Add sinusoid', '.rung >> nth=1')
+    before, after = (r[1] for r in w.rungs())
     w.click('Remove sinusoid', '.rung >> nth=2')
     assert [r[0] for r in w.rungs()][-1] == '- sinusoid' and w.rungs()[-1][1] == before
     w.click('Undo', '.rung >> nth=3')
@@ -190,8 +227,8 @@ def test_the_whole_story_by_clicks(browser, served):
     assert served.end() == 0
 
 
-def test_a_stretch_is_asked_about_and_an_effect_put_in_by_hand(browser, served):
-    w = Window(browser, served.url)
+def test_a_stretch_is_asked_about_and_an_effect_put_in_by_hand(browser, looked_at):
+    w = Window(browser, looked_at.url)
     w.click('Power over frequency', 'button[aria-pressed=true]:has-text("Power")')
     w.page.wait_for_function('document.querySelector(".plot")._fullLayout.xaxis.title.text == '
                              '"frequency, Hz"')
@@ -232,13 +269,13 @@ def test_two_windows_and_the_command_line_see_each_other(browser, served):
     two.close()
 
 
-def test_export_shows_what_the_command_writes(browser, served):
-    w = Window(browser, served.url)
+def test_export_shows_what_the_command_writes(browser, looked_at):
+    w = Window(browser, looked_at.url)
     w.page.get_by_text('Export', exact=True).click()
     w.click('Show', '.verdict pre')
     shown = w.page.locator('.verdict pre').inner_text()
     done = subprocess.run(
-        [sys.executable, '-m', 'imu_noise_tools.cli.main', 'export', str(served.folder),
+        [sys.executable, '-m', 'imu_noise_tools.cli.main', 'export', str(looked_at.folder),
          '--format', w.page.get_by_role('combobox', name='format').input_value(), '-o', '-'],
         check=True, capture_output=True, text=True)
     assert shown.strip() == done.stdout.strip()
@@ -253,18 +290,18 @@ def refused(url) -> bool:
     return False
 
 
-def test_without_the_token_everything_is_refused(browser, served):
-    root = f'http://127.0.0.1:{served.port}/'
-    token = served.url.removeprefix(root).strip('/')
+def test_without_the_token_everything_is_refused(browser, looked_at):
+    root = f'http://127.0.0.1:{looked_at.port}/'
+    token = looked_at.url.removeprefix(root).strip('/')
     for path in ('', 'x', 'x/', token[:-1] + '/', f'{token}x/', f'x/{token}/',
                  '_nicegui_ws/socket.io/?EIO=4&transport=polling',
                  '_nicegui/3/static/nicegui.js', '../', f'%2e/{token}/', '?token=' + token):
         assert refused(root + path), path
-    w = Window(browser, served.url)
+    w = Window(browser, looked_at.url)
     opened = '''url => new Promise(done => { const s = new WebSocket(url);
         s.onopen = () => done("open"); s.onerror = () => done("refused") })'''
     below = '_nicegui_ws/socket.io/?EIO=4&transport=websocket'
-    port = served.port
+    port = looked_at.port
     assert w.page.evaluate(opened, f'ws://127.0.0.1:{port}/{below}') == 'refused'
     assert w.page.evaluate(opened, f'ws://127.0.0.1:{port}/{"a" * len(token)}/{below}') == \
         'refused'
@@ -292,8 +329,8 @@ def luminance(page, where) -> float:
 @pytest.mark.parametrize(('name', 'width', 'scheme'), [
     ('desktop', 1440, 'light'), ('phone', 390, 'light'), ('dark', 1440, 'dark'),
     ('phone_dark', 390, 'dark')])
-def test_it_can_be_read_on_every_screen(browser, served, name, width, scheme):
-    w = Window(browser, served.url, width=width, height=844, scheme=scheme)
+def test_it_can_be_read_on_every_screen(browser, looked_at, name, width, scheme):
+    w = Window(browser, looked_at.url, width=width, height=844, scheme=scheme)
     # nothing sticks out at the side, once the plot has taken its size
     w.page.wait_for_function('document.documentElement.scrollWidth <= innerWidth')
     box = w.page.locator('.plot').bounding_box()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import io
+import math
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -17,9 +18,10 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from imu_noise_tools.core import allan
-from imu_noise_tools.core.errors import ImuNoiseError
+from imu_noise_tools.core import allan, gauss_markov
+from imu_noise_tools.core.errors import FitError, ImuNoiseError
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.filter import statespace
 from imu_noise_tools.loop.diagnosis import Diagnosis
 from imu_noise_tools.loop.effect import Finding, Model, model_of, registry, Score
 from imu_noise_tools.loop.prediction import State
@@ -27,7 +29,7 @@ from imu_noise_tools.loop.study import assess, Step, Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.plots import curves, noise, panels, style
+from imu_noise_tools.plots import curves, noise, panels, proof, style
 from imu_noise_tools.plots.ladder import ladder, ladder_figure
 
 DT, N = 0.02, 60000
@@ -308,6 +310,85 @@ def test_every_effect_can_be_drawn(name):
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         assert style.png(noise.target_figure(state, Diagnosis('unknown')))[:4] == b'\x89PNG'
+
+
+# --- proofs --------------------------------------------------------------------------------------
+
+def hidden(effect, n=N):
+    """Return gyro_y of a record with an effect in it, fitted without it and with it."""
+    problem = NoiseProblem(gather(record([effect], n=n), ['gyro_y', 'gyro_x'])['gyro_y'])
+    models = [model_of('noise', ['white', 'flicker', 'random_walk', *more])
+              for more in ([], [effect.name])]
+    return [State(problem, problem.point(m), Score(0.0, 1.0)) for m in models]
+
+
+def test_a_temperature_is_shown_as_rate_over_temperature():
+    slope = 2e-3
+    before, after = hidden(KNOWN['temperature']({'slope': slope, 'curvature': 0.0, 'cubed': 0.0,
+                                                 'lag': 0.0}))
+    assert 'rate_over_temperature' not in noise.panels(before)
+    shown = noise.panels(after)['rate_over_temperature']()
+    points, line = shown.curves
+    assert '°C' in shown.x_title and 19.9 < points.x.min() < points.x.max() < 30.1
+    for curve in (points, line):        # in deg/s for a degree, measured and by the effect
+        assert np.polyfit(curve.x, curve.y, 1)[0] == pytest.approx(math.degrees(slope), rel=0.2)
+
+
+def test_a_telegraph_is_shown_by_its_levels_and_dwells():
+    step, tau = 6e-4, 15.0
+    before, after = hidden(KNOWN['rts']({'step': step, 'tau': tau}))
+    shown = noise.panels(after)
+    levels, dwells = (shown[k]().curves for k in ('levels_of_the_telegraph', 'dwell_times'))
+    assert np.ptp(levels[1].y) == pytest.approx(math.degrees(step), rel=0.2)
+    assert len(np.unique(levels[1].y)) == 2
+    median = float(np.interp(-0.5, -dwells[0].y, dwells[0].x))
+    assert median == pytest.approx(tau * math.log(2), rel=0.5)
+    assert not {'levels_of_the_telegraph', 'dwell_times'} & set(noise.panels(before))
+
+
+@pytest.mark.parametrize('name', list(KNOWN))
+def test_every_effect_can_be_proven(name):
+    """By the views and by what it shows of itself, if a record can hold it at all."""
+    try:
+        before, after = hidden(KNOWN[name].example(), n=10000)
+    except (ImuNoiseError, FitError):
+        return
+    old, new = noise.panels(before), noise.panels(after)
+    own = [new[k]() for k in new if k not in old]
+    for view in KNOWN[name].views or ('frequency',):
+        if view in old:
+            with warnings.catch_warnings():
+                warnings.simplefilter('error')
+                figure = proof.proof_figure(old[view](), new[view](), [name], own, name)
+                assert style.png(figure)[:4] == b'\x89PNG'
+            assert len(figure.axes) == 2 + len(own)
+
+
+def test_a_proof_shows_both_models_and_where_the_first_fails():
+    before, after = hidden(KNOWN['sinusoid']({'amplitude': 3e-4, 'frequency': 3.7}))
+    panels_ = [noise.panels(s)['frequency']() for s in (before, after)]
+    figure = proof.proof_figure(*panels_, ['sinusoid'], [], 'sinusoid')
+    key = [t.get_text() for t in figure.legends[0].get_texts()]
+    assert {'measured', 'model without sinusoid', 'model with sinusoid',
+            'sinusoid alone'} < set(key)
+    place, = figure.axes[1].patches                     # shaded where it fails, and only there
+    assert place.get_x() < 3.7 < place.get_x() + place.get_width() < 4.2
+    clean = proof.proof_figure(panels_[1], panels_[1], [])
+    assert not clean.axes[1].patches
+    assert 'model' in [t.get_text() for t in clean.legends[0].get_texts()]
+
+
+def test_the_filters_own_lines():
+    f, dt = np.geomspace(0.01, 45, 50), 0.01
+    known = registry('filter')
+    white, slow = known['white']({'R': 0.04}), known['gauss_markov']({'sigma': 0.3, 'tc': 2.0})
+    np.testing.assert_allclose(statespace.psd(white, f, dt), 2 * dt * 0.04)
+    np.testing.assert_allclose(statespace.psd(slow, f, dt), gauss_markov.psd(f, 0.3, 2.0, dt))
+    walk = known['random_walk'](dict.fromkeys([p.name for p in known['random_walk'].parameters],
+                                              0.2))
+    q = walk.block(dt).q[0, 0]
+    np.testing.assert_allclose(statespace.psd(walk, f, dt),
+                               2 * dt * q / (2 * np.sin(np.pi * f * dt)) ** 2, rtol=1e-3)
 
 
 # --- the ladder ----------------------------------------------------------------------------------

@@ -256,12 +256,41 @@ def test_page_shows_the_pictures_of_any_domain(study):
 
 def test_pictures_of_a_study(study, pictures):
     """In full those targets that fail, worst first; the ladder once there is one."""
-    assert list(pictures) == ['series', 'allan', 'target gyro_x']
+    assert list(pictures) == ['series', 'allan', 'target gyro_x', 'found gyro_x sinusoid']
     assert all(p[:4] == b'\x89PNG' for p in pictures.values())
     step = Step('gyro_x', ('white',), 0.1, 0.1, 'white', verdict='falls')
     study.history = [*study.history, step]
     study.states = {'accel_z': study.states['accel_z']}
     assert list(report.pictures(study)) == ['series', 'allan', 'ladder']
+
+
+def test_what_is_missing_added_and_not_known_is_proven_by_a_picture(hidden):
+    study = Study(hidden.domain, hidden.states, hidden.source, hidden.history, hidden.diagnosis)
+    alts = [v for k, v in Page(report.html(study)).attributes if k == 'alt']
+    assert 'gyro_x: measured, and the model without and with sinusoid' in alts
+    study.add(targets=['gyro_x'])
+    shown = report.pictures(study)
+    assert 'added gyro_x sinusoid' in shown
+    page = Page(report.html(study, shown))
+    assert 'model without sinusoid and with it' in page.text
+    near = Finding('ramp', 9.0, penalty=5.0, against='nothing in the mean speaks for it')
+    study.diagnosis['accel_z'] = Diagnosis('unknown', (near,))
+    shown = report.pictures(study)
+    assert 'unexplained accel_z' in shown
+    assert 'ramp comes nearest, and was rejected: nothing in the mean speaks for it' in Page(
+        report.html(study, shown)).text
+
+
+def test_a_page_full_of_pictures_can_be_mailed(hidden):
+    """The most pictures that a page of six axes has, as large as those of real studies."""
+    rng = np.random.default_rng(1)
+    figure = style.new_figure(14, 8.4)
+    for k in range(6):
+        figure.add_subplot(2, 3, k + 1).plot(rng.standard_normal((3000, 2)), '.', markersize=2)
+    large = style.png(figure)
+    assert len(large) > 200_000
+    shown = {'series': large, 'allan': large, 'target gyro_x': large, 'target accel_z': large}
+    assert len(report.html(hidden, shown)) < 1.1e6
 
 
 def test_each_axis_tells_its_own_story(study):

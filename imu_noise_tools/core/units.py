@@ -63,3 +63,10 @@ def shown(value: float | None, template: str, sensor: str) -> str:
         return 'not observable'
     text = f'{value / factor:.3g}'
     return f'{text} {unit}' if unit != '1' else text
+
+
+def duration(seconds: float) -> str:
+    """Return a length of time as people say it."""
+    if seconds < 120:
+        return f'{seconds:.3g} s'
+    return f'{seconds / 60:.3g} min' if seconds < 7200 else f'{seconds / 3600:.3g} h'

@@ -11,11 +11,12 @@ from typing import Any
 from nicegui import ui
 
 from . import look
-from .panels import begin_by_hand, names_by_hand, panel_of, span_of, Stretch, with_hand
+from .panels import begin_by_hand, names_by_hand, span_of
 from .widgets import loud, quiet
 from ..core import units
 from ..core.errors import ImuNoiseError
 from ..loop.effect import Effect, Parameter
+from ..plots.panel import Stretch
 from ..report import words
 
 EVERYWHERE = Stretch(-math.inf, math.inf, '')
@@ -44,14 +45,14 @@ class Hand:
     def draw(self, where: Any) -> None:
         """Draw the choice and the sliders, where the domain has any."""
         page = self._page
-        now = (page.target, page.study.domain, tuple(page.state.model.labels), self._begun)
+        names = names_by_hand(page.study.domain, page.state)
+        if self.effect is not None and self.effect.name not in names:
+            self.clear()
+        now = (page.study.domain, names, self._begun)
         if now == self._for:
             self._say()
             return
         self._for = now
-        names = names_by_hand(page.study.domain, page.state)
-        if self.effect is not None and self.effect.name not in names:
-            self.clear()
         where.clear()
         with where:
             if not names:
@@ -144,12 +145,12 @@ class Hand:
         if self.effect is None or self._outcome is None:
             return
         where = page.stretch or EVERYWHERE
-        domain, state = page.study.domain, page.state
-        bins, before = panel_of(domain, state, page.view).fails(where)
-        after = panel_of(domain, with_hand(state, self.effect), page.view).fails(where)[1]
+        bins, before = page.session.seen(page.target).panels[page.view].panel.fails(where)
+        after = page.panel.fails(where)[1]
         chance = 2 * math.sqrt(2 * max(bins, 1))
         quality = 'good' if after <= chance else 'bad' if after > before else 'doubt'
         self._outcome.set_content(
-            f'<p>What fails in this {"stretch" if page.stretch else "view"}, not fitted: '
-            f'{before:.3g} without it, {look.badge(f"{after:.3g} with it", quality)}, '
+            f'<p>Misfit in this {"stretch" if page.stretch else "view"}, not fitted (sum of '
+            f'squared pulls above its expectation): {before:.3g} without it, '
+            f'{look.badge(f"{after:.3g} with it", quality)}, '
             f'up to {chance:.2g} by chance.</p>')

@@ -17,12 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from .panels import panel_of, stated, Stretch
+from .figure import Drawn, drawn
+from .panels import names_of, panel_of, stated
 from .. import store
 from ..core.errors import FitError
 from ..loop.effect import find_effect, Finding, registry
 from ..loop.prediction import State
 from ..loop.study import Study
+from ..plots.panel import Stretch
 from ..report import words
 from ..tasks import loop as tasks, noise
 
@@ -31,16 +33,51 @@ LEAST = 0.01        # share of what fails in a stretch from which a candidate is
 Models = dict[str, tuple[str, ...]]         # labels by target
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What takes a moment to work out of a target, ready before it is clicked."""
+
+    panels: dict[str, Drawn]
+    remarks: list[str]
+
+
+Everything = dict[str, Seen]        # by target
+
+
 def analyse(bag: str, folder: str, options: dict[str, Any], progress: Progress) -> None:
     """Analyse a bag into a study on disk."""
     noise.analyse(bag, folder, progress=progress, **options)
 
 
-def load(folder: str, progress: Progress) -> tuple[Study, str]:
-    """Return the study of a folder, and the fingerprint of what it was read from."""
+def load(folder: str, progress: Progress) -> tuple[Study, str, Everything]:
+    """Return the study of a folder, the fingerprint of what it was read from, its panels."""
     progress(None, f'reading {Path(folder).name}')
-    seen = store.fingerprint(folder)
-    return store.load(folder), seen
+    fingerprint = store.fingerprint(folder)
+    study = store.load(folder)
+    return study, fingerprint, look(study, study.targets)
+
+
+def changed(function: Callable[..., Study], study: Study, *args: Any) -> tuple[Study, Everything]:
+    """Return what a function makes of a study, and the panels of the targets that it changed."""
+    before = dict(study.states)
+    study = function(study, *args)
+    return study, look(study, [t for t, s in study.states.items() if before.get(t) is not s])
+
+
+def look(study: Study, targets: Sequence[str]) -> Everything:
+    """Return what is to be seen of some targets."""
+    return {t: seen(study.domain, study.states[t]) for t in targets}
+
+
+def seen(domain: str, state: State) -> Seen:
+    """Return every panel of a target, and what is to be said of its fit."""
+    return Seen({view: draw(domain, state, view) for view in names_of(domain, state)},
+                state.problem.remarks(state.fit))
+
+
+def draw(domain: str, state: State, view: str, hand: str = '') -> Drawn:
+    """Return one panel of a target; ``hand`` is the label of what was put in by hand."""
+    return drawn(panel_of(domain, state, view), state.model.labels, hand)
 
 
 def diagnose(study: Study, targets: Sequence[str], progress: Progress) -> Study:

@@ -14,12 +14,12 @@ from nicegui import run, ui
 import numpy as np
 
 from . import look
-from .figure import figure
-from .panels import Curve, Panel
-from .widgets import loud, quiet
+from .figure import drawn, marked
+from .widgets import loud, Plot, quiet
 from .. import store
 from ..core import units
 from ..core.errors import ImuNoiseError
+from ..plots.panel import Curve, Panel
 from ..plots.panels import TAU
 from ..plots.style import readable
 from ..report import words
@@ -51,7 +51,7 @@ def panel(axis: str, found: Mapping[str, Any]) -> Panel:
     if np.all(np.isfinite(model)) and np.all(model > 0):
         lines.append(Curve('model', tau, model / factor, 'model'))
         pull = np.log(dev / model) / np.maximum(np.log(hi / lo) / (2 * NORMAL), 1e-9)
-    return Panel('allan', 'Allan deviation', TAU, 's', tau, pull,
+    return Panel('allan', TAU, 's', tau, pull,
                  f'Allan deviation, {readable(unit)}', 'xy', tuple(lines))
 
 
@@ -91,7 +91,7 @@ class Live:
         with ui.element('main').classes('screen'):
             self._ladder = ui.element('section').classes('ladder')
             with ui.element('section').classes('curve'):
-                self._plot = ui.plotly({'data': [], 'layout': {}}).classes('plot')
+                self._plot = Plot()
             with ui.element('section').classes('verdict'):
                 self._verdict = ui.html('', sanitize=False)
                 # made once: one that is drawn anew under the mouse would lose the click
@@ -133,7 +133,7 @@ class Live:
                     quiet(axis, partial(self._show, axis), axis == self.axis)
         found = self.source.curves.get(self.axis)
         if found is not None and len(found['tau']):
-            self._plot.update_figure(figure(panel(self.axis, found)))
+            self._plot.draw(marked(drawn(panel(self.axis, found))))
         self._ladder.clear()
         with self._ladder:
             steps = [s for s in self._steps if s.target == self.axis]

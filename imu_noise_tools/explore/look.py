@@ -43,7 +43,8 @@ body { background: var(--paper) !important; color: var(--ink); font-size: 15px; 
 .curve { border-left: 1px solid var(--line); border-right: 1px solid var(--line) }
 .plot { height: min(60vh, 34rem); min-height: 21rem; width: 100%; background: #fff }
 h2 { font-size: 1rem; font-weight: 600; line-height: 1.3; margin: 1.1rem 0 .3rem }
-section > :first-child > h2:first-child { margin-top: 0 }
+section > :first-child > h2:first-child,
+.verdict > :first-child > :first-child > h2:first-child { margin-top: 0 }
 p { margin: .3rem 0; overflow-wrap: anywhere }
 ul { margin: .3rem 0; padding-left: 1.1rem } li { overflow-wrap: anywhere; margin: .15rem 0 }
 .small { font-size: .87rem } .faint { color: var(--faint) }
@@ -129,7 +130,7 @@ def verdict_of(state: State, d: Diagnosis | None) -> str:
             f'{badge(words.error_in_words(state.error), side)}</p>')
 
 
-def rest_of(state: State, d: Diagnosis | None) -> str:
+def rest_of(d: Diagnosis | None, remarks: Sequence[str]) -> str:
     """Return what then still fails, the advice, and what else is to be said of the fit."""
     said = []
     if d is not None:
@@ -138,7 +139,7 @@ def rest_of(state: State, d: Diagnosis | None) -> str:
         left = words.remaining_in_words(d)
         said += [escape(left[:1].upper() + left[1:])] if left else []
         said += [escape(d.advice)] if d.advice else []
-    said += [escape(s) for s in state.problem.remarks(state.fit)]
+    said += [escape(s) for s in remarks]
     return bullets(said, 'small')
 
 

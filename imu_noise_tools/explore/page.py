@@ -18,15 +18,17 @@ from typing import Any
 from nicegui import ui
 
 from . import look
-from .figure import figure
+from .figure import marked
 from .hand import Hand
+from .jobs import draw
 from .live import Live, Source
-from .panels import names_of, Stretch, with_hand
+from .panels import names_of, with_hand
 from .session import Session
-from .widgets import loud, quiet
+from .widgets import loud, Plot, press, quiet
 from .. import export
 from ..core.errors import ImuNoiseError
 from ..loop.effect import registry
+from ..plots.panel import Stretch
 from ..report import words
 
 FOLLOW = 0.15       # s between looks at the session
@@ -49,7 +51,12 @@ class Page:
     def __init__(self, session: Session, target: str, view: str) -> None:
         self.session, self.target, self.view = session, target, view
         self.stretch: Stretch | None = None
+        self.panel: Any = None              # that is on the screen
         self._shown = (-1, None, None)      # version, busy and said that are on the screen
+        # what was made stays, and only what differs is sent: a click must not wait for the rest
+        self._made: dict[str, Any] = {}
+        self._axes: dict[str, Any] = {}
+        self._views: dict[str, Any] = {}
         ui.add_css(look.STYLE)
         ui.colors(primary='#0072b2')
         self._bar = ui.element('header').classes('bar')
@@ -59,15 +66,21 @@ class Page:
             self._said = ui.html('', sanitize=False)
             self._stop = quiet('Stop', self.session.stop)
         with ui.element('main').classes('screen'):
-            self._ladder = ui.element('section').classes('ladder')
+            with ui.element('section').classes('ladder'):
+                self._rungs = ui.html('', sanitize=False)
+                self._effects = ui.element('div')
+                self._tools = ui.element('div').classes('asked q-mt-sm')
             with ui.element('section').classes('curve'):
                 self._tabs = ui.element('nav').classes('tabs')
-                self._plot = ui.plotly({'data': [], 'layout': {}}).classes('plot')
-                self._plot.on('plotly_selected', self._brushed,
-                              js_handler='(e) => { if (e && e.range) emit(e.range.x) }')
+                self._plot = Plot()
+                self._plot.element.on(
+                    'plotly_selected', self._brushed,
+                    js_handler='(e) => { if (e && e.range) emit(e.range.x) }')
                 self._asked = ui.element('div').classes('small')
                 self._by_hand = ui.element('div')
-            self._verdict = ui.element('section').classes('verdict')
+            with ui.element('section').classes('verdict'):
+                self._verdict = ui.element('div')
+                self._export = ui.element('div')
         self.hand = Hand(self)
         self.follow()
         ui.timer(FOLLOW, self.follow)
@@ -113,7 +126,7 @@ class Page:
     def _brushed(self, event: Any) -> None:
         """Take the stretch that was drawn across the plot."""
         low, high = sorted(float(v) for v in event.args[:2])
-        panel = self.session.panel(self.state, self.target, self.view)
+        panel = self.session.seen(self.target).panels[self.view].panel
         if high > low:
             self.stretch = Stretch(low, high, panel.unit)
             self.draw_curve()
@@ -157,64 +170,84 @@ class Page:
             text, kind = f'On disk: {self.session.folder}', 'faint'
         self._said.set_content(look.badge(text, kind))
 
+    def _changed(self, part: str, now: Any) -> bool:
+        """Tell whether a part of the screen has to be made anew; remember what of."""
+        if self._made.get(part) == now:
+            return False
+        self._made[part] = now
+        return True
+
     def _draw_bar(self) -> None:
-        self._bar.clear()
-        with self._bar:
-            others = self.session.others()
-            if len(others) < 2:
-                ui.html(f'<h1>{look.escape(self.session.folder.name)}</h1>', sanitize=False)
-            else:
-                here = str(self.session.folder.resolve())
-                ui.select(others, value=here, label='study', on_change=lambda e:
-                          self.session.go_to(e.value)).props('dense outlined options-dense')
-            for t in self.study.targets:
-                _, quality = words.verdict_in_words(self.study.states[t].error,
-                                                    self.study.diagnosis.get(t))
-                with quiet('', partial(self.show, t), t == self.target):
-                    ui.html(f'<span class="dot {quality}"></span>{look.escape(t)}',
-                            sanitize=False)
+        others = self.session.others()
+        if self._changed('bar', (self.session.folder, others, self.study.targets)):
+            self._bar.clear()
+            with self._bar:
+                if len(others) < 2:
+                    ui.html(f'<h1>{look.escape(self.session.folder.name)}</h1>', sanitize=False)
+                else:
+                    ui.select(others, value=str(self.session.folder.resolve()), label='study',
+                              on_change=lambda e: self.session.go_to(e.value)
+                              ).props('dense outlined options-dense')
+                for t in self.study.targets:
+                    with quiet('', partial(self.show, t), False) as self._axes[t]:
+                        ui.html('', sanitize=False)
+        for t in self.study.targets:
+            _, quality = words.verdict_in_words(self.study.states[t].error,
+                                                self.study.diagnosis.get(t))
+            press(self._axes[t], t == self.target)
+            next(iter(self._axes[t])).set_content(
+                f'<span class="dot {quality}"></span>{look.escape(t)}')
 
     def _draw_tabs(self) -> None:
-        self._tabs.clear()
-        with self._tabs:
-            for name, title in names_of(self.study.domain, self.state).items():
-                quiet(title[:1].upper() + title[1:], partial(self.show, '', name),
-                      name == self.view)
+        names = names_of(self.study.domain, self.state)
+        if self._changed('tabs', names):
+            self._tabs.clear()
+            with self._tabs:
+                self._views = {name: quiet(title[:1].upper() + title[1:],
+                                           partial(self.show, '', name), False)
+                               for name, title in names.items()}
+        for name, button in self._views.items():
+            press(button, name == self.view)
 
     def _draw_ladder(self) -> None:
         s, busy = self.session, self.session.busy is not None
-        self._ladder.clear()
-        with self._ladder:
-            steps = [x for x in self.study.history if x.target == self.target]
-            ui.html(f'<h2>Ladder of {look.escape(self.target)}</h2><p class="small faint">The '
-                    'error on data that the fit has not seen, model after model. Up to the green '
-                    f'mark chance explains it.</p>{look.rungs(steps)}<h2>In the model</h2>',
-                    sanitize=False)
+        steps = [x for x in self.study.history if x.target == self.target]
+        self._rungs.set_content(
+            f'<h2>Ladder of {look.escape(self.target)}</h2><p class="small faint">The error on '
+            'data that the fit has not seen, model after model. Up to the green mark chance '
+            f'explains it.</p>{look.rungs(steps)}<h2>In the model</h2>')
+        self._effects.clear()
+        with self._effects:
             for label in self.state.model.labels:
                 with ui.element('div').classes('effect'):
                     ui.html(look.coefficients(self.state, self.target, label), sanitize=False)
                     quiet('Remove', partial(s.remove, self.target, label), enabled=not busy
                           ).props(f'aria-label="Remove {label}"')
-            with ui.element('div').classes('asked q-mt-sm'):
-                quiet('Undo', s.undo, enabled=bool(s.can_undo) and not busy).tooltip(
-                    f'back to {s.can_undo}' if s.can_undo else 'nothing was changed here yet')
-                names = [n for n, c in registry(self.study.domain).items()
-                         if n not in self.state.model or c.several]
-                ui.select(names, label='Add an effect', with_input=True, on_change=lambda e:
-                          e.value and s.add(self.target, [e.value])
-                          ).props('dense outlined options-dense').set_enabled(not busy)
+        names = [n for n, c in registry(self.study.domain).items()
+                 if n not in self.state.model or c.several]
+        if not self._changed('tools', (s.can_undo, busy, names)):
+            return
+        self._tools.clear()
+        with self._tools:
+            quiet('Undo', s.undo, enabled=bool(s.can_undo) and not busy).tooltip(
+                f'back to {s.can_undo}' if s.can_undo else 'nothing was changed here yet')
+            ui.select(names, label='Add an effect', with_input=True, on_change=lambda e:
+                      e.value and s.add(self.target, [e.value])
+                      ).props('dense outlined options-dense').set_enabled(not busy)
 
     def draw_curve(self) -> None:
         """Draw the panel, and what its stretch is."""
-        state = self.state
-        if self.hand.effect is not None:
-            state = with_hand(state, self.hand.effect)
-        panel = self.session.panel(state, self.target, self.view)
+        hand = self.hand.effect
+        if hand is None:
+            drawn = self.session.seen(self.target).panels[self.view]
+        else:
+            state = with_hand(self.state, hand)
+            drawn = draw(self.study.domain, state, self.view, state.model.labels[-1])
+        self.panel = drawn.panel
         found = self.study.diagnosis.get(self.target)
         suspect = found.found[0].name if found and found.found else ''
-        label = next((x for x in state.model.labels if x not in self.state.model), '')
-        self._plot.update_figure(figure(panel, state.model.labels, self.stretch, label,
-                                        '' if label else suspect))
+        self._plot.draw(marked(
+            drawn, self.stretch, suspect if hand is None else ''))
         self._draw_asked()
 
     def _draw_asked(self) -> None:
@@ -224,7 +257,7 @@ class Page:
         with self._asked:
             if answer is None and self.stretch is None:
                 ui.html('<p class="faint">Draw across a stretch of the plot to ask what it is. '
-                        'Below: pull, measured less model in standard errors; grey is chance.'
+                        'Below: pull, measured minus model in standard errors; grey is chance.'
                         '</p>', sanitize=False)
                 return
             at = self.stretch or (answer.stretch if answer else Stretch(0, 0, ''))
@@ -258,7 +291,7 @@ class Page:
                     ui.html(look.found(f, self.target), sanitize=False)
                     (quiet if k else loud)(f'Add {f.name}', partial(
                         s.add, self.target, [f.name]), enabled=not busy)
-            ui.html(look.rest_of(state, d), sanitize=False)
+            ui.html(look.rest_of(d, s.seen(self.target).remarks), sanitize=False)
             with ui.element('div').classes('asked'):
                 (quiet if d else loud)('Diagnose', lambda: s.diagnose([self.target]),
                                        enabled=not busy)
@@ -266,8 +299,11 @@ class Page:
                 quiet('Until complete', lambda: s.complete([self.target]), enabled=not busy
                       ).tooltip('add what is missing, one after the other, until nothing is')
             self._draw_failing(state)
+        if self._changed('export', self.study.domain):
+            self._export.clear()
             if self.study.domain == 'noise':
-                self._draw_export()
+                with self._export:
+                    self._draw_export()
 
     def _draw_failing(self, state: Any) -> None:
         """Name the views that fail; a click looks at one."""

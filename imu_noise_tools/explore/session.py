@@ -20,12 +20,12 @@ from typing import Any
 
 from . import jobs
 from .jobs import Answer
-from .panels import Panel, panel_of, Stretch
 from .worker import StoppedError, Worker
 from .. import export, store
 from ..core.errors import ImuNoiseError, InputError
 from ..loop.prediction import State
 from ..loop.study import Study
+from ..plots.panel import Stretch
 from ..tasks import loop as tasks
 from ..tasks.noise import default_folder
 
@@ -83,7 +83,7 @@ class Session:
         self._thread: threading.Thread | None = None
         self._dropped = False
         self._undo: list[jobs.Models] = []
-        self._panels: dict[tuple[str, str], tuple[State, Panel]] = {}
+        self._known: dict[str, tuple[State, jobs.Seen]] = {}
         self._seen = self._stamp = ''
         self.study: Study | None = None
         self.version = 0
@@ -161,7 +161,8 @@ class Session:
 
     def _load(self) -> None:
         self._stamp = self._stamp_now()
-        self.study, self._seen = self._run(jobs.load, str(self.folder))
+        study, self._seen, fresh = self._run(jobs.load, str(self.folder))
+        self._take(study, fresh)
         self._undo.clear()
         self.answers.clear()
 
@@ -234,7 +235,8 @@ class Session:
                 raise tasks.ChangedError(f'{self.folder.name} was changed elsewhere')
             try:
                 for function, *args in steps:
-                    study = self.study = self._run(function, study, *args)
+                    study, fresh = self._run(jobs.changed, function, study, *args)
+                    self._take(study, fresh)
                     self.answers.clear()
                     self.version += 1
                 self._write(study)
@@ -285,18 +287,24 @@ class Session:
     def identify(self, target: str, view: str, stretch: Stretch) -> bool:
         """Ask what a stretch of a panel is; :attr:`answers` holds what came of it."""
         def work() -> None:
-            self.study, answer = self._run(jobs.identify, self.study, target, view, stretch)
+            study, answer = self._run(jobs.identify, self.study, target, view, stretch)
+            self._take(study, {})
             self.answers[target, view] = answer
         return self._start('looking', work)
 
-    def panel(self, state: State, target: str, view: str) -> Panel:
-        """Return a panel of a target, worked out once for each of its states."""
+    def _take(self, study: Study, fresh: jobs.Everything) -> None:
+        """Take what another process made of the study: its states are copies, changed or not."""
+        self._known = {t: (state, fresh[t] if t in fresh else self._known[t][1])
+                       for t, state in study.states.items()}
+        self.study = study
+
+    def seen(self, target: str) -> jobs.Seen:
+        """Return what is to be seen of a target; at once, unless a step was taken back."""
         assert self.study is not None
-        known = self._panels.get((target, view))
-        if known is None or known[0] is not state:
-            known = state, panel_of(self.study.domain, state, view)
-            self._panels[target, view] = known
-        return known[1]
+        state = self.study.states[target]
+        if self._known[target][0] is not state:
+            self._known[target] = state, jobs.seen(self.study.domain, state)
+        return self._known[target][1]
 
     def export(self, name: str, axes: str = 'worst', inflate: float = 1.0) -> str:
         """Return the numbers as another program reads them."""

@@ -210,6 +210,28 @@ def oscillates(model: Model) -> bool:
     return any(e.line for e in model.of(FilterEffect))
 
 
+def psd(effect: FilterEffect, f: np.ndarray, dt: float) -> np.ndarray | None:
+    """
+    Return the one-sided PSD (k,) at f > 0 (Hz) of what an effect adds to the measurement.
+
+    By its block: H (z - Phi)^-1 Q (z - Phi)^-H H', and R; of a motion that goes on for ever that
+    of its steps. None of what switches, and of what only multiplies other noise.
+
+    """
+    b = effect.block(dt)
+    if b.switching or b.outliers or b.jitter or b.r_factor != 1.0:
+        return None
+    out = np.full(len(f), 2 * dt * b.r)
+    if b.step:
+        out = out + 2 * dt * b.step[0] * b.step[1] / (2 * np.sin(np.pi * f * dt)) ** 2
+    if len(b.h):
+        z = np.exp(2j * np.pi * f * dt)[:, None, None]
+        gain = np.linalg.solve((z * np.eye(len(b.h)) - b.phi).transpose(0, 2, 1),
+                               np.broadcast_to(b.h[:, None], (len(f), len(b.h), 1)))[:, :, 0]
+        out = out + 2 * dt * np.einsum('fi,ij,fj->f', gain, b.q, gain.conj()).real
+    return out
+
+
 def state_space(model: Model, dt: float) -> StateSpace:
     """
     Add the blocks of a model over one interval dt (s).

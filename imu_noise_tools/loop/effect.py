@@ -435,7 +435,8 @@ class Estimate:
 
     ``value`` is None where the interval of an amplitude reaches zero; ``point`` still holds the
     most likely number, which the model is drawn with. ``fixed`` marks what came from the samples
-    rather than from the fit.
+    rather than from the fit. ``profile`` are (value, deviance) where the profile likelihood was
+    looked at: 2 ln L below its maximum; not kept with a study.
 
     """
 
@@ -447,6 +448,7 @@ class Estimate:
     note: str = ''
     point: float | None = None
     fixed: bool = False
+    profile: tuple[tuple[float, float], ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
 
@@ -37,6 +37,7 @@ __all__ = [
     'Modulation',
     'NoiseEffect',
     'Parameter',
+    'Portrait',
     'Response',
     'Spectrum',
     'StateSpace',
@@ -66,6 +67,24 @@ class Inputs:
     dt: float
     covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
     axes: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """
+    What shows one effect where no view of an axis does: measured points, and its own line.
+
+    ``x``, ``y`` and ``line_x``, ``line_y`` (k,) each; ``units`` of x and y as for a
+    :class:`Parameter` (``1``: none), the titles without them.
+
+    """
+
+    titles: tuple[str, str]
+    units: tuple[str, str]
+    x: np.ndarray
+    y: np.ndarray
+    line_x: np.ndarray
+    line_y: np.ndarray
 
 
 class NoiseEffect(Effect):
@@ -146,6 +165,10 @@ class NoiseEffect(Effect):
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """Return what the samples say for it, fitted so, beyond the spectrum (nats)."""
         return 0.0
+
+    def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
+        """Return what shows it best beside the views, by name, worked out when called."""
+        return {}
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Return x (n,) with the effect in it: its simulation."""

@@ -185,6 +185,7 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
                 point=value,
                 note=note,
             )
+        e = replace(e, profile=tuple((slot.from_search(at), d) for at, d in profile.seen[j]))
         out.setdefault(slot.label, {})[slot.parameter.name] = e
     return out, flags
 
@@ -199,6 +200,7 @@ class _Profile:
 
     def __init__(self, likelihood, top, least):
         self.likelihood, self.top, self.least = likelihood, top, least
+        self.seen = [[(float(at), 0.0)] for at in top]
 
     def deviance(self, j: int, at: float, warm: np.ndarray) -> tuple[float, np.ndarray]:
         """Return 2 (-ln L(at) - min) with all others free, and where they went."""
@@ -207,7 +209,9 @@ class _Profile:
         x = warm.copy()
         x[j] = at
         x, nll, _ = self.likelihood.minimise(x, free=free, steps=25)
-        return max(2 * (nll - self.least), 0.0), x
+        deviance = max(2 * (nll - self.least), 0.0)
+        self.seen[j].append((at, deviance))
+        return deviance, x
 
     def crossing(self, j: int, sign: int, level: float, step: float) -> float | None:
         """

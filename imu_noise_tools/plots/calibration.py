@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
+from .panel import Curve, Panel
 from .style import (
     AXES,
     dress,
@@ -23,14 +25,16 @@ from .style import (
     readable,
     SMALL,
 )
-from ..calibration import Calibration, of_study
+from ..calibration import Calibration, CalibrationProblem, of_study, Regressor
 from ..calibration.poses import DIRECTIONS, unit
+from ..loop.prediction import State
 from ..loop.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+FAINTEST = 1e-2     # standard errors: what is smaller is drawn there
 _LOUD = 3.0         # a pose further off than this many standard errors is named
 
 
@@ -189,3 +193,39 @@ def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """Return the picture of a calibration study, ``poses``; of a second sensor one of its own."""
     more = {f'target {t}': png(calibration_figure(of_study(study, t))) for t in study.targets[1:]}
     return {**more, 'poses': png(calibration_figure(of_study(study)))}
+
+
+def panels(state: State) -> Mapping[str, Callable[[], Panel]]:
+    """Return the panel of a calibration: what other poses say of each, and each effect there."""
+    return {'poses': lambda: by_pose(state)}
+
+
+def by_pose(state: State) -> Panel:
+    """
+    Return the poses one after the other, in standard errors of a pose.
+
+    The pulls are what the others do not foresee, the lines what each effect makes of a pose. An
+    effect that the fit does not know (put in by hand) is taken off the outputs first.
+
+    """
+    problem, fit = cast(CalibrationProblem, state.problem), state.fit
+    system, order = fit.details.equations, np.argsort(problem.poses.time, kind='stable')
+    known, right, lines = {label for label, _ in system.keys}, system.right.copy(), []
+    x, row = 1.0 + np.arange(len(order)), system.pose[system.pose >= 0]
+    for e in fit.model.of(Regressor):
+        made = problem.columns(fit, e) @ [e[p.name] for p in e.parameters]
+        if e.label not in known:
+            right[len(right) - len(made):] -= made
+        size = np.sqrt(np.bincount(row, made ** 2, len(order)) / np.bincount(row))
+        lines.append(Curve(e.label, x, np.maximum(size, FAINTEST)[order], 'effect'))
+    left = replace(system, right=right).left_out()
+    size = np.sqrt(left.x / np.maximum(left.bins, 1))
+    lines.append(Curve('not foreseen by the others', x, np.maximum(size, FAINTEST)[order]))
+    place = np.argsort(order)
+    at = np.repeat(x[place], left.bins)
+    by_place = np.argsort(at, kind='stable')
+    names = [problem.poses.names[k] for k in order]
+    title = 'pose' + (': ' + ', '.join(f'{k} {n}' for k, n in enumerate(names, 1))
+                      if len(names) <= 12 else '')
+    return Panel('poses', title, 'pose', at[by_place], left.pulls[by_place],
+                 'standard errors of a pose', 'y', tuple(lines))

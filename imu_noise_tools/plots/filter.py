@@ -5,15 +5,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
-from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png
+from .panel import Curve, Panel, plain
+from .panels import rebinned
+from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png, readable
+from ..core import units
+from ..core.allan import interval
+from ..core.spectrum import bins_of, cosine_transform, power
 from ..core.statistics import TWO_SIDED
 from ..filter import FilterProblem
-from ..filter.evaluate import autocorrelation, distribution_view, spectrum_view
+from ..filter.evaluate import autocorrelation, distribution_view, spectrum_view, time_view
+from ..filter.predict import Prediction
+from ..filter.statespace import FilterEffect, Motion, psd
+from ..loop.effect import Model
+from ..loop.prediction import State
 from ..loop.study import Study
 
 if TYPE_CHECKING:
@@ -94,3 +103,40 @@ def study_figure(study: Study) -> Figure:
 def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """Return the picture of a filter's study, ``innovations``; no target has one of its own."""
     return {'innovations': png(study_figure(study))}
+
+
+def panels(state: State) -> Mapping[str, Callable[[], Panel]]:
+    """Return the panels of an axis: the spectrum with each effect's, scores by size and time."""
+    problem = cast(FilterProblem, state.problem)
+    return {'spectrum': lambda: _spectrum(problem, state.model),
+            'distribution': lambda: plain(distribution_view(_seen(problem, state.model).smooth)),
+            'time': lambda: plain(time_view(_seen(problem, state.model).u, problem.dt))}
+
+
+def _seen(problem: FilterProblem, model: Model) -> Prediction:
+    return problem.prediction(model)
+
+
+def _spectrum(problem: FilterProblem, model: Model) -> Panel:
+    """Return what was measured, what the model says of it, and the pulls of the innovations."""
+    z, dt = problem.z, problem.dt
+    bins = bins_of(len(z), dt)
+    some = bins.f > 0
+    f, count = bins.f[some], bins.count[some]
+    measured = power(cosine_transform(z), dt, bins)[some]
+    factor, unit = units.DEG, 'deg/s/sqrt(Hz)'
+
+    def density(s: np.ndarray) -> np.ndarray:
+        return np.sqrt(np.maximum(s, 1e-300) / 2) / factor
+
+    mid, level, weight = rebinned(f, measured, count)
+    lo, hi = interval(density(level), weight)
+    lines = [Curve('every bin', f, density(measured), 'dots'),
+             Curve('measured', mid, density(level), 'measured', lo, hi)]
+    each = {e.label: s for e in model.of(FilterEffect) if (s := psd(e, f, dt)) is not None}
+    if all(e.label in each for e in model.of(Motion)):
+        lines.append(Curve('model', f, density(np.sum(list(each.values()), axis=0)), 'model'))
+    lines += [Curve(label, f, density(s), 'effect') for label, s in each.items()]
+    view = spectrum_view(_seen(problem, model).u, dt)
+    return Panel('spectrum', 'frequency, Hz', 'Hz', view.x, view.pull,
+                 f'spectrum of the rate (two-sided), {readable(unit)}', 'xy', tuple(lines))

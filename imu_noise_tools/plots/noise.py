@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 from .curves import curves, evidence_of, runs
 from .ladder import ladder, ladder_figure
+from .looks import panels
 from .panels import (
     allan, distribution, HATCHED, in_time, psd, pulls, series, set_aside, shade, Stretch,
     suspected, TAU
@@ -25,7 +26,7 @@ from ..noise import views
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure',
+__all__ = ['allan', 'allan_figure', 'distribution', 'in_time', 'ladder', 'ladder_figure', 'panels',
            'pictures', 'pixels', 'png', 'psd', 'pulls', 'series', 'series_figure', 'target_figure']
 
 

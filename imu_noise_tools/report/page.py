@@ -11,13 +11,15 @@ from typing import Any
 
 from . import words
 from .markup import badge, bullets, cell, copied, escape, folded, image, page, table
-from .pictures import pictures as drawn, rung
+from .pictures import nearest, new_labels, pictures as drawn, rung
 from .. import export
 from ..loop.diagnosis import Diagnosis
 from ..loop.domains import package
 from ..loop.effect import Effect, Score
 from ..loop.study import Step, Study
+from ..plots.style import small_png
 
+MOST_BYTES = 700_000     # of pictures as they are; beyond that in few colours
 _TOGETHER = {'poses': ('Poses', 'residuals and directions of the poses'),
              'innovations': ('Innovations', 'innovations of all axes'),
              'allan': ('Allan deviation', 'Allan deviation of all axes')}
@@ -27,8 +29,8 @@ _CAPTIONS = {
     'allan': 'Dark: measured, with its 95 % band. Orange: the model, the sum of its effects; '
              'dashed: each effect alone, in parentheses where this record cannot show it. '
              'Circles: where coefficients are read (N at 1 s, K at 3 s, 0.664 B on the flat '
-             'part). Below each curve its pull, measured less model in standard errors. Red: more '
-             'than chance explains.',
+             'part). Below each curve its pull, measured minus model in standard errors. Red: '
+             'more than chance explains.',
     'target': 'Allan deviation and spectrum with their pulls; the time series; the rms of the '
               'noise in time; how many samples lie where a normal distribution has equally many. '
               'Grey in the lower row: all but one point of a thousand lie there by chance.',
@@ -40,6 +42,11 @@ _CAPTIONS = {
     'ladder': 'The error on data that the fit has not seen, model after model. In the green band '
               'it is as good as a true model could do. An effect that is really there makes it '
               'fall; one that is not there does not.'}
+
+
+_PROOF = ('Measured on the whole record, beside the model without {0} and with it. Below: what '
+          'either leaves, measured minus model in standard errors; grey is chance, red what '
+          'chance does not explain.')
 
 
 def html(study: Study, pictures: Mapping[str, bytes] | None = None,
@@ -58,6 +65,8 @@ def html(study: Study, pictures: Mapping[str, bytes] | None = None,
 
     """
     shown = dict(drawn(study) if pictures is None else pictures)
+    if sum(map(len, shown.values())) > MOST_BYTES:
+        shown = {k: small_png(v) if v else v for k, v in shown.items()}
     name = PurePath(str(study.source.get('path') or '')).name
     title = package(study.domain).TITLE + (f': {name}' if name else '')
     return page(title, [
@@ -123,12 +132,12 @@ def _target(study: Study, target: str, shown: Mapping[str, Any]) -> str:
     state, d = study.states[target], study.diagnosis.get(target)
     said, quality = words.verdict_in_words(state.error, d)
     done = quality == 'good'
-    parts = [_rungs(study, target), _coefficients(study, target)]
+    parts = [_rungs(study, target, shown), _coefficients(study, target)]
     if failing := words.failing(state.error):
         parts.append('<h4>Where the model fails</h4>' + bullets(
             f'{escape(words.view_in_words(v))}.' for v in failing))
     if d is not None:
-        parts.append(_diagnosis(target, d))
+        parts.append(_diagnosis(target, d, shown))
     full = shown.get(f'target {target}')
     if full is not None:
         parts.append(image(full, f'{target} in full', _CAPTIONS['target']))
@@ -138,14 +147,14 @@ def _target(study: Study, target: str, shown: Mapping[str, Any]) -> str:
                   not done or len(study.states) == 1)
 
 
-def _rungs(study: Study, target: str) -> str:
+def _rungs(study: Study, target: str, shown: Mapping[str, bytes]) -> str:
     """Return what was added and removed, why, and what it changed."""
     steps = [s for s in study.history if s.target == target]
-    out = [_rung(study.domain, before, step) for before, step in zip(steps, steps[1:])]
+    out = [_rung(before, step, shown) for before, step in zip(steps, steps[1:])]
     return '<h4>What happened when effects were added</h4>' + '\n'.join(out) if out else ''
 
 
-def _rung(domain: str, before: Step, step: Step) -> str:
+def _rung(before: Step, step: Step, shown: Mapping[str, bytes]) -> str:
     change = words.change(step)
     out = [f'<p>{_bold(change)}: {words.ERROR} {before.held_out:.3g} to {step.held_out:.3g} '
            f'{badge(f"(chance: up to {words.CHANCE * step.held_out_std:.2g})", "faint")}, '
@@ -162,11 +171,16 @@ def _rung(domain: str, before: Step, step: Step) -> str:
         told.append('What fails with it: '
                     + escape(', '.join(map(words.title_of, step.failing))) + '.')
     out.append(bullets(told))
-    if step.contrast is not None:
+    labels = '+'.join(new_labels(before, step))
+    full = shown.get(f'added {step.target} {labels}')
+    if full is not None:
+        out.append(image(full, f'{step.target}: measured, and the model without and with {labels}',
+                         _PROOF.format(labels)))
+    elif step.contrast is not None:
         out.append(image(
             rung(before, step), f'{step.target}: pulls before and after {change}',
             f'{words.title_of(step.contrast.view).capitalize()}, on data that neither model was '
-            'fitted to: measured less model in standard errors, before and after. Grey: chance. '
+            'fitted to: measured minus model in standard errors, before and after. Grey: chance. '
             'Red: more than chance explains.'))
     return '\n'.join(out)
 
@@ -227,7 +241,7 @@ def _excess(error: Score, name: str) -> str:
     return f'{badge(f"{view.excess:.2g}", colour)} {badge(f"({view.std:.2g})", "faint")}'
 
 
-def _diagnosis(target: str, d: Diagnosis) -> str:
+def _diagnosis(target: str, d: Diagnosis, shown: Mapping[str, bytes]) -> str:
     said = f'{d.verdict}: {words.VERDICTS.get(d.verdict, "")}'
     out = ['<h4>What is missing, and why we think so</h4>',
            f'<p>{badge(said, words.QUALITY.get(d.verdict, "faint"))}</p>']
@@ -239,8 +253,19 @@ def _diagnosis(target: str, d: Diagnosis) -> str:
               escape(f'{f.evidence}; against it: {f.against}' if f.against else f.evidence))
              for f in d.ranked)))
     out.append(bullets(escape(words.failed_in_words(f)) for f in d.failed))
+    for name in dict.fromkeys(f.name for f in d.found or d.ranked[:1]):
+        full = shown.get(f'found {target} {name}')
+        if full is not None:
+            out.append(image(full, f'{target}: measured, and the model without and with {name}',
+                             _PROOF.format(name)))
     if d.remaining is not None:
         out.append(f'<p>{escape(words.remaining_in_words(d))}</p>')
+    full = shown.get(f'unexplained {target}')
+    if full is not None:
+        near = nearest(d)
+        out.append(image(full, f'{target}: where no known effect explains what was measured', (
+            f'{_PROOF.format(near.name)} {near.name} comes nearest, and was rejected: '
+            f'{near.against}.' if near else 'Where the model fails: nothing known comes near.')))
     best = d.ranked[0].effect if d.ranked and d.verdict in ('missing', 'undecidable') else None
     if best is not None:
         out.append(f'<p>{_bold(best.name)}. {_physics(best)}</p>')

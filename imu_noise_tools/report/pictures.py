@@ -5,12 +5,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
 from .words import change, failing
+from ..core.errors import FitError
+from ..loop.diagnosis import Diagnosis
 from ..loop.domains import part
+from ..loop.effect import find_effect, Finding, Model, unfitted
+from ..loop.prediction import State
 from ..loop.study import Step, Study
-from ..plots import ladder, style
+from ..plots import ladder, proof, style
+from ..plots.panel import Panel
 
 MOST_TARGETS = 2          # targets shown in full
+MOST_PROOFS = 16          # a page is one file that can be mailed
+Panels = Mapping[str, Callable[[], Panel]]
 
 
 def pictures(study: Study) -> dict[str, bytes]:
@@ -18,12 +30,17 @@ def pictures(study: Study) -> dict[str, bytes]:
     Return the pictures of a study by name.
 
     Those of its domain, with the targets that fail most in full where it has such pictures;
-    ``ladder`` where something was added or removed.
+    ``ladder`` where something was added or removed; ``added``, ``found`` and ``unexplained``, with
+    target and label, are the proofs of what is in the model, missing, or not known.
 
     """
     out: dict[str, bytes] = {}
     if all(s.problem is not None for s in study.states.values()):
         out.update(part('plots', study.domain).pictures(study, worst_targets(study)))
+        for name, data in _proofs(study):
+            if sum(k.partition(' ')[0] in ('added', 'found', 'unexplained')
+                   for k in out) < MOST_PROOFS:
+                out[name] = data
     if any(s.added or s.removed for s in study.history):
         out['ladder'] = style.png(ladder.ladder_figure(study))
     return out
@@ -41,3 +58,100 @@ def rung(before: Step, step: Step) -> bytes:
     assert step.contrast is not None
     return style.small_png(style.png(ladder.contrast_figure(
         step.contrast, f'before: {" + ".join(before.effects)}', f'after: {change(step)}')))
+
+
+# --- proofs --------------------------------------------------------------------------------------
+
+def _proofs(study: Study) -> Iterator[tuple[str, bytes]]:
+    """Yield name and picture of what is missing or not known, then of what was added."""
+    for t, state in study.states.items():
+        if t in study.diagnosis:
+            yield from _of_diagnosis(study.domain, t, state, study.diagnosis[t])
+    for t, state in study.states.items():
+        steps = [s for s in study.history if s.target == t]
+        for before, step in zip(steps, steps[1:]):
+            new = new_labels(before, step)
+            if new and all(x in state.model for x in new):
+                view = step.contrast.view if step.contrast else ''
+                less = _without(state, new)
+                if less is not None:
+                    yield (f'added {t} {"+".join(new)}',
+                           _proof(study.domain, less, state, new, view, '+'.join(new)))
+
+
+def new_labels(before: Step, step: Step) -> list[str]:
+    """Return the labels that a rung put into the model."""
+    return [x for x in step.effects if x not in before.effects] if step.added else []
+
+
+def _of_diagnosis(domain: str, target: str, state: State,
+                  d: Diagnosis) -> Iterator[tuple[str, bytes]]:
+    now: State | None = state
+    for f in d.found or (d.ranked[:1] if d.verdict == 'undecidable' else ()):
+        more = _with(now, f)
+        if now is None or more is None:
+            return
+        label = more.model.labels[-1]
+        yield f'found {target} {f.name}', _proof(domain, now, more, [label], f.view, label)
+        now = more
+    if now is None or not (d.remaining or d.verdict == 'unknown'):
+        return
+    near = nearest(d)
+    more = _with(now, near) if near else None
+    tests = d.remaining.failed if d.remaining else d.failed
+    yield f'unexplained {target}', _proof(
+        domain, now, more or now, [more.model.labels[-1]] if more else [],
+        tests[0].view if tests else '', near.name if near else '')
+
+
+def nearest(d: Diagnosis) -> Finding | None:
+    """Return the known effect that comes nearest to what is not explained, though rejected."""
+    if d.remaining is not None and d.remaining.nearest is not None:
+        return d.remaining.nearest
+    return next((f for f in d.ranked if f.against and f not in d.found), None)
+
+
+def _without(state: State, labels: Sequence[str]) -> State | None:
+    """Return a target without some of its effects; None where that cannot be."""
+    model = state.model
+    for label in labels:
+        model = model.minus(label)
+    return _of_model(state, model)
+
+
+def _with(state: State | None, finding: Finding) -> State | None:
+    """Return a target with one more effect; None where that cannot be."""
+    if state is None:
+        return None
+    effect = find_effect(state.problem.domain, finding.name)
+    if finding.name in state.model and not effect.several:
+        return None
+    return _of_model(state, state.model.plus(finding.effect or effect()))
+
+
+def _of_model(state: State, model: Model) -> State | None:
+    """Return a target with another model, fitted where that takes no more than a moment."""
+    try:
+        if state.problem.looks_again:
+            return replace(state, fit=state.problem.point(unfitted(model)))
+    except FitError:
+        return None
+    return replace(state, fit=replace(state.fit, model=model)) if all(
+        e.fitted for e in model) else None
+
+
+def _proof(domain: str, before: State, after: State, labels: Sequence[str], view: str,
+           name: str) -> bytes:
+    old, new = (part('plots', domain).panels(s) for s in (before, after))
+    own = [new[k]() for k in new if k not in old]
+    a, b = _telling(old, new, view)
+    b = a if after is before else b
+    return style.small_png(style.png(proof.proof_figure(a, b, labels, own, name)))
+
+
+def _telling(old: Panels, new: Panels, view: str) -> tuple[Panel, Panel]:
+    """Return the panel of a view under both models; of any the one that changes most."""
+    if view in old and view in new:
+        return old[view](), new[view]()
+    both = [(old[k](), new[k]()) for k in old if k in new]
+    return max(both, key=lambda p: abs(float(np.sum(p[0].pull ** 2) - np.sum(p[1].pull ** 2))))

@@ -55,7 +55,7 @@ GLOSSARY = {
                      'cases, and no view fails.',
     'view': 'One way to look at what a model leaves: its spectrum, its mean and its level in '
             'time, its distribution, what it shares with other channels.',
-    'pull': 'Measured less model, in standard errors: 2 by chance once in twenty, 5 never.',
+    'pull': 'Measured minus model, in standard errors: 2 by chance once in twenty, 5 never.',
     'N, noise density': 'White noise: the Allan deviation at 1 s. Angle or velocity random walk.',
     'B, bias instability': 'Flicker noise: the flat part of the Allan curve is 0.664 B.',
     'K, random walk': 'The slow wandering of the bias: the Allan curve rises to K at 3 s.',
@@ -173,7 +173,7 @@ def recording_in_words(source: Mapping) -> str:
     rate = source.get('rate_hz')
     parts = [f'{source["samples"]} samples' if source.get('samples') else '',
              f'at {rate:.6g} Hz' if rate else '',
-             f'over {duration(source["duration_s"])}' if source.get('duration_s') else '']
+             f'over {units.duration(source["duration_s"])}' if source.get('duration_s') else '']
     topic = source.get('topic')
     said = ' '.join(p for p in parts if p)
     return (f'{said}, topic {topic}.' if topic else f'{said}.') if said else 'See below.'
@@ -208,9 +208,9 @@ def _near(view: View, x: float, y: float) -> bool:
 
 def _place(view: View, x: float) -> str:
     if view.unit == 'Hz':
-        return f'near {x:.3g} Hz' + (f' (period {duration(1 / x)})' if 0 < x < 0.1 else '')
+        return f'near {x:.3g} Hz' + (f' (period {units.duration(1 / x)})' if 0 < x < 0.1 else '')
     if view.unit == 's':
-        return f'at {duration(x)}'
+        return f'at {units.duration(x)}'
     if view.unit == 'quantile':
         out = min(x, 1 - x)
         return 'in the tails' if out < 0.05 else 'on the flanks' if out < 0.3 else 'near the mean'
@@ -243,13 +243,6 @@ def failed_in_words(test: Finding) -> str:
 def change(step: Step) -> str:
     """Return what a rung of the ladder did to the model."""
     return f'+ {step.added}' if step.added else f'- {step.removed}' if step.removed else 'start'
-
-
-def duration(seconds: float) -> str:
-    """Return a length of time as people say it."""
-    if seconds < 120:
-        return f'{seconds:.3g} s'
-    return f'{seconds / 60:.3g} min' if seconds < 7200 else f'{seconds / 3600:.3g} h'
 
 
 def diagnosis_in_words(d: Diagnosis) -> str:
@@ -363,7 +356,7 @@ def _source_value(key: str, value: Any) -> Any:
     if key == 'rate_hz':
         return f'{value:.6g} Hz'
     if key == 'duration_s':
-        return duration(value)
+        return units.duration(value)
     if key == 'begin_s':
         return f'{value:.6g} s of the record'
     if key == 'start' and 1e8 < value < 1e11:

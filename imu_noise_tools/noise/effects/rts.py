@@ -3,6 +3,7 @@
 
 """Random telegraph signal: popcorn noise."""
 
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -10,12 +11,15 @@ from scipy.fft import dct, idct
 from scipy.special import expit
 
 from ..evidence import Evidence
-from ..kinds import Inputs, Mean, model_gain2, Modulation, Parameter, Spectrum, StateSpace
+from ..kinds import (
+    Inputs, Mean, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
+)
 from ..views import slow_rest
 from ...core import gauss_markov
 from ...loop.effect import Effect, Fit
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
+_SHOWN, _FOLLOWED = 30, 8192  # dwells in a picture, block means that are told apart
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
 
 
@@ -115,6 +119,48 @@ class Rts(Spectrum):
         c[1:] *= 1 - np.clip(np.interp(k, centre, drift / v), 0, 1)
         return idct(c, type=2, norm='ortho')
 
+    def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
+        """Return its levels in time and how long it dwells, where block means can show them."""
+        width = evidence.common.slow_length * evidence.dt
+        if not 3 * width < self['tau'] < evidence.duration / 6:
+            return {}
+        return {'levels_of_the_telegraph': lambda: self._levels(evidence, fit, width),
+                'dwell_times': lambda: self._dwells(evidence, fit, width)}
+
+    def _levels(self, evidence: Evidence, fit: Fit, width: float) -> Portrait:
+        z, upper, levels = self._followed(evidence, fit, width)
+        some = slice(0, max(64, int(_SHOWN * self['tau'] / width)))
+        t = evidence.slow_t[-1] - width * np.arange(len(z))[::-1]
+        return Portrait(('time', 'mean of the axis'), ('s', '{rate}'), t[some], z[some],
+                        t[some], levels[upper.astype(int)][some])
+
+    def _dwells(self, evidence: Evidence, fit: Fit, width: float) -> Portrait:
+        """Return which share of the dwells lasts longer than x: a straight line, -x/tau."""
+        _, upper, _ = self._followed(evidence, fit, width)
+        dwells = np.sort(np.diff(np.flatnonzero(np.diff(upper.astype(int))))) * width
+        longer = 1 - (np.arange(len(dwells)) + 0.5) / max(1, len(dwells))
+        x = np.linspace(0, 5 * self['tau'], 64)
+        return Portrait(('dwell in a level', 'share of the dwells that last longer'), ('s', '1'),
+                        dwells, longer, x, np.exp(-x / self['tau']))
+
+    def _followed(self, evidence, fit, width):
+        """
+        Return block means (k,), whether each is in the upper level, and the levels (2,).
+
+        The levels are those between which the means were told apart (Baum 1970: three rounds).
+
+        """
+        z = self._without_drift(evidence, fit)[-_FOLLOWED:]
+        noise, stay = 0.5 * np.mean(np.diff(z) ** 2), 0.5 + 0.5 * np.exp(-2 * width / self['tau'])
+        levels = np.mean(z) + self['step'] * np.array([-0.5, 0.5])
+        for _ in range(3):
+            density = np.exp(-0.5 * (z[:, None] - levels) ** 2 / noise) + 1e-12
+            at = _both_ways(density, stay)
+            weight = np.stack([1 - at, at])
+            levels = (weight @ z) / np.maximum(weight.sum(axis=1), 1e-9)
+            noise = np.sum(weight * (z - levels[:, None]) ** 2) / len(z)
+        return z, at > 0.5, levels
+
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(1) spectrum."""
         return gauss_markov.psd(f, self['step'] / 2, self['tau'] / 2, dt)
@@ -139,6 +185,22 @@ class Rts(Spectrum):
     def example(cls) -> Effect:
         """Return levels 412 deg/h (0.002 rad/s) apart, each held for 8 s on average."""
         return cls({'step': 2e-3, 'tau': 8.0})
+
+
+def _both_ways(density: np.ndarray, stay: float) -> np.ndarray:
+    """Return the probability of the upper of two levels (k,), of densities (k, 2) in each."""
+    down, up = density.T.tolist()
+    passed = []
+    for low, high in ((down, up), (down[::-1], up[::-1])):
+        p, out = 0.5, []
+        for a, b in zip(low, high):
+            p = stay * p + (1 - stay) * (1 - p)
+            out.append(p)
+            p = p * b / (p * b + (1 - p) * a)
+        passed.append(np.array(out))
+    before, after = passed[0], passed[1][::-1]
+    yes, no = before * after * density[:, 1], (1 - before) * (1 - after) * density[:, 0]
+    return yes / (yes + no)
 
 
 def _gauss_markov(z, loud, step, tau, noise, width) -> float:

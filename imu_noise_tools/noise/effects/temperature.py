@@ -3,14 +3,18 @@
 
 """Temperature sensitivity of the bias: linear, quadratic, cubic, lagged."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import Inputs, Mean, Parameter
-from ...loop.effect import Effect
+from ..kinds import Inputs, Mean, Parameter, Portrait
+from ..views import slow_rest
+from ...loop.effect import Effect, Fit
 
 
 LEADS, LAGS = 8, 20  # starts of either sign
+POINTS = 512  # of a picture
 
 
 class Temperature(Mean):
@@ -78,6 +82,25 @@ class Temperature(Mean):
                     x = x - y * (x @ y / max(y @ y, 1e-300))
             out.append(x)
         return np.column_stack(out) * scale ** np.arange(1, 4)
+
+    def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
+        """Return the rate against the temperature, less all else that moves the mean."""
+        return {'rate_over_temperature': lambda: self._over_temperature(evidence, fit)}
+
+    def _over_temperature(self, evidence: Evidence, fit: Fit) -> Portrait:
+        inputs = Inputs(evidence.slow_t, evidence.dt, dict(evidence.slow_others))
+        y, mine = slow_rest(evidence, fit.model), self.mean(inputs)
+        for m in fit.model.of(Mean):
+            if m.label != self.label:
+                y = y - m.mean(inputs)
+        warmth = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t,
+                        self['lag'])
+        per = max(1, len(y) // POINTS)
+        x, seen = (v[:len(v) // per * per].reshape(-1, per).mean(axis=1) for v in (warmth, y))
+        order = np.argsort(warmth)[::per]
+        behind = f', {self["lag"]:.3g} s later' if self['lag'] else ''
+        return Portrait(('temperature' + behind, 'mean of the axis'), ('degC', '{rate}'),
+                        x, seen - np.mean(seen), warmth[order], (mine - np.mean(mine))[order])
 
     @classmethod
     def example(cls) -> Effect:
