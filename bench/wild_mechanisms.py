@@ -896,7 +896,7 @@ def out_parabola(rng, bed):
     power = int(rng.integers(2, 5))
     return _outside('parabola', 'mean', rng, {'power': power},
                     mean=np.abs(u) ** power * np.sign(u) ** power,
-                    kin={'transient'})
+                    kin={'transient'} | ({'drift'} if power == 2 else set()))
 
 
 def out_creep(rng, bed):

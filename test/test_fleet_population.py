@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from imu_noise_tools.fleet.amplitude import deviance, of_limit, of_profile
 from imu_noise_tools.fleet.population import (
-    _Likelihood, _Nested, called, fit, LIMIT_SHIFT, LIMIT_WIDTH, Sample, upper)
+    _Likelihood, _Nested, called, fit, Sample, upper)
 
 
 def sample(rng, units=20, axes=3, records=1, tau=0.1, omega=0.05, rho=0.0, s=0.02, limit=None,
@@ -110,43 +111,71 @@ def test_a_limit_far_above_says_nothing():
     assert b.tau == pytest.approx(a.tau, rel=0.05)
 
 
-def test_limits_enter_as_their_integral():
-    """The likelihood of one limit in a unit of its own is Phi over the spread (quadrature)."""
+def test_what_is_not_normal_enters_as_its_integral():
+    """Of a record in a unit of its own: its likelihood over the spread, by quadrature."""
     rng = np.random.default_rng(7)
     plain = sample(rng, units=6, axes=1, s=0.05)
-    more = Sample(np.append(plain.y, -0.1), np.append(plain.s, 1.0), np.append(plain.limit, True),
-                  np.append(plain.unit, 6), np.append(plain.axis, 0), np.ones((7, 1)))
-    some, x = _Likelihood(more), np.log([0.3])
-    for _ in range(5):
-        found = some.at(x)
-    z = (-0.1 + LIMIT_SHIFT - found['beta'][0]) / np.hypot(LIMIT_WIDTH, 0.3)
-    without = _Likelihood(Sample(plain.y, plain.s, plain.limit, plain.unit, plain.axis, plain.X))
-    d = without.data.s**2 + 0.3**2
-    r = plain.y - found['beta'][0]
-    for name in ('out',):
-        assert found[name].shape == (7, 2)
-    normal = -0.5 * np.sum(r**2 / d + np.log(d))
-    assert np.exp(some.sites.log.sum()) > 0
-    V = found['V']
-    y = found['y']
-    r7 = y - found['beta'][0]
-    pseudo = -0.5 * (V.dot(r7, V.solve(r7)) + V.logdet)
-    assert pseudo.sum() + some.sites.log.sum() == pytest.approx(normal + stats.norm.logcdf(z),
-                                                                abs=1e-4)
+    for said in ([0.2, 0.3, 30.0], [-0.5, 0.6, 8.0], [0.0, 0.5, 1e8], [60.0, 5.0, 300.0]):
+        square = np.vstack([np.full((6, 3), np.nan), said])
+        more = Sample(np.append(plain.y, -0.1), np.append(plain.s, 1.0),
+                      np.append(plain.limit, True), np.append(plain.unit, 6),
+                      np.append(plain.axis, 0), np.ones((7, 1)), square=square)
+        some, x = _Likelihood(more), np.log([0.3])
+        for _ in range(3):
+            found = some.at(x)
+        r = plain.y - found['beta'][0]
+        v, ways = np.linspace(-6, 6, 200_001), [np.log(some.prior[0]), np.log(some.prior[1])]
+        for k, wide in enumerate((0.0, np.log(2.0))):
+            normal = stats.norm.pdf(v, found['beta'][0], np.hypot(0.3, wide))
+            ways[k] += np.log(np.sum(normal * np.exp(-0.5 * deviance(np.exp(2 * v), *said)))
+                              * (v[1] - v[0]))
+        odds = [some.prior[k] * stats.norm.pdf(r, 0, np.hypot(np.hypot(0.3, wide), 0.05))
+                for k, wide in enumerate((0.0, np.log(2.0)))]
+        total = np.sum(np.log(np.sum(odds, axis=0))) + np.logaddexp(*ways)
+        p = np.exp(ways[1] - np.logaddexp(*ways))
+        assert found['out'][6, 1] == pytest.approx(p, abs=0.01), said
+        constant = 0.5 * 6 * np.log(2 * np.pi)
+        assert found['value'] + 0.5 * np.linalg.slogdet(found['A'])[1] == pytest.approx(
+            total + constant, abs=0.02), said
 
 
-def test_censored_values_are_no_zeros_and_no_values():
-    """Half of the values below their limits: the mean comes out, the shown ones alone do not."""
-    means, naive = [], []
+def test_what_chance_shows_is_not_taken_as_it_is():
+    """Half of the records show no value: the mean comes out, the shown ones alone are high."""
+    means, naive, inside = [], [], 0
     for k in range(12):
         rng = np.random.default_rng([8, k])
-        data = sample(rng, units=30, axes=1, tau=0.5, s=0.05)
-        limit = data.y < 0
-        y = np.where(limit, 0.0 - LIMIT_SHIFT, data.y)      # shown from 0 on
-        found = fit(Sample(y, data.s, limit, data.unit, data.axis, data.X))
+        data, std = sample(rng, units=30, axes=1, tau=0.3, s=0.0), 0.6
+        square = np.exp(2 * data.y) + rng.normal(0, std, 30)
+        limit = square < 1.96 * std
+        y = 0.5 * np.log(np.where(limit, np.maximum(square, 0) + 1.645 * std, square))
+        said = np.column_stack([square, np.full((30, 2), [std, 1e8])])
+        found = fit(Sample(y, np.full(30, 0.3), limit, data.unit, data.axis, data.X, square=said))
         means.append(found.beta[0])
-        naive.append(data.y[~limit].mean())
-    assert abs(np.mean(means)) < 0.1 < 0.3 < np.mean(naive)
+        naive.append(y[~limit].mean())
+        low, high = found.interval(0)
+        inside += low < 0 < high
+    assert abs(np.mean(means)) < 0.1 < 0.2 < np.mean(naive)
+    assert inside >= 9          # of 12: less has a chance of 2e-4
+
+
+@pytest.mark.parametrize('said', [(0.5, 0.3, 40.0), (-0.4, 0.5, 12.0), (0.0, 0.8, 1e8)])
+def test_three_numbers_give_a_profile_back(said):
+    """From where a search for the ends of an interval has looked."""
+    value = np.sqrt(np.append(1e-6, np.linspace(0.1, 2.2, 9)))
+    d = deviance(value**2, *said) - deviance(max(said[0], 0.0), *said)
+    points = [(np.sqrt(max(said[0], 0)), 0.0), *zip(3e-5 * value / 3e-5, d)]
+    found = of_profile([(3e-5 * v, d) for v, d in points])
+    back = deviance(9e-10 * value**2, *found) - deviance(max(found[0], 0.0), *found)
+    np.testing.assert_allclose(np.sqrt(back[d < 9]), np.sqrt(d[d < 9]), atol=0.1)
+    assert of_profile(points[:3]) is None
+
+
+def test_a_limit_is_one():
+    """95 % of what it says lies below it."""
+    mode, std, dof = of_limit(np.array([2.0]))
+    p = np.linspace(0, 40, 400_001)
+    density = np.exp(-0.5 * deviance(p, mode, std, dof))
+    assert density[p < 4].sum() / density.sum() == pytest.approx(0.90, abs=0.001)
 
 
 @settings(max_examples=8)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from . import population
+from .amplitude import SQUARE
 from .inputs import day
 from .population import called, Fit, fit, Sample, upper
 from .table import DATE, factors_of
@@ -203,7 +204,7 @@ def populations(rows: Columns, model: str) -> Iterator[Population]:
 
 def _population(rows: Columns, model: str, sensor: str, parameter: str) -> Population:
     null = rows['null'].astype(bool)
-    value = np.where(null, rows['hi'], rows['value']).astype(float)
+    value = np.where(null, limits_of(rows), rows['value']).astype(float)
     ok = np.isfinite(value) & (value > 0)
     rows, null, value = rows.where(ok), null[ok], value[ok]
     time = _days(rows[DATE])
@@ -214,7 +215,8 @@ def _population(rows: Columns, model: str, sensor: str, parameter: str) -> Popul
     X = (axis[:, None] == np.arange(len(axes))).astype(float)
     X, fixed, aliased = _design(rows, X)
     sample = Sample(np.log(value), _errors(rows, value, null), null, unit, axis, X,
-                    time if np.isfinite(time).any() else None)
+                    time if np.isfinite(time).any() else None,
+                    np.column_stack([rows[n].astype(float) for n in SQUARE]))
     try:
         found = fit(sample)
     except (ValueError, np.linalg.LinAlgError):
@@ -229,6 +231,12 @@ def _errors(rows: Columns, value: np.ndarray, null: np.ndarray) -> np.ndarray:
         lo, hi = rows['lo'].astype(float), rows['hi'].astype(float)
         s = np.where(lo > 0, np.log(hi / lo) / (2 * 1.96), rows['std'].astype(float) / value)
     return np.where(null, 1.0, np.clip(np.nan_to_num(s, nan=1.0), FLOOR, 2.0))
+
+
+def limits_of(rows: Columns) -> np.ndarray:
+    """Return the 95 % upper limits, or else the upper ends of the intervals."""
+    limit, hi = rows['upper95'].astype(float), rows['hi'].astype(float)
+    return np.where(np.isfinite(limit), limit, hi)
 
 
 def _days(dates: np.ndarray) -> np.ndarray:

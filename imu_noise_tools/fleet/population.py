@@ -11,8 +11,10 @@ Coefficients are amplitudes, so they are looked at on a log scale. A record's va
 with u ~ N(0, tau^2) between units, a ~ N(0, omega^2) between the axes of one unit, r ~ N(0, rho^2)
 between the records of one axis, and e ~ N(0, s^2) the error of measurement, whose s is known: the
 linear mixed model (Laird and Ware 1982), its variances by restricted maximum likelihood (Patterson
-and Thompson 1971). An upper limit L enters as what it says, the chance Phi((L' - v)/s) of a true
-value v, by expectation propagation (Minka 2001; Rasmussen and Williams 2006, eq. 3.58 and 3.65).
+and Thompson 1971). A record that does not show its value well, or not at all, enters by the
+likelihood of its square (:mod:`.amplitude`), which is not normal on this scale: by expectation
+propagation (Minka 2001; Rasmussen and Williams 2006, section 3.6), each likelihood in turn being
+replaced by the normal one that does the same to what all others say.
 
 A unit that is out must not hide by widening the spread that it is measured with. So each unit is a
 mixture: regular with probability 1 - OUT, or moved in one of a few directions (the whole unit, one
@@ -26,24 +28,26 @@ heavy-tailed fits, but it says for each unit which it is, and in which axis).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special, stats
+
+from .amplitude import deviance, of_limit
 
 Array = NDArray[np.float64]
 OUT = 0.03          # share of units that are out, before anything is known of them ...
 WHOLE = 0.5         # ... and of these, those that are out with all of their axes
 WIDE = np.log(2.0)  # how far out: one standard deviation is a factor of two
 FALSE = 0.05        # false discovery rate of what is called
-LIMIT_WIDTH = 0.25  # s of an upper limit: amplitude^2 within 1.6 sigma, on a log scale
-#: L' - L, such that the likelihood at a 95 % limit L is exp(-1.645^2/2) of its plateau
-LIMIT_SHIFT = LIMIT_WIDTH * float(special.ndtri(np.exp(-0.5 * special.ndtri(0.95) ** 2)))
-SMALL, LARGE = 1e-4, 3.0        # bounds of a standard deviation on the log scale
+SMALL, LARGE = 5e-4, 3.0        # bounds of a standard deviation on the log scale
 LEAST = 3           # units that show a value, for a population
-MOST = 20_000       # records from which variances are estimated; more do not change them
+MOST = 4000         # records from which variances are estimated; more do not change them
 DENSE = 900         # records up to which degrees of freedom are computed
+VAGUE = 30.0        # variance on the log scale, more than all that is free
+REACH = 1.0         # on the log scale
+NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(20)
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,16 @@ class Sample:
     s : array (n,)
         Standard error of it; of a limit not used.
     limit : bool array (n,)
-        Whether it is an upper limit.
+        Whether it shows an upper limit only.
     unit, axis : int array (n,)
         Which unit, numbered from 0 without gaps, and which of its axes.
     X : array (n, p)
         Fixed effects, of full rank.
     time : array (n,) or None
         When, in any unit of time; NaN where unknown.
+    square : array (n, 3) or None
+        What the record says of the square: mode, std and dof (:mod:`.amplitude`); NaN where y and
+        s say it all, or where it is a limit and no more.
 
     """
 
@@ -75,6 +82,14 @@ class Sample:
     axis: NDArray[np.int64]
     X: Array
     time: Array | None = None
+    square: Array | None = None
+
+    def squares(self) -> Array:
+        """Return what each record says of its square (n, 3); NaN where y and s say it all."""
+        out = np.full((len(self.y), 3), np.nan) if self.square is None else self.square.copy()
+        plain = self.limit & ~np.isfinite(out[:, 0])
+        out[plain] = np.column_stack(of_limit(np.exp(self.y[plain])))
+        return out
 
     @property
     def units(self) -> int:
@@ -85,7 +100,8 @@ class Sample:
         """Return the records of some units, numbered anew."""
         _, unit = np.unique(self.unit[some], return_inverse=True)
         return Sample(self.y[some], self.s[some], self.limit[some], unit, self.axis[some],
-                      self.X[some], None if self.time is None else self.time[some])
+                      self.X[some], None if self.time is None else self.time[some],
+                      None if self.square is None else self.square[some])
 
     def directions(self) -> dict[str, Array]:
         """
@@ -157,11 +173,10 @@ class _Nested:
 
 @dataclass
 class _Sites:
-    """What upper limits say, as normal pseudo-observations: places and variances (m,)."""
+    """What records say by their likelihoods, as normal pseudo-observations of it (m,)."""
 
     at: Array
     var: Array
-    log: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -229,9 +244,13 @@ class _Likelihood:
         many = self.D.shape[1]
         share = np.array([1.0] if many == 1 else [WHOLE] + [(1 - WHOLE) / (many - 1)] * (many - 1))
         self.prior = np.append(1 - OUT, OUT * share)
-        self.limit = np.flatnonzero(data.limit)
-        m = len(self.limit)
-        self.sites = _Sites(data.y[self.limit] - 1.0, np.full(m, 4.0))
+        square = data.squares()
+        self.curved = k = np.flatnonzero(np.isfinite(square[:, 0]))
+        self.square = square[k].T[:, None, :, None]
+        self.begin = _Sites(np.where(data.limit, data.y - 1, data.y)[k],
+                            np.where(data.limit, 4.0, data.s**2)[k])
+        self.sites = replace(self.begin)
+        self.beyond = np.zeros((data.units, 1 + many))
         self.middle = _middle(data.y, data.X)
 
     def sds(self, x: Array) -> tuple[float, float, float]:
@@ -243,20 +262,39 @@ class _Likelihood:
     def at(self, x: Array) -> dict:
         """Return all that follows from the variances: beta, who is out, the likelihood."""
         tau, omega, rho = self.sds(x)
-        y, d = self.data.y.copy(), self.data.s**2 + rho**2
+        y, s2 = self.data.y.copy(), self.data.s**2
         # from where most units are: from the mean, all would be out beside one that is far out
         before, out, beta = np.inf, np.tile(self.prior, (self.data.units, 1)), self.middle
-        for _ in range(40):
-            y[self.limit], d[self.limit] = self.sites.at, self.sites.var
+        for k in range(40):
+            y[self.curved], s2[self.curved] = self.sites.at, self.sites.var
+            d = s2 + rho**2
             V = _Nested(self.data, self.group, d, tau, omega)
-            found = self._given(V, y, out, beta)
+            found = {**self._given(V, y, out, beta), 'V': V, 'y': y}
             out, beta = found['out'], None
-            if abs(found['value'] - before) < 1e-6:
+            if settled := abs(found['value'] - before) < 1e-5:
                 break
             before = found['value']
-            if len(self.limit):
-                self._propagate(found, V, d, LIMIT_WIDTH**2 + rho**2)
-        return {**found, 'V': V, 'y': y, 'd': d, 'sds': (tau, omega, rho)}
+            if len(self.curved):
+                mean, var, weight = (x[:, self.curved] for x in self.ways(found, s2))
+                self._propagate(mean, var, weight, 1.0 if k < 8 else 0.5)
+        if not settled:     # the next one does not begin with what came of it
+            self.sites, self.beyond = replace(self.begin), np.zeros_like(self.beyond)
+        return {**found, 'd': d, 'sds': (tau, omega, rho), 'settled': settled}
+
+    def ways(self, found: dict, d: Array) -> tuple[Array, Array, Array]:
+        """
+        Return mean and variance of y without the part d (n,) of its variance, and probability.
+
+        For each way k of being out (ways, n): y - d V_k^-1 r and d - d^2 (V_k^-1)_ii.
+
+        """
+        unit, y, size = self.data.unit, found['y'], found['b'] / found['a']
+        inner = found['V'].diagonal()
+        means, variances = [y - d * found['Vr']], [d - d**2 * inner]
+        for k, VD in enumerate(found['VD'].T):
+            means.append(y - d * (found['Vr'] - VD * size[unit, k]))
+            variances.append(d - d**2 * (inner - VD**2 / found['a'][unit, k]))
+        return np.array(means), np.maximum(variances, 1e-12), found['out'][unit].T
 
     def _given(self, V: _Nested, y: Array, out: Array, beta: Array | None) -> dict:
         """Return beta (generalised least squares), who is out with it, and the likelihood."""
@@ -273,7 +311,7 @@ class _Likelihood:
         b = f - np.einsum('kui,i->uk', e, beta)
         whole, out = self._mixture(a, b)
         value = float(np.sum(whole - 0.5 * (V.dot(r, Vr) + V.logdet))
-                      - 0.5 * np.linalg.slogdet(A)[1] + np.sum(self.sites.log))
+                      - 0.5 * np.linalg.slogdet(A)[1])
         return {'value': value, 'beta': beta, 'A': A, 'out': out, 'r': r, 'Vr': Vr, 'VD': VD,
                 'a': a + prior, 'b': b}
 
@@ -282,28 +320,50 @@ class _Likelihood:
         prior = 1 / WIDE**2
         gain = 0.5 * b**2 / (a + prior) - 0.5 * np.log1p(a / prior)
         gain[a <= 0] = -np.inf          # no such direction in this unit
-        odds = np.column_stack([np.zeros(len(a)), gain]) + np.log(self.prior)
-        whole = special.logsumexp(odds, axis=1)
-        return whole, np.exp(odds - whole[:, None])
+        odds = np.column_stack([np.zeros(len(a)), gain]) + np.log(self.prior) + self.beyond
+        top = odds.max(axis=1)
+        share = np.exp(odds - top[:, None])
+        sums = share.sum(axis=1)
+        return top + np.log(sums), share / sums[:, None]
 
-    def _propagate(self, found: dict, V: _Nested, before: Array, wide: float) -> None:
-        """Fit the pseudo-observations of the limits anew to what all others say of them."""
-        k, sites = self.limit, self.sites
-        d = before[k]
-        at = sites.at - d * found['Vr'][k]      # of the level: y - d V^-1 r
-        var = np.maximum(d - d**2 * V.diagonal()[k], 1e-12)
-        cavity = 1 / np.maximum(1 / var - 1 / d, 1e-9)
-        where = cavity * (at / var - sites.at / d)
-        root = np.sqrt(wide + cavity)
-        z = (self.data.y[k] + LIMIT_SHIFT - where) / root
-        ratio = np.exp(-0.5 * z**2 - special.log_ndtr(z)) / np.sqrt(2 * np.pi)
-        slope = np.maximum(ratio * (z + ratio) / root**2, 1e-8)
-        self.sites.var = np.clip(1 / slope - cavity, 1e-6, 1e8)
-        self.sites.at = where - ratio / root / slope
-        whole = cavity + self.sites.var
-        # with the normalisation that the normal density of the pseudo-observation lacks
-        self.sites.log = (special.log_ndtr(z) + 0.5 * np.log(whole)
-                          + 0.5 * (where - self.sites.at) ** 2 / whole)
+    def _propagate(self, mean: Array, var: Array, weight: Array, step: float) -> None:
+        """
+        Move the pseudo-observations to where they do what the likelihoods do.
+
+        From mean, variance and probability (ways, m) of all, for each way of being out; what a
+        likelihood says of a way beyond what its pseudo-observation does goes to ``beyond``.
+
+        """
+        sites = self.sites
+        cavity = 1 / np.maximum(1 / var - 1 / sites.var, 1 / VAGUE)
+        where = cavity * (mean / var - sites.at / sites.var)
+        for _ in range(2):          # the second time from where the first has ended
+            whole, mean, var = self._tilted(mean, var, where, cavity)
+        slope = (mean - where) / cavity
+        # no further than REACH at a time: a likelihood that is nearly straight here is not there
+        precision = np.maximum(1 / var - 1 / cavity, np.abs(slope) / REACH + 1 / VAGUE)
+        pull = mean * precision + slope
+        before = 1 / sites.var
+        sites.var = 1 / (before + step * (np.sum(weight * precision, axis=0) - before))
+        sites.at = sites.var * ((1 - step) * sites.at * before
+                                + step * np.sum(weight * pull, axis=0))
+        both = cavity + sites.var
+        beyond = whole + 0.5 * np.log(both) + 0.5 * (where - sites.at) ** 2 / both
+        self.beyond = np.column_stack([np.bincount(self.data.unit[self.curved], x, self.data.units)
+                                       for x in beyond])
+
+    def _tilted(self, mean: Array, var: Array, where: Array, cavity: Array) -> tuple:
+        """Return (log of the whole, mean, variance) of likelihood times cavity (ways, m)."""
+        v = mean[..., None] + np.sqrt(var)[..., None] * NODES
+        log = (-0.5 * deviance(np.exp(2 * v), *self.square)
+               - 0.5 * (v - where[..., None]) ** 2 / cavity[..., None] + 0.5 * NODES**2)
+        top = log.max(axis=-1, keepdims=True)
+        share = np.exp(log - top) * WEIGHTS
+        sums = share.sum(axis=-1)
+        whole = np.log(sums) + top[..., 0] + 0.5 * np.log(var / cavity / (2 * np.pi))
+        mean = np.sum(share * v, axis=-1) / sums
+        var = np.sum(share * (v - mean[..., None]) ** 2, axis=-1) / sums
+        return whole, mean, np.maximum(var, 1e-12)
 
 
 def _middle(y: Array, X: Array) -> Array:
@@ -333,10 +393,13 @@ def fit(data: Sample) -> Fit:
     found = some.at(x)          # once more: the limits have settled
     tau, omega, rho = found['sds']
     cov = np.linalg.inv(found['A'])
-    level, level_std = _levels(some, found)
+    means, variances, weight = some.ways(found, found['d'])
+    level = np.sum(weight * means, axis=0)
+    level_var = np.sum(weight * (variances + (means - level) ** 2), axis=0)
     size = found['b'] / found['a']
     return Fit(found['beta'], cov, tau, omega, rho, found['out'], tuple(some.directions), size,
-               found['a'] ** -0.5, level, level_std, _dof(some, found, cov), found['value'])
+               found['a'] ** -0.5, level, np.sqrt(level_var), _dof(some, found, cov),
+               found['value'])
 
 
 def _thinned(data: Sample) -> Sample:
@@ -345,45 +408,22 @@ def _thinned(data: Sample) -> Sample:
 
 
 def _variances(some: _Likelihood) -> Array:
-    """Return the free logarithms at the maximum, of two starts: wide and narrow."""
-    best, at = np.inf, np.zeros(0)
+    """Return the free logarithms at the maximum, from the best of a few starts."""
     n = sum(some.free)
     if not n:
-        return at
+        return np.zeros(0)
     seen = some.data.y[~some.data.limit]
     spread = float(np.clip(1.48 * np.median(np.abs(seen - np.median(seen))), 3 * SMALL, 1.0))
-    for start in (spread, 0.2 * spread):
-        done = optimize.minimize(
-            lambda x: -some.at(x)['value'] + 1e3 * np.sum(np.clip(np.log(SMALL) - x, 0, None)
-                                                          + np.clip(x - np.log(LARGE), 0, None)),
-            np.full(n, np.log(start)), method='Nelder-Mead',
-            options={'xatol': 0.01, 'fatol': 1e-3, 'maxfev': 250,
-                     'initial_simplex': np.log(start) + 0.7 * np.vstack([np.zeros(n),
-                                                                         np.eye(n)])})
-        if done.fun < best - 1e-3:
-            best, at = done.fun, done.x
-    return at
 
+    def wrong(x: Array) -> float:
+        beyond = np.clip(np.log(SMALL) - x, 0, None) + np.clip(x - np.log(LARGE), 0, None)
+        found = some.at(x)
+        return 1e3 * float(np.sum(beyond)) - float(found['value']) + 1e6 * (not found['settled'])
 
-def _levels(some: _Likelihood, found: dict) -> tuple[Array, Array]:
-    """
-    Return the shrunk level of each record's axis and its standard error (n,).
-
-    E[level | y] = y - d V_k^-1 r and var = d - d^2 (V_k^-1)_ii, over the ways k of being out.
-
-    """
-    unit, y, d = some.data.unit, found['y'], found['d']
-    Vr, VD, a = found['Vr'], found['VD'], found['a']
-    inner = found['V'].diagonal()
-    means, variances = [y - d * Vr], [d - d**2 * inner]
-    for k in range(VD.shape[1]):
-        moved = (found['b'] / a)[unit, k]
-        means.append(y - d * (Vr - VD[:, k] * moved))
-        variances.append(d - d**2 * (inner - VD[:, k] ** 2 / a[unit, k]))
-    weight = found['out'][unit].T
-    mean = np.sum(weight * means, axis=0)
-    var = np.sum(weight * (np.array(variances) + (np.array(means) - mean) ** 2), axis=0)
-    return mean, np.sqrt(np.maximum(var, 0))
+    start = min((np.full(n, np.log(share * spread)) for share in (1.0, 0.3, 0.1)), key=wrong)
+    simplex = start + 0.7 * np.vstack([np.zeros(n), np.eye(n)])
+    return np.asarray(optimize.minimize(wrong, start, method='Nelder-Mead', options={
+        'xatol': 0.01, 'fatol': 1e-3, 'maxfev': 250, 'initial_simplex': simplex}).x)
 
 
 def _dof(some: _Likelihood, found: dict, cov: Array) -> Array:
@@ -410,7 +450,7 @@ def _dof(some: _Likelihood, found: dict, cov: Array) -> Array:
     WX = W @ data.X
     P = W - WX @ cov @ WX.T
     parts = [part.astype(float) for part, free in zip(
-        (same_unit, same_axis, np.diag(~data.limit)), some.free) if free]
+        (same_unit, same_axis, np.eye(n)), some.free) if free]
     if not parts:
         return np.full(len(cov), plain)
     PV = [P @ part for part in parts]

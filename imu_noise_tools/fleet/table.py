@@ -7,6 +7,8 @@ The one long table of a fleet: fleet.parquet and fleet.csv, a row a coefficient.
 ``kind`` is ``coefficient`` (what was fitted), ``missing`` (a parameter of an effect that the
 diagnosis found missing) or ``failed`` (a bag that gave nothing, with its one-line ``error``).
 Values are SI; where ``null`` is true the value cannot be told from zero and ``upper95`` limits it.
+What a record says of an amplitude that it does not show well is more than a value or a limit: its
+likelihood, in the numbers ``square``, ``square_std``, ``square_dof`` (:mod:`.amplitude`).
 
 """
 
@@ -19,18 +21,19 @@ from pathlib import Path
 from typing import Any
 
 from . import extra
+from .amplitude import SQUARE
 from .inputs import Bag, DATE
 from ..core import files
 from ..core.errors import InputError
 
 TEXT = ('unit', 'model', 'bag', 'topic', 'axis', 'kind', 'effect', 'parameter', 'si', 'verdict',
         'key', 'error')
-NUMBERS = ('value', 'std', 'lo', 'hi', 'upper95', 'held_out', 'gain', 'penalty', 'probability',
-           'rate_hz', 'duration_s')
+NUMBERS = ('value', 'std', 'lo', 'hi', 'upper95', *SQUARE, 'held_out', 'gain', 'penalty',
+           'probability', 'rate_hz', 'duration_s')
 FACTORS = ('firmware', 'mount', DATE)
 ORDER = ('unit', 'model', *FACTORS, 'bag', 'topic', 'axis', 'kind', 'effect', 'parameter', 'value',
-         'std', 'lo', 'hi', 'null', 'upper95', 'si', 'verdict', 'held_out', 'gain', 'penalty',
-         'probability', 'rate_hz', 'duration_s', 'key', 'error')
+         'std', 'lo', 'hi', 'null', 'upper95', *SQUARE, 'si', 'verdict', 'held_out', 'gain',
+         'penalty', 'probability', 'rate_hz', 'duration_s', 'key', 'error')
 BATCH = 50_000      # rows that are plain objects at one time
 STEM = 'fleet'
 
@@ -98,7 +101,8 @@ def read(folder: str | Path) -> Any:
         raise InputError(f'{path}: damaged ({str(error).splitlines()[0]})',
                          'run the fleet again: what is done is kept') from None
     if missing:
-        raise InputError(f'{path}: no column {sorted(missing)[0]}', 'not the table of a fleet')
+        raise InputError(f'{path}: no column {sorted(missing)[0]}',
+                         'not the table of a fleet, or of an older one: run it again')
     return whole
 
 

@@ -21,7 +21,7 @@ import shutil
 import time
 from typing import Any
 
-from . import extra
+from . import amplitude, extra
 from .inputs import Bag
 from .. import __version__, export, store
 from ..core import files
@@ -35,7 +35,7 @@ from ..tasks import noise
 
 DIAGNOSE = ('failing', 'all', 'none')
 CHUNK = 1 << 22
-FORMAT = 2          # of the facts; another one is not read
+FORMAT = 3          # of the facts; another one is not read
 MARK = '.fleet'     # a file in the folder of a fleet, by which a worker knows that it sees it
 
 
@@ -128,7 +128,7 @@ def examine(bag: Bag, options: Options, folder: str, mark: str,
             return Result(key, content, new=False)
         out = Result(key, content)
         try:
-            study = _study(path, bag.topic, options)
+            study = studied(path, bag.topic, options)
             study.source['path'] = bag.path
             out.rows = rows_of(study)
             place = Path(folder) / 'bags' / key
@@ -202,7 +202,8 @@ def content_of(path: Path) -> str:
     return whole.hexdigest()
 
 
-def _study(path: Path, topic: str, options: Options) -> Study:
+def studied(path: Path, topic: str, options: Options) -> Study:
+    """Return the study of a bag on this machine."""
     _know(options.own)
     study = noise.analyse_bag(path, topic=topic or None,
                               selection=Selection.of(*options.selection), **options.analyse)
@@ -254,7 +255,7 @@ def rows_of(study: Study) -> list[dict[str, Any]]:
         one = {**about, 'axis': axis, 'verdict': said, 'held_out': error.excess}
         for e in state.model:
             rows += [{**one, 'kind': 'coefficient', 'effect': e.name, 'parameter': name,
-                      **_estimate(x)}
+                      **_estimate(x), **(_square(x) if e.parameter(name).amplitude else {})}
                      for name, x in state.fit.estimates.get(e.label, {}).items()
                      if not e.parameter(name).choices]
         for f in told.found if told else ():
@@ -271,6 +272,13 @@ def _estimate(x: Any) -> dict[str, Any]:
     low, high = x.ci95 or (None, x.upper95)
     return {'value': x.value, 'std': x.std, 'lo': low, 'hi': high, 'null': x.value is None,
             'upper95': x.upper95, 'si': x.unit}
+
+
+def _square(x: Any) -> dict[str, float]:
+    """Return what a record says of an amplitude that it does not show well."""
+    if not x.profile or x.value and x.std and x.std < amplitude.SHARP * x.value:
+        return {}
+    return dict(zip(amplitude.SQUARE, amplitude.of_profile(x.profile) or ()))
 
 
 def facts_of(path: str | Path, text: str) -> dict[str, Any]:

@@ -15,8 +15,9 @@ good as a flexible form in its place, and not stand in the shadow of what nothin
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -211,9 +212,15 @@ class _Search:
             place = self.place(self.model_of(members))
             if place is None:
                 return members[:-1]
-            self._note(members, place)
             # at once, or what follows is looked for beside something that is not there
-            best = next((f for f in self.able(place) if self._heals(members, f)), None)
+            best, failed = None, set()
+            for f in self.able(place):
+                if self._heals(members, f):
+                    if self._lowers(members, f):
+                        best = f
+                        break
+                    failed.add(label(place.model, f))
+            self._note(members, place, failed)
             if best is None:
                 break
             members.append(best)
@@ -222,18 +229,33 @@ class _Search:
     def _heals(self, members: list[Finding], finding: Finding) -> bool:
         """Tell whether a candidate heals what it claims behind a chain; what not is kept aside."""
         before = self.model_of(members)
-        against = self._unhealed(before, before.plus(_new(finding)), finding)
+        return self._stands(before, finding, self._unhealed(
+            before, before.plus(_new(finding)), finding))
+
+    def _lowers(self, members: list[Finding], finding: Finding) -> bool:
+        """Tell whether it lowers the error behind a chain; what does not may do so later."""
+        before = self.model_of(members)
+        after = before.plus(_new(finding))
+        return self._stands(before, finding, self._unconfirmed(
+            after, label(before, finding), finding)[1])
+
+    def _stands(self, before: Model, finding: Finding, against: str) -> bool:
         if against:
             self._aside[label(before, finding)] = replace(finding, against=against)
         return not against
 
-    def _note(self, members: list[Finding], place: _Place) -> None:
-        """Keep the surplus of the set reached, and of each set one candidate further on."""
+    def _note(self, members: list[Finding], place: _Place, failed: Collection[str]) -> None:
+        """
+        Keep the surplus of the set reached, and of each set one candidate further on.
+
+        But for those that do not lower the error there: what predicts no better is no rival.
+
+        """
         total = float(sum(surplus(f) for f in members))
         here = frozenset(place.model.labels)
         self.scores[here] = max(total, self.scores.get(here, -np.inf))
         for f in place.candidates:
-            if f.against or label(place.model, f) in self.refuted:
+            if f.against or label(place.model, f) in {*failed, *self.refuted}:
                 continue
             more = here | {label(place.model, f)}
             self.scores[more] = max(total + surplus(f), self.scores.get(more, -np.inf))
@@ -248,8 +270,9 @@ class _Search:
                  if surplus(rival) > NEAR * surplus(main[i])]
         begun.sort(key=lambda z: -z[0])
         whole = frozenset(self.model_of(main).labels)
-        begun = [b for _, b in begun if self._heals(b[:-1], b[-1])]
-        for begin in begun[:CHAINS - 1]:
+        able = (b for _, b in begun
+                if self._heals(b[:-1], b[-1]) and self._lowers(b[:-1], b[-1]))
+        for begin in islice(able, CHAINS - 1):
             other = self.chain(begin)
             # a rival with all of the main chain beside it: from there it was seen to gain nothing
             if not whole < frozenset(self.model_of(other).labels):

@@ -231,7 +231,15 @@ class Effect:
 
     def with_values(self: Same, **values: float | str) -> Same:
         """Return a copy with these values in place of, or beside, the old ones."""
-        return type(self)({**self.values, **values}, self.label)
+        known = _by_name(self.parameters)
+        if not known.keys() >= values.keys():
+            return type(self)({**self.values, **values}, self.label)    # which says what is wrong
+        # fits do this by the hundred thousand: what it has was looked at when it was made
+        more = {k: v if type(v) is float and not known[k].choices else known[k].number(v)
+                for k, v in values.items()}
+        out = object.__new__(type(self))
+        out.__dict__.update(self.__dict__, values=MappingProxyType({**self.values, **more}))
+        return out
 
     @classmethod
     def example(cls) -> Effect:
@@ -435,7 +443,8 @@ class Estimate:
 
     ``value`` is None where the interval of an amplitude reaches zero; ``point`` still holds the
     most likely number, which the model is drawn with. ``fixed`` marks what came from the samples
-    rather than from the fit.
+    rather than from the fit. ``profile`` are (value, deviance) where the profile likelihood was
+    looked at: 2 ln L below its maximum; not kept with a study.
 
     """
 
@@ -447,6 +456,7 @@ class Estimate:
     note: str = ''
     point: float | None = None
     fixed: bool = False
+    profile: tuple[tuple[float, float], ...] = field(default=(), compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ PRICE = 2.5
 #: nats by which a form without a name must do better than a named one to refute it: of eight free
 #: levels, once in a thousand (chi-squared/2), ...
 FLEXIBLE = 13.0
+#: the same of a single free parameter, with the same odds
+DIRECTED = 6.0
 #: ... or this share of what the named form gains, for no real sensor follows a formula for ever
 FLEXIBLE_SHARE = 0.02
 #: share of what a finding claims, or of what failed, by which the failing deviance must fall (a

@@ -13,7 +13,7 @@ the mean. Each effect class may keep more (``statistics``).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -29,6 +29,7 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
+REMEMBERED = 1 << 21  # numbers (16 MB) of what is worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
 
@@ -130,13 +131,12 @@ class Evidence:
 
     ``resolution`` is the step of the grid that the samples stand on, 0 where there is none.
     ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z, ``humps`` (h, 3)
-    frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or
-    2, blocks, bands) is the power in time, ``block_count`` its coefficients, ``block_f`` the
-    bands' centres, Hz. ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable
-    cells; a second row of either is without defects, and one row more of cells without lines,
-    where there are any. ``envelope`` (columns, 3) is time, minimum, maximum. ``loud``
-    (stretches, 2) are the times in which something beside the sensor is switched on, s.
-    ``statistics`` maps an effect's name to what it kept.
+    frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or 2,
+    blocks, bands) is the power in time, ``block_count`` its coefficients. ``cells`` (1 to 3,
+    cells) counts the whitened samples in equiprobable cells; a second row of either is without
+    defects, and one row more of cells without lines, where there are any. ``envelope`` (columns,
+    3) is time, minimum, maximum. ``loud`` (stretches, 2) are the times in which something beside
+    the sensor is switched on, s. ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -152,12 +152,12 @@ class Evidence:
     humps: np.ndarray
     block_power: np.ndarray
     block_count: np.ndarray
-    block_f: np.ndarray
     cells: np.ndarray
     envelope: np.ndarray
     curve: allan.AllanCurve
     loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -287,6 +287,21 @@ class Evidence:
             found = effect.find(self) if isinstance(effect, Defect) else effect.measure(self)
             self._measured[key] = found
         return self._measured[key]
+
+    def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
+        """
+        Return an array that the record alone decides, made once for a key.
+
+        The oldest go where they come to more than :data:`REMEMBERED` numbers.
+
+        """
+        if key not in self._remembered:
+            made = make()
+            while self._remembered and made.size + sum(
+                    x.size for x in self._remembered.values()) > REMEMBERED:
+                del self._remembered[next(iter(self._remembered))]
+            self._remembered[key] = made
+        return self._remembered[key]
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """
@@ -420,7 +435,7 @@ def _one_from_arrays(axis, flat, common):
     plain = {
         k: flat[k]
         for k in (
-            'line_table', 'humps', 'block_power', 'block_count', 'block_f', 'cells', 'envelope'
+            'line_table', 'humps', 'block_power', 'block_count', 'cells', 'envelope'
         )
     }
     return Evidence(

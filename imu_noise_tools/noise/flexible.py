@@ -17,14 +17,20 @@ from scipy.special import chdtrc
 
 from . import views
 from .evidence import Evidence
-from .kinds import Mean, Modulation, Response, Spectrum
-from .likelihood import Likelihood
-from ..loop.effect import Finding, Fit
-from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE
+from .explained import Bands
+from .fit import fit as fit_part
+from .kinds import Coupling, Defect, Inputs, Mean, Modulation, NoiseEffect, Response, Spectrum
+from .knee import Knee
+from .likelihood import inverse, Likelihood
+from ..core.statistics import kurtosis_pull
+from ..loop.effect import Finding, Fit, Model, unfitted
+from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 
 KNOTS = 8  # free levels of the smooth form
 QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
 QUIET_PULL = 4.0  # of a single bin, for narrow ones
+ENOUGH = 4.0  # coefficients for each gain that is free in a band
+FEWEST = 64  # differences of block means that tell a kurtosis
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
 
@@ -118,7 +124,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect gains, nats.
 
     """
-    effect = fit.model[label]
+    effect, claimed = fit.model[label], claim
     if isinstance(effect, (Spectrum, Response)):
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
@@ -136,11 +142,54 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     elif isinstance(effect, Modulation):
         gain = _variance_gain(evidence, fit)
         where = 'in time'
+    elif isinstance(effect, Coupling):
+        gain = _gains_free(evidence, fit, effect)
+        if gain > max(FLEXIBLE, HEALED * claim):
+            return f'gains that are free in every half octave fit better by {gain:.0f} nats'
+        gain = 0.0
     else:
         return ''
-    if gain <= max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+    if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+        return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
+    if effect.broad:
+        against = _knee(evidence, fit, effect, claimed)
+        if against:
+            return against
+    if isinstance(effect, (Spectrum, Coupling)) and effect.normal:
+        gain = uneven(evidence, fit, effect)
+        if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+            return f'what it explains is not normal noise, by {gain:.0f} nats'
+    return ''
+
+
+def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> str:
+    """
+    Say that a knee of free steepness does better than an effect and all knees of one steepness.
+
+    Of several of these the last is asked, which is there for what the others do not explain.
+
+    """
+    spent = {e.label: e.knees for e in fit.model.of(NoiseEffect) if e.knees}
+    if effect.label in [*spent][:-1] or fit.supported is None:
         return ''
-    return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
+    spent.setdefault(effect.label, 1)
+    left = [e for e in fit.model if e.label not in spent]
+    # drift of other colours may be the knee's, and mostly ends the search before it
+    plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
+    rivals = [fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
+                       intervals=False, start=fit.model, hint=fit.details.hint)
+              for some in ((left, plain) if len(plain) < len(left) else (left,))]
+    rival = max(rivals, key=lambda r: r.supported or -np.inf)
+    assert rival.supported is not None
+    better, more = rival.supported - fit.supported, len(Knee.parameters) - sum(spent.values())
+    least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim) if more > 0 \
+        else PRICE * more
+    if better <= least:
+        return ''
+    how = f'better by {better:.0f} nats' if better > 0 else \
+        f'as well, with {-more} parameter{"s" * (more < -1)} less'
+    return f'a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no name, ' \
+           f'fits {how}'
 
 
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:
@@ -169,3 +218,47 @@ def _variance_gain(evidence: Evidence, fit: Fit) -> float:
     w = views.rough_degrees(x, w)
     total = x @ w / w.sum()
     return smooth_gain(total, np.full(len(t), float(w.sum())), t)
+
+
+def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
+    """Return what gains of a coupling's own in each half octave gain beyond chance, nats."""
+    view = Likelihood(evidence, 'whole', fit.model, fit)
+    v, w = fit.details.v, view.weight
+    cross, own = view.left_to(fit.model, effect.channels(evidence))
+    bands, gain = Bands.on(view.bins), 0.0
+    for k in range(bands.count):
+        some = bands.of == k
+        gram, c = own[:, :, some] @ (w / v)[some], cross[:, some] @ (w / v)[some]
+        there = np.diag(gram) > 0
+        if np.sum(w[some]) > ENOUGH * np.sum(there):
+            gain += 0.5 * float(c @ inverse(gram) @ c - np.sum(there))
+    return gain
+
+
+def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
+    """
+    Return what speaks against normal noise on some time scale that an effect makes, nats.
+
+    Sums of many small things are normal on every scale, a path between wells or levels is not: its
+    differences of block means (Haar's wavelets) have heavy tails in the octaves in which it moves.
+    Of those in which the effect has most of the power, the kurtosis, beyond chance.
+
+    """
+    e, model = evidence, fit.model
+    if any(model.of(Defect)):   # what they touch is not taken out of block means
+        return 0.0
+    y = views.slow_rest(e, model)
+    inputs = Inputs(e.slow_t, e.dt, dict(e.slow_others))
+    y = y - sum((m.mean(inputs) for m in model.of(Mean)), np.zeros(len(y)))
+    if isinstance(effect, Coupling):
+        y = views.slow_rest(e, model.minus(effect.label)) - views.slow_rest(e, model)
+    f, gain = 1 / (2 * np.diff(e.slow_t[:2])[0]), 0.0
+    while len(y) >= 2 * FEWEST:
+        y = y[:len(y) // 2 * 2].reshape(-1, 2)
+        difference, y, f = y[:, 0] - y[:, 1], y.mean(axis=1), 0.5 * f
+        mine = 1.0
+        if isinstance(effect, Spectrum):
+            mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
+        if mine > 0.5:
+            gain += 0.5 * max(kurtosis_pull(difference), 0.0) ** 2 - 0.25
+    return gain

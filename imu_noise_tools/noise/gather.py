@@ -342,10 +342,9 @@ def _block_means(y, length):
 
 
 def _power_of_looks(looks, dt):
-    """Return ``block_power`` and its axes of one or two versions of the samples."""
+    """Return ``block_power`` and ``block_count`` of one or two versions of the samples."""
     found = [_power_in_time(y, dt) for y in looks]
-    _, count, f = found[0]
-    return {'block_power': np.array([p for p, _, _ in found]), 'block_count': count, 'block_f': f}
+    return {'block_power': np.array([p for p, _ in found]), 'block_count': found[0][1]}
 
 
 def _cells(looks, step, c, reference, dt) -> np.ndarray:
@@ -424,7 +423,7 @@ def _power_in_time(y, dt):
     """
     Return the Hann-windowed power (blocks, bands).
 
-    With it come the coefficients in each band, and the bands' centres, Hz.
+    With it come the coefficients in each band.
 
     """
     n = len(y)
@@ -445,11 +444,7 @@ def _power_in_time(y, dt):
         out[i:i + len(some)] = np.add.reduceat(
             spectrum[:, : edges[-1]], edges[:-1], axis=1
         ) / np.diff(edges)
-    return (
-        2 * dt * out / np.sum(window**2),
-        np.diff(edges),
-        (edges[1:] + edges[:-1]) / (2 * length * dt),
-    )
+    return 2 * dt * out / np.sum(window**2), np.diff(edges)
 
 
 def _envelope(y, dt):

@@ -105,6 +105,10 @@ class NoiseEffect(Effect):
     first: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
+    #: whether it says that what it adds is normal noise, on every time scale
+    normal: ClassVar[bool] = False
+    #: whether it bends the spectrum over decades, where a knee without a name may do as well
+    broad: ClassVar[bool] = False
     #: parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()
     #: what a record must hold for it to apply
@@ -146,6 +150,16 @@ class NoiseEffect(Effect):
                 spread = np.linspace(p.lower, p.upper, 5)[1:-1]
             grid = [{**g, p.name: float(s)} for g in grid for s in spread]
         return [self.with_values(**g) for g in grid]
+
+    @property
+    def knees(self) -> int:
+        """
+        How many parameters it spends on a knee of one steepness in the spectrum.
+
+        Several such imitate any other (:mod:`~imu_noise_tools.noise.knee`); 0: it makes none.
+
+        """
+        return 0
 
     def idle(self, parameter: Parameter) -> float:
         """Return the value of a parameter with which it leaves a record as it is."""

@@ -13,7 +13,7 @@ parameters move by Fisher scoring with Levenberg's damping.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 
@@ -136,6 +136,7 @@ class Likelihood:
         self.mean, self.explained, self.full_weight = mean, explained, self.weight
         if explained is not None:
             self.weight = self.weight * explained.on(self.bins)
+        self._names: dict[tuple, tuple[str, ...]] = {}
         self._spreads = {
             n: spread(partial(evidence.common.pair, part=part), n)
             for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
@@ -179,7 +180,9 @@ class Likelihood:
     def slow_columns(self, effect: Mean) -> np.ndarray:
         """Return the slow coefficients (q, p) of the columns of an effect."""
         rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
-        return self._slow_transform(effect.columns(self.inputs, **rest)[self._some])
+        return self.evidence.remembered(
+            (self.part_name, type(effect), *rest.values()),
+            lambda: self._slow_transform(effect.columns(self.inputs, **rest)[self._some]))
 
     def _slow_transform(self, y):
         y = y - np.mean(y, axis=0)
@@ -234,7 +237,7 @@ class Likelihood:
         """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
         channels = self._channels(model)
         _, cross, own = channels
-        covariance = np.linalg.pinv(np.tensordot(own, self.weight / v, axes=(2, 0)))
+        covariance = inverse(own @ (self.weight / v))
         beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
 
@@ -307,8 +310,16 @@ class Likelihood:
         centre = 0.5 * (self.bins.first + self.bins.last - 1)
         return np.exp(np.interp(np.log(k), np.log(centre), np.log(v)))
 
+    def _channels_of(self, coupling):
+        """Return the channels of a coupling, which go with its choices alone."""
+        key = coupling.label, *(coupling.values.get(p.name) for p in coupling.parameters
+                                if p.choices)
+        if key not in self._names:
+            self._names[key] = tuple(coupling.channels(self.evidence))
+        return self._names[key]
+
     def _coupled_names(self, model):
-        return [n for c in self.couplings for n in model[c.label].channels(self.evidence)]
+        return [n for c in self.couplings for n in self._channels_of(model[c.label])]
 
     def _channels(self, model):
         """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
@@ -332,6 +343,20 @@ class Likelihood:
                 for p in e.parameters if p.linear]
         return self._decoupled(np.array(beta), self._channels(model))[0]
 
+    def left_to(self, model: Model, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return what channels (p) still share with what the model's couplings leave of the axis.
+
+        Cross-powers (p, b), and the channels' own (p, p, b).
+
+        """
+        pair, here = self.evidence.common.pair, self.part_name
+        cross = np.array([pair(self.evidence.axis, n, here) for n in names])
+        for c in (model[c.label] for c in self.couplings):
+            for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):
+                cross = cross - c[p.name] * np.array([pair(known, n, here) for n in names])
+        return cross, np.array([[pair(a, b, here) for b in names] for a in names])
+
     # --- the spectrum
     # -----------------------------------------------------------------------------------------
 
@@ -344,6 +369,11 @@ class Likelihood:
 
     def spectra(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return (v, {label: v of that effect}) in the bins."""
+        total, each = self._own(model)
+        return self._with_missed(total, model) if each else total, each
+
+    def _own(self, model):
+        """Return :meth:`spectra` less what couplings miss of their sources."""
         each = {e.label: self._spectrum(e, model) for e in model.of(Spectrum)}
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
@@ -352,7 +382,10 @@ class Likelihood:
         if any(r.leaks for r in model.of(Response)):
             total = self._rounded(total)
             total = total + leaked(total, self.bins)
-        return np.maximum(total + self._missed(model), 1e-290), each
+        return total, each
+
+    def _with_missed(self, total, model):
+        return np.maximum(total + self._missed(model) if self._spreads else total, 1e-290)
 
     def _rounded(self, total):
         """
@@ -366,9 +399,9 @@ class Likelihood:
     def _missed(self, model: Model) -> np.ndarray:
         """Return the power (b,) of a shared source that the couplings' channels miss."""
         out = np.zeros(len(self.power))
-        for e in model.of(Coupling) if self._spreads else ():
+        for e in model.of(Coupling):
             linear = (p.name for p in e.parameters if p.linear)
-            for channel, name in zip(e.channels(self.evidence), linear):
+            for channel, name in zip(self._channels_of(e), linear):
                 if channel in self._spreads:
                     out = out + e.values.get(name, 0.0) ** 2 * self._spreads[channel]
         return out
@@ -410,19 +443,25 @@ class Likelihood:
             self._units[key] = make()
         return self._units[key]
 
+    def _with_linear(self, model, linear):
+        """Return a model with the solved parameters in it."""
+        values: dict[str, dict[str, float]] = {}
+        for slot, value in zip(self.linear_slots, linear.beta):
+            values.setdefault(slot.label, {})[slot.parameter.name] = float(value)
+        return model.with_values(values)
+
     def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None,
               ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:
         """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
         model = self.with_search(x)
-        v, each = self.spectra(model)
-        if not np.all(np.isfinite(v)):      # a step too far
+        total, each = self._own(model)
+        v = self._with_missed(total, model) if each else total
+        if not np.isfinite(v).all():      # a step too far
             nothing = np.zeros(0)
             return np.inf, Linear(nothing, nothing, self.power, self.weight, 0.0), v, each
         linear = self.solve_linear(model, v)
-        if self._spreads:       # what a shaken source is missed by goes with the gains
-            for slot, value in zip(self.linear_slots, linear.beta):
-                model = model.with_values({slot.label: {slot.parameter.name: float(value)}})
-            v, each = self.spectra(model)
+        if self._spreads and each:  # what a shaken source is missed by goes with the gains
+            v = self._with_missed(total, self._with_linear(model, linear))
             linear = self.solve_linear(model, v)
         nll = self._cost(linear, v)
         if penalty and reddest is not None:
@@ -544,6 +583,15 @@ class Likelihood:
 
     def _mean_slots(self):
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
+
+
+def inverse(gram: np.ndarray) -> np.ndarray:
+    """Return the inverse of a Gram matrix (p, p), of what it says nothing about zero."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, axes = np.linalg.eigh(gram / np.outer(scale, scale))
+    some = values > 1e-12 * max(values[-1], 1e-300)
+    axes = axes[:, some] / scale[:, None]
+    return (axes / values[some]) @ axes.T
 
 
 def _moves(x, able, gradient, information, damping, reach):

@@ -185,8 +185,26 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
                 point=value,
                 note=note,
             )
+        e = replace(e, profile=tuple((slot.from_search(at), d) for at, d in profile.seen[j]))
         out.setdefault(slot.label, {})[slot.parameter.name] = e
     return out, flags
+
+
+def widened(likelihood: Likelihood, found: Estimates, by: np.ndarray) -> Estimates:
+    """Return estimates whose intervals are wider about their points by factors (p,), all >= 1."""
+    out = {label: dict(some) for label, some in found.items()}
+    for slot, factor in zip(likelihood.slots, by):
+        e = out.get(slot.label, {}).get(slot.parameter.name)
+        if factor == 1 or not slot.parameter.log or e is None or e.ci95 is None or not e.point:
+            continue
+
+        def further(end, point=e.point, factor=factor):
+            return point * (end / point) ** factor if end > 0 else end
+        low, high = e.ci95
+        out[slot.label][slot.parameter.name] = replace(
+            e, ci95=(further(low), further(high)), std=None if e.std is None else e.std * factor,
+            upper95=None if e.upper95 is None else further(max(e.upper95, e.point)))
+    return out
 
 
 def _nothing(slot, at: float, lo: float) -> bool:
@@ -199,6 +217,7 @@ class _Profile:
 
     def __init__(self, likelihood, top, least):
         self.likelihood, self.top, self.least = likelihood, top, least
+        self.seen = [[(float(at), 0.0)] for at in top]
 
     def deviance(self, j: int, at: float, warm: np.ndarray) -> tuple[float, np.ndarray]:
         """Return 2 (-ln L(at) - min) with all others free, and where they went."""
@@ -207,7 +226,9 @@ class _Profile:
         x = warm.copy()
         x[j] = at
         x, nll, _ = self.likelihood.minimise(x, free=free, steps=25)
-        return max(2 * (nll - self.least), 0.0), x
+        deviance = max(2 * (nll - self.least), 0.0)
+        self.seen[j].append((at, deviance))
+        return deviance, x
 
     def crossing(self, j: int, sign: int, level: float, step: float) -> float | None:
         """

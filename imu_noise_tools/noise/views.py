@@ -158,10 +158,12 @@ def parameter_scatter(
     root = vectors / np.sqrt(np.maximum(values, 1e-4)) / 1.0
     rng = np.random.default_rng(0)
     x0 = np.array([s.to_search(fit.model[s.label][s.parameter.name]) for s in likelihood.slots])
+    lower, upper = np.array([s.bounds for s in likelihood.slots]).T
     total = 0.0
     for _ in range(draws):
         step = np.clip((root @ rng.standard_normal(len(slots))) / scale, -1, 1)
-        w, _ = likelihood.spectra(likelihood.with_search(x0 + step[spectral]))
+        drawn = np.clip(x0 + step[spectral], np.minimum(lower, x0), np.maximum(upper, x0))
+        w, _ = likelihood.spectra(likelihood.with_search(drawn))
         r = w / v
         total += float(np.sum(weight * (r - np.log(r) - 1))) ** 2
     return total / draws

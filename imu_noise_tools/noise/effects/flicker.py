@@ -29,6 +29,7 @@ class Flicker(Spectrum):
         'band.'
     )
     reference = 'IEEE 952 C.1.3'
+    broad = True
     decide = 'record several times longer'
     parameters = (Parameter('B', '{rate}', 1e-12, 1e2, amplitude=True, title='bias instability'),)
 

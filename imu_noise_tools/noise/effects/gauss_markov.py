@@ -31,6 +31,8 @@ class GaussMarkov(Spectrum):
     )
     reference = 'IEEE 952 C.1.5'
     several = True
+    normal = True
+    broad = True
     decide = 'record ten times longer than its correlation time takes to show, on another supply'
     parameters = (
         Parameter('sigma', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
@@ -54,6 +56,11 @@ class GaussMarkov(Spectrum):
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below the interval it is white noise, beyond the record a random walk."""
         return {'tc': (evidence.dt, evidence.duration)}
+
+    @property
+    def knees(self) -> int:
+        """Two: how high, and where."""
+        return 2
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(1) spectrum."""

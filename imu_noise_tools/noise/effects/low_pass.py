@@ -50,6 +50,7 @@ class LowPass(Response):
         Parameter('behind', '1', 0.0, 0.02, log=False,
                   title='share of the white noise that arises behind it'),
     )
+    broad = True
     neutral = {'behind': 0.0}
     optional = ('behind',)
 
@@ -89,6 +90,11 @@ class LowPass(Response):
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
         return {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
+
+    @property
+    def knees(self) -> int:
+        """One, where, for a single pole."""
+        return int('form' in self.values and self.chosen('form') == 'first_order')
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
@@ -143,8 +149,10 @@ def _decimated(x: np.ndarray, c: float, times: int) -> np.ndarray:
     top = np.tan(np.pi * min(c / times, 0.499))
 
     def folded(x):
-        return sum(1 / (1 + (np.tan(np.pi * np.minimum(np.abs(y), 0.49999)) / top) ** 4)
-                   for y in (((x + j) / times + 0.5) % 1 - 0.5 for j in range(times)))
+        y = np.add.outer(np.arange(times), x) / times
+        y = np.abs(y - np.floor(y + 0.5))
+        square = (np.tan(np.pi * np.minimum(y, 0.49999)) / top) ** 2
+        return np.sum(1 / (1 + square * square), axis=0)
 
     return folded(x) / folded(0.0)
 

@@ -26,6 +26,7 @@ class Quantization(Spectrum):
         'which is white.'
     )
     reference = 'IEEE 952 C.1.2'
+    broad = True
     decide = 'record at another output rate: quantization of the angle scales with it'
     parameters = (
         Parameter('Q', '{integral}', 1e-14, 1e2, amplitude=True, title='angle quantization'),

@@ -22,6 +22,7 @@ class RandomWalk(Spectrum):
         'temperature: record longer, and see whether it follows the temperature.'
     )
     reference = 'IEEE 952 C.1.4'
+    broad = True
     decide = 'record several times longer'
     parameters = (
         Parameter('K', '{slope}/sqrt(Hz)', 1e-14, 1e2, amplitude=True, title='rate random walk'),

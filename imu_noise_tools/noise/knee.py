@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A rival without a name to what bends a spectrum over decades.
+
+It is a knee of any steepness, or a power of the frequency. A Gauss-Markov process is the knee of
+one steepness, and several of them imitate any other over a band. It is no effect of the library:
+nothing is named by it.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .evidence import Evidence
+from .kinds import Parameter, Spectrum
+from ..loop.effect import Effect
+
+MIDDLE = 0.01   # of the sample rate: where the level is read
+STEEP = (-0.5, 0.35, 0.7, 1.5)    # to start from
+
+
+class Knee(Spectrum):
+    """Power level^2 ((1 + (f/fc)^2)/(1 + (f_0/fc)^2))^-steepness."""
+
+    parameters = (
+        Parameter('level', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True),
+        Parameter('fc', 'Hz', 1e-9, 1e6),
+        Parameter('steepness', '1', -1.5, 4.0, log=False),
+    )
+
+    def starts(self, evidence: Evidence) -> list[Effect]:
+        """Start from knees below, inside and at the end of what the record shows."""
+        lowest, highest = 0.1 / evidence.duration, 0.3 / evidence.dt
+        return [self.with_values(level=1.0, fc=float(fc), steepness=p)
+                for fc in np.geomspace(lowest, highest, 5) for p in STEEP]
+
+    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
+        """Keep it within a tenth of what the record resolves: below is a power of f."""
+        return {'fc': (0.1 / evidence.duration, 1 / evidence.dt)}
+
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
+        """Return the knee."""
+        def over(f):
+            return 1 + (np.asarray(f) / self['fc']) ** 2
+
+        return self['level'] ** 2 * (over(f) / over(MIDDLE / dt)) ** -self['steepness']

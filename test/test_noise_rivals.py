@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+What looks like an effect and is of another form is not called by its name.
+
+The records are drawn in the time domain or through the Fourier transform; no formula of the
+package makes them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import chirp
+from scipy.stats import kurtosistest
+
+import hidden
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.statistics import kurtosis_pull
+from imu_noise_tools.tasks.noise import analyse_record
+
+N, DT = 60_000, 0.01
+T = np.arange(N) * DT
+SIZE = 1e-4     # of a sample of white noise, rad/s
+
+
+def found_in(gyro):
+    """Return the names found in gyro_x of a record of three axes, (n,) each, and its diagnosis."""
+    record = ImuRecord(np.column_stack(gyro), None, T, 1 / DT)
+    study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    return [f.name for f in said.found], said
+
+
+def axes_with(signal, rng):
+    """Return three axes of white noise and a little drift that hear a signal, each its share."""
+    return [SIZE * rng.standard_normal(N) + hidden.random_walk(N, DT, SIZE / 3e3, rng) + g * signal
+            for g in (1.0, -0.7, 1.3)]
+
+
+def two_wells(rng):
+    """Return a path between two levels, each step of which takes some samples."""
+    stay = rng.exponential(8.0, 200).cumsum()
+    level = np.sign(0.5 - np.searchsorted(stay, T) % 2)
+    return np.convolve(level, np.ones(20) / 20, 'same')
+
+
+def coloured(rng, power):
+    """Return noise of a power f^-power, of which a record is cut out."""
+    f = np.fft.rfftfreq(8 * N, DT)
+    spectrum = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
+    spectrum[1:] *= f[1:] ** (-0.5 * power)
+    spectrum[0] = 0.0
+    x = np.fft.irfft(spectrum)[3 * N:4 * N]
+    return x / np.std(x)
+
+
+def test_noise_that_axes_share_is_named():
+    rng = np.random.default_rng(5)
+    names, said = found_in(axes_with(0.3 * SIZE * rng.standard_normal(N), rng))
+    assert names == ['shared_noise'], said
+
+
+@pytest.mark.parametrize('signal', [
+    pytest.param(lambda rng: 0.15 * SIZE * chirp(T, 0.5, T[-1], 40.0, 'logarithmic'), id='chirp'),
+    pytest.param(lambda rng: 0.3 * SIZE * two_wells(rng), id='two wells')])
+def test_what_axes_share_and_is_no_noise_is_not_called_noise(signal):
+    rng = np.random.default_rng(6)
+    names, said = found_in(axes_with(signal(rng), rng))
+    assert 'shared_noise' not in names, said
+    assert said.verdict == 'unknown' or said.remaining or {'rts', 'step'} & set(names)
+    against = [f.against for f in said.ranked if f.name == 'shared_noise']
+    assert against and against[0], said
+
+
+@pytest.mark.parametrize('power', [0.6, 1.5])
+def test_a_power_of_the_frequency_is_no_relaxation(power):
+    rng = np.random.default_rng(7)
+    names, said = found_in([SIZE * (0.1 * rng.standard_normal(N) + coloured(rng, power))
+                            for _ in range(3)])
+    assert 'gauss_markov' not in names, said
+
+
+def test_a_relaxation_stays_one():
+    rng = np.random.default_rng(8)
+    gyro = axes_with(0.0, rng)
+    gyro[0] = gyro[0] + hidden.decay(N, DT, 0.3 * SIZE, 1.0, rng)
+    names, said = found_in(gyro)
+    assert names == ['gauss_markov'], said
+
+
+def test_the_pull_of_a_kurtosis_is_the_one_of_anscombe_and_glynn():
+    rng = np.random.default_rng(9)
+    for n, x in ((64, rng.standard_normal(64)), (300, rng.standard_t(4, 300))):
+        x = x - x.mean()
+        assert kurtosis_pull(x) == pytest.approx(kurtosistest(x).statistic, rel=1e-9), n
+    assert kurtosis_pull(np.ones(8)) == 0.0 and kurtosis_pull(np.zeros(100)) == 0.0
