@@ -426,6 +426,17 @@ def test_rows_keep_limits_and_notes():
     assert row.si == '< 1.50e-06 rad/s^2/sqrt(Hz)'
 
 
+def test_what_a_form_of_an_effect_does_not_use_is_not_listed():
+    effect = KNOWN['variance_change'].example()
+    estimates = {p.name: Estimate(0.0, None, None, p.unit) for p in effect.parameters}
+    estimates['factor'] = Estimate(2.0, 0.1, (1.8, 2.2), '1')
+    state = State(None, Fit(Model([effect]), {effect.label: estimates}, 0.0), Score.of([]))
+    listed = [r.symbol for r in words.rows(state, 'gyro_x')]
+    assert {'form', 'factor'} <= set(listed) and 'duration_3' not in listed
+    assert 'duration_3' not in words.parameters_of(
+        Finding(effect.name, 9.0, effect, estimates), 'gyro_x')
+
+
 def test_places_are_named_once_and_only_when_they_stand_out():
     f = np.array([0.001, 3.70, 3.75, 20.0, 40.0])
     view = View('frequency', f, np.array([-8.0, 30.0, 25.0, 2.9, -4.0]), 5.0, 0.1, 'Hz')
