@@ -246,7 +246,7 @@ def cost(args: argparse.Namespace) -> None:
                 with run.connected(every[:count], None, workers) as client:
                     client.run(exec, 'import imu_noise_tools.fleet.work')
                     begin, before = time.monotonic(), time.process_time()
-                    run.run(kept, every[:count], client)
+                    run.run(kept, kept.todo(every[:count]), client)
                     wall, mine = time.monotonic() - begin, time.process_time() - before
                 inside = [f['cpu_s'] for _, _, f in kept.facts(every[:count], {})]
                 print(f'{workers} workers, {count} bags: {wall:.1f} s, {np.mean(inside):.2f} '

@@ -40,8 +40,9 @@ import sys
 __version__ = '0.1.0'
 
 __all__ = [
-    'analyse', 'calibrate', 'data_sheet', 'filter', 'FitError', 'ImuNoiseError', 'ImuRecord',
-    'InputError', 'load', 'load_effects', 'open_record', 'simulate', 'Study', 'UsageError']
+    'analyse', 'calibrate', 'data_sheet', 'filter', 'FitError', 'Fleet', 'fleet',
+    'ImuNoiseError', 'ImuRecord', 'InputError', 'load', 'load_effects', 'open_fleet',
+    'open_record', 'simulate', 'Study', 'UsageError']
 
 TYPE_CHECKING = False       # typing's own would load typing
 
@@ -51,11 +52,14 @@ if TYPE_CHECKING:
     from .api import data_sheet as data_sheet
     from .api import filter as filter
     from .api import FitError as FitError
+    from .api import Fleet as Fleet
+    from .api import fleet as fleet
     from .api import ImuNoiseError as ImuNoiseError
     from .api import ImuRecord as ImuRecord
     from .api import InputError as InputError
     from .api import load as load
     from .api import load_effects as load_effects
+    from .api import open_fleet as open_fleet
     from .api import open_record as open_record
     from .api import simulate as simulate
     from .api import Study as Study

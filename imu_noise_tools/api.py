@@ -34,9 +34,9 @@ from .tasks import noise, sheet as sheets
 from .tasks.simulate import simulate as simulate_bag
 
 __all__ = [
-    'analyse', 'calibrate', 'Coefficient', 'data_sheet', 'filter', 'FitError', 'ImuNoiseError',
-    'ImuRecord', 'InputError', 'load', 'load_effects', 'open_record', 'Picture', 'simulate',
-    'Study', 'Table', 'Target', 'UsageError']
+    'analyse', 'calibrate', 'Coefficient', 'data_sheet', 'filter', 'FitError', 'Fleet', 'fleet',
+    'ImuNoiseError', 'ImuRecord', 'InputError', 'load', 'load_effects', 'open_fleet',
+    'open_record', 'Picture', 'simulate', 'Study', 'Table', 'Target', 'UsageError']
 
 Progress = Callable[[float | None, str], None]
 Source = str | Path | ImuRecord
@@ -445,6 +445,130 @@ class Study:
     def _repr_html_(self) -> str:
         """Return verdicts and coefficients as HTML, for a notebook."""
         return report.overview(self.study)
+
+
+class Fleet:
+    """
+    What many bags of many units say; see :func:`fleet` and :func:`open_fleet`.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it is kept.
+    summary : mapping
+        All of fleet.json: models, shrunk values, about each unit.
+
+    """
+
+    def __init__(self, folder: Path, summary: Mapping[str, Any]) -> None:
+        self.folder, self.summary = folder, summary
+
+    @property
+    def units(self) -> list[str]:
+        """Names of the units."""
+        return list(self.summary['about'])
+
+    @property
+    def models(self) -> Table:
+        """A row a model and coefficient: units, typical value (SI), spread in per cent."""
+        return Table({'model': model, 'coefficient': name, 'units': p['units'],
+                      'typical': max((a['mean'] for a in p['axes'].values()), default=None),
+                      'spread_percent': p.get('between_units'), 'covers95': p['covers95'],
+                      'unit': p['unit']}
+                     for model, found in self.summary['models'].items()
+                     for name, p in found.items())
+
+    @property
+    def outlying(self) -> Table:
+        """A row a unit and reason why it is to be looked at."""
+        return Table({'unit': o['unit'], 'model': o['model'], 'what': c['what'],
+                      'axes': ', '.join(c['axes']), 'probability': c['probability'],
+                      'ratio': c.get('ratio'), 'lo': c.get('lo'), 'hi': c.get('hi'),
+                      'drift': c['drift']} for o in self.summary['outlying'] for c in o['why'])
+
+    @property
+    def changes(self) -> Table:
+        """What the levels of each factor change, as ratios with 95 % intervals."""
+        return Table(self.summary['changes'])
+
+    @property
+    def missing(self) -> Table:
+        """Which effects are missing from the models, in how many units."""
+        return Table(self.summary['missing'])
+
+    @property
+    def lines(self) -> Table:
+        """Lines in the spectrum by frequency (Hz), and how many units have each."""
+        return Table(self.summary['lines'])
+
+    @property
+    def failed(self) -> Table:
+        """Bags that gave nothing, each with why."""
+        return Table(self.summary['failed'])
+
+    def to_pandas(self) -> Any:
+        """Return fleet.parquet, a row a coefficient of each bag, as a pandas DataFrame."""
+        from .fleet import table as tables
+        return Table(tables.read(self.folder).to_pylist()).to_pandas()
+
+    def unit(self, name: str) -> Study:
+        """Return the values of a unit, beside what its model does, as a study to export."""
+        from .fleet import export as numbers
+        return Study(numbers.unit_study(self.folder, name))
+
+    def population(self, model: str | None = None) -> Study:
+        """Return what covers 95 % of a model's units, as a study to export."""
+        from .fleet import export as numbers
+        return Study(numbers.population_study(self.folder, model))
+
+    def compare(self, other: Fleet) -> Table:
+        """Return what differs in another fleet; units in both are compared with themselves."""
+        from .fleet import assemble
+        return Table(assemble.compare(self.folder, other.folder))
+
+    def __repr__(self) -> str:
+        """Return what the command prints."""
+        from .fleet import assemble
+        return assemble.text(dict(self.summary), str(self.folder))
+
+
+def fleet(inputs: str | Path | Iterable[str | Path], out: str | Path, *, pattern: str = '',
+          topic: str | None = None, scheduler: str | None = None, workers: int | None = None,
+          diagnose: str = 'failing', reports: bool = True, retry_failed: bool = False,
+          progress: Progress | None = None, **options: Any) -> Fleet:
+    """
+    Analyse many bags on Dask into a folder; what is done there already is kept.
+
+    Parameters
+    ----------
+    inputs : str, Path, or several
+        Bags, directories, globs, URLs, manifests.
+    out : str or Path
+        Where the fleet is kept.
+    pattern, topic, scheduler, workers, diagnose, reports, retry_failed
+        As of the command.
+    progress : callable or None
+        Called with (share done, what).
+    options
+        Those of :func:`imu_noise_tools.tasks.noise.analyse_bag`.
+
+    """
+    from .fleet import assemble, inputs as given, run
+    from .fleet.work import Options
+
+    some = [inputs] if isinstance(inputs, (str, Path)) else list(inputs)
+    options.update({k: tuple(_several(options[k]) or ()) for k in ('axes', 'effects')
+                    if k in options})
+    bags = given.bags_of([str(s) for s in some], pattern, topic or '')
+    kept = run.Fleet(Path(out), Options(options, diagnose=diagnose, reports=reports))
+    return Fleet(kept.folder, assemble.bring_up_to_date(
+        kept, bags, scheduler, workers, retry_failed, progress))
+
+
+def open_fleet(folder: str | Path) -> Fleet:
+    """Return the fleet of a folder, as it was written last."""
+    from .fleet import assemble
+    return Fleet(Path(folder), assemble.read(folder))
 
 
 def open_record(path: str | Path, topic: str | None = None, *, apart: bool = True,

@@ -29,7 +29,8 @@ LAYERS = (
     ('store', 'export', 'plots', 'sheet'),
     ('report',),
     ('tasks',),
-    ('api', 'fleet', 'explore'),
+    ('fleet', 'explore'),
+    ('api',),
     ('cli', 'nodes'),
 )
 LEVEL = {name: i for i, names in enumerate(LAYERS) for name in names}

@@ -134,6 +134,18 @@ def test_a_duplicate_stamp_is_weighed_without_prediction_and_a_copy_not_at_all()
     assert engine.counts.duplicates == 3
 
 
+@pytest.mark.parametrize('blow', [1.0, 60.0])
+def test_a_blow_and_another_sample_at_its_stamp_are_survived(blow):
+    """The blow rules the mode at rest out to the last digit; no time passes to let it back in."""
+    t, z, _ = rocking(300, amplitude=0.0)
+    z[200:202] += blow
+    t[201:203] = t[200]
+    rate, variance = live(Engine(values=KNOWN, rate_hz=100.0), t, z)
+    assert np.isfinite(rate).all() and np.all(variance > 0)
+    assert np.abs(rate[-1]).max() < SIGMA
+    assert np.isfinite(filter_record(t, z, design(values=KNOWN), 100.0).rate).all()
+
+
 def test_a_change_of_rate_in_mid_stream_is_followed():
     dt = np.r_[np.full(1000, 0.01), np.full(1000, 0.02), np.full(2000, 0.005)]
     t = np.cumsum(dt)

@@ -387,11 +387,12 @@ def test_two_motions_that_jump_are_refused():
         design(('any_motion', 'rate_step'))
 
 
-@pytest.mark.parametrize('alternate', [False, True], ids=['random', 'alternating'])
-def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate):
+@pytest.mark.parametrize('alternate, n', [(False, 8000), (False, 10000), (True, 8000)],
+                         ids=['random', 'random, longer', 'alternating'])
+def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n):
     """A delay of every sample, normal by itself or to and fro, is noise that grows with motion."""
     rng = np.random.default_rng(41)
-    n, sigma, jitter = 8000, 0.1 * DEG, 5e-4
+    sigma, jitter = 0.1 * DEG, 5e-4
     off = jitter * (np.where(np.arange(n) % 2, 1.0, -1.0) if alternate else rng.standard_normal(n))
     fine = 20                                               # a shaking hand, finely sampled
     hand = lfilter(*butter(2, 3.0, fs=fine * RATE), rng.standard_normal(fine * (n + 2)))
@@ -405,7 +406,10 @@ def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate):
     assert found.verdict == 'missing' and found.found[0].name == 'sampling_jitter', found
     before = study.history[0].held_out
     step, = study.add()
-    assert step.held_out < before and step.verdict.startswith('falls')
+    if n == 8000:
+        assert step.held_out < before and step.verdict.startswith('falls')
+    else:       # in either view the bank was as good as it need be: the likelihood alone knows
+        assert before < 0 and step.verdict == 'within chance, predicts better'
     seen = study.states['gyro_x'].fit.estimates['sampling_jitter']['jitter']
     # a delay to and fro is looked for among those of chance: the prediction has half of it
     most = 2.0 if alternate else 1.4

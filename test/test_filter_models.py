@@ -13,10 +13,12 @@ from imu_noise_tools.core import gauss_markov
 from imu_noise_tools.core.errors import UsageError
 from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import kalman
-from imu_noise_tools.filter.imm import Bank, Coefficients
+from imu_noise_tools.filter.chunks import Chunks, settle_of
+from imu_noise_tools.filter.imm import Bank, Coefficients, log_density
 from imu_noise_tools.filter.modes import default_modes, Modes, modes_of
 from imu_noise_tools.filter.motion import (
     AngularAcceleration,
+    AnyMotion,
     ArIncrement,
     ConstantRate,
     Harmonic,
@@ -35,7 +37,7 @@ from imu_noise_tools.filter.output_noise import (
     Sinusoid,
     White,
 )
-from imu_noise_tools.filter.predict import by_bank, predict
+from imu_noise_tools.filter.predict import predict
 from imu_noise_tools.filter.statespace import DOMAIN, state_space
 from imu_noise_tools.loop.effect import find_effect, Model, Parameter, registry
 from imu_noise_tools.noise.kinds import Spectrum
@@ -312,10 +314,31 @@ def test_recursion_by_chunks_predicts_like_the_steady_state():
     rng = np.random.default_rng(6)
     z = 0.01 * rng.standard_normal(5000)
     model = LINEAR['acceleration']
-    log_l, (u,) = by_bank([model, model], z, 0.01, at_off=(0.0,))
+    each, (u,) = Chunks(z, 0.01).densities([model, model], at_off=(0.0,))
+    log_l = each.sum(1)
     fast = predict(model, z, 0.01)
     assert log_l[0] == log_l[1] == pytest.approx(fast.log_likelihood, abs=0.1)
     assert np.allclose(u[0], fast.u, atol=2e-3)
+
+
+@pytest.mark.parametrize('more', [None, GaussMarkov({'sigma': 3e-3, 'tc': 5.0}), Sinusoid(
+    {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 1e4})], ids=['bank', 'slow colour', 'line'])
+def test_chunks_of_a_record_at_rest_say_what_the_whole_says(more):
+    """A bank at rest, a slow colour and a phase remember for longer than a chunk lasts."""
+    z = 0.01 * np.random.default_rng(9).standard_normal(8000)
+    model = AnyMotion() + White({'R': 1e-4})
+    model = model if more is None else model + more
+    bank = Bank(Coefficients([modes_of([model], 0.01)]), 1)
+    e = bank.table.at(0)
+    whole = [bank.step(z[k:k + 1], e if k else None)[2][0] for k in range(len(z))]
+    whole = np.sum(log_density(np.array(whole))[settle_of(len(z)):])
+    assert predict(model, z, 0.01).log_likelihood == pytest.approx(whole, abs=1.0)
+    chunks = Chunks(z, 0.01)
+    near = model.with_effect(White({'R': 1.2e-4}))
+    chunks.densities([near])
+    chunks.begin(near)
+    chunks.begin(model, anew=True)
+    assert chunks.densities([near, model])[0][1].sum() == pytest.approx(whole, abs=1.0)
 
 
 def test_scores_of_a_true_mixture_are_standard_normal():
@@ -442,6 +465,6 @@ def test_models_side_by_side_switch_each_at_its_own_pace():
     """Their likelihoods are those that each has alone."""
     z = 0.01 * np.cumsum(np.random.default_rng(4).standard_normal(1500))
     models = [StopAndGo({'q': 10.0, 'dwell': dwell}) + White({'R': 1e-4}) for dwell in (0.5, 8.0)]
-    together, _ = by_bank(models, z, 0.01)
+    together = Chunks(z, 0.01).densities(models)[0].sum(1)
     assert together == pytest.approx([predict(m, z, 0.01).log_likelihood for m in models])
     assert abs(together[0] - together[1]) > 1

@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 import json
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
@@ -69,7 +70,7 @@ def plain(bags, client, tmp_path_factory):
     """Return (fleet, bags, summary) of that folder, undisturbed."""
     kept = run.Fleet(tmp_path_factory.mktemp('plain') / 'fleet', OPTIONS)
     some = bags_of([str(bags)])
-    lost = run.run(kept, some, client)
+    lost = run.run(kept, kept.todo(some), client)
     return kept, some, assemble.write(kept, some, lost)
 
 
@@ -92,6 +93,16 @@ def test_directories_globs_and_paths(bags, tmp_path):
     for name in ('metadata.yaml', 'ros2_0.db3'):
         (folder / name).write_text('x')
     assert [b.path for b in bags_of([str(tmp_path)])] == [str(folder)], 'a rosbag2 is one bag'
+
+
+def test_a_path_that_is_not_there_is_one_line(tmp_path, capsys):
+    """Of who types it; in a manifest it is a row."""
+    words = ['fleet', str(tmp_path / 'nowhere.mcap'), '-o', str(tmp_path / 'fleet')]
+    assert main(words) == 1 and not list(tmp_path.iterdir())
+    said = capsys.readouterr()
+    assert said.err.count('\n') == 1 and 'nowhere.mcap: no such file' in said.err
+    (tmp_path / 'm.csv').write_text('bag\nnowhere.mcap\n')
+    assert len(bags_of([str(tmp_path / 'm.csv')])) == 1
 
 
 def test_a_study_is_no_bag(tmp_path):
@@ -175,7 +186,7 @@ def test_a_remote_bag_that_is_not_there_fails_alone(remote, client, tmp_path):
     some = bags_of(['memory://fleet/m.csv'])
     remote.rm('/fleet/imu1_v2.npz')
     kept = run.Fleet(tmp_path / 'fleet', OPTIONS)
-    said = assemble.write(kept, some, run.run(kept, some, client))
+    said = assemble.write(kept, some, run.run(kept, kept.todo(some), client))
     assert [f['unit'] for f in said['failed']] == ['b'] and said['units'] == 2
     assert 'cannot be fetched' in said['failed'][0]['error']
 
@@ -205,12 +216,12 @@ def test_a_rerun_does_only_what_is_new(plain, client, bags, tmp_path):
     kept, some, _ = plain
     before = {p: p.stat().st_mtime_ns for p in kept.folder.glob('facts/*')}
     again = run.Fleet(kept.folder, OPTIONS)
-    assert run.run(again, some, client) == {} and all(again.done(b) for b in some)
+    assert not again.todo(some) and all(again.done(b) for b in some)
     moved = record(tmp_path / 'same_bytes.npz', 0)      # known by its bytes, wherever it is
     os.utime(bags / 'imu1_v2.npz')                      # another time, the same bytes
     new = record(tmp_path / 'new.npz', 77)
     more = bags_of([str(bags), str(moved), str(new)])
-    run.run(again, more, client)
+    run.run(again, again.todo(more), client)
     after = {p: p.stat().st_mtime_ns for p in kept.folder.glob('facts/*')}
     assert {p: after[p] for p in before} == before and len(after) == len(before) + 1
     assert len(list((kept.folder / 'bags').iterdir())) == len(after) - 1, 'but for the broken one'
@@ -223,7 +234,7 @@ def test_the_index_may_be_lost(plain, client):
     before = {p: p.stat().st_mtime_ns for p in kept.folder.glob('facts/*')}
     (kept.folder / 'index.json').write_text('{')
     again = run.Fleet(kept.folder, OPTIONS)
-    run.run(again, some, client)
+    run.run(again, again.todo(some), client)
     assert {p: p.stat().st_mtime_ns for p in kept.folder.glob('facts/*')} == before
     assert all(again.done(b) for b in some)
 
@@ -256,6 +267,24 @@ def test_workers_are_sized_to_cores_and_memory():
     count, each = run.workers_for([small, day, day], 8, 4e9)
     assert count == 2 and each >= run.need(day)
     assert run.workers_for([day], 8, 1e9)[0] == 1
+
+
+def test_the_face_in_python_says_what_the_command_says(plain, bags, client, monkeypatch):
+    import contextlib
+
+    import imu_noise_tools as imu
+    kept, some, said = plain
+    monkeypatch.setattr(run, 'connected', lambda *a: contextlib.nullcontext(client))
+    found = imu.fleet(bags, kept.folder, reports=False, **QUICK)
+    assert found.outlying[0]['unit'] == 'imu5_v2' and len(found.units) == said['units'] - 1
+    assert imu.open_fleet(kept.folder).models == found.models
+    assert found.failed[0]['unit'] == 'broken' and 'look at imu5_v2' in repr(found)
+    assert found.models[0]['units'] == 8 and found.models[0]['typical'] > 0
+    assert 'gyroscope_noise_density' in found.unit('imu5_v2').export('kalibr')
+    assert 'gyroscope_noise_density' in found.population().export('kalibr')
+    assert found.compare(found)[0]['ratio'] == pytest.approx(1, abs=1e-3)
+    with pytest.raises(imu.InputError, match='no fleet.json'):
+        imu.open_fleet(bags)
 
 
 # --- real processes ------------------------------------------------------------------------------
@@ -354,7 +383,7 @@ def test_a_poison_bag_is_set_aside_after_three(tmp_path):
     own = Options(QUICK, reports=False, own=(POISON,))
     kept, some = run.Fleet(tmp_path / 'fleet', own), bags_of([str(folder)])
     with run.connected(some, workers=2) as client:
-        lost = run.run(kept, some, client)
+        lost = run.run(kept, kept.todo(some), client)
     said = assemble.write(kept, some, lost)
     assert [f['unit'] for f in said['failed']] == ['poison']
     assert f'took {run.DEATHS} workers' in said['failed'][0]['error']
@@ -454,6 +483,21 @@ def test_the_page_is_whole_and_leads_to_each_unit(plain):
     assert 'imu5_v2' in text and 'nan' not in text.split('<script>')[0].split('</style>')[1]
 
 
+@pytest.mark.thorough
+@pytest.mark.skipif(shutil.which('npx') is None, reason='no npx, with which the validator runs')
+def test_the_page_is_valid_html(plain, tmp_path):
+    """As html-validate (npm) judges by the HTML standard."""
+    validator = ['npx', '--yes', 'html-validate@10']
+    if subprocess.run([*validator, '--version'], capture_output=True, cwd=tmp_path).returncode:
+        pytest.skip('the validator is not to be had')
+    path = tmp_path / 'fleet.html'
+    path.write_text(page.html(plain[2]))
+    for preset in ('recommended', 'standard'):
+        done = subprocess.run([*validator, '--preset', preset, path], capture_output=True,
+                              text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout
+
+
 def test_the_page_of_hundreds_of_units_is_small():
     rng = np.random.default_rng(3)
     strip = [[f'unit{k:04d}', float(np.exp(rng.normal(-9, 0.1))), False, 0.0] for k in range(800)]
@@ -493,7 +537,7 @@ def test_two_fleets_are_compared(plain, bags, client, tmp_path):
             np.savez(louder / path.name, gyro=1.2 * data['gyro'], rate_hz=50.0)
     kept = run.Fleet(tmp_path / 'fleet', OPTIONS)
     some = bags_of([str(louder)])
-    assemble.write(kept, some, run.run(kept, some, client))
+    assemble.write(kept, some, run.run(kept, kept.todo(some), client))
     (change,) = [c for c in assemble.compare(plain[0].folder, kept.folder)
                  if c['parameter'] == 'N']
     assert change['lo'] < 1.2 < change['hi'] < 1.3 and change['beyond_chance']
@@ -507,7 +551,7 @@ def test_a_line_on_one_unit_is_its_own(bags, client, tmp_path):
     for k in range(6):
         record(folder / f'u{k}.npz', 40 + k, line=4e-5 if k == 2 else 0.0)
     kept, some = run.Fleet(tmp_path / 'fleet', OPTIONS), bags_of([str(folder)])
-    said = assemble.write(kept, some, run.run(kept, some, client))
+    said = assemble.write(kept, some, run.run(kept, kept.todo(some), client))
     assert [o['unit'] for o in said['outlying']] == ['u2']
     assert said['outlying'][0]['why'][0]['axes'] == ['gyro_x']
     (line,) = said['lines']
@@ -532,6 +576,6 @@ def test_real_records_as_a_fleet(shared_data, tmp_path, client):
     """Whatever they are: each is a study or one line, and the page is written."""
     some = bags_of([str(shared_data / 'records'), str(shared_data / 'bags')])
     kept = run.Fleet(tmp_path / 'fleet', Options(reports=False, diagnose='none'))
-    said = assemble.write(kept, some, run.run(kept, some, client))
+    said = assemble.write(kept, some, run.run(kept, kept.todo(some), client))
     assert said['bags'] == len(some) >= 20 and len(said['failed']) < len(some)
     assert all('\n' not in f['error'] and 'unexpected' not in f['error'] for f in said['failed'])

@@ -77,16 +77,16 @@ def _run(args: argparse.Namespace) -> int:
     options = _options(args)
     bags = inputs.bags_of(args.inputs, args.pattern, args.topic or '')
     kept = run.Fleet(Path(args.output), options)
-    todo = [b for b in bags if not kept.done(b, args.retry_failed)]
-    lost: dict[str, str] = {}
+
+    def begun(todo: int, dashboard: str) -> None:
+        if not args.json:
+            print(f'{len(bags)} bags, {len(bags) - todo} of them done before; '
+                  f'dashboard: {dashboard}', flush=True)
+
     try:
-        if todo:
-            with run.connected(todo, args.scheduler, args.workers) as client, \
-                    common.progress_line(args) as progress:
-                _say(args, f'{len(bags)} bags, {len(bags) - len(todo)} of them done before; '
-                           f'dashboard: {client.dashboard_link}')
-                lost = run.run(kept, todo, client, progress, args.retry_failed)
-        summary = assemble.write(kept, bags, lost)
+        with common.progress_line(args) as progress:
+            summary = assemble.bring_up_to_date(kept, bags, args.scheduler, args.workers,
+                                                args.retry_failed, progress, begun)
     except KeyboardInterrupt:
         done = sum(kept.done(b) for b in bags)
         print(f'interrupted: {done} of {len(bags)} bags are done and kept in {kept.folder}; the '
@@ -111,11 +111,6 @@ def _options(args: argparse.Namespace) -> Any:
         raise InputError(f'{error.filename}: {error.strerror}') from None
     return Options(noise.how_of(args), (args.start, args.duration, args.mask, not args.no_screen),
                    args.diagnose, not args.no_reports, own)
-
-
-def _say(args: argparse.Namespace, text: str) -> None:
-    if not args.json:
-        print(text, flush=True)
 
 
 def _compare(args: argparse.Namespace) -> int:

@@ -140,7 +140,8 @@ def time_view(u: np.ndarray, dt: float) -> View:
 
 
 def score_of(
-    u: np.ndarray, dt: float, coarse: bool = False, smooth: np.ndarray | None = None
+    u: np.ndarray, dt: float, coarse: bool = False, smooth: np.ndarray | None = None,
+    log_l: float | None = None
 ) -> Score:
     """
     Return the error of the loop.
@@ -151,6 +152,8 @@ def score_of(
     model would have scored above this one: u and the samples carry the same information.
     ``coarse``: less what a bank loses by itself, so that 0 is as good as a bank need be.
     ``smooth`` (n,): the scores whose distribution counts where rounding makes a comb of that of u.
+    ``log_l``: the log-likelihood of the samples, by which two models are compared, half in either
+    view: it also knows which samples a model expects to be large, and the views do not.
 
     """
     u = np.clip(u, -1e6, 1e6)
@@ -159,7 +162,7 @@ def score_of(
     if coarse:
         views = [replace(v, excess=v.excess - 2 * len(u) * COARSE[v.name] / len(v.pull))
                  for v in views]
-    return Score.of(views)
+    return Score.of(views if log_l is None else (replace(v, log_score=-log_l) for v in views))
 
 
 def omnibus(

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from .predict import densities, predict
-from .statespace import FilterEffect, jumps, Look, Motion, state_space, white_of
+from .chunks import Chunks
+from .predict import finite, predict
+from .statespace import FilterEffect, jumps, Look, Motion, oscillates, state_space, white_of
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
 from ..core.units import si
 from ..loop.effect import Effect, Estimate, Model
@@ -20,14 +21,16 @@ from ..loop.effect import Effect, Estimate, Model
 NULL = CHI2_95 / 2      # nats: an amplitude that loses less by going to zero is not observable
 LIMIT = CHI2_90 / 2     # nats, for a one-sided 95 % limit
 STENCIL = 0.3           # of the first move of a parameter: how far apart a curvature is read
+FURTHER = 1.0           # nats: a climb that gained more knows better where chunks begin
 ENOUGH = 0.05           # nats: a climb that hopes for less is at the top
 
 
 class Likelihood:
     """The log-likelihoods of models of one structure on one series z (n,) at dt (s)."""
 
-    def __init__(self, z: np.ndarray, dt: float, alpha: float):
+    def __init__(self, z: np.ndarray, dt: float, alpha: float, chunks: Chunks | None = None):
         self.z, self.dt, self.alpha = z, dt, alpha
+        self.chunks = chunks or Chunks(z, dt, alpha)
         self.samples, self.span = len(z), len(z) * dt
         self._known: dict[Model, float] = {}
 
@@ -44,10 +47,21 @@ class Likelihood:
 
     def each(self, models: list[Model]) -> np.ndarray:
         """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
-        found = densities(models, self.z, self.dt, self.alpha)[0]
-        total = found.sum(1)
-        self._known.update(zip(models, np.where(np.isfinite(total), total, -np.inf).tolist()))
+        found = self.chunks.densities(models)[0]
+        self._known.update(zip(models, map(finite, found.sum(1))))
         return found
+
+    def about(self, model: Model, last: bool = False) -> float:
+        """
+        Return the log-likelihood of a model; from now on it is right of those near it.
+
+        ``last``: also of one that keeps a phase for long, which takes a while.
+
+        """
+        if jumps(model):
+            self.chunks.begin(model, anew=last and oscillates(model))
+            self._known.clear()
+        return float(self([model])[0])
 
 
 class Free:
@@ -190,7 +204,7 @@ def _climb(free: Free, x, evaluate, hope: float, rounds: int = 9):
     """
     least = STENCIL * free.scale(evaluate.span)
     step = 5 * least
-    best = float(evaluate([free.at(x)])[0])
+    best = evaluate.about(free.at(x))
     for done in range(rounds):
         around = np.concatenate([x + np.diag(step), x - np.diag(step)])
         models = [free.at(v) for v in around]
@@ -205,7 +219,8 @@ def _climb(free: Free, x, evaluate, hope: float, rounds: int = 9):
         top = int(np.argmax(value))
         gained = value[top] - best
         if gained > 0:
-            x, best = tried[top], float(value[top])
+            x = tried[top]
+            best = evaluate.about(free.at(x)) if gained > FURTHER else float(value[top])
         small = np.all(step < 1.01 * least)
         step = np.maximum(step if gained > 20 * ENOUGH and not small else 0.2 * step, least)
         if small and gained <= ENOUGH:

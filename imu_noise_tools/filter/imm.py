@@ -181,10 +181,10 @@ class Bank:
         """The covariances entry by entry, {(i, k)} with i <= k: views."""
         return dict(zip(self.pairs, self.cov))
 
-    def load(self, mu: np.ndarray, x: Any, p: dict) -> None:
-        """Take over probabilities, states [d] and covariances {(i, k)}."""
+    def load(self, mu: np.ndarray, x: Any, cov: Any) -> None:
+        """Take over probabilities, states [d] and covariances [pairs]."""
         self.mu[:] = mu
-        for mine, one in ((self.x, x), (self.cov, (p[k] for k in self.pairs))):
+        for mine, one in ((self.x, x), (self.cov, cov)):
             for into, value in zip(mine, one):
                 into[:] = value
 

@@ -82,7 +82,8 @@ def modes_of(models: list[Model], dt: float) -> Modes:
             turns = space.switching
             modes = [*(_wandering(space, q * dt) for q in turns.wander),
                      *(_accelerating(space, q) for q in turns.acceleration)]
-            prior, stay = np.array(turns.prior), max(0.0, 1 + np.expm1(-dt * turns.leave))
+            # never all of it: a mode that a blow has ruled out must find back over no time, too
+            prior, stay = np.array(turns.prior), np.clip(np.exp(-dt * turns.leave), 0, 1 - NEVER)
         elif space.step:
             step = max(space.step[0], NEVER), space.step[1]
             q = space.q.copy()

@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from .chunks import Chunks
 from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
@@ -64,6 +65,7 @@ class FilterProblem(Problem):
         self.part = (0, len(self.z))
         self._fits: dict[Model, Fit] = {}
         self._seen: dict[Model, Prediction] = {}
+        self.chunks = Chunks(self.z, self.dt, self.alpha)
         if len(self.z) < 400 and whole is None:
             raise InputError(
                 f'{len(self.z)} samples are too few to judge a filter', 'give at least 400'
@@ -101,7 +103,7 @@ class FilterProblem(Problem):
         Without intervals where its likelihood stays below ``hope``.
 
         """
-        evaluate = Likelihood(self.z, self.dt, self.alpha)
+        evaluate = Likelihood(self.z, self.dt, self.alpha, self.chunks)
         if self.whole is not None:
             begin = self.whole.fit(model).model
         else:
@@ -109,9 +111,9 @@ class FilterProblem(Problem):
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
         best, log_l = maximise(begin, self.stated, evaluate, hope)
-        if self.whole is None:
+        if self.whole is None and log_l >= hope:
             best = self._with_measured(best)
-            log_l = float(evaluate([best])[0])
+            log_l = evaluate.about(best, last=True)
         found, flags = ({}, ())
         if self.whole is None and log_l >= hope:
             found, flags = estimates(best, self.stated, log_l, evaluate)
@@ -132,7 +134,8 @@ class FilterProblem(Problem):
     def prediction(self, model: Model) -> Prediction:
         """Return log-likelihood and scores of a model with values."""
         if model not in self._seen:
-            self._seen[model] = predict(model, self.z, self.dt, self.alpha, self.step)
+            self._seen[model] = predict(
+                model, self.z, self.dt, self.alpha, self.step, self.chunks)
         return self._seen[model]
 
     def score(self, fit: Fit) -> Score:
@@ -141,7 +144,8 @@ class FilterProblem(Problem):
 
     def _score(self, model: Model, coarse: bool = False) -> Score:
         seen = self.prediction(model)
-        return score_of(seen.u, self.dt, coarse, seen.smooth)
+        log_l = seen.log_likelihood if np.isfinite(seen.log_likelihood) else None
+        return score_of(seen.u, self.dt, coarse, seen.smooth, log_l)
 
     def omnibus(self, fit: Fit) -> list[Finding]:
         """Return the tests of the innovations."""

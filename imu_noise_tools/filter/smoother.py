@@ -315,7 +315,7 @@ def smooth_chunks(
     layout.put(layout.steps - 1, out, bank.rate())
     said = Likelihood.nothing(bank.table.size, bank.mu.shape)
     for b in reversed(range(len(starts))):
-        bank.load(starts[b].mu, starts[b].x, starts[b].p)
+        bank.load(starts[b].mu, starts[b].x, starts[b].p.values())
         kept = [starts[b]]
         for k in range(b * BLOCK + 1, min((b + 1) * BLOCK + 1, layout.steps)):
             at = layout.at(k)
@@ -327,7 +327,7 @@ def smooth_chunks(
             if over.any():
                 over = np.repeat(over, z.shape[1])
                 said = said.forgotten(over)
-                bank.load(now.mu, now.x, now.p)
+                bank.load(now.mu, now.x, now.p.values())
                 r, v = bank.rate()
                 rate, variance = np.where(over, r, rate), np.where(over, v, variance)
             layout.put(k - 1, out, (rate, variance))

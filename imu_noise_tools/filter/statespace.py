@@ -205,6 +205,11 @@ def jumps(model: Model) -> bool:
     return any(e.jumps for e in model.of(FilterEffect))
 
 
+def oscillates(model: Model) -> bool:
+    """Tell whether an effect of the model has a phase, which it may keep for the whole record."""
+    return any(e.line for e in model.of(FilterEffect))
+
+
 def psd(effect: FilterEffect, f: np.ndarray, dt: float) -> np.ndarray | None:
     """
     Return the one-sided PSD (k,) at f > 0 (Hz) of what an effect adds to the measurement.

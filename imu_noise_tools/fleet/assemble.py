@@ -5,19 +5,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import json
 from pathlib import Path
 from typing import Any
 
-from . import findings, page, table
+from . import findings, page, run, table
 from .inputs import Bag
-from .run import Fleet
+from .run import Fleet, Progress
 from ..core import files
 from ..core.errors import InputError
 from ..report.terminal import table as columns
 
 SUMMARY = 'fleet.json'
+
+
+def bring_up_to_date(fleet: Fleet, bags: Sequence[Bag], scheduler: str | None = None,
+                     workers: int | None = None, again: bool = False,
+                     progress: Progress | None = None,
+                     begun: Callable[[int, str], None] | None = None) -> dict[str, Any]:
+    """
+    Examine the bags that have no result yet, write what all of them say, and return it.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        Where all is kept.
+    bags : sequence of Bag
+        All of the fleet.
+    scheduler : str or None
+        Address of a Dask cluster; None: this machine, with as many ``workers``.
+    workers : int or None
+        None: what cores and memory hold.
+    again : bool
+        Whether bags that failed are tried again.
+    progress, begun : callable or None
+        Called with (share done, what), and once with (bags to do, address of the dashboard).
+
+    """
+    todo, lost = fleet.todo(bags, again), {}
+    if todo:
+        with run.connected(todo, scheduler, workers) as client:
+            if begun:
+                begun(len(todo), client.dashboard_link)
+            lost = run.run(fleet, todo, client, progress, again)
+    return write(fleet, bags, lost)
 
 
 def write(fleet: Fleet, bags: Sequence[Bag], lost: dict[str, str]) -> dict[str, Any]:
@@ -90,7 +122,7 @@ def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
             findings.shown(p['covers95'], p['template'], sensor))
 
 
-def compare(a: str, b: str) -> list[dict[str, Any]]:
+def compare(a: str | Path, b: str | Path) -> list[dict[str, Any]]:
     """Return what differs between the fleets of two folders, B against A."""
     return findings.compare(table.read(a), table.read(b))
 

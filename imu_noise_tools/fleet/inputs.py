@@ -21,6 +21,7 @@ BAGS = ('.bag', '.mcap', '.db3', '.npz')        # what a directory is searched f
 METADATA = 'metadata.yaml'                      # makes a directory a rosbag2
 KNOWN = ('bag', 'unit', 'model', 'topic')       # columns of a manifest that are no factors
 DATE = 'date'
+_GLOB = re.compile(r'[*?\[]')
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,8 @@ def _of_one(text: str, named: re.Pattern | None, topic: str) -> Iterator[Bag]:
     if text.endswith('.csv') and where.is_file() and (rows := _manifest(where)) is not None:
         yield from _described(rows, where, topic)
         return
+    if where.lacks():
+        raise InputError(f'{text}: no such file', 'name bags, directories, globs or URLs')
     paths = [p for one in where.expand() for p in _Place(one).bags()]
     if not paths:
         raise InputError(f'{text}: no bag there', f'looked for {", ".join(BAGS)} and rosbag2 '
@@ -204,6 +207,10 @@ class _Place:
     def is_file(self) -> bool:
         return bool(self.fs.isfile(self.inner)) if self.remote else Path(self.path).is_file()
 
+    def lacks(self) -> bool:
+        """Tell whether it is a path on this machine, no glob, with nothing there."""
+        return not (self.remote or _GLOB.search(self.path) or Path(self.path).exists())
+
     def text(self) -> str:
         if self.remote:
             with self.fs.open(self.inner) as file:
@@ -219,7 +226,7 @@ class _Place:
         return str(Path(self.path).parent / name)
 
     def expand(self) -> list[str]:
-        if not re.search(r'[*?\[]', self.path):
+        if not _GLOB.search(self.path):
             return [self.path]
         if self.remote:
             return [self._url(p) for p in self.fs.glob(self.inner)]

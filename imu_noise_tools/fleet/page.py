@@ -172,24 +172,23 @@ def _strip(p: Mapping[str, Any], sensor: str) -> str:
         return 6 + (value - low + pad) * scale
 
     out = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" role="img" '
-           f'style="max-width:100%" aria-label="{len(dots)} units">']
+           f'aria-label="{len(dots)} units">']
     if p['axes']:
         left, right = at(centre - half), at(centre + half)
         out.append(f'<rect x="{left:.1f}" y="8" width="{max(right - left, 1):.1f}" height="14" '
-                   'style="fill:var(--line)"/>')
+                   'fill="currentColor" opacity=".12"/>')
     regular = ''.join(f'M{at(v):.0f} {_height(i)}h0' for i, (v, d) in enumerate(zip(x, dots))
                       if d[2] <= SURE and not d[1])
     hollow = ''.join(f'M{at(v) - 4:.0f} {_height(i)}h8' for i, (v, d) in enumerate(zip(x, dots))
                      if d[2] <= SURE and d[1])
     bad = ''.join(f'M{at(v):.0f} 15h0' for v, d in zip(x, dots) if d[2] > SURE)
-    for path, colour, width in ((regular, 'var(--ink)', 4), (hollow, 'var(--faint)', 2),
-                                (bad, 'var(--bad)', 8)):
+    for path, name, width in ((regular, 'ink', 4), (hollow, 'faint', 2), (bad, 'bad', 8)):
         if path:
-            out.append(f'<path d="{path}" style="stroke:{colour};stroke-width:{width};'
-                       'stroke-linecap:round;opacity:.75;fill:none"/>')
+            out.append(f'<path d="{path}" class="{name}" stroke="currentColor" fill="none" '
+                       f'stroke-width="{width}" stroke-linecap="round" opacity=".75"/>')
     for value, anchor in ((low, 'start'), (high, 'end')):
         out.append(f'<text x="{at(value):.0f}" y="42" font-size="12" text-anchor="{anchor}" '
-                   'style="fill:var(--faint)">'
+                   'class="faint" fill="currentColor">'
                    f'{escape(shown(float(np.exp(value)), p["template"], sensor))}</text>')
     return ''.join(out) + '</svg>'
 

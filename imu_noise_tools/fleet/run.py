@@ -147,6 +147,10 @@ class Fleet:
             return False
         return not (again and facts_of(self.path(key), self.path(key).read_text())['error'])
 
+    def todo(self, bags: Sequence[Bag], again: bool = False) -> list[Bag]:
+        """Return the bags without a result, the long ones first: none is left at the end."""
+        return sorted((b for b in bags if not self.done(b, again)), key=lambda b: -b.size)
+
     def keep(self, bag: Bag, result: Result) -> None:
         """Write what became of a bag: the study first, then the facts that say it is there."""
         if not result.content:
@@ -176,23 +180,23 @@ def _name(bag: Bag) -> str:
     return f'{bag.path}|{bag.topic}'
 
 
-def run(fleet: Fleet, bags: Sequence[Bag], client: Any, progress: Progress | None = None,
+def run(fleet: Fleet, todo: Sequence[Bag], client: Any, progress: Progress | None = None,
         again: bool = False) -> dict[str, str]:
     """
-    Examine the bags whose results are not there; return why some have none, by name.
+    Examine bags; return why some have no result, by name.
 
     Parameters
     ----------
     fleet : Fleet
         Where the results are kept.
-    bags : sequence of Bag
-        All of the fleet.
+    todo : sequence of Bag
+        As :meth:`Fleet.todo` gives them.
     client : distributed.Client
         Who does it.
     progress : callable or None
         Called with (share done, what), the time left in it.
     again : bool
-        Whether bags that failed are tried again.
+        Whether bytes are examined anew where their result, a failure, is known.
 
     Raises
     ------
@@ -200,10 +204,6 @@ def run(fleet: Fleet, bags: Sequence[Bag], client: Any, progress: Progress | Non
         The scheduler is gone, or its workers do not have this package.
 
     """
-    todo = [b for b in bags if not fleet.done(b, again)]
-    todo.sort(key=lambda b: -b.size)        # the long ones first, so that none is left at the end
-    if not todo:
-        return {}
     known = frozenset(() if again else (p.stem for p in (fleet.folder / 'facts').glob('*.json')))
     clock, lost = _Clock(todo, progress), {}
     written = time.monotonic()
