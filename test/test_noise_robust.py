@@ -32,7 +32,8 @@ from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
-from imu_noise_tools.noise.response import beside_a_band, open_response, Order, Rational
+from imu_noise_tools.noise.response import (
+    beside_a_band, open_response, Order, raised_to, Rational)
 from imu_noise_tools.plots.noise import pictures
 from imu_noise_tools.tasks.noise import analyse_record, outputs
 
@@ -92,7 +93,7 @@ def test_what_is_not_in_the_model_does_not_bend_it(case):
     y, rng = noise([5, robust.CASES.index(case)])
     if case in (robust.knocks, robust.on_and_off):
         pytest.skip('seen in time, not in the spectrum')
-    y, level = case(y, DT, rng)
+    y, level, _ = case(y, DT, rng)
     evidence = axis_of(y)
     found = fit(evidence, model_of('noise', BASE)).estimates
     near = 0.08 if case is robust.several else 0.03
@@ -390,14 +391,42 @@ def test_a_low_and_wide_hump_leaves_n(low, high, more):
     assert found.ci95[1] / found.ci95[0] < 1.05
 
 
-def test_the_response_beside_a_band_is_that_of_the_band():
-    low, high, more = 0.05, 0.3, 7.0
+@pytest.mark.parametrize('low, high, more', [(0.05, 0.3, 7.0), (0.004, 0.03, 25.0)])
+def test_the_response_beside_a_band_is_that_of_the_band(low, high, more):
     order, values = beside_a_band(low, high, more)
     response = open_response(order)
     response = response.with_values(**{p.name: v for p, v in zip(response.parameters, values)})
     f = np.linspace(0.01, 0.49, 60)
     gain = np.abs(freqz(*butter(2, (low, high), 'band'), worN=2 * np.pi * f)[1]) ** 2
     assert response.gain2(f, 1.0) == pytest.approx(1 + more * gain, rel=1e-4)
+
+
+def test_a_lower_order_is_raised_into_the_variable_of_a_band():
+    lower, order = Order(2, 2), Order(4, 4, False, 0.01)
+    f, gains = np.linspace(0.001, 0.49, 60), []
+    for one, values in ((lower, np.array([3.0, 1.0, 5.0, 2.0])), (order, None)):
+        if values is None:
+            values = raised_to(order, lower, gains[0][1])
+        response = open_response(one)
+        response = response.with_values(
+            **{p.name: v for p, v in zip(response.parameters, values)})
+        gains.append((response.gain2(f, 1.0), values))
+    assert gains[1][0] == pytest.approx(gains[0][0], rel=1e-6)
+
+
+@pytest.mark.parametrize('middle, octaves, more', [(0.12, 3.0, 6.0), (0.13, 2.8, 29.0)])
+def test_holes_do_not_stand_where_a_response_tells_more(middle, octaves, more):
+    """Between such a hump's skirts and drift little white noise is left: its form tells N."""
+    rng, half = np.random.default_rng([48, int(more)]), 2 ** (octaves / 2)
+    n = 2 * N
+    y = robust.white(n, DT, rng) + robust.slow_noise(n, DT, rng)
+    edges = (middle / half, middle * half)
+    y += np.sqrt(more) * lfilter(*butter(2, edges, 'band'), robust.white(n, DT, rng))
+    found = fit(axis_of(y), model_of('noise', BASE))
+    value = found.estimates['white']['N']
+    assert found.details.basis.order.tied
+    assert value.value == pytest.approx(robust.TRUTH['N'], rel=0.02)
+    assert value.ci95[1] / value.ci95[0] < 1.03
 
 
 @pytest.mark.parametrize('seed', [1, 2])

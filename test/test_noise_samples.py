@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
 from imu_noise_tools.loop.effect import find_effect
@@ -186,6 +187,20 @@ def test_a_knock_that_is_gone_within_a_tenth_of_a_second_is_a_shock(seed):
     kept = SHOCK.statistics(y, inputs)
     assert all(np.any((kept['begin'] <= i) & (i < kept['end'])) for i in begins)
     assert np.max(np.abs(SHOCK.screen(y, kept, inputs))) < 6
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_the_crests_of_swings_are_no_shocks(seed):
+    """A band of slow noise far above the white: blocks of one swing are loud together."""
+    rng = np.random.default_rng(seed)
+    band = lfilter(*butter(2, (0.02, 0.07), 'band'), rng.standard_normal(180_000))
+    y = rng.standard_normal(len(band)) + 5 * band
+    inputs = Inputs(np.arange(len(y)) * 0.02, 0.02)
+    assert not SHOCK.statistics(y, inputs)
+    t = np.arange(100) * 0.02
+    y[90_000:90_100] += 40 * np.exp(-t / 0.3) * rng.standard_normal(100)
+    kept = SHOCK.statistics(y, inputs)
+    assert kept['begin'] == pytest.approx([90_000], abs=12)
 
 
 @pytest.mark.parametrize('share', [0.001, 0.01, 0.03])

@@ -208,6 +208,7 @@ def judge(
     kept = enough & ((np.abs(pull) <= AGREES) | (np.abs(mean - 1) <= nearly)) & (steep <= AGREES)
     size = np.abs(pull)
     kept &= ~_crossings(kept, pull)
+    kept &= ~_islands(kept)
     # what agrees nearly counts as if it scattered by as much as it is off
     counts = np.where(kept, np.where(size > AGREES, 1 / np.maximum(size, 1) ** 2, 1.0), 0.0)
     worth = kept * (1 - 0.5 * np.minimum(size / AGREES, 1) ** 2)
@@ -219,6 +220,25 @@ def _crossings(kept, pull):
     out = np.zeros(len(kept), bool)
     if len(kept) > 2:
         out[1:-1] = ~kept[:-2] & ~kept[2:] & (pull[:-2] * pull[2:] < 0)
+    return out
+
+
+def _islands(kept: np.ndarray) -> np.ndarray:
+    """
+    Return which bands are fewer than those not explained below them, and end before the fast end.
+
+    What rises and falls above a level passes through it: between two disturbances some bands agree
+    with any level, and so many coefficients are there that they would decide it.
+
+    """
+    out = np.zeros(len(kept), bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], kept, [0]]).astype(int))).reshape(-1, 2)
+    end = edges[0, 1] if len(edges) else 0
+    for a, b in edges[1:]:
+        if b < len(kept) and b - a < a - end:
+            out[a:b] = True
+        else:
+            end = b
     return out
 
 

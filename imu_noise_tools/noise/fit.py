@@ -26,9 +26,13 @@ from .kinds import Coupling, Mean, Spectrum
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .quiet import quiet_from
-from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
+from .response import (
+    beside_a_band, DEEP, OPEN, OpenResponse, Order, raised_to, Rational
+)
 from .starts import most_promising, reddest, Start, starts
-from .uncertainty import chosen_estimates, estimates, marginal, plain_estimates, with_linear
+from .uncertainty import (
+    chosen_estimates, estimates, marginal, plain_estimates, widened, with_linear
+)
 from ..core.errors import FitError
 from ..core.statistics import gamma_pull_exact
 from ..loop.effect import Fit, Model
@@ -48,6 +52,9 @@ _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
+_VAGUE = 2.0  # times the spread of the level beside holes: a response is no better than they are
+_DRIFT = 0.1  # share of the power from which drift is told from it
+_GAP = 2  # bands from one to the next over which a response reaches
 _CREDIBLE = 0.3  # share of the bands that must agree for the others to be called disturbed
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
@@ -206,6 +213,7 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
     said = dict(measured)
     if intervals:
         more, hit = estimates(likelihood, x, found.information, linear, found.slowest)
+        more = widened(likelihood, more, _wider(found))
         flags = [*flags, *hit]
     else:
         more = plain_estimates(likelihood, x, found.information, linear)
@@ -223,6 +231,34 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
         details,
         supported_by(Bands.on(likelihood.bins), details.power, details.weight, details.v),
     )
+
+
+def _wider(found: _Found) -> np.ndarray:
+    """
+    Return by how much intervals (p,) of what is searched are wider where a response is tied.
+
+    That the level is the same at both ends is believed where to leave it open gains too little.
+    The spread about the point is then that over both responses, each weighed by its likelihood
+    less what its terms cost (Hoeting et al. 1999, Bayesian model averaging, eq. 3).
+
+    """
+    likelihood, basis = found.likelihood, found.likelihood.explained
+    if basis is None or not basis.order.tied:
+        return np.ones(len(found.x))
+    free, terms = basis.order._replace(tied=False), basis.order.terms
+    x, nll, information = likelihood.minimise(found.x)
+    values = raised_to(free, basis.order, x[-terms:])
+    other = _with_basis(likelihood, replace(basis, order=free, values=tuple(values)))
+    rival = _Found(other, *other.minimise(np.append(x[:-terms], values)), None)
+    if not np.isfinite(rival.nll) or not _flat(rival) or _lacks(rival):
+        return np.ones(len(found.x))
+    share = 1 / (1 + np.exp(np.clip(_TERM - (nll - rival.nll), -50, 50)))
+    keep = range(len(x) - terms)
+    own, its = (np.diag(np.linalg.pinv(marginal(i, keep)))
+                for i in (information, rival.information))
+    apart = (rival.x[:-terms - 1] - x[:-terms]) ** 2
+    total = (1 - share) * own + share * (its + apart)
+    return np.append(np.sqrt(np.maximum(total / np.maximum(own, 1e-300), 1)), np.ones(terms))
 
 
 def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
@@ -307,7 +343,13 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     best = _score(bands, held[0])
     for basis, x in _behind_responses(bands, held[0], hint):
         more = _settled(search, bands, held[0], basis, [], x)
-        if more is not None and _flat(more[0]) and _score(bands, more[0]) > best + 1e-6:
+        if more is None or not (_flat(more[0]) and _joined(bands, more[0])) \
+                or _score(bands, more[0]) <= best + 1e-6:
+            continue
+        # what is added in the middle leaves the level to holes as well: they may tell it better
+        vague = _VAGUE if _flat(more[0], strict=True) else 1.0
+        if not basis.order.tied or _spread(more[0]) < vague * _spread(
+                _on_the_safe_side(thorough, bands, held[0])):
             held.insert(0, more[0])
     first = None
     for found in held:  # a fit that leaves no white noise holds only where every one does
@@ -354,14 +396,54 @@ def _score(bands: Bands, found: _Found) -> float:
         - 4 * _BAND * _lacks(found)
 
 
-def _flat(found: _Found) -> bool:
+def _spread(found: _Found) -> float:
+    """Return the largest standard deviation of ln of what every sensor has."""
+    certain = {e.label for e in found.likelihood.model.of(Spectrum) if e.in_every_sensor}
+    some = [j for j, s in enumerate(found.likelihood.slots) if s.label in certain]
+    std = np.sqrt(np.diag(np.linalg.pinv(marginal(found.information, some))))
+    return float(np.max(std, initial=0.0))
+
+
+def _flat(found: _Found, strict: bool = False) -> bool:
     """Tell whether the response that a fit leaves open, if any, does nothing at the slow end."""
     f, dt = found.likelihood.bins.f, found.likelihood.dt
-    slow = f[f < _FLAT * 0.5 / dt]
     return all(
-        np.max(np.abs(np.log(r.gain2(slow, dt)))) <= 2 * _FLATNESS
+        _still(found, r.order, r.gain2(f, dt), 2 * _FLATNESS, strict)
         for r in found.likelihood.with_search(found.x).of(OpenResponse)
     )
+
+
+def _joined(bands: Bands, found: _Found) -> bool:
+    """
+    Tell whether what a fit rests on behind a response is one stretch of the spectrum, or tied.
+
+    Beyond a hole any response brings the level there down to any level at the slow end: what it
+    says of that is its form, not the record.
+
+    """
+    basis = found.likelihood.explained
+    assert basis is not None
+    kept = np.flatnonzero(bands.sum(basis.weight) > 0)
+    return not basis.order.terms or basis.order.tied or bool(np.max(np.diff(kept)) <= _GAP)
+
+
+def _still(found: _Found, order: Order, gain2: np.ndarray, by: float, strict: bool) -> bool:
+    """
+    Tell whether ln gain^2 (b,) stays so near to zero at the slow end.
+
+    That is a share of Nyquist. What is added in the middle, and nowhere takes away, has its level
+    from both ends: if not ``strict``, it may reach down to where drift shows.
+
+    """
+    likelihood = found.likelihood
+    slow = likelihood.bins.f < _FLAT * 0.5 / likelihood.dt
+    away = np.log(np.maximum(gain2, 1e-300))
+    if order.tied and not strict and np.min(away) > -by:
+        model = likelihood.with_search(found.x)
+        v, each = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
+        drift = v - sum(each[e.label] for e in model.of(Spectrum) if e.in_every_sensor)
+        slow &= np.cumsum((drift > _DRIFT * v)[::-1])[::-1] > 0
+    return bool(np.max(np.abs(away[slow]), initial=0.0) <= by)
 
 
 def _band(bands: Bands, x: np.ndarray, w: np.ndarray, dt: float):
@@ -388,11 +470,10 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
     x, w = _ratio(found)
     best = supported_by(bands, x, w, np.ones(len(x)), _BAND)
     chosen = None
-    slow = bins.f < _FLAT * 0.5 / bins.dt
     begun = _band(bands, x, w, bins.dt)
     known: dict[Order, np.ndarray] = {}
     enough = np.inf
-    for order in _ORDERS:
+    for order in (o.about(begun[0][0].middle) if begun else o for o in _ORDERS):
         if order.terms > enough:
             continue
         near = [(o, a) for o, a in known.items() if order.twice and o.within(order)]
@@ -403,7 +484,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
             if tried is None:
                 break
             values, level, v = tried
-            if np.max(np.abs(np.log(v[slow] / level))) > _FLATNESS:
+            if not _still(found, order, v / level, _FLATNESS, False):
                 break
             known[order] = values
             score = supported_by(bands, x, w, v, _BAND) - _TERM * order.terms

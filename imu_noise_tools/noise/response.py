@@ -36,12 +36,16 @@ class Order(NamedTuple):
     Degrees of P and Q.
 
     ``tied``: gain 1 at Nyquist as at zero, as beside something that is added in the middle.
+    ``middle``: of that, in u; where both degrees are the same P and Q may as well be polynomials
+    in z = u (1 + middle)/(u + middle), of which a band at low frequencies lies in the middle: in
+    u its values would be a hundred million times as large as what they add up to.
 
     """
 
     zeros: int = 0
     poles: int = 0
     tied: bool = False
+    middle: float = np.inf
 
     @property
     def terms(self) -> int:
@@ -56,6 +60,18 @@ class Order(NamedTuple):
     def within(self, other: Order) -> bool:
         """Tell whether another order, higher or tied, can begin with its values."""
         return self != other and self.zeros <= other.zeros and self.poles <= other.poles
+
+    def about(self, middle: float) -> Order:
+        """Return the same about a band, if it is what one has beside it."""
+        return self._replace(middle=middle) if self.tied and self.zeros == self.poles else self
+
+    def variable(self, u: np.ndarray) -> np.ndarray:
+        """Return z of u."""
+        return u if np.isinf(self.middle) else u * (1 + self.middle) / (u + self.middle)
+
+    def share(self, u: np.ndarray) -> np.ndarray:
+        """Return what a polynomial in u is multiplied by to be one in z."""
+        return (1 + u / self.middle) ** -float(max(self.zeros, self.poles))
 
 
 class OpenResponse(Response):
@@ -72,14 +88,14 @@ class OpenResponse(Response):
 
     def _both(self, f, dt):
         """Return (P, Q, their terms (..., most)) at f."""
-        zeros, poles, _ = self.order
+        zeros, poles = self.order[:2]
         values = _mixing(self.order) @ [self[p.name] for p in self.parameters]
-        t = _terms(np.sin(np.pi * np.asarray(f, float) * dt) ** 2, max(zeros, poles))
+        t = _terms(self.order, np.sin(np.pi * np.asarray(f, float) * dt) ** 2)
         return 1 + t[..., :zeros] @ values[:zeros], 1 + t[..., :poles] @ values[zeros:], t
 
     def slopes(self, bins: Bins) -> np.ndarray:
         """Return d ln v/d value in the bins, (b, p), of a spectrum that is white before it."""
-        zeros, poles, _ = self.order
+        zeros, poles = self.order[:2]
 
         def change(f):
             p, q, t = self._both(f, bins.dt)
@@ -117,16 +133,27 @@ def beside_a_band(low: float, high: float, more: float) -> tuple[Order, np.ndarr
         Its power over that of the white noise.
 
     """
-    order, u = Order(4, 4, True), 0.5 + 0.5 * np.cos(np.pi * (np.arange(16) + 0.5) / 16)
+    order = Order(4, 4, True, float(np.sin(np.pi / 2 * np.sqrt(low * high)) ** 2))
+    u = _nodes(order)
     # The band is a Butterworth filter of second order by the bilinear transform: in terms of
     # w^2 = tan^2(pi f dt) = u / (1 - u) its gain^2 is 1 / (1 + ((w^2 - centre) / (width w))^4).
     edges = np.tan(np.pi / 2 * np.array([low, high]))
     centre, width = edges[0] * edges[1], edges[1] - edges[0]
     top = (width * width * u * (1 - u)) ** 2
     bottom = (u - centre * (1 - u)) ** 4 + top
-    p, q = (np.linalg.lstsq(_terms(u, 4), x / centre ** 4 - 1, rcond=None)[0]
-            for x in (bottom + more * top, bottom))
+    p, q = (_polynomial(order, 4, u, x / centre ** 4) for x in (bottom + more * top, bottom))
     return order, np.append(p, q)[1:]
+
+
+def _nodes(order: Order) -> np.ndarray:
+    """Return u (16,) at which polynomials in z are told apart best."""
+    z = 0.5 + 0.5 * np.cos(np.pi * (np.arange(16) + 0.5) / 16)
+    return z if np.isinf(order.middle) else z * order.middle / (1 + order.middle - z)
+
+
+def _polynomial(order: Order, degree: int, u: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the values (degree,) of what is x (16,) at some u as a polynomial in u."""
+    return np.linalg.lstsq(_terms(order, u)[:, :degree], x * order.share(u) - 1, rcond=None)[0]
 
 
 @lru_cache(maxsize=64)
@@ -141,19 +168,26 @@ def _mixing(order: Order) -> np.ndarray:
     return out
 
 
-def _raised_to(order: Order, lower: Order, values) -> np.ndarray:
+def raised_to(order: Order, lower: Order, values: np.ndarray) -> np.ndarray:
     """Return the values of a lower order as those of an order that holds it."""
     full = _mixing(lower) @ values
-    out = np.concatenate([full[:lower.zeros], np.zeros(order.zeros - lower.zeros),
-                          full[lower.zeros:], np.zeros(order.poles - lower.poles)])
+    if order.middle == lower.middle:
+        out = np.concatenate([full[:lower.zeros], np.zeros(order.zeros - lower.zeros),
+                              full[lower.zeros:], np.zeros(order.poles - lower.poles)])
+    else:
+        u = _nodes(order)
+        t = _terms(lower, u)
+        out = np.concatenate([
+            _polynomial(order, degree, u, 1 + t[:, :len(some)] @ some) for degree, some in (
+                (order.zeros, full[:lower.zeros]), (order.poles, full[lower.zeros:]))])
     return out[1:] if order.tied else out
 
 
-def _terms(u, most):
-    """Return T_j(2u-1) - T_j(-1) for j = 1 ... most, (..., most)."""
-    x = 2 * u - 1
+def _terms(order: Order, u: np.ndarray) -> np.ndarray:
+    """Return T_j(2z-1) - T_j(-1) for j = 1 ... as many as it has, (..., most)."""
+    x = 2 * order.variable(u) - 1
     before, now, out = np.ones_like(x), x, []
-    for j in range(1, most + 1):
+    for j in range(1, max(order.zeros, order.poles) + 1):
         out.append(now - (-1) ** j)
         before, now = now, 2 * x * now - before
     return np.stack(out, axis=-1) if out else np.zeros((*np.shape(u), 0))
@@ -179,7 +213,7 @@ class Rational:
         # a wide bin is two points (Gauss), as it is where the response is fitted
         reach = np.where(bins.count > 1, bins.count, 0) / (2 * bins.n * bins.dt) / np.sqrt(12)
         f = bins.f[:, None] + np.outer(reach, (-1, 1))
-        t = _terms(np.sin(np.pi * f * bins.dt) ** 2, max(order.zeros, order.poles))
+        t = _terms(order, np.sin(np.pi * f * bins.dt) ** 2)
         self._top, self._bottom = t[..., :order.zeros], t[..., :order.poles]
 
     def fit(self, near: Iterable[tuple[Order, np.ndarray]] = (),
@@ -191,7 +225,7 @@ class Rational:
         -ln L = 1/2 sum w (ln v + x/v).
 
         """
-        raised = [self._raised(np.append(np.log(np.median(self.x)), _raised_to(self.order, *one)))
+        raised = [self._raised(np.append(np.log(np.median(self.x)), raised_to(self.order, *one)))
                   for one in near]
         ended = []
         for some in ([*self._begun()], raised):

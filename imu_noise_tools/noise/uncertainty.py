@@ -190,6 +190,23 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
     return out, flags
 
 
+def widened(likelihood: Likelihood, found: Estimates, by: np.ndarray) -> Estimates:
+    """Return estimates whose intervals are wider about their points by factors (p,), all >= 1."""
+    out = {label: dict(some) for label, some in found.items()}
+    for slot, factor in zip(likelihood.slots, by):
+        e = out.get(slot.label, {}).get(slot.parameter.name)
+        if factor == 1 or not slot.parameter.log or e is None or e.ci95 is None or not e.point:
+            continue
+
+        def further(end, point=e.point, factor=factor):
+            return point * (end / point) ** factor if end > 0 else end
+        low, high = e.ci95
+        out[slot.label][slot.parameter.name] = replace(
+            e, ci95=(further(low), further(high)), std=None if e.std is None else e.std * factor,
+            upper95=None if e.upper95 is None else further(max(e.upper95, e.point)))
+    return out
+
+
 def _nothing(slot, at: float, lo: float) -> bool:
     """Tell whether an amplitude is next to nothing beside the lower end of an interval."""
     return slot.from_search(at) < 1e-2 * slot.from_search(lo)

@@ -6,11 +6,14 @@
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.fft import idct
 from scipy.ndimage import median_filter
 from scipy.special import binom, chdtri, digamma, polygamma
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
+from ..lines import reference_spectrum
+from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding
 
@@ -23,6 +26,7 @@ CHANCE = 1e-2  # expected number of blocks so filled that is believed to be none
 MOST = 0.05  # share of the record that shocks may fill
 LONGEST = 0.02  # share of the record that one may fill; what lasts longer is no shock
 SURE = 15.0  # nats that one is worth at least, the search for it paid
+AROUND = 1 << 14  # samples whose spectrum one is weighed against
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
@@ -84,21 +88,16 @@ class Shock(Defect):
                           decay * length * inputs.dt, error, worth))
         if not found or sum(e - b for b, e, *_ in found) > MOST * len(y):
             return {}
-        out = dict(zip(('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T))
+        out = _beyond_the_spectrum(y, dict(zip(
+            ('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T)), inputs.dt)
+        if not len(out['begin']):
+            return {}
         return {**out, 'span': np.array(len(y) * inputs.dt), 'dt': np.array(inputs.dt)}
 
     @classmethod
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
         """Put the noise before each shock, mirrored, in its place: the level stays as it is."""
-        out = y.copy()
-        for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
-            at = np.arange(begin, min(end, len(y)))
-            mirrored = 2 * begin - 1 - at
-            if mirrored[-1] < 0:
-                mirrored = 2 * end - 1 - at
-            if mirrored[0] < len(y):
-                out[at] = y[np.clip(mirrored, 0, len(y) - 1)]
-        return out
+        return _mirrored(y, kept)
 
     def find(self, evidence: Evidence) -> Finding | None:
         """Weigh the loud stretches against noise as loud as it is around them."""
@@ -144,6 +143,44 @@ class Shock(Defect):
     def example(cls) -> Effect:
         """Return one a minute (0.015 Hz), of 2.9 deg/s (0.05 rad/s), gone within a second."""
         return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2})
+
+
+def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return samples (n,) with the noise before each stretch, mirrored, in its place."""
+    out = y.copy()
+    for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
+        at = np.arange(begin, min(end, len(y)))
+        mirrored = 2 * begin - 1 - at
+        if mirrored[-1] < 0:
+            mirrored = 2 * end - 1 - at
+        if mirrored[0] < len(y):
+            out[at] = y[np.clip(mirrored, 0, len(y) - 1)]
+    return out
+
+
+def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
+                         ) -> dict[str, np.ndarray]:
+    """
+    Return what is no crest of swings that the spectrum has all the time.
+
+    Blocks of one swing are loud together, which a count of loud blocks takes for several that are
+    loud by chance. The whitened samples of a stretch tell: of a crest their squares are as large
+    as those around, of a shock they are not. Taken out, crests would leave more slow power than
+    they hold.
+
+    """
+    clean, sure = _mirrored(y, kept), []
+    for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
+        first = int(np.clip((begin + end - AROUND) // 2, 0, max(len(y) - AROUND, 0)))
+        piece = slice(first, first + AROUND)
+        white = np.sqrt(reference_spectrum(cosine_transform(clean[piece]), dt))
+        square, around = (
+            idct(np.append(0.0, cosine_transform(x[piece])[1:] / white), norm='ortho') ** 2
+            for x in (y, clean))
+        some = square[begin - first:end - first]
+        over = float(np.mean(some)) * MEDIAN / float(np.median(around))
+        sure.append(0.5 * len(some) * (over - 1 - np.log(over)) > SURE if over > 1 else False)
+    return {k: v[np.array(sure)] for k, v in kept.items()}
 
 
 def _share(values: np.ndarray, error: np.ndarray) -> float:
