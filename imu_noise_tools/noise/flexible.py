@@ -172,7 +172,8 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     spent = {e.label: e.knees for e in fit.model.of(NoiseEffect) if e.knees}
     if effect.label in [*spent][:-1] or fit.supported is None:
         return ''
-    spent.setdefault(effect.label, 1)
+    spent.setdefault(effect.label, sum(
+        not p.discrete and p.name not in effect.optional for p in effect.parameters))
     left = [e for e in fit.model if e.label not in spent]
     # drift of other colours may be the knee's, and mostly ends the search before it
     plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]

@@ -107,7 +107,7 @@ class NoiseEffect(Effect):
     in_every_sensor: ClassVar[bool] = False
     #: whether it says that what it adds is normal noise, on every time scale
     normal: ClassVar[bool] = False
-    #: whether it bends the spectrum over decades, where a knee without a name may do as well
+    #: whether it may bend the spectrum over decades, where a knee without a name may do as well
     broad: ClassVar[bool] = False
     #: parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()

@@ -38,6 +38,7 @@ class Narrowband(Spectrum):
     )
     reference = 'Box and Jenkins, Time Series Analysis, section 3.2 (AR(2), pseudo-periodic)'
     several = True
+    broad = True
     decide = 'record on another base with the machines near by stopped: what rings by itself stays'
     parameters = (
         Parameter('frequency', 'Hz', 1e-5, 1e5, title='centre'),
