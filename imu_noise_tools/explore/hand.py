@@ -127,7 +127,8 @@ class Hand:
 
     def _shown(self, p: Parameter, value: float) -> str:
         sensor = self._page.target.partition('_')[0]
-        factor, unit = units.field(p.unit, sensor)
+        field = self.effect is not None and self.effect.field_units
+        factor, unit = units.field(p.unit, sensor) if field else (1.0, units.si(p.unit, sensor))
         return look.escape(f'{words.significant(value / factor)} {"" if unit == "1" else unit}')
 
     def _set(self, p: Parameter, value: float, shown: Any) -> None:

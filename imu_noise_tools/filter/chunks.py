@@ -79,8 +79,8 @@ class Chunks:
         """
         Let all chunks of models of this structure begin with what this model knows there.
 
-        Each goes on from where the one before it begins, if that is known; ``anew``: all come from
-        far, or, where a phase is kept for long, from the beginning of the series.
+        Each goes on from where the one before it begins; if that is not known, or ``anew``, all
+        come from far, or, where a phase is kept for long, from the beginning of the series.
 
         """
         key, end = tuple(model.labels), np.maximum(self.first - NEAR, 0)
@@ -88,7 +88,7 @@ class Chunks:
         begin = np.maximum(end - FAR, 0)
         if before is not None:
             begin = np.concatenate([[0], end[:-1]])
-        elif anew and oscillates(model):
+        elif oscillates(model):
             begin = np.zeros(1, int)        # one lane that passes where each begins
         bank, e = self._bank([model], len(begin))
         if before is not None:

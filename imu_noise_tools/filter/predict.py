@@ -88,10 +88,7 @@ def predict(
     settle = settle_of(len(z))
     ends = (-0.5 * step, 0.5 * step) if step else ()
     if jumps(model):
-        chunks = chunks or Chunks(z, dt, alpha)
-        if oscillates(model):
-            chunks.begin(model, anew=True)
-        each, scores = chunks.densities([model], (0.0, *ends))
+        each, scores = (chunks or Chunks(z, dt, alpha)).densities([model], (0.0, *ends))
         u, *sides = (x[0] for x in scores)
         return Prediction(finite(each.sum()), u, within_step(*sides) if step else u)
     space = state_space(model, dt)

@@ -220,7 +220,7 @@ def by_pose(state: State) -> Panel:
         lines.append(Curve(e.label, x, np.maximum(size, FAINTEST)[order], 'effect'))
     left = replace(system, right=right).left_out()
     size = np.sqrt(left.x / np.maximum(left.bins, 1))
-    lines.append(Curve('not foreseen by the others', x, np.maximum(size, FAINTEST)[order]))
+    lines.append(Curve('error of a pose left out', x, np.maximum(size, FAINTEST)[order]))
     place = np.argsort(order)
     at = np.repeat(x[place], left.bins)
     by_place = np.argsort(at, kind='stable')

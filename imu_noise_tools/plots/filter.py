@@ -110,7 +110,7 @@ def panels(state: State) -> Mapping[str, Callable[[], Panel]]:
     problem = cast(FilterProblem, state.problem)
     return {'spectrum': lambda: _spectrum(problem, state.model),
             'distribution': lambda: plain(distribution_view(_seen(problem, state.model).smooth)),
-            'time': lambda: plain(time_view(_seen(problem, state.model).u, problem.dt))}
+            'level_in_time': lambda: plain(time_view(_seen(problem, state.model).u, problem.dt))}
 
 
 def _seen(problem: FilterProblem, model: Model) -> Prediction:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDE, UPPER, LOWER, BESIDE = 9.0, 2.7, 1.0, 2.2      # inches
+LETTERS = 130        # that a line of the key holds
 _MADE_OF = ('measured', 'channel')      # of these the model takes its part off, so they change
 
 
@@ -70,8 +71,10 @@ def proof_figure(before: Panel, after: Panel, labels: Sequence[str],
         top.tick_params(labelbottom=False)
         top.set_xlabel('')
         shade(top, before)
-    figure.legend(handles=[*handles, *_pull_key(with_it, without)], loc='upper center', ncol=4,
-                  fontsize=SMALL, frameon=False, handlelength=1.8, borderaxespad=0.2)
+    key = [*handles, *_pull_key(with_it, without)]
+    wide = sum(len(h.get_label()) + 8 for h in key[:4]) > LETTERS
+    figure.legend(handles=key, loc='upper center', ncol=3 if wide else 4, fontsize=SMALL,
+                  frameon=False, handlelength=1.8, borderaxespad=0.2)
     if portraits:
         row = figure.add_gridspec(1, len(portraits), left=0.085, right=0.99, bottom=0.45 / high,
                                   top=(BESIDE + 0.3) / high, wspace=0.2)

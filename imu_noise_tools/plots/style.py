@@ -128,7 +128,7 @@ def log_scale(axis: Axis, low: float, high: float, most: int = 7) -> None:
 
 def signed_log_scale(axis: Axis, linear: float, low: float, high: float) -> None:
     """Make one axis linear within +-``linear`` and logarithmic beyond, from low to high."""
-    first = math.floor(math.log10(linear))
+    first = math.ceil(math.log10(linear) - 0.3)      # a smaller one would lie upon that of zero
     last = math.floor(math.log10(max(high, 10.0 ** first)) + 1e-9)
     at = [10.0 ** k for k in range(first, last + 1, max(1, -(-(last - first) // 4)))]
     at = [v for v in (-at[0], 0.0, *at) if low <= v <= high]

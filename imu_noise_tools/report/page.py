@@ -185,8 +185,18 @@ def _rung(before: Step, step: Step, shown: Mapping[str, bytes]) -> str:
     return '\n'.join(out)
 
 
+def _probability(p: float | None) -> str:
+    return '' if p is None else f'{p:.2g}' if p >= 0.001 else escape('< 0.001')
+
+
+def _sentence(text: str) -> str:
+    """Return a hint as a sentence, with which it begins and ends."""
+    said = text[:1].upper() + text[1:]
+    return said if said.endswith(('.', '!', '?')) else said + '.'
+
+
 def _physics(effect: Effect) -> str:
-    hint = f' {effect.hint}' if effect.hint else ''
+    hint = f' {_sentence(effect.hint)}' if effect.hint else ''
     return escape(f'Physically: {effect.title}. Signature: {effect.signature}.{hint}')
 
 
@@ -248,7 +258,7 @@ def _diagnosis(target: str, d: Diagnosis, shown: Mapping[str, bytes]) -> str:
     if d.ranked:
         out.append(table(
             ('candidate', 'probability', 'gain, nats', 'by chance', 'it would be', 'evidence'),
-            ((_bold(f.name), '' if f.probability is None else f'{f.probability:.2g}',
+            ((_bold(f.name), _probability(f.probability),
               f'{f.gain:.1f}', f'{f.penalty:.1f}', escape(words.parameters_of(f, target)),
               escape(f'{f.evidence}; against it: {f.against}' if f.against else f.evidence))
              for f in d.ranked)))
@@ -269,8 +279,8 @@ def _diagnosis(target: str, d: Diagnosis, shown: Mapping[str, bytes]) -> str:
     best = d.ranked[0].effect if d.ranked and d.verdict in ('missing', 'undecidable') else None
     if best is not None:
         out.append(f'<p>{_bold(best.name)}. {_physics(best)}</p>')
-    if d.advice:
-        out.append(f'<p>{escape(d.advice)}</p>')
+    if d.advice and not (best is not None and best.hint and best.hint in d.advice):
+        out.append(f'<p>{escape(_sentence(d.advice))}</p>')
     return '\n'.join(out)
 
 

@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from .words import change, failing
 from ..core.errors import FitError
@@ -18,11 +16,9 @@ from ..loop.effect import find_effect, Finding, Model, unfitted
 from ..loop.prediction import State
 from ..loop.study import Step, Study
 from ..plots import ladder, proof, style
-from ..plots.panel import Panel
 
 MOST_TARGETS = 2          # targets shown in full
 MOST_PROOFS = 16          # a page is one file that can be mailed
-Panels = Mapping[str, Callable[[], Panel]]
 
 
 def pictures(study: Study) -> dict[str, bytes]:
@@ -76,7 +72,9 @@ def _proofs(study: Study) -> Iterator[tuple[str, bytes]]:
                 less = _without(state, new)
                 if less is not None:
                     yield (f'added {t} {"+".join(new)}',
-                           _proof(study.domain, less, state, new, view, '+'.join(new)))
+                           _proof(
+                               study.domain, less, state, new,
+                               _views(*new, state=state, first=view), '+'.join(new)))
 
 
 def new_labels(before: Step, step: Step) -> list[str]:
@@ -92,16 +90,19 @@ def _of_diagnosis(domain: str, target: str, state: State,
         if now is None or more is None:
             return
         label = more.model.labels[-1]
-        yield f'found {target} {f.name}', _proof(domain, now, more, [label], f.view, label)
+        yield f'found {target} {f.name}', _proof(
+            domain, now, more, [label], _views(label, state=more, first=f.view), label)
         now = more
     if now is None or not (d.remaining or d.verdict == 'unknown'):
         return
     near = nearest(d)
     more = _with(now, near) if near else None
     tests = d.remaining.failed if d.remaining else d.failed
+    labels = more.model.labels[-1:] if more else []
     yield f'unexplained {target}', _proof(
-        domain, now, more or now, [more.model.labels[-1]] if more else [],
-        tests[0].view if tests else '', near.name if near else '')
+        domain, now, more or now, labels,
+        [*(f.view for f in tests), *_views(*labels, state=more or now, first='')],
+        near.name if near else '')
 
 
 def nearest(d: Diagnosis) -> Finding | None:
@@ -140,18 +141,18 @@ def _of_model(state: State, model: Model) -> State | None:
         e.fitted for e in model) else None
 
 
-def _proof(domain: str, before: State, after: State, labels: Sequence[str], view: str,
-           name: str) -> bytes:
+def _proof(domain: str, before: State, after: State, labels: Sequence[str],
+           views: Iterable[str], name: str) -> bytes:
     old, new = (part('plots', domain).panels(s) for s in (before, after))
     own = [new[k]() for k in new if k not in old]
-    a, b = _telling(old, new, view)
-    b = a if after is before else b
+    both = [k for k in old if k in new]
+    view = next((v for v in views if v in both), both[0])
+    a = old[view]()
+    b = a if after is before else new[view]()
     return style.small_png(style.png(proof.proof_figure(a, b, labels, own, name)))
 
 
-def _telling(old: Panels, new: Panels, view: str) -> tuple[Panel, Panel]:
-    """Return the panel of a view under both models; of any the one that changes most."""
-    if view in old and view in new:
-        return old[view](), new[view]()
-    both = [(old[k](), new[k]()) for k in old if k in new]
-    return max(both, key=lambda p: abs(float(np.sum(p[0].pull ** 2) - np.sum(p[1].pull ** 2))))
+def _views(*labels: str, state: State, first: str) -> list[str]:
+    """Return views in which effects may be seen, the most telling first."""
+    return [first, *(v for label in labels for v in state.model[label].views),
+            *state.error.failing]

@@ -34,6 +34,8 @@ VIEWS = {
                  'the noise level is higher at some times than at others'),
     'distribution': ('distribution of the samples',
                      'the samples do not spread as Gaussian noise does'),
+    'spectrum': ('spectrum of the innovations',
+                 'what the filter leaves has more or less power there than it foresees'),
     'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
     'repeats': ('equal neighbours', 'samples repeat the one before more often than by chance'),
@@ -45,6 +47,9 @@ VERDICTS = {
     'unknown': 'something is missing that no known effect explains',
     'undecidable': 'this record cannot tell which effect it is',
 }
+FIGURES = {'nis': 'normalised innovation squared (1 if the model is right)',
+           'nats_per_sample': 'log-likelihood lost, nats a sample',
+           'chi_squared': 'chi-squared', 'dof': 'degrees of freedom'}
 QUALITY = {'missing': 'bad', 'unknown': 'bad', 'undecidable': 'doubt', 'complete': 'good'}
 GLOSSARY = {
     'model': 'The sum of the named effects that were fitted to an axis: white + flicker says that '
@@ -104,9 +109,15 @@ def significant(value: float, std: float | None = None, least: int = 3) -> str:
 
 def rows(state: State, target: str) -> list[Row]:
     """Return the coefficients of one target."""
-    return [_row(effect, p, state.fit.estimates[effect.label][p.name], target)
+    found = state.fit.estimates
+    return [_row(effect, p, found[effect.label][p.name], target)
             for effect in state.model for p in effect.parameters
-            if p.name in state.fit.estimates.get(effect.label, {})]
+            if p.name in found.get(effect.label, {}) and not _idle(p, found[effect.label][p.name])]
+
+
+def _idle(parameter: Parameter, e: Estimate) -> bool:
+    """Tell whether a parameter says no more than that this form of its effect is not there."""
+    return e.value == 0 and not (e.std or e.note or parameter.amplitude or parameter.choices)
 
 
 def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
@@ -138,7 +149,8 @@ def parameters_of(finding: Finding, target: str, si: bool = False) -> str:
     if finding.effect is None:
         return ''
     found = [_row(finding.effect, p, finding.estimates[p.name], target)
-             for p in finding.effect.parameters if p.name in finding.estimates]
+             for p in finding.effect.parameters if p.name in finding.estimates
+             and not _idle(p, finding.estimates[p.name])]
     return ', '.join(f'{r.symbol} {r.shown}' + (f' [{r.si}]' if si and r.si else '')
                      for r in found)
 
@@ -157,7 +169,8 @@ def error_in_words(error: Score) -> str:
 def verdict_in_words(error: Score, d: Diagnosis | None) -> tuple[str, str]:
     """Return the verdict on one target in a line, and its quality: good, doubt, bad or faint."""
     if d is not None:
-        enough = d.sufficient and d.verdict != 'complete'
+        # of what nothing explains: what is found matters, or may
+        enough = not d.found and d.remaining is not None and d.sufficient
         return (diagnosis_in_words(d) + (' (sufficient all the same)' if enough else ''),
                 'doubt' if enough else QUALITY.get(d.verdict, 'faint'))
     if not math.isfinite(error.excess):
@@ -289,7 +302,7 @@ def summary_in_words(summary: Mapping[str, float]) -> list[str]:
         found, expected = rest.pop('misfit_percent'), rest.pop('misfit_expected')
         out.append(f'model and measured Allan deviation differ by {found:.2g} percent rms up to '
                    f'a tenth of the record (a true model: some {expected:.2g} percent)')
-    return out + [f'{k.replace("_", " ")}: {v:.4g}' for k, v in rest.items()]
+    return out + [f'{FIGURES.get(k, k.replace("_", " "))}: {v:.4g}' for k, v in rest.items()]
 
 
 def disturbed_in_words(source: Mapping) -> list[str]:
