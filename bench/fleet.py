@@ -4,10 +4,10 @@
 """
 Tell whether a fleet's table is right about units, models and changes, and what it costs.
 
-    python bench/fleet.py fleets [--count 20] [--seed 1] [--minutes 6]   bags of 64 simulated units
+    python bench/fleet.py fleets [--count 20] [--seed 1] [--minutes 5]   bags of 64 simulated units
     python bench/fleet.py fleets --keep DIR; python bench/fleet.py again --keep DIR
     python bench/fleet.py draws [--count 400] [--seed 1]     the statistics alone, on drawn numbers
-    python bench/fleet.py cost                               small bags, 1 and 2 workers
+    python bench/fleet.py cost [--bags 8,64] [--minutes 5]   small bags, 1 and 2 workers
     python bench/fleet.py reduce [--bags 100000]             the table and the statistics alone
 
 ``fleets``: 64 units of two models, recorded once, twelve of them on two later dates too. One is
@@ -233,7 +233,8 @@ def cost(args: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as top:
         folder = Path(top)
         for k in range(max(args.bags)):
-            record(folder / f'{k}.npz', np.random.default_rng(k), MODELS['A'], np.ones(3), 4)
+            record(folder / f'{k}.npz', np.random.default_rng(k), MODELS['A'], np.ones(3),
+                   args.minutes)
         every = bags_of([top])
         begin, before = time.monotonic(), cpu()
         plain = [examine(b, options, top, '') for b in every[:args.bags[0]]]
@@ -296,7 +297,7 @@ def main() -> None:
                    choices=('fleets', 'again', 'draws', 'cost', 'reduce'))
     p.add_argument('--count', type=int)
     p.add_argument('--seed', type=int, default=1)
-    p.add_argument('--minutes', type=float, default=6.0)
+    p.add_argument('--minutes', type=float, default=5.0)
     p.add_argument('--keep', type=Path)
     p.add_argument('--workers', type=int, default=1)
     p.add_argument('--bags', type=lambda t: [int(x) for x in t.split(',')], default=[8, 64])

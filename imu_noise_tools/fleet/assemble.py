@@ -116,9 +116,11 @@ def text(said: dict[str, Any], folder: str) -> str:
 def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
     sensor = name.split()[0]
     if not p['axes']:
-        return f'below {findings.shown(p["largest_limit"], p["template"], sensor)}', '', ''
+        limit = p['largest_limit']
+        said = f'below {findings.shown(limit, p["template"], sensor)}' if limit else ''
+        return said or 'shown by too few units', '', ''
     worst = max(m['mean'] for m in p['axes'].values())
-    return (findings.shown(worst, p['template'], sensor), f'{p["between_units"]:.2g} %',
+    return (findings.shown(worst, p['template'], sensor), page.small(p['between_units']),
             findings.shown(p['covers95'], p['template'], sensor))
 
 

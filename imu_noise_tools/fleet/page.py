@@ -145,11 +145,12 @@ def _spread(p: Mapping[str, Any]) -> str:
     if not p['axes']:
         return ''
     limits = f', {p["limits"]} of {p["records"]} are limits' if p['limits'] else ''
-    return (f'<b>{_small(p["between_units"])}</b><br><span class="small faint">axes of a unit '
-            f'{_small(p["between_axes"])}; measured to {_small(p["measurement"])}{limits}</span>')
+    return (f'<b>{small(p["between_units"])}</b><br><span class="small faint">axes of a unit '
+            f'{small(p["between_axes"])}; measured to {small(p["measurement"])}{limits}</span>')
 
 
-def _small(percent: float) -> str:
+def small(percent: float) -> str:
+    """Return a spread in per cent."""
     return f'{percent:.2g} %' if percent >= 0.1 else 'none seen'
 
 

@@ -82,6 +82,10 @@ def connected(bags: Sequence[Bag], scheduler: str | None = None,
     settings = {'distributed.scheduler.allowed-failures': DEATHS - 1,
                 # a task that waits on a worker is suspected when another one kills it
                 'distributed.scheduler.worker-saturation': 1.0,
+                # the stack of what runs every 10 ms for a picture, the event loop's health every
+                # 20 ms: both take the processor from what runs
+                'distributed.worker.profile.enabled': False,
+                'distributed.admin.tick.interval': '200ms',
                 'distributed.worker.memory.target': False,
                 'distributed.worker.memory.spill': False,
                 'distributed.worker.memory.pause': False}
