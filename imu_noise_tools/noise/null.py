@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 360
-SOURCES = 'dc2242ecd8dcd4de'
+SOURCES = '39eb646fdc463e3f'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 10.35,
