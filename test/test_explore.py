@@ -91,6 +91,7 @@ def test_what_is_clicked_is_what_the_commands_see(session, folder, capsys):
     assert (folder / 'report.html').read_text().count('sinusoid') > 3
 
 
+@pytest.mark.thorough
 def test_undo_goes_back_and_the_ladder_remembers(session):
     assert not session.can_undo and not session.undo()
     done(session, 'add', 'gyro_x', ['sinusoid'])
@@ -139,6 +140,7 @@ def test_what_the_command_line_does_meanwhile_is_read(session, folder):
     assert 'ramp' in session.study.states['accel_z'].model.labels
 
 
+@pytest.mark.thorough
 def test_a_step_on_a_study_that_is_another_by_now_is_not_written(session, folder):
     assert main(['add', str(folder), 'ramp', '--axis', 'accel_z']) == 0
     said = done(session, 'add', 'gyro_x', ['sinusoid'])         # before anybody looked

@@ -262,6 +262,7 @@ def recording(tmp_path_factory):
     return path
 
 
+@pytest.mark.thorough
 def test_command_filters_a_recording_and_its_study_goes_through_the_loop(
     recording, tmp_path, capsys
 ):
@@ -387,8 +388,10 @@ def test_two_motions_that_jump_are_refused():
         design(('any_motion', 'rate_step'))
 
 
-@pytest.mark.parametrize('alternate, n', [(False, 8000), (False, 10000), (True, 8000)],
-                         ids=['random', 'random, longer', 'alternating'])
+@pytest.mark.parametrize('alternate, n', [
+    (False, 8000), pytest.param(False, 10000, marks=pytest.mark.thorough),
+    pytest.param(True, 8000, marks=pytest.mark.thorough)],
+    ids=['random', 'random, longer', 'alternating'])
 def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n):
     """A delay of every sample, normal by itself or to and fro, is noise that grows with motion."""
     rng = np.random.default_rng(41)

@@ -204,6 +204,7 @@ def test_what_a_study_has_not_is_answered_with_the_nearest(study, capsys):
         assert f'did you mean {meant}?' in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_si_stands_beside_the_units_of_the_field(tmp_path, analysed):
     """Of every command that prints coefficients; without --si they are in the field's alone."""
     study, printed, _ = analysed
@@ -240,7 +241,9 @@ def shown_on_a_terminal(*words):
     return out.decode()
 
 
-@pytest.mark.parametrize('command', ['simulate', 'calibrate', 'filter', 'analyse'])
+@pytest.mark.parametrize('command', [
+    'simulate', 'analyse', *(pytest.param(c, marks=pytest.mark.thorough)
+                             for c in ('calibrate', 'filter'))])
 def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     """On a terminal; not in a pipe, and not with --json."""
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(

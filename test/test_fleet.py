@@ -373,6 +373,7 @@ class Own(find_effect('noise', 'spikes')):
 '''
 
 
+@pytest.mark.thorough
 def test_a_poison_bag_is_set_aside_after_three(tmp_path):
     """It kills each worker that opens it; the others are done all the same."""
     folder = tmp_path / 'bags'
@@ -390,6 +391,7 @@ def test_a_poison_bag_is_set_aside_after_three(tmp_path):
     assert sum(kept.done(b) for b in some) == 3
 
 
+@pytest.mark.thorough
 def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     folder = tmp_path / 'bags'
     folder.mkdir()
@@ -436,6 +438,7 @@ def test_what_failed_is_tried_again_when_asked_to(tmp_path, capsys):
     assert again[True] > first[True] and again[False] == first[False]
 
 
+@pytest.mark.thorough
 def test_nobody_at_the_address_is_one_line(bags, tmp_path):
     done = subprocess.run([PYTHON, '-m', 'imu_noise_tools.cli.main', 'fleet', bags, '-o',
                            tmp_path / 'fleet', '--scheduler', 'tcp://127.0.0.1:9'],

@@ -111,6 +111,7 @@ def test_the_ladder(domain, tmp_path):
         run('add', study, 'g_sensitivity', status=1)
 
 
+@pytest.mark.thorough
 def test_all_that_was_found_is_added_at_once(tmp_path):
     """A line and a step of the bias: one rung with both, and nothing is left."""
     n, dt = 20_000, 0.01
@@ -211,6 +212,7 @@ class Alternating(Defect):
 '''
 
 
+@pytest.mark.thorough
 def test_an_effect_of_ones_own_looks_at_the_recording(tmp_path):
     """Given after the analysis, it has seen no sample: with the recording it has."""
     gyro = 1e-3 * np.random.default_rng(1).standard_normal((5_000, 3))

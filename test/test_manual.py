@@ -19,7 +19,7 @@ import pytest
 from imu_noise_tools.cli.main import parser
 
 DOC = Path(__file__).resolve().parents[1] / 'doc'
-LONG = {'tutorial.md', 'ci.md', 'faq.md', 'filter.md'}       # over 20 s of computing
+LONG = {'tutorial.md', 'ci.md', 'faq.md', 'filter.md', 'record.md'}        # over 15 s of computing
 
 
 def module(name):
@@ -85,6 +85,7 @@ def test_every_command_is_run():
             assert not kinds & {'bash', 'sh', 'shell', ''}, page
 
 
+@pytest.mark.thorough
 def test_the_manual_builds_without_a_warning(tmp_path):
     pytest.importorskip('sphinx', reason='pip install ".[docs]"')
     pytest.importorskip('furo', reason='pip install ".[docs]"')

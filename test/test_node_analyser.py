@@ -107,6 +107,7 @@ def assert_as_computed(found, study):
                     assert name not in found[axis]
 
 
+@pytest.mark.thorough
 def test_every_message_arrives_twice_in_a_row_while_the_machine_is_busy(ros, static_bag, busy):
     """Every message of a real bag is used, and the numbers are those of the command line."""
     ns = ros.namespace()
@@ -143,7 +144,8 @@ def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(ros, stati
     assert_as_computed(found, analyse_record(open_record(static_bag)))
 
 
-@pytest.mark.parametrize('kind', ['buffer', 'messages'])
+@pytest.mark.parametrize(
+    'kind', ['buffer', pytest.param('messages', marks=pytest.mark.thorough)])
 def test_a_cameras_sensors_are_analysed_each_at_its_own_rate(ros, tmp_path, kind):
     """From a bag by blocks, and live from two topics: as the command line does it."""
     bag = camera_bag(tmp_path / 'camera.mcap', seconds=120.0)
@@ -318,6 +320,7 @@ def test_what_was_gathered_is_saved_on_a_signal(ros):
     assert not list((analyser.folder / 'here.study').iterdir())
 
 
+@pytest.mark.thorough
 def test_two_namespaces_do_not_mix(ros, small_bag, tmp_path):
     path, record = small_bag
     write_bag(tmp_path / 'part', record.part(0, 4000))

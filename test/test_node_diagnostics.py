@@ -43,6 +43,7 @@ def level(got, node, name):
     return None if status is None else status.level
 
 
+@pytest.mark.thorough
 def test_monitors_see_how_an_imu_is(ros, bag):
     """Stale before anything comes; then a level for each axis, and the frame as hardware."""
     space = ros.namespace()

@@ -183,6 +183,7 @@ def test_the_filter_of_parameters_is_the_augmented_one(stream):
     assert np.allclose([m.angular_velocity.x for m in got[50:]], wanted[50:], rtol=1e-4, atol=1e-7)
 
 
+@pytest.mark.thorough
 def test_the_loop_finds_the_motion_while_the_stream_goes_on(ros, stream):
     """A filter for constant rates, swayed: the diagnosis names it, adding it halves the error."""
     s = stream(motion=['constant_rate', 'ar_increment'], rate_hz=200.0)

@@ -450,6 +450,7 @@ def robot(tmp_path_factory):
     return bag.path
 
 
+@pytest.mark.thorough
 def test_every_imu_of_a_bag_has_a_study(robot, tmp_path):
     """With --topic all, each in its own folder; what cannot be analysed is said."""
     assert sorted(imus(robot)) == [

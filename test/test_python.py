@@ -54,6 +54,7 @@ def blocks(path):
     return re.findall(r'^```python\n(.*?)^```', path.read_text(encoding='utf-8'), re.M | re.S)
 
 
+@pytest.mark.thorough
 def test_every_example_of_the_page_runs(folder, tmp_path, monkeypatch):
     shutil.copytree(folder, tmp_path / 'there')
     monkeypatch.chdir(tmp_path / 'there')
