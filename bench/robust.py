@@ -276,7 +276,7 @@ def true_fit(y, dt, form):
 # --- the figures ---------------------------------------------------------------------------------
 
 def run(case, records, n, dt, seed):
-    """Return rows of (truth, fit, plain fit, fit without it, true model (3,)) and seconds a fit."""
+    """Return rows of (truth, fit, plain, fit without it, true model (3,)) and seconds a fit."""
     model, rows, spent = model_of('noise', LABEL.values()), [], 0.0
     for i in range(records):
         rng = np.random.default_rng([seed, CASES.index(case), i])
