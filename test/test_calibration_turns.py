@@ -80,6 +80,7 @@ def test_integration_is_coning_correct():
     assert off(integrated(turns, rates)[-1]) < off(plain) / 10
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth():
     """Twenty sessions, twelve numbers each."""
     hits = []

@@ -114,6 +114,7 @@ def test_two_things_at_once_are_refused(session):
     assert rungs(session) == [(None, None)]
 
 
+@pytest.mark.thorough
 def test_what_is_stopped_leaves_everything_as_it_was(session, folder):
     seen = store.fingerprint(folder)
     assert session.complete(['gyro_x', 'accel_z'])
@@ -132,6 +133,7 @@ def test_a_refusal_is_said(session):
 
 # --- others at the same study
 
+@pytest.mark.thorough
 def test_what_the_command_line_does_meanwhile_is_read(session, folder):
     assert main(['add', str(folder), 'ramp', '--axis', 'accel_z']) == 0
     session.look()

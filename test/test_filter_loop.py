@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import butter, lfilter
 
@@ -355,6 +356,7 @@ def test_a_real_bag_keeps_its_topics_and_stamps(shared_data, tmp_path, capsys):
     assert not np.array_equal(raw.gyro, filtered.gyro)
 
 
+@pytest.mark.thorough
 def test_motion_that_stops_and_starts_is_named_and_the_bank_holds_it():
     rng = np.random.default_rng(12)
     n = 8000
@@ -374,7 +376,7 @@ def test_motion_that_stops_and_starts_is_named_and_the_bank_holds_it():
     assert study.diagnose()['gyro_x'].verdict == 'complete'
 
 
-@pytest.mark.parametrize('kind', ['sinusoid', 'outliers', 'noise_level'])
+@pytest.mark.parametrize('kind', daily(['sinusoid', 'outliers', 'noise_level'], 'outliers'))
 def test_under_the_bank_what_the_noise_lacks_is_named(kind):
     problem = FilterProblem(record(kind), 1 / RATE, stated={'white': STATED['white']})
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
@@ -419,6 +421,7 @@ def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n
     assert 0.7 * jitter < seen.value < most * jitter
 
 
+@pytest.mark.thorough
 def test_rounding_is_not_a_heavy_or_light_tail():
     """White noise in steps of more than its standard deviation is white noise."""
     rng = np.random.default_rng(8)

@@ -20,6 +20,7 @@ import sys
 
 from calibration_sessions import Device, faces, stream
 import numpy as np
+from params import daily
 import pytest
 import yaml
 
@@ -80,8 +81,7 @@ STUDIES = {'noise': (noise_study, 'sinusoid', 'gyro_x'),
            'filter': (filter_study, 'angular_acceleration', 'gyro_x')}
 
 
-@pytest.mark.parametrize('domain', [
-    'noise', 'calibration', pytest.param('filter', marks=pytest.mark.thorough)])
+@pytest.mark.parametrize('domain', daily(STUDIES, 'noise'))
 def test_the_ladder(domain, tmp_path):
     make, name, target = STUDIES[domain]
     study = make(tmp_path)
@@ -166,6 +166,7 @@ study.diagnose = sure
 '''
 
 
+@pytest.mark.thorough
 def test_a_rung_that_raises_the_error_is_taken_back(tmp_path, analysed):
     """Even a diagnosis that is sure of what does harm leaves the model as it was."""
     study = shutil.copytree(analysed, tmp_path / 'study')

@@ -19,7 +19,7 @@ import pytest
 from imu_noise_tools.cli.main import parser
 
 DOC = Path(__file__).resolve().parents[1] / 'doc'
-LONG = {'tutorial.md', 'ci.md', 'faq.md', 'filter.md', 'record.md'}        # over 15 s of computing
+LONG = {'tutorial.md', 'ci.md', 'faq.md', 'filter.md', 'record.md', 'own_effect.md'}  # over 10 s
 
 
 def module(name):

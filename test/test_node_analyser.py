@@ -275,6 +275,7 @@ def test_a_missing_block_is_named_and_the_result_not_called_complete(ros):
     assert told['missed'] == '0' and told['complete'] == 'true'
 
 
+@pytest.mark.thorough
 def test_live_curves_come_while_data_do_and_buffers_have_an_end(ros):
     """A best-effort publisher is heard, the curve is refreshed, and says that it is a live one."""
     ns = ros.namespace()
@@ -402,6 +403,7 @@ def test_loops_begin_again_and_present_stamps_can_be_had(ros, small_bag):
         assert ros.set_parameter(reader.full, 'loop', False) == (True, '')
 
 
+@pytest.mark.thorough
 def test_a_bag_goes_to_the_analyser_whoever_else_listens(ros, small_bag):
     """With a listener there first, the reader waits for the one that is named, and says so."""
     bag, record = small_bag
@@ -425,6 +427,7 @@ def test_a_bag_goes_to_the_analyser_whoever_else_listens(ros, small_bag):
         assert word in line, analyser.text
 
 
+@pytest.mark.thorough
 def test_a_bag_of_which_nothing_arrived_is_not_complete(ros, small_bag):
     """A bag that was played before the analyser came: said, not complete, and status 1."""
     bag, _ = small_bag

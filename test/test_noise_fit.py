@@ -82,6 +82,7 @@ def test_base_model(label, name, spread):
     assert all(e.value is None or e.value == e.point for e in some)
 
 
+@pytest.mark.thorough
 def test_standard_deviations_are_those_of_the_draws():
     for label, name in (('white', 'N'), ('flicker', 'B')):
         some = [e for e in estimates(mems_fits(), label, name) if e.value is not None]

@@ -46,6 +46,7 @@ def test_what_is_not_there_is_null_or_small(name):
             assert e.std and abs(e.value) < 4.5 * e.std, p.name
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('form', ['runs', 'slower'])
 def test_samples_held_in_runs_or_by_a_slower_clock_are_named_and_nothing_remains(form):
     """In runs of six, or by a sensor that measures at 0.7 times the rate it is read with."""

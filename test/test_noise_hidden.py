@@ -93,6 +93,7 @@ def test_strength_is_a_ratio_of_deviations():
     assert 3.9 < ratio < 5.5                         # 40 tau need not meet the very peak
 
 
+@pytest.mark.thorough
 def test_nats_are_what_a_fit_gains():
     """The expected gain, against the gain in likelihood of a fit that is told what is there."""
     for name, effects in (('sinusoid', ()), ('gauss_markov', ('gauss_markov',))):

@@ -11,6 +11,7 @@ package makes them.
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import chirp
 from scipy.stats import kurtosistest
@@ -74,7 +75,7 @@ def test_what_axes_share_and_is_no_noise_is_not_called_noise(signal):
     assert against and against[0], said
 
 
-@pytest.mark.parametrize('power', [0.6, 1.5])
+@pytest.mark.parametrize('power', daily([0.6, 1.5], 1.5))
 def test_a_power_of_the_frequency_is_no_relaxation(power):
     rng = np.random.default_rng(7)
     names, said = found_in([SIZE * (0.1 * rng.standard_normal(N) + coloured(rng, power))

@@ -18,6 +18,7 @@ import sys
 
 import calibration_sessions as sessions
 import numpy as np
+from params import daily
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
@@ -353,7 +354,7 @@ def test_a_recorded_custom_type(shared_data):
 
 # -- a part of a record, and copies
 
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('kind', daily(KINDS, 'mcap'))
 def test_a_part_of_a_px4_bag_is_filtered(tmp_path, kind):
     """The copy has Imu messages for the part alone; what was there is there still."""
     path, us, gyro, _ = combined(tmp_path / 'px4', kind, seconds=40)

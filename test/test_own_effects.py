@@ -15,6 +15,7 @@ import pickle
 
 from calibration_sessions import Device, faces
 import numpy as np
+from params import daily
 import pytest
 import yaml
 
@@ -186,7 +187,7 @@ def fitted(problem, names):
         return error.message
 
 
-@pytest.mark.parametrize('name', list(registry('noise')))
+@pytest.mark.parametrize('name', daily(registry('noise'), 'sinusoid', 'gauss_markov'))
 def test_a_copy_of_a_noise_effect(name, copies):
     cls = find_effect('noise', name)
     problem = NoiseProblem(gather(the_record(cls.example()), ['gyro_x'])['gyro_x'])
@@ -208,7 +209,8 @@ def test_a_copy_of_a_calibration_effect(name, copies):
     alike(problem.candidates(problem.fit(calibration.base_model())), name)
 
 
-@pytest.mark.parametrize('name', list(registry('filter')))
+@pytest.mark.parametrize(
+    'name', daily(registry('filter'), 'angular_acceleration', 'outliers', 'sinusoid'))
 def test_a_copy_of_a_filter_effect(name, copies):
     """In place of its original where that is of the base, beside the base elsewhere."""
     rng = np.random.default_rng(5)

@@ -16,6 +16,7 @@ import warnings
 from matplotlib.colors import to_hex
 from matplotlib.image import imread
 import numpy as np
+from params import daily
 import pytest
 
 from imu_noise_tools.core import allan, gauss_markov
@@ -296,7 +297,8 @@ def test_loudness_and_distribution_mark_what_chance_does_not_explain(study):
     assert _beyond(panels.distribution(an_axes(), loud)) > 5
 
 
-@pytest.mark.parametrize('name', [n for n in KNOWN if n != 'white'])
+@pytest.mark.parametrize(
+    'name', daily((n for n in KNOWN if n != 'white'), 'sinusoid', 'rts', 'variance_change'))
 def test_every_effect_can_be_drawn(name):
     """One that a record cannot show as well; without any warning."""
     some = record([KNOWN[name].example()], n=10000)
@@ -346,7 +348,7 @@ def test_a_telegraph_is_shown_by_its_levels_and_dwells():
     assert not {'levels_of_the_telegraph', 'dwell_times'} & set(noise.panels(before))
 
 
-@pytest.mark.parametrize('name', list(KNOWN))
+@pytest.mark.parametrize('name', daily(KNOWN, 'sinusoid', 'rts', 'spikes'))
 def test_every_effect_can_be_proven(name):
     """By the views and by what it shows of itself, if a record can hold it at all."""
     try:

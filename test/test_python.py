@@ -136,6 +136,7 @@ def test_a_type_checker_knows_what_is_offered(tmp_path):
         assert words in done.stdout, done.stdout
 
 
+@pytest.mark.thorough
 def test_a_study_is_saved_where_it_came_from(study, tmp_path):
     study.save(tmp_path / 's')
     (tmp_path / 's' / 'mine.txt').write_text('kept')
@@ -216,6 +217,7 @@ def test_sensors_with_a_clock_of_their_own_are_kept_apart(folder):
     assert half.source['duration_s'] == pytest.approx(100, abs=0.1)
 
 
+@pytest.mark.thorough
 def test_a_filter_writes_the_bag_it_is_told_to(folder, tmp_path):
     done = imu.filter(folder / 'still.bag', tmp_path / 'out.bag')
     again = imu.filter(folder / 'still.bag')

@@ -1,0 +1,17 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of tests: a few for every day, the others with the thorough tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+
+def daily(values: Iterable, *few) -> list:
+    """Return parameters, all but a few of them for the thorough tests."""
+    values = list(values)
+    assert set(few) <= set(values)
+    return [pytest.param(v, marks=() if v in few else pytest.mark.thorough) for v in values]
