@@ -86,8 +86,8 @@ def connected(bags: Sequence[Bag], scheduler: str | None = None,
                 # 20 ms: both take the processor from what runs
                 'distributed.worker.profile.enabled': False,
                 'distributed.admin.tick.interval': '200ms',
-                # by default a worker hands every 64 kB back to the system, and asks for it again for
-                # each array: a fifth more of the processor's time
+                # by default a worker hands every 64 kB back to the system, and asks for it again
+                # with each array: a fifth more of the processor's time
                 'distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_': 64 << 20,
                 'distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_': 64 << 20,
                 'distributed.worker.memory.target': False,
