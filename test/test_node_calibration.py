@@ -190,7 +190,6 @@ def test_the_loop_answers(solved):
         assert success and key in answer, name
 
 
-@pytest.mark.thorough
 def test_saved_loaded_and_reset(solved, keep):
     bench, _ = solved
     success, answer = bench.call('save')

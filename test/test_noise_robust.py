@@ -12,6 +12,7 @@ from __future__ import annotations
 from io import BytesIO
 from pathlib import Path
 import sys
+from types import SimpleNamespace
 
 from matplotlib.image import imread
 import numpy as np
@@ -24,7 +25,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of
 from imu_noise_tools.export._values import covering, HORIZON
 from imu_noise_tools.health import MOTION_KEPT
-from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.effect import Estimate, model_of
 from imu_noise_tools.noise.curve import bin_weights
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
@@ -34,6 +35,7 @@ from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
 from imu_noise_tools.noise.response import (
     beside_a_band, open_response, Order, raised_to, Rational)
+from imu_noise_tools.noise.uncertainty import widened
 from imu_noise_tools.plots.noise import pictures
 from imu_noise_tools.tasks.noise import analyse_record, outputs
 
@@ -248,6 +250,19 @@ def test_a_hump_matters_and_is_said_in_every_file():
     assert np.all(written >= c.dev[some] * (1 - 1e-9))
     number = yaml.safe_load(text)['gyroscope_noise_density']
     assert number == pytest.approx(values['N'], rel=1e-5)
+
+
+def test_limits_of_what_is_not_shown_widen_by_a_finite_factor():
+    """Its most likely value may be next to nothing: a power of the ratio to it has no end."""
+    slots = [SimpleNamespace(label=label, parameter=SimpleNamespace(name=name, log=True))
+             for label, name in (('flicker', 'B'), ('white', 'N'))]
+    found = {'flicker': {'B': Estimate(None, None, (0.0, 3e-5), 'rad/s', upper95=2e-5,
+                                       point=1e-180)},
+             'white': {'N': Estimate(1e-4, 1e-6, (0.9e-4, 1.1e-4), 'rad/s/sqrt(Hz)', point=1e-4)}}
+    wide = widened(SimpleNamespace(slots=slots), found, np.array([2.25, 2.0]))
+    b, n = wide['flicker']['B'], wide['white']['N']
+    assert b.upper95 == pytest.approx(3e-5) and b.ci95 == pytest.approx((0.0, 4.5e-5))
+    assert n.ci95 == pytest.approx((0.81e-4, 1.21e-4)) and n.std == pytest.approx(2e-6)
 
 
 @pytest.mark.parametrize('kept', [True, False])

@@ -191,14 +191,22 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
 
 
 def widened(likelihood: Likelihood, found: Estimates, by: np.ndarray) -> Estimates:
-    """Return estimates whose intervals are wider about their points by factors (p,), all >= 1."""
+    """
+    Return estimates whose intervals are wider about their points by factors (p,), all >= 1.
+
+    The logarithm of a value is that much less known; of one that is not shown, whose point may be
+    next to nothing, the square.
+
+    """
     out = {label: dict(some) for label, some in found.items()}
     for slot, factor in zip(likelihood.slots, by):
         e = out.get(slot.label, {}).get(slot.parameter.name)
         if factor == 1 or not slot.parameter.log or e is None or e.ci95 is None or not e.point:
             continue
 
-        def further(end, point=e.point, factor=factor):
+        def further(end, point=e.point, factor=factor, shown=e.value is not None):
+            if not shown:
+                return end * factor ** 0.5
             return point * (end / point) ** factor if end > 0 else end
         low, high = e.ci95
         out[slot.label][slot.parameter.name] = replace(
