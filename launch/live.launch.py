@@ -9,6 +9,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 
@@ -38,6 +39,7 @@ def generate_launch_description():
                               description='whether time comes from /clock'),
         DeclareLaunchArgument('log_level', default_value='info',
                               description='debug, info, warn or error'),
-        node('analyser', input='messages', accel_topic=LaunchConfiguration('accel')),
+        node('analyser', input='messages', accel_topic=ParameterValue(
+            LaunchConfiguration('accel'), value_type=str)),     # nothing is a string, too
         node('filter'),
     ])

@@ -144,7 +144,7 @@ def test_launch_files_are_read_by_launch(root):
         arguments = {a.name: a for a in description.get_launch_arguments()}
         assert ARGUMENTS <= set(arguments)
         assert all(a.description for a in arguments.values())
-        assert {n for n, a in arguments.items() if not a.default_value} <= {'bag', 'namespace'}
+        assert {n for n, a in arguments.items() if not a.default_value} <= {'bag', 'namespace', 'accel'}
         shown = LaunchIntrospector().format_launch_description(description)
         assert any(name in shown for name in EXECUTABLES[:4]), shown
 
