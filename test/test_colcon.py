@@ -90,7 +90,8 @@ def launching(monkeypatch):
     for module, names in (('launch', ('LaunchDescription',)), ('launch_ros', ()),
                           ('launch.actions', ('DeclareLaunchArgument', 'Shutdown')),
                           ('launch.substitutions', ('LaunchConfiguration',)),
-                          ('launch_ros.actions', ('Node',))):
+                          ('launch_ros.actions', ('Node',)),
+                          ('launch_ros.parameter_descriptions', ('ParameterValue',))):
         stand_in = ModuleType(module)
         for name in names:
             setattr(stand_in, name, type(name, (Recorded,), {}))
@@ -114,6 +115,7 @@ def test_launch_files_start_what_they_say(root, prefix, launching, where):
             assert Path(own).is_file() and Path(own).stem == node['executable']
             handed = [node['namespace'], params_file, node['ros_arguments'][1], *given.values(),
                       *(new for _, new in node.get('remappings', ()))]
+            handed = [h.args[0] if type(h).__name__ == 'ParameterValue' else h for h in handed]
             used |= {h.args[0] for h in handed if isinstance(h, Recorded)}
         assert nodes and used == declared, path.name
         defaults = {e.args[0]: e.options.get('default_value') for e in entries
@@ -144,7 +146,8 @@ def test_launch_files_are_read_by_launch(root):
         arguments = {a.name: a for a in description.get_launch_arguments()}
         assert ARGUMENTS <= set(arguments)
         assert all(a.description for a in arguments.values())
-        assert {n for n, a in arguments.items() if not a.default_value} <= {'bag', 'namespace', 'accel'}
+        assert {n for n, a in arguments.items() if not a.default_value} <= {
+            'bag', 'namespace', 'accel'}
         shown = LaunchIntrospector().format_launch_description(description)
         assert any(name in shown for name in EXECUTABLES[:4]), shown
 
