@@ -16,6 +16,7 @@ import time
 import bad_input
 import calibration_sessions as sessions
 import numpy as np
+from params import daily
 import pytest
 import yaml
 
@@ -241,9 +242,8 @@ def shown_on_a_terminal(*words):
     return out.decode()
 
 
-@pytest.mark.parametrize('command', [
-    'simulate', 'analyse', *(pytest.param(c, marks=pytest.mark.thorough)
-                             for c in ('calibrate', 'filter'))])
+@pytest.mark.parametrize(
+    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'simulate', 'analyse'))
 def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     """On a terminal; not in a pipe, and not with --json."""
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from heapq import merge
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,7 +40,8 @@ class Block(NamedTuple):
 
 
 def iter_blocks(
-    path: str | Path, topic: str | None = None, block: int = 4096, fields: str | None = None
+    path: str | Path, topic: str | None = None, block: int = 4096, fields: str | None = None,
+    apart: bool = False,
 ) -> Iterator[Block]:
     """
     Yield the samples of a record block by block, in memory that does not grow with the bag.
@@ -53,6 +55,9 @@ def iter_blocks(
         As for :func:`open_record`.
     block : int
         The most samples in a block.
+    apart : bool
+        Of two topics that are not sampled together, yield the blocks of each, in order of their
+        first stamps, without the part that the other has.
 
     Raises
     ------
@@ -66,7 +71,8 @@ def iter_blocks(
     with Bag(path) as bag:
         choice = choose(bag, topic, fields)
         if choice.type != IMU or choice.gyro != choice.accel:
-            yield from _whole(record_of(bag, choice, None, None), block)
+            record = record_of(bag, choice, None, None, apart=apart)
+            yield from _in_turn(record, block) if record.beside else _whole(record, block)
             return
         zero: bool | None = None
         for batch in bag.batches([choice.base], [IMU]):
@@ -146,6 +152,10 @@ def _whole(record: ImuRecord, block: int) -> Iterator[Block]:
         yield b._replace(
             gyro=gap if b.gyro is None else b.gyro, accel=gap if b.accel is None else b.accel
         )
+
+
+def _in_turn(record: ImuRecord, block: int) -> Iterator[Block]:
+    return merge(*(blocks_of(r, block) for r in record.streams), key=lambda b: b.stamp[0])
 
 
 def start_ns(record: ImuRecord) -> int:

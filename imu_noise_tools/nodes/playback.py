@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from heapq import merge
 from itertools import islice
 from pathlib import Path
 import threading
@@ -17,8 +16,7 @@ import time
 import numpy as np
 
 from . import messages
-from ..bag import iter_blocks, iter_raw, open_record
-from ..bag.blocks import Block, blocks_of
+from ..bag import Block, iter_blocks, iter_raw
 from ..bag.source import Bag
 from ..bag.tables import read_table, table_kind
 from ..bag.topics import choose, list_topics
@@ -70,13 +68,7 @@ def pieces(path: str | Path, topic: str | None, raw: bool,
 
     """
     if not raw:
-        if len(_topics(path, topic, fields)) == 2:
-            record = open_record(path, topic, apart=True, fields=fields)
-            sensors = ('gyro', 'accel') if record.beside else ('',)
-            yield from merge(*(_pieces(blocks_of(r, _BLOCK), s) for r, s in zip(
-                record.streams, sensors)), key=lambda piece: piece.stamps[0])
-        else:
-            yield from _pieces(iter_blocks(path, topic, _BLOCK, fields))
+        yield from _pieces(iter_blocks(path, topic, _BLOCK, fields, apart=True))
         return
     source, first = iter_raw(path, topic, fields), 0
     while some := list(islice(source, _BLOCK)):
@@ -89,21 +81,14 @@ def pieces(path: str | Path, topic: str | None, raw: bool,
         first += len(some)
 
 
-def _pieces(blocks: Iterable[Block], sensor: str = '') -> Iterator[Piece]:
-    first = 0
+def _pieces(blocks: Iterable[Block]) -> Iterator[Piece]:
+    first: Counter[str] = Counter()
     for b in blocks:
+        sensor = 'gyro' if b.accel is None else 'accel' if b.gyro is None else ''
         nothing = np.full((len(b.stamp), 3), np.nan)
         gyro, accel = (nothing if x is None else x for x in (b.gyro, b.accel))
-        yield Piece(first, b.stamp, gyro, accel, b.frame_id, [], sensor)
-        first += len(b.stamp)
-
-
-def _topics(path: str | Path, topic: str | None, fields: str | None) -> list[str]:
-    """Return the topics that a record is read from; none of a table."""
-    if table_kind(path):
-        return []
-    with Bag(path) as bag:
-        return list(choose(bag, topic, fields).names)
+        yield Piece(first[sensor], b.stamp, gyro, accel, b.frame_id, [], sensor)
+        first[sensor] += len(b.stamp)
 
 
 def about(path: str | Path, topic: str | None, raw: bool,

@@ -59,8 +59,8 @@ class Streams:
             said = 'one topic for both sensors' if not sensor else 'a topic for each sensor'
             said = f'{said} now; what was gathered before is dropped' if self.received else ''
             self._of = {s: Stream(self._hours) for s in (SENSORS if sensor else ('',))}
-        nothing = np.full((len(stamps), 3), np.nan)
         if sensor:
+            nothing = np.full((len(stamps), 3), np.nan)
             gyro, accel = (gyro, nothing) if sensor == 'gyro' else (nothing, accel)
         return self._of[sensor].add(stamps, gyro, accel, first) or said
 
