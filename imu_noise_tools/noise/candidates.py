@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
-SLOW = 256  # coefficients in which what acts on the mean shows
+SLOW = 32  # coefficients that hold nearly all of what acts on the mean
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -61,10 +61,10 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
-        # lines are out of the spectrum in any case: beside one more, others gain what they gained
         if quiet and issubclass(cls, (Spectrum, Response)) and not issubclass(cls, MEASURED):
             continue
-        key = (*problem.without_lines(fit.model), name)
+        # what is read from the samples is out of the spectrum: beside it others gain as before
+        key = (*problem.spectral(fit.model), name)
         if issubclass(cls, Line) or key not in problem.tried:
             problem.tried[key] = _one(problem, fit, cls())
         finding = problem.tried[key]
