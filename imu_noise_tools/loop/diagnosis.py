@@ -30,7 +30,7 @@ from ..core.errors import FitError
 CHAINS = 2  # chains that are followed, rivals' included
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
-PLACES = 8  # places at which candidates are fitted; from then on none is begun
+PLACES = 6  # places at which candidates are fitted; from then on none is begun
 ROUNDS = 4  # times the search begins anew without what was refuted
 LISTED = 8  # candidates that are listed
 

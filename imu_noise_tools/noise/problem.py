@@ -61,6 +61,7 @@ class NoiseProblem(Problem):
         self.tried: dict[tuple[str, ...], Finding | None] = {}
         self._matters: dict = {}
         self._times: dict[tuple, View] = {}
+        self._shapes: dict[tuple, str] = {}
         self._parts: tuple[NoiseProblem, ...] = ()
 
     @property
@@ -242,8 +243,11 @@ class NoiseProblem(Problem):
 
     def shape(self, fit: Fit, label: str, claim: float) -> str:
         """Say that a flexible form does better than an effect of the model, which gains claim."""
-        without = self.point(unfitted(fit.model.minus(label)))
-        return flexible.shape(self.evidence, fit, without, label, claim)
+        key = (*fit.model.labels, label, claim)
+        if key not in self._shapes:
+            without = self.point(unfitted(fit.model.minus(label)))
+            self._shapes[key] = flexible.shape(self.evidence, fit, without, label, claim)
+        return self._shapes[key]
 
     def materiality(self, fit: Fit) -> tuple[float, float, bool]:
         """Return the share of power that a model leaves, the largest ratio, and if it suffices."""
