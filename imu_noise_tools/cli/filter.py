@@ -57,6 +57,13 @@ def register(commands: Any) -> None:
         help='let each rate know the samples after it too: nearer than any live filter can be',
     )
     c.add_argument(
+        '--delay',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='let each rate wait S seconds for the samples after it, as the node does with delay',
+    )
+    c.add_argument(
         '--set',
         action='append',
         default=[],
@@ -118,6 +125,7 @@ def filter_bag(args: argparse.Namespace) -> int:
             noise=args.noise,
             alpha=args.alpha,
             smooth=args.smooth,
+            delay=args.delay,
             values=values_of(args.values) or None,
             topic=args.topic,
             fields=args.fields,
@@ -136,6 +144,7 @@ def filter_bag(args: argparse.Namespace) -> int:
         f' {", ".join(data["motion"])}, noise {", ".join(data["noise"])}'
         + (f', alpha {args.alpha:g}' if args.alpha < 1 else '')
         + (', smoothed' if args.smooth else '')
+        + (f', with a delay of {args.delay:g} s' if args.delay else '')
     )
     print(
         '          noise of a sample, deg/s    innovations: mean square (1)   lag 1 (0)  '
