@@ -152,6 +152,49 @@ def test_a_tied_response_is_one_at_both_ends():
     assert np.max(v) == pytest.approx(31, rel=0.2)
 
 
+def swing(middle, q, more):
+    """Return the filter (b, a) of two poles whose gain^2 is so high at a share of Nyquist."""
+    r = np.exp(-np.pi * middle / (2 * q))
+    a = [1, -2 * r * np.cos(np.pi * middle), r * r]
+    return [np.sqrt(more) * np.abs(np.polyval(a[::-1], np.exp(-1j * np.pi * middle)))], a
+
+
+def test_a_response_beside_poles_alone_keeps_their_slow_side():
+    bins, b_a = bins_of(N, DT), swing(0.3, 6, 20)
+    gain2 = 1 + np.abs(freqz(*b_a, 2 * np.pi * bins.f * DT)[1]) ** 2
+    w = bins.count.astype(float)
+    x = gain2 * np.random.default_rng(6).chisquare(w) / w
+    order = Order(2, 2, alone=True)
+    values, level, v = Rational(x, w, bins, order).fit()
+    assert len(values) == order.terms == 3
+    assert level == pytest.approx(1 + (b_a[0][0] / np.sum(b_a[1])) ** 2, rel=0.01)
+    assert v[-1] == pytest.approx(gain2[-1], rel=0.02)
+    assert np.max(v) == pytest.approx(21, rel=0.2)
+    for other in order.rivals:
+        assert raised_to(order, other, raised_to(other, order, values)) == pytest.approx(
+            values, rel=1e-6) or other.tied
+    response = open_response(order)
+    one = {p.name: at for p, at in zip(response.parameters, values)}
+    slopes = response.with_values(**one).slopes(bins)
+    for j, name in enumerate(one):
+        up, down = (np.log(response.with_values(**{**one, name: one[name] + h}).gain2(bins.f, DT))
+                    for h in (1e-5, -1e-5))
+        some = bins.count < 100  # wider bins hold the mean of the gain
+        assert slopes[some, j] == pytest.approx((up - down)[some] / 2e-5, abs=0.02)
+
+
+@pytest.mark.parametrize('middle, q, more', [(0.2, 8, 10.0), (0.4, 20, 60.0)])
+def test_the_slow_side_of_a_swing_belongs_to_the_level(middle, q, more):
+    rng = np.random.default_rng([49, q])
+    n, (b, a) = 2 * N, swing(middle, q, more)
+    y = robust.white(n, DT, rng) + robust.slow_noise(n, DT, rng)
+    found = fit(axis_of(y + lfilter(b, a, robust.white(n, DT, rng))), model_of('noise', BASE))
+    value, level = found.estimates['white']['N'], np.sqrt(1 + (b[0] / np.sum(a)) ** 2)
+    assert found.details.basis.order.alone
+    assert value.value == pytest.approx(robust.TRUTH['N'] * level, rel=0.008)
+    assert value.ci95[1] / value.ci95[0] < 1.016
+
+
 def test_a_half_rests_on_what_the_whole_rests_on():
     y, rng = noise(11)
     evidence = axis_of(robust.hump(y, DT, rng)[0])
