@@ -9,6 +9,7 @@ The records are made with the bench's generator, which shares nothing with the p
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 import sys
@@ -30,7 +31,7 @@ from imu_noise_tools.noise.curve import bin_weights
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
 from imu_noise_tools.noise.fit import fit
-from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.gather import _bridged, gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
 from imu_noise_tools.noise.response import (
@@ -181,6 +182,21 @@ def test_a_response_beside_poles_alone_keeps_their_slow_side():
                     for h in (1e-5, -1e-5))
         some = bins.count < 100  # wider bins hold the mean of the gain
         assert slopes[some, j] == pytest.approx((up - down)[some] / 2e-5, abs=0.02)
+
+
+def test_what_is_left_out_leaves_no_swing_behind():
+    """The line across a long gap stands on as much as is mirrored, not on its last second."""
+    gap, dips = 4000, []
+    for seed in range(60):
+        y = np.random.default_rng(seed).standard_normal(5 * gap)
+        left = ((2 * gap * DT, 3 * gap * DT, 'masked'),)
+        record = ImuRecord(np.column_stack([y] * 3), None, np.arange(len(y)) * DT, 1 / DT)
+        bridged = _bridged(y, replace(record, left_out=left))
+        assert np.array_equal(bridged[:2 * gap], y[:2 * gap])
+        first, second = bridged[2 * gap:3 * gap].reshape(2, -1)
+        assert np.std(first) == pytest.approx(1, rel=0.1)
+        dips.append(np.mean(first) - np.mean(second))
+    assert np.mean(np.square(dips)) < 1.3 * 2 / (gap / 2)  # white noise itself, no more
 
 
 @pytest.mark.parametrize('middle, q, more', [(0.2, 8, 10.0), (0.4, 20, 60.0)])
