@@ -24,7 +24,6 @@ from .evidence import Evidence
 from .explained import Explained
 from .kinds import (
     Coupling,
-    Inputs,
     Mean,
     MEASURED,
     model_crowd,
@@ -161,7 +160,7 @@ class Likelihood:
             'second': slice(total // 2, None),
         }[self.part_name]
         # a lag and a mean temperature are those of the whole record
-        self.inputs, self._some = Inputs(e.slow_t, e.dt, dict(e.slow_others)), some
+        self.inputs, self._some = e.slow_inputs, some
         count = len(e.slow_t[some])
         low = e.common.low[e.axis, self.part_name]
         q = np.arange(1, min(count // 4, len(low)) + 1)
