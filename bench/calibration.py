@@ -4,8 +4,8 @@
 """
 Figures of the calibration: coverage, bias by tilt, hidden effects, real records.
 
-    OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200]
-        [coverage|tilts|turns|hidden|session|real ...]
+    OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200] [--seed N]
+        [coverage|tilts|turns|hidden|session|flaws|real ...]
 
 Sessions are made by test/calibration_sessions.py, which shares no code with the package.
 
@@ -21,6 +21,7 @@ import sys
 import time
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
@@ -29,6 +30,7 @@ import calibration_sessions as sim  # noqa: E402,I100,I201
 
 from imu_noise_tools import calibration as core  # noqa: E402,I201
 from imu_noise_tools.calibration.problem import CalibrationProblem  # noqa: E402
+from imu_noise_tools.core.errors import InputError  # noqa: E402
 from imu_noise_tools.core.record import ImuRecord  # noqa: E402
 from imu_noise_tools.loop.diagnosis import diagnose  # noqa: E402
 from imu_noise_tools.loop.effect import find_effect  # noqa: E402
@@ -231,7 +233,7 @@ def in_a_session(rng, kind, name):
         true = sim.G * sim.tilted(true, 1 * DEG, rng)
     size, lag = rng.uniform(5e-3, 15e-3, 3) * rng.choice([-1, 1], 3), rng.uniform(40, 150)
     extra = {'drift': np.outer(t / 400, size), 'warm_up': np.outer(np.exp(-t / lag), size),
-             'temperature_curve': np.outer(((heat - 25) / 15) ** 2, size),
+             'temperature_curve': np.outer(((heat - 25) / 15) ** rng.integers(2, 4), size),
              'temperature_scale': ((heat - 25) / 15)[:, None] * true / sim.G * size}
     out = device.output(true, rng) + extra.get(name, 0 * true)
     hot = name.startswith('temperature')
@@ -249,6 +251,53 @@ def session(n, seed=5):
             count = Counter(outcome(verdict(in_a_session(rng, kind, name)), name)
                             for _ in range(n))
             print(f'| {kind} | {name} | {dict(count)} |', flush=True)
+    print()
+
+
+def _from_stream(rng, device, kind, spoil):
+    """Return what `calibrate` makes of a stream of poses, its acceleration (n, 3) spoilt."""
+    ups = (sim.tilted(sim.faces()[1], 1 * DEG, rng) if kind == 'six faces' else
+           sim.spread_directions(16, rng)[rng.permutation(16)])
+    t, rates, force, _ = sim.stream(device, ups, rng, hold_s=3.0)
+    return tasks.calibrate_records([ImuRecord(rates, spoil(force), t, 100.0)]).calibration
+
+
+def _clipped(force):
+    """Return forces (n, 3) of which one axis ends a little before what it shows at rest."""
+    out, axis = force.copy(), int(np.argmax(force.max(0)))
+    out[:, axis] = np.minimum(out[:, axis], np.quantile(out[:, axis], 0.97) - 0.1)
+    return out
+
+
+def flaws(n, seed=6):
+    """Print coverage with a coarse output, and whether clipping and a turned case are said."""
+    rng = np.random.default_rng(seed)
+    print(f'### Flaws of a stream, {n} sessions each\n\n| poses | output in steps of ten times '
+          'the noise: inside | verdicts | one axis clipped | case turned by 8-20 deg |'
+          '\n|---|---|---|---|---|')
+    for kind in ('six faces', 'spread'):
+        hits, said, clipped, turned_ = [], Counter(), Counter(), Counter()
+        for _ in range(n):
+            device = sim.Device.drawn(rng, noise=0.005, upper=kind == 'spread')
+            c = _from_stream(rng, device, kind, lambda a: 0.05 * np.round(a / 0.05))
+            hits.append(list(inside(c.fit, device).values()))
+            said[verdict(c.problem).verdict] += 1
+            try:
+                warned = _from_stream(rng, device, kind, _clipped).warnings
+                clipped['warned' if 'saturated' in ' '.join(warned) else 'not said'] += 1
+            except InputError as error:
+                clipped['refused' if 'saturated' in str(error) else str(error)] += 1
+            angle = rng.uniform(8, 20) * DEG
+            turn = Rotation.from_rotvec(angle * sim.spread_directions(1, rng)[0])
+            device = sim.Device.drawn(rng, noise=0.02)
+            device.scale = turn.as_matrix() @ device.scale
+            try:
+                c = _from_stream(rng, device, 'six faces', lambda a: a)
+                turned_['said' if 'is that rotation' in ' '.join(c.warnings) else 'not said'] += 1
+            except InputError as error:
+                turned_[str(error)] += 1
+        print(f'| {kind} | {100 * np.mean(hits):.1f} % | {dict(said)} | {dict(clipped)} | '
+              f'{dict(turned_)} |', flush=True)
     print()
 
 
@@ -429,18 +478,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('what', nargs='*', default=['coverage', 'hidden', 'real'])
     parser.add_argument('--sessions', type=int, default=200)
+    parser.add_argument('--seed', type=int, help='of what is drawn (default: each its own)')
     args = parser.parse_args()
     begin = time.process_time()
-    if 'coverage' in args.what:
-        coverage(args.sessions)
-    if 'tilts' in args.what:
-        tilts(args.sessions)
-    if 'turns' in args.what:
-        turns(args.sessions)
-    if 'session' in args.what:
-        session(args.sessions)
-    if 'hidden' in args.what:
-        hidden(args.sessions)
+    drawn = {} if args.seed is None else {'seed': args.seed}
+    for run in (coverage, tilts, turns, session, flaws, hidden):
+        if run.__name__ in args.what:
+            run(args.sessions, **drawn)
     if 'real' in args.what:
         real()
     print(f'({time.process_time() - begin:.0f} CPU s)')

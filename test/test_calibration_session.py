@@ -143,6 +143,17 @@ def test_a_turned_case_is_said():
                for w in done.calibration.warnings)
 
 
+def test_six_poses_that_are_no_faces_are_fitted():
+    """A case turned so far that no pose is a face: scale factors and biases by magnitudes."""
+    rng = np.random.default_rng(35)
+    device = sim.Device.drawn(rng, noise=0.02)
+    ups = np.array([sim.turned(np.array(e, float), (0.6, 0.7, -0.39), 40 * DEG)
+                    for e in sim.AXES.values()])
+    c = tasks.calibrate_records([record(*sim.stream(device, ups, rng))]).calibration
+    assert not set(c.poses.names) & set(sim.AXES)
+    np.testing.assert_array_less(np.abs(c.bias - device.bias), 4 * c.std[1])
+
+
 def test_one_bag_a_face_and_a_sign_upside_down():
     """Six records named after their faces; where all signs are turned, the name tells."""
     rng = np.random.default_rng(2)

@@ -17,10 +17,12 @@ from imu_noise_tools.core.errors import UsageError
 from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import kalman
 from imu_noise_tools.filter.design import design
+from imu_noise_tools.filter.engine import Engine
 from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.filter.smoother import smooth_chunks
 from imu_noise_tools.filter.stamps import Clock, RESTART
 from imu_noise_tools.filter.statespace import state_space
+from imu_noise_tools.filter.window import Window
 
 SIGMA = 0.6 * DEG
 KNOWN = {'white': {'R': SIGMA ** 2}}
@@ -139,6 +141,78 @@ def test_flaws_of_a_stream():
     assert np.sqrt(np.mean(error ** 2)) < 0.25 * SIGMA
 
 
+def test_a_delay_lies_between_the_filter_and_the_smoother():
+    t, z, truth = turning(1200, seed=8)
+    chosen = design(values=KNOWN)
+    causal = filter_record(t, z, chosen, 100.0)
+    both = filter_record(t, z, chosen, 100.0, smooth=True)
+    whole = filter_record(t, z, chosen, 100.0, delay=100.0)
+    assert np.abs(whole.rate - both.rate).max() < 1e-9 * SIGMA
+    assert np.allclose(whole.variance, both.variance, rtol=1e-9)
+    some = [filter_record(t, z, chosen, 100.0, delay=d) for d in (0.05, 0.2)]
+    rms = [np.sqrt(np.mean((f.rate - truth) ** 2)) for f in (causal, *some, both)]
+    assert rms[0] > 1.05 * rms[1] > 1.05 ** 2 * rms[2] and rms[2] > rms[3], rms
+    for got in some:
+        assert np.array_equal(got.score, causal.score)
+        assert np.mean(np.abs(got.rate - truth) < 1.96 * np.sqrt(got.variance)) > 0.9
+        assert np.median(got.variance[50:] / causal.variance[50:]) < 0.95
+
+
+def test_a_window_of_no_length_is_the_filter():
+    t, z, _ = turning(300)
+    engine = Engine(rate_hz=100.0, values=KNOWN)
+    window = None
+    for stamp, sample in zip(t, z):
+        rate, variance = engine.step(stamp, sample)
+        window = window or Window(engine._bank, 0)
+        now, var = window.add(sample, engine._now)
+        assert np.allclose(now, rate, rtol=0, atol=1e-12) and np.allclose(var, variance)
+
+
+def test_live_and_recorded_wait_alike():
+    """A message lost, two of one stamp, a copy: every message comes once, in order."""
+    t, z, _ = turning(700, seed=9)
+    t[400:] += 0.01
+    t[500] = t[499]
+    t[600], z[600] = t[599], z[599]
+    engine = Engine(rate_hz=100.0, values=KNOWN, delay=0.1)
+    out, late = [], []
+    for k, (stamp, sample) in enumerate(zip(t, z)):
+        engine.step(stamp, sample)
+        due = engine.due()
+        late += [k - len(out) - i for i in range(len(due))]
+        out += due
+    assert max(late) == 11 and np.median(late) == 10     # one more behind the copy
+    engine.finish()
+    out += engine.due()
+    got = filter_record(t, z, design(values=KNOWN), 100.0, delay=0.1)
+    assert len(out) == len(z)
+    assert np.abs(np.array([x for x, _ in out]) - got.rate).max() < 1e-9 * SIGMA
+    assert np.allclose([v for _, v in out], got.variance, rtol=1e-9)
+
+
+@pytest.mark.parametrize('event', ['gap', 'backward', 'switch', 'no delay'])
+def test_nothing_waits_over_a_gap_or_another_model(event):
+    t, z, truth = turning(700, seed=10)
+    engine = Engine(values=KNOWN, delay=0.1)
+    out = []
+    for k, (stamp, sample) in enumerate(zip(t, z)):
+        if k == 500 and event == 'switch':
+            engine.switch(values={'white': {'R': 1.5 * SIGMA ** 2}})
+        if k == 500 and event == 'no delay':
+            engine.switch(delay=0.0)
+        after = {'gap': 5.0, 'backward': -5.0}.get(event, 0.0) if k >= 500 else 0.0
+        out += engine.due()
+        engine.step(stamp + after, sample)
+        out += engine.due()
+        if k == 500:
+            assert len(out) == (501 if event == 'no delay' else 500)
+    engine.finish()
+    out += engine.due()
+    assert len(out) == len(z)
+    assert np.sqrt(np.mean((np.array([x for x, _ in out]) - truth) ** 2)) < 0.3 * SIGMA
+
+
 @pytest.mark.thorough
 def test_blocks_and_chunks_are_the_whole(monkeypatch):
     from imu_noise_tools.filter import lanes, smoother
@@ -153,6 +227,15 @@ def test_blocks_and_chunks_are_the_whole(monkeypatch):
     assert (np.abs(whole.rate - chunks.rate) / np.sqrt(chunks.variance)).max() < 3
     monkeypatch.setattr(smoother, 'BLOCK', 100)
     assert np.array_equal(whole.rate, filter_record(t, z, chosen, 10.0, smooth=True).rate)
+
+
+def test_a_delay_that_is_none_is_refused():
+    for delay, smooth in ((-1.0, False), (float('nan'), False), (0.1, True)):
+        with pytest.raises(UsageError, match='delay'):
+            filter_record(np.arange(100) / 100, np.zeros((100, 3)), design(values=KNOWN), 100.0,
+                          smooth=smooth, delay=delay)
+    with pytest.raises(UsageError, match='no fading memory'):
+        Engine(alpha=0.9, delay=0.1)
 
 
 def test_a_fading_memory_is_refused():

@@ -223,6 +223,15 @@ def test_what_lasts_is_listed_and_kept():
     assert why == 'disturbed' and begin < 200.1 and end > 214.9 and end - begin < 25
 
 
+def test_pieces_of_what_lasts_are_kept():
+    """A machine that is found in pieces is left in as a whole: some of them would tell nothing."""
+    r = quiet(np.random.default_rng(1), 600, 100)
+    hum = 0.2 * np.sin(2 * np.pi * 23 * r.t) * ((r.t > 200) & (r.t < 400) & (r.t % 20 < 6))
+    shaken = replace(r, accel=r.accel + hum[:, None], gyro=r.gyro + 0.1 * hum[:, None])
+    found = prepare(shaken)
+    assert [d.kind for d in found.disturbances] == ['disturbed'] * 10 and found.left_out == ()
+
+
 def test_a_step_is_listed_and_kept():
     """A step of one axis is seen, and is for the loop to explain."""
     r = quiet(np.random.default_rng(0), 600, 100)

@@ -183,6 +183,29 @@ def test_the_filter_of_parameters_is_the_augmented_one(stream):
     assert np.allclose([m.angular_velocity.x for m in got[50:]], wanted[50:], rtol=1e-4, atol=1e-7)
 
 
+def test_a_delay_gives_smoothed_rates_under_their_own_stamps(ros, stream):
+    settings = {'rate_hz': 200.0, 'delay': 0.05}
+    s, z = stream(**settings), noise(600)
+    stamps = START + np.arange(600) * 5_000_000
+    s.send([imu(t, g) for t, g in zip(stamps[:300], z)], wait=False)
+    # what waits for later samples comes out without them when none come
+    assert wait_for(lambda: len(s.out) == 300), (len(s.out), s.process.text)
+    assert ros.set_parameter(s.process.full, 'delay', 0.0) == (True, '')
+    s.send([imu(t, g) for t, g in zip(stamps[300:], z[300:])])
+    assert [ns_of(m) for m in s.out] == stamps.tolist()
+    engine, causal, wanted = Engine(**settings), [], []
+    for t, g in zip(stamps[:300], z):
+        causal.append(engine.step(1e-9 * (t - START), g)[1])
+        wanted += engine.due()
+    engine.finish()
+    wanted += engine.due()
+    rates = [rate(m) for m in s.out[:300]]
+    assert np.allclose(rates, [x for x, _ in wanted], rtol=1e-9, atol=1e-12)
+    covariance = np.array([m.angular_velocity_covariance for m in s.out[:300]])[:, [0, 4, 8]]
+    assert np.allclose(covariance, [v for _, v in wanted])
+    assert np.median(covariance) < 0.9 * np.median(causal)
+
+
 @pytest.mark.thorough
 def test_the_loop_finds_the_motion_while_the_stream_goes_on(ros, stream):
     """A filter for constant rates, swayed: the diagnosis names it, adding it halves the error."""

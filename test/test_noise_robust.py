@@ -9,6 +9,7 @@ The records are made with the bench's generator, which shares nothing with the p
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 import sys
@@ -17,7 +18,7 @@ from types import SimpleNamespace
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from scipy.signal import butter, freqz, iirpeak, lfilter
+from scipy.signal import butter, freqz, iirpeak, lfilter, welch
 import yaml
 
 from imu_noise_tools import export
@@ -30,7 +31,7 @@ from imu_noise_tools.noise.curve import bin_weights
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
 from imu_noise_tools.noise.fit import fit
-from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.gather import _bridged, gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
 from imu_noise_tools.noise.response import (
@@ -150,6 +151,75 @@ def test_a_tied_response_is_one_at_both_ends():
     assert level == pytest.approx(1, rel=0.01)
     assert v[-1] == pytest.approx(level, rel=0.02)
     assert np.max(v) == pytest.approx(31, rel=0.2)
+
+
+def swing(middle, q, more):
+    """Return the filter (b, a) of two poles whose gain^2 is so high at a share of Nyquist."""
+    r = np.exp(-np.pi * middle / (2 * q))
+    a = [1, -2 * r * np.cos(np.pi * middle), r * r]
+    return [np.sqrt(more) * np.abs(np.polyval(a[::-1], np.exp(-1j * np.pi * middle)))], a
+
+
+def test_a_response_beside_poles_alone_keeps_their_slow_side():
+    bins, b_a = bins_of(N, DT), swing(0.3, 6, 20)
+    gain2 = 1 + np.abs(freqz(*b_a, 2 * np.pi * bins.f * DT)[1]) ** 2
+    w = bins.count.astype(float)
+    x = gain2 * np.random.default_rng(6).chisquare(w) / w
+    order = Order(2, 2, alone=True)
+    values, level, v = Rational(x, w, bins, order).fit()
+    assert len(values) == order.terms == 3
+    assert level == pytest.approx(1 + (b_a[0][0] / np.sum(b_a[1])) ** 2, rel=0.01)
+    assert v[-1] == pytest.approx(gain2[-1], rel=0.02)
+    assert np.max(v) == pytest.approx(21, rel=0.2)
+    for other in order.rivals:
+        assert raised_to(order, other, raised_to(other, order, values)) == pytest.approx(
+            values, rel=1e-6) or other.tied
+    response = open_response(order)
+    one = {p.name: at for p, at in zip(response.parameters, values)}
+    slopes = response.with_values(**one).slopes(bins)
+    for j, name in enumerate(one):
+        up, down = (np.log(response.with_values(**{**one, name: one[name] + h}).gain2(bins.f, DT))
+                    for h in (1e-5, -1e-5))
+        some = bins.count < 100  # wider bins hold the mean of the gain
+        assert slopes[some, j] == pytest.approx((up - down)[some] / 2e-5, abs=0.02)
+
+
+@pytest.mark.thorough
+def test_the_level_between_a_wandering_line_and_a_filter(shared_data):
+    """N is what the spectrum shows there, not what drift leaves of it below the line."""
+    with np.load(shared_data / 'records' / 'adis16405_run6.npz') as kept:
+        y, dt = kept['accel'][:, 0].astype(float), 1 / float(kept['rate_hz'])
+    f, power = welch(y, 1 / dt, nperseg=1 << 14)
+    level = np.sqrt(np.median(power[(f > 1) & (f < 6)]) / 2)
+    found = fit(axis_of(y, dt), model_of('noise', BASE), intervals=False)
+    assert found.model['white']['N'] == pytest.approx(level, rel=0.05)
+
+
+def test_what_is_left_out_leaves_no_swing_behind():
+    """The line across a long gap stands on as much as is mirrored, not on its last second."""
+    gap, dips = 4000, []
+    for seed in range(60):
+        y = np.random.default_rng(seed).standard_normal(5 * gap)
+        left = ((2 * gap * DT, 3 * gap * DT, 'masked'),)
+        record = ImuRecord(np.column_stack([y] * 3), None, np.arange(len(y)) * DT, 1 / DT)
+        bridged = _bridged(y, replace(record, left_out=left))
+        assert np.array_equal(bridged[:2 * gap], y[:2 * gap])
+        first, second = bridged[2 * gap:3 * gap].reshape(2, -1)
+        assert np.std(first) == pytest.approx(1, rel=0.1)
+        dips.append(np.mean(first) - np.mean(second))
+    assert np.mean(np.square(dips)) < 1.3 * 2 / (gap / 2)  # white noise itself, no more
+
+
+@pytest.mark.parametrize('middle, q, more', [(0.2, 8, 10.0), (0.4, 20, 60.0)])
+def test_the_slow_side_of_a_swing_belongs_to_the_level(middle, q, more):
+    rng = np.random.default_rng([49, q])
+    n, (b, a) = 2 * N, swing(middle, q, more)
+    y = robust.white(n, DT, rng) + robust.slow_noise(n, DT, rng)
+    found = fit(axis_of(y + lfilter(b, a, robust.white(n, DT, rng))), model_of('noise', BASE))
+    value, level = found.estimates['white']['N'], np.sqrt(1 + (b[0] / np.sum(a)) ** 2)
+    assert found.details.basis.order.alone
+    assert value.value == pytest.approx(robust.TRUTH['N'] * level, rel=0.008)
+    assert value.ci95[1] / value.ci95[0] < 1.016
 
 
 def test_a_half_rests_on_what_the_whole_rests_on():

@@ -171,9 +171,10 @@ def stated(
 ) -> Calibration:
     """Return a calibration that was solved before, with ``ols`` beside it."""
     poses, plain = problem.poses, fit
-    if problem.method == 'faces':
+    whole = problem.method == 'faces' and set(FACES) <= set(poses.names)
+    if whole:
         poses = poses.take([k for k, name in enumerate(poses.names) if name in FACES])
-    if problem.method == 'wls' or problem.method == 'faces' and set(FACES) <= set(poses.names):
+    if whole or problem.method == 'wls':
         plain = solve.fit(fit.model, poses, 'ols', problem.tilt)
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 

@@ -44,18 +44,15 @@ def register(commands: Any) -> None:
     noise = c.add_argument('--noise', type=common.names, default=['white'], metavar='N,…',
                            help='white (default), gauss_markov, sinusoid, outliers, …')
     completion.offer(noise, completion.blocks('OutputNoise'), several=True)
-    c.add_argument(
-        '--alpha',
-        type=float,
-        default=1.0,
-        metavar='A',
-        help='fading memory, 0 < A <= 1 (default: 1, none)',
-    )
+    c.add_argument('--alpha', type=float, default=1.0, metavar='A',
+                   help='fading memory, 0 < A <= 1 (default: 1, none)')
     c.add_argument(
         '--smooth',
         action='store_true',
         help='let each rate know the samples after it too: nearer than any live filter can be',
     )
+    c.add_argument('--delay', type=float, default=0.0, metavar='S', help=(
+        'let each rate wait S seconds for the samples after it, as the node does with delay'))
     c.add_argument(
         '--set',
         action='append',
@@ -118,6 +115,7 @@ def filter_bag(args: argparse.Namespace) -> int:
             noise=args.noise,
             alpha=args.alpha,
             smooth=args.smooth,
+            delay=args.delay,
             values=values_of(args.values) or None,
             topic=args.topic,
             fields=args.fields,
@@ -136,6 +134,7 @@ def filter_bag(args: argparse.Namespace) -> int:
         f' {", ".join(data["motion"])}, noise {", ".join(data["noise"])}'
         + (f', alpha {args.alpha:g}' if args.alpha < 1 else '')
         + (', smoothed' if args.smooth else '')
+        + (f', with a delay of {args.delay:g} s' if args.delay else '')
     )
     print(
         '          noise of a sample, deg/s    innovations: mean square (1)   lag 1 (0)  '

@@ -19,8 +19,8 @@ from .widgets import loud, Plot, quiet
 from .. import store
 from ..core import units
 from ..core.errors import ImuNoiseError
+from ..plots.curves import TAU
 from ..plots.panel import Curve, Panel
-from ..plots.panels import TAU
 from ..plots.style import readable
 from ..report import words
 

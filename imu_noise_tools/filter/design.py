@@ -150,6 +150,17 @@ def design(
     return made
 
 
+def memory(chosen: Design, smooth: bool, delay: float = 0.0) -> None:
+    """Raise UsageError where a design that fades the past is to be smoothed, or it is twice."""
+    if not 0 <= delay < np.inf:
+        raise UsageError(f'invalid delay {delay:g} s', 'it must be 0 or more')
+    if smooth and delay:
+        raise UsageError('both --smooth and --delay are given', 'give only one')
+    if (smooth or delay) and chosen.alpha != 1:
+        raise UsageError('a smoother has no fading memory',
+                         'leave alpha at 1, or leave out --smooth and --delay')
+
+
 def _named(names, kind: str) -> Model:
     """Return a model of names (or a model), all of one kind."""
     if isinstance(names, Model):

@@ -10,14 +10,16 @@ Every flaw of a real stream handled, switching while it runs.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from .design import AUTO, Design, design, quiet_variance
+from .design import AUTO, Design, design, memory, quiet_variance
 from .imm import Bank, Coefficients
 from .stamps import Clock, DUPLICATE, RESTART
+from .window import Window
 from ..core.clock import median_rate
 
 WAIT = 16               # samples passed through while rate and noise are found out
@@ -76,6 +78,13 @@ class History:
         self.count = 0
 
 
+def designed(delay: float = 0.0, **settings: Any) -> Design:
+    """Return the design of an engine's settings, or refuse them: UsageError."""
+    made = design(**settings)
+    memory(made, False, delay)
+    return made
+
+
 class Engine:
     """
     A filter of three rates, message by message.
@@ -87,13 +96,15 @@ class Engine:
     rate_hz : float or None
         Nominal rate; by default read from the first 16 stamps, during which samples pass
         unfiltered.
+    delay : float
+        For how long, s, an answer waits for the samples after it; :meth:`due` then returns it.
     history : int
         Samples kept for a diagnosis.
 
     Rules (stamps in s): the interval is that of the stamps; a sample with the stamp of the one
     before is weighed in without a prediction (an exact copy is not weighed again); after a gap (1
     s, or ten intervals) or a jump backward the filter starts again; a sample that is not finite is
-    refused and counted.
+    refused and counted. Nothing waits over a gap, a jump backward or a change of the model.
 
     """
 
@@ -106,15 +117,17 @@ class Engine:
         values: Any = None,
         history: int = 32768,
         axes: int = 3,
+        delay: float = 0.0,
     ):
         self.axes = axes
         self.counts = Counts()
         self._clock: Clock              # once the rate is known
         self._bank: Bank                # once R is known too
         self.history = History(history, axes)
-        self._given = design(motion, noise, alpha, values, axes)
         self._rate = rate_hz
-        self._settings = {'motion': motion, 'noise': noise, 'alpha': alpha, 'values': values}
+        self._settings = {'motion': motion, 'noise': noise, 'alpha': alpha, 'values': values,
+                          'delay': delay}
+        self._given = designed(**self._settings, axes=axes)
         self._begin()
 
     def _begin(self):
@@ -126,6 +139,9 @@ class Engine:
         self._last = None
         self._last_z = np.zeros(self.axes)
         self._answer = None
+        self._due: list[tuple] = []
+        self._window: Window | None = None
+        self._copies: deque[int] = deque()      # messages with the answer of each that waits
         self._blend = None
         self._read_at = READ_AGAIN
         if self._ready:
@@ -138,6 +154,8 @@ class Engine:
             Coefficients([self.design.modes(self._clock.interval)], self.design.alpha), self.axes
         )
         self._entries[0] = self._bank.table.at(0)
+        length = self._clock.samples(self._settings['delay'])
+        self._window = Window(self._bank, length) if length else None
 
     def reset(self) -> None:
         """Forget the stream, keep the settings."""
@@ -154,9 +172,11 @@ class Engine:
         """
         Take one message; return (rate (3,), variance (3,)), or None where it is refused.
 
-        A variance of 0 says that it is not known yet.
+        By the samples so far; :meth:`due` says what the delay gives. A variance of 0 says that it
+        is not known yet.
 
         """
+        self._due = []
         z = np.array(gyro, float)
         if not (np.isfinite(z).all() and np.isfinite(stamp_s)):
             self.counts.refused += 1
@@ -166,16 +186,48 @@ class Engine:
         copy = key == DUPLICATE and np.array_equal(z, self._last_z)
         self._last, self._last_z = stamp_s, z
         if copy and self._answer is not None:
+            if self._copies:
+                self._copies[-1] += 1
+            else:
+                self._due.append(self._answer)
             return self._answer
+        if key == RESTART:
+            self.finish()
         self.history.append(stamp_s, z)
         if not self._ready:
-            return self._wait(z)
+            answer = self._wait(z)
+            self._due.append(answer)
+            return answer
         if self.design_reads_r and self.history.count >= self._read_at:
             self._read_again()
         x, var, score = self._advance(key, z)
         self.history.mark(score)
         self._answer = self._blended(stamp_s, x, var)
+        if self._window is None:
+            self._due.append(self._answer)
+        else:
+            self._copies.append(1)
+            self._give(self._window.add(z, self._now))
         return self._answer
+
+    def due(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """
+        Return (rate, variance) of the messages whose delay is over, oldest first.
+
+        Since the last step, with :meth:`finish` and :meth:`switch` after it; each once.
+
+        """
+        out, self._due = self._due, []
+        return out
+
+    def finish(self) -> None:
+        """Let nothing wait any longer: what is left is due, by the samples there are."""
+        for answer in self._window.rest() if self._window else ():
+            self._give(answer)
+
+    def _give(self, answer):
+        if answer is not None:
+            self._due += [answer] * self._copies.popleft()
 
     @property
     def design_reads_r(self) -> bool:
@@ -235,6 +287,7 @@ class Engine:
                 e = self._entry(key)
             bank.mix(e)
             bank.predict(e)
+        self._now = e
         nu, s, _ = bank.update(z, e)
         x, var = bank.rate()
         return x, var, bank.score(nu, s, e)
@@ -260,7 +313,7 @@ class Engine:
 
     def switch(self, **settings: Any) -> None:
         """
-        Change motion, noise, alpha or values while running, without a jump in the output.
+        Change motion, noise, alpha, values or delay while running, without a jump in the output.
 
         The new model is run over the last samples and takes over at once; the difference to the
         old one's answer dies out within a quarter of a second, and counts as variance while it
@@ -273,7 +326,8 @@ class Engine:
 
         """
         new = {**self._settings, **settings}
-        made = design(new['motion'], new['noise'], new['alpha'], new['values'], self.axes)
+        made = designed(**new, axes=self.axes)
+        self.finish()
         self._settings, self._given = new, made
         self.counts.switches += 1
         if not self._ready:

@@ -27,25 +27,29 @@ class Layout:
         Samples of the record.
     interval : float
         Between them, s.
-    beyond : bool
-        Whether the chunks go on past their own samples as long as they began before them, for a
-        pass backward to forget how it was started.
+    beyond : int or None
+        For how many samples the chunks go on past their own, for a pass backward; None: as long
+        as they began before them, for it to forget how it was started.
 
     """
 
-    def __init__(self, n: int, interval: float, beyond: bool = False):
+    def __init__(self, n: int, interval: float, beyond: int | None = 0):
         warm = int(round(WARM_UP / interval))
         size = max(-(-n // LANES), 4 * warm if n > 8 * warm else n)
         self.n = n
         self.first = np.arange(-(-n // size)) * size
         self.stop = np.minimum(self.first + size, n)
         self.begin = np.maximum(self.first - warm, 0)
-        end = np.minimum(self.stop + warm, n) if beyond else self.stop
+        end = np.minimum(self.stop + (warm if beyond is None else beyond), n)
         self.steps = int(np.max(end - self.begin))
 
     def at(self, step: int) -> np.ndarray:
         """Return the place in the record of each chunk's sample of a step, (chunks,)."""
         return np.minimum(self.begin + step, self.n - 1)
+
+    def over(self, step: int) -> np.ndarray:
+        """Return which chunks are past the end of the record, (chunks,)."""
+        return self.begin + step >= self.n
 
     def put(self, step: int, into: Any, answers: Any) -> None:
         """Write answers of (chunks * axes,) into arrays (n, axes) where the chunks answer."""
@@ -65,7 +69,6 @@ class Lanes:
         self.common = [self.table.at(i).tiled(chunks) for i in range(len(kinds))]
         self.regular = len(kinds) == 1
         self.restart = keys == RESTART
-        self.restarts = bool(self.restart.any())
         self.axes = axes
         self.bank = Bank(self.table, chunks * axes)
 
@@ -75,11 +78,15 @@ class Lanes:
         same = self.regular or np.all(now == now[0])
         return self.common[now[0]] if same else self.table.at(now)
 
-    def begins(self, at: np.ndarray) -> np.ndarray | None:
-        """Return which lanes know nothing before these places, (lanes,); None: all do."""
-        if self.restarts and self.restart[at].any():
-            return np.repeat(self.restart[at], self.axes)
-        return None
+    def begins(self, at: np.ndarray, over: Any = False) -> np.ndarray | None:
+        """
+        Return which lanes know nothing before these places, (lanes,); None: all do.
+
+        Those of the chunks that are ``over`` (chunks,) never do.
+
+        """
+        new = self.restart[at] | over
+        return np.repeat(new, self.axes) if new.any() else None
 
     def step(self, samples: np.ndarray, at: np.ndarray, first: bool) -> Any:
         """Return (rate, variance, score) of one sample a lane, at these places of the record."""

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from . import kalman
-from .design import Design, quiet_variance
+from .design import Design, memory, quiet_variance
 from .lanes import Lanes, Layout
 from .smoother import smooth_chunks
 from .stamps import Clock, DUPLICATE, RESTART
 from .statespace import state_space
+from .window import Window
 from ..core.clock import median_rate
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError
 
 IRREGULAR = (
     0.002  # share of odd intervals above which the steady state is left for the bank's recursion
@@ -31,7 +32,7 @@ class Filtered:
 
     ``rate`` and its ``variance``; ``score`` the normalised innovations (standard normal if the
     model is right);
-    ``smooth`` whether a rate knows the samples after it too;
+    ``smooth`` whether a rate knows the samples after it too, ``delay`` for how long (s);
     ``used`` (n,) False where a sample was refused (not finite) and rate is NaN; ``counts`` of what
     was met.
 
@@ -45,6 +46,7 @@ class Filtered:
     clock: Clock
     counts: dict = field(default_factory=dict)
     smooth: bool = False
+    delay: float = 0.0
 
 
 def filter_record(
@@ -54,6 +56,7 @@ def filter_record(
     rate_hz: float | None = None,
     progress: Any = None,
     smooth: bool = False,
+    delay: float = 0.0,
 ) -> Filtered:
     """
     Filter samples z (n, axes) at stamps t (s) in the order in which they came.
@@ -73,16 +76,19 @@ def filter_record(
     smooth : bool
         Whether each answer knows the samples after it too (fixed interval); the scores stay those
         of the filter.
+    delay : float
+        For how long, s, each answer waits for the samples after it (fixed lag): of those of half
+        of the delay it knows all. 0: it knows none.
 
     Raises
     ------
     InputError
         Fewer than ten finite samples, or stamps that never advance.
     UsageError
-        To be smoothed with a fading memory.
+        To be smoothed with a fading memory, or twice.
 
     """
-    memory(design, smooth)
+    memory(design, smooth, delay)
     t, z = np.asarray(t, float), np.asarray(z, float)
     finite = np.isfinite(z).all(axis=1) & np.isfinite(t)
     if finite.sum() < 10:
@@ -109,9 +115,11 @@ def filter_record(
         'restarts': int((keys == RESTART).sum()) - 1,
     }
     work, todo = kept[~twice], keys[~twice]
-    steady = [None] if smooth else _steady_states(todo, design, clock)
+    steady = [None] if smooth or delay else _steady_states(todo, design, clock)
     if smooth:
         parts = smooth_chunks(work, todo, design, clock, progress)
+    elif delay:
+        parts = _by_delay(work, todo, design, clock, clock.samples(delay), progress)
     elif all(steady):
         parts = _by_steady_state(work, todo, design, clock, steady)
     else:
@@ -123,13 +131,7 @@ def filter_record(
         whole[finite] = part[back]
         out.append(whole)
     rate, variance, score = out
-    return Filtered(rate, variance, score, finite, design, clock, counts, smooth)
-
-
-def memory(design: Design, smooth: bool) -> None:
-    """Raise UsageError where a design that fades the past is to be smoothed."""
-    if smooth and design.alpha != 1:
-        raise UsageError('a smoother has no fading memory', 'leave out --alpha or --smooth')
+    return Filtered(rate, variance, score, finite, design, clock, counts, smooth, delay)
 
 
 def _steady_states(keys: np.ndarray, design: Design, clock: Clock) -> list:
@@ -183,4 +185,23 @@ def _by_chunks(z, keys, design, clock, progress):
         layout.put(k, out, lanes.step(z[at].ravel(), at, first=k == 0))
         if progress and k % 1000 == 0:
             progress(k / layout.steps)
+    return out
+
+
+def _by_delay(z, keys, design, clock, length, progress):
+    """Filter chunks side by side, answers waiting for later samples."""
+    layout = Layout(len(z), clock.interval, beyond=length)
+    lanes = Lanes(keys, design, clock, len(layout.first), z.shape[1])
+    window = Window(lanes.bank, length)
+    out = np.empty_like(z), np.empty_like(z), np.empty_like(z)
+    for k in range(layout.steps):
+        at = layout.at(k)
+        layout.put(k, out[2:], lanes.step(z[at].ravel(), at, first=k == 0)[2:])
+        answer = window.add(z[at].ravel(), lanes.entries(at), lanes.begins(at, layout.over(k)))
+        if answer:
+            layout.put(k - length, out, answer)
+        if progress and k % 1000 == 0:
+            progress(k / layout.steps)
+    for k, answer in enumerate(window.rest(), max(0, layout.steps - length)):
+        layout.put(k, out, answer)
     return out

@@ -234,7 +234,7 @@ def _odds(log_k: np.ndarray, e: Entries) -> tuple[np.ndarray, np.ndarray]:
     return weight / weight.sum(1)[:, None], top + np.log(total)
 
 
-def _rate(bank: Bank, now: Kept, log_k: np.ndarray, h: list, j: dict) -> tuple:
+def _rate(bank: Bank, now: Kept, log_k: Any, h: list, j: dict) -> tuple:
     """Return rate and variance over all modes, each x + P h with P - P J P."""
     d = range(bank.table.size)
     mu = np.log(np.maximum(now.mu, 1e-300)) + log_k
@@ -290,6 +290,27 @@ def forward(bank: Bank, z: np.ndarray, e: Entries, begins: np.ndarray | None = N
     return keep(bank, z, e, begins)
 
 
+def look_back(bank: Bank, kept: list[Kept], said: Likelihood | None = None) -> tuple:
+    """
+    Return (rate, variance) of all moments but the last, oldest first, by those after each.
+
+    ``said`` is what samples after the last moment say of it (None: there are none); what all say
+    of the first moment is returned too.
+
+    """
+    said = said or Likelihood.nothing(bank.table.size, bank.mu.shape)
+    out = []
+    for earlier, later in zip(kept[-2::-1], kept[:0:-1]):
+        said, *answer = backward(bank, earlier, later, said)
+        out.append(tuple(answer))
+    return out[::-1], said
+
+
+def at_once(bank: Bank, now: Kept) -> tuple:
+    """Return (rate, variance) of a moment by no later sample."""
+    return _rate(bank, now, 0.0, [0.0] * bank.table.size, dict.fromkeys(bank.pairs, 0.0))
+
+
 def smooth_chunks(
     z: np.ndarray, keys: np.ndarray, design: Design, clock: Clock, progress: Any = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -300,37 +321,32 @@ def smooth_chunks(
     then from the last block to the first, forward through it again and back.
 
     """
-    layout = Layout(len(z), clock.interval, beyond=True)
+    layout = Layout(len(z), clock.interval, beyond=None)
     lanes = Lanes(keys, design, clock, len(layout.first), z.shape[1])
     bank = lanes.bank
     out = np.empty_like(z), np.empty_like(z), np.empty_like(z)
+
+    def moment(k):
+        at = layout.at(k)
+        return z[at].ravel(), lanes.entries(at), lanes.begins(at, layout.over(k))
+
     starts = []
     for k in range(layout.steps):
         at = layout.at(k)
         layout.put(k, out[2:], lanes.step(z[at].ravel(), at, first=k == 0)[2:])
         if k % BLOCK == 0:
-            starts.append(keep(bank, z[at].ravel(), lanes.entries(at), lanes.begins(at)))
+            starts.append(keep(bank, *moment(k)))
         if progress and k % 1000 == 0:
             progress(0.3 * k / layout.steps)
     layout.put(layout.steps - 1, out, bank.rate())
-    said = Likelihood.nothing(bank.table.size, bank.mu.shape)
+    said = None
     for b in reversed(range(len(starts))):
         bank.load(starts[b].mu, starts[b].x, starts[b].p.values())
-        kept = [starts[b]]
-        for k in range(b * BLOCK + 1, min((b + 1) * BLOCK + 1, layout.steps)):
-            at = layout.at(k)
-            kept.append(forward(bank, z[at].ravel(), lanes.entries(at), lanes.begins(at)))
-        for k in range(b * BLOCK + len(kept) - 1, b * BLOCK, -1):
-            now, later = kept[k - b * BLOCK - 1:k - b * BLOCK + 1]
-            said, rate, variance = backward(bank, now, later, said)
-            over = layout.begin + k >= layout.n       # lanes past the end of the record
-            if over.any():
-                over = np.repeat(over, z.shape[1])
-                said = said.forgotten(over)
-                bank.load(now.mu, now.x, now.p.values())
-                r, v = bank.rate()
-                rate, variance = np.where(over, r, rate), np.where(over, v, variance)
-            layout.put(k - 1, out, (rate, variance))
+        first, last = b * BLOCK, min((b + 1) * BLOCK, layout.steps - 1)
+        kept = [starts[b], *(forward(bank, *moment(k)) for k in range(first + 1, last + 1))]
+        answers, said = look_back(bank, kept, said)
+        for k, answer in enumerate(answers, first):
+            layout.put(k, out, answer)
         if progress:
             progress(1 - 0.7 * b / len(starts))
     return out

@@ -58,6 +58,10 @@ class Clock:
             return DUPLICATE
         return int(round(float(np.log(max(dt, 1e-9) / self.interval)) / GRID))
 
+    def samples(self, delay: float) -> int:
+        """Return how many samples a delay, s, is: at least one where there is a delay."""
+        return max(1, int(round(delay / self.interval))) if delay > 0 else 0
+
     def span(self, key: int) -> float:
         """Return the interval, s, that a key stands for."""
         return 0.0 if key == DUPLICATE else self.interval * float(np.exp(GRID * key))

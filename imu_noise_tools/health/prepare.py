@@ -194,8 +194,9 @@ def _set_aside(
     """
     Return the record with what disturbs it named, and set aside where that is little.
 
-    The shortest first, as long as all is little: what disturbs a record for long is an effect to
-    be found, not a stretch to be left out.
+    Shocks, the shortest first, as long as all is little; what lasts longer only as a whole: what
+    disturbs a record for long, and may be found in pieces, is an effect to be found, not a stretch
+    to be left out.
 
     """
     known = record.disturbances
@@ -207,9 +208,10 @@ def _set_aside(
     record = replace(record, disturbances=every)
     lasting = sorted((d for d in every if d.kind != 'step'), key=lambda d: d.end - d.begin)
     most = MOST_SET_ASIDE * record.duration_s
-    chosen = [
-        d for k, d in enumerate(lasting) if screen and _length(lasting[:k + 1]) <= most
-    ]
+    brief = [d for d in lasting if d.kind == 'shock']
+    chosen = [d for k, d in enumerate(brief) if screen and _length(brief[:k + 1]) <= most]
+    if screen and _length(lasting) <= most:
+        chosen = lasting
     begin, end = float(record.t[0]), float(record.t[-1])
     masked = [(max(a, begin), min(b, end), 'masked') for a, b in masks if a < end and b > begin]
     outside = [f'{a:g}-{b:g}' for a, b in masks if not (a < end and b > begin)]

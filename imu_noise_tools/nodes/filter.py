@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 import math
 import sys
 import threading
@@ -23,8 +24,8 @@ from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
 from .topics import ImuInput, live, overridable, result, STEADY
-from ..filter.design import AUTO, design
-from ..filter.engine import Engine
+from ..filter.design import AUTO
+from ..filter.engine import designed, Engine
 from ..filter.evaluate import Innovations
 from ..loop.study import Study
 from ..tasks.filter import BIAS, CORRELATED, from_study
@@ -44,14 +45,18 @@ class Filter(Node):
             Setting('motion', [AUTO], 'what drives the rate; auto: a bank for any motion'),
             Setting('noise', ['white'], 'what adds to the output'),
             Setting('alpha', 1.0, 'fading memory; 1: none', '1', 0.01, 1.0),
+            Setting('delay', 0.0, 'for how long a message waits for later ones; 0: for none', 's',
+                    0.0, 100.0),
             Setting('rate_hz', 0.0, 'nominal rate; 0: by the first stamps', 'Hz', 0.0, 1e5,
                     fixed=True),
             *value_settings())
         self._engine = Engine(rate_hz=p['rate_hz'] or None, **chosen(p))
         self._lock = threading.Lock()           # of the engine: it is switched from two threads
         self._adopting = False
-        p.together = lambda new: design(**chosen(new))
+        p.together = lambda new: designed(**chosen(new))
         p.changed = self._changed
+        self._waiting: deque[bytes] = deque()   # messages whose rates are to come
+        self._told = 0                          # samples when figures were last told
         self._first: int | None = None
         self._frame = self.resolve_topic_name('imu/data_raw')
         self._study: Study | None = None
@@ -73,23 +78,38 @@ class Filter(Node):
     def _changed(self, values) -> None:
         if not self._adopting:
             # what the loop has put into the model stays when only the memory changes
-            new = values if set(values) == {'alpha'} else chosen(self._settings)
-            with self._lock:
-                self._engine.switch(**new)
+            new = values if set(values) <= {'alpha', 'delay'} else chosen(self._settings)
+            self._switch(**new)
+
+    def _switch(self, **new) -> None:
+        with self._lock:
+            self._engine.switch(**new)
+            self._publish_due()         # nothing waits for what another model would say
 
     def _take(self, batch: list[bytes]) -> None:
         """Filter a message and publish it; one that is not finite is refused, and counted."""
         raw = messages.plain(batch[0])
         stamp, rate, there = messages.rate_of(raw)
-        if there:
-            if self._first is None:
-                self._first, self._frame = stamp, messages.frame_of(raw) or self._topic
-            with self._lock:
-                filtered = self._engine.step((stamp - self._first) * 1e-9, rate)
-            if filtered is None:
-                return
-            raw = messages.with_rate(raw, *filtered)
-        self._output.publish(raw)
+        if not there:
+            self._output.publish(raw)
+            return
+        if self._first is None:
+            self._first, self._frame = stamp, messages.frame_of(raw) or self._topic
+        with self._lock:
+            if self._engine.step((stamp - self._first) * 1e-9, rate) is not None:
+                self._waiting.append(raw)
+            self._publish_due()
+
+    def _publish_due(self) -> None:
+        """Publish the messages whose delay is over: they come out in the order they came in."""
+        for answer in self._engine.due():
+            self._output.publish(messages.with_rate(self._waiting.popleft(), *answer))
+
+    def _release(self) -> None:
+        """Let nothing wait for messages that do not come."""
+        with self._lock:
+            self._engine.finish()
+            self._publish_due()
 
     # Aside: the loop, reset, figures.
 
@@ -97,6 +117,7 @@ class Filter(Node):
         """Forget the stream; the settings stay."""
         with self._lock:
             self._engine.reset()
+            self._waiting.clear()
         self._study = None
         return {'reset': True}
 
@@ -128,15 +149,17 @@ class Filter(Node):
         new = running(study, automatic=self._engine.design.motion is None)
         names = {'motion': new['motion'], 'noise': [e.name for e in new['noise'][0]]}
         if names != before:
-            with self._lock:
-                self._engine.switch(**new)
+            self._switch(**new)
             self._adopting = True
             self.set_parameters([Parameter(k, value=v) for k, v in names.items()])
             self._adopting = False
         self._tell()
 
     def _tell(self) -> None:
-        """Publish how the innovations look, axis by axis."""
+        """Publish how the innovations look, axis by axis; a stream that stops is let out."""
+        if self._told == self._engine.counts.samples:
+            self._release()
+        self._told = self._engine.counts.samples
         self._innovations.publish(messages.diagnostics(self, self._statuses()))
 
     def _statuses(self) -> list[DiagnosticStatus]:
@@ -160,8 +183,9 @@ class Filter(Node):
         return statuses
 
     def finish(self) -> None:
-        """Stop what runs aside."""
+        """Stop what runs aside; what still waits comes out."""
         self._aside.end()
+        self._release()
 
 
 def _beyond_chance(found: Innovations) -> bool:

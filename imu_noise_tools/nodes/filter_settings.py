@@ -35,7 +35,7 @@ def given_values(p: Settings | Mapping[str, Any]) -> dict[str, dict[str, float]]
 
 def chosen(p: Settings | Mapping[str, Any]) -> dict[str, Any]:
     """
-    Return what an engine is to be: motion, noise, alpha, values; ``p`` maps names of parameters.
+    Return what an engine is to be: motion, noise, alpha, values, delay; ``p``: by parameter.
 
     Raises
     ------
@@ -47,4 +47,5 @@ def chosen(p: Settings | Mapping[str, Any]) -> dict[str, Any]:
     if p['model']:
         dt = 1 / p['rate_hz'] if p['rate_hz'] else None
         motion, noise, _, _ = from_study(p['model'], motion, noise, dt)
-    return {'motion': motion, 'noise': noise, 'alpha': p['alpha'], 'values': given_values(p)}
+    return {'motion': motion, 'noise': noise, 'alpha': p['alpha'], 'values': given_values(p),
+            'delay': p['delay']}

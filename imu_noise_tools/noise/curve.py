@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .evidence import Evidence
-from .kinds import Coupling, Defect, Inputs, Line, Mean, model_avar, Response, Spectrum
+from .kinds import Coupling, Defect, Line, Mean, model_avar, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.allan import overlapping_variance
 from ..core.spectrum import Bins, quadrature_avar
@@ -56,7 +56,7 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect,
 def _drift_avar(evidence, effect, m):
     """Allan variance of a fitted mean by its block means; below a block, of a straight line."""
     length = evidence.common.slow_length
-    y = effect.mean(Inputs(evidence.slow_t, evidence.dt, evidence.slow_others))
+    y = effect.mean(evidence.slow_inputs)
     blocks = np.unique(np.clip(np.round(m / length), 1, len(y) // 3).astype(int))
     v = np.maximum(overlapping_variance(y, blocks), 1e-300)
     out = np.exp(np.interp(np.log(m), np.log(blocks * length), np.log(v)))

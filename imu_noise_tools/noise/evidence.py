@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.special import digamma
 
-from .kinds import Defect, Line, measured, Modulation
+from .kinds import Defect, Inputs, Line, measured, Modulation
 from .shared import derived, SHAKEN
 from ..core import allan
 from ..core.record import sensor_of
@@ -175,6 +175,11 @@ class Evidence:
     def slow_others(self) -> dict[str, np.ndarray]:
         """Block means of the other axes and the covariates, by name."""
         return {k: v for k, v in self.common.slow.items() if k != self.axis}
+
+    @property
+    def slow_inputs(self) -> Inputs:
+        """What an effect on the mean may depend on, at the blocks."""
+        return Inputs(self.slow_t, self.dt, self.slow_others)
 
     @property
     def sensor(self) -> str:

@@ -27,11 +27,11 @@ from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .quiet import quiet_from
 from .response import (
-    beside_a_band, DEEP, OPEN, OpenResponse, Order, raised_to, Rational
+    beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
 )
 from .starts import most_promising, reddest, Start, starts
 from .uncertainty import (
-    chosen_estimates, estimates, marginal, plain_estimates, widened, with_linear
+    chosen_estimates, covariance_of, estimates, marginal, plain_estimates, widened, with_linear
 )
 from ..core.errors import FitError
 from ..core.statistics import gamma_pull_exact
@@ -41,12 +41,14 @@ _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
           (0.7, 0.95))  # or all but these
+_OUT = 0.3  # of ln power by which a band stands out of those beside it
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
 _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
 _ORDERS = tuple(Order(*order) for order in (
-    (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True), (3, 0), (0, 3),
-    (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4), (4, 4, True)))
+    (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True),
+    (2, 2, False, np.inf, True), (3, 0), (0, 3), (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4),
+    (4, 4, True)))
 _BENT = Order(1, 0)  # of one that is too little to be seen
 _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
@@ -249,30 +251,43 @@ def beside(evidence: Evidence, fit: Fit, model: Model) -> Fit:
 
 def _wider(found: _Found) -> np.ndarray:
     """
-    Return by how much intervals (p,) of what is searched are wider where a response is tied.
+    Return by how much intervals (p,) of what is searched are wider behind an open response.
 
-    That the level is the same at both ends is believed where to leave it open gains too little.
-    The spread about the point is then that over both responses, each weighed by its likelihood
-    less what its terms cost (Hoeting et al. 1999, Bayesian model averaging, eq. 3).
+    Its form is believed where another of as many zeros and poles does no better. The spread about
+    the point is that over all of them, each weighed by its likelihood less what its terms cost
+    (Hoeting et al. 1999, Bayesian model averaging, eq. 3).
 
     """
     likelihood, basis = found.likelihood, found.likelihood.explained
-    if basis is None or not basis.order.tied:
-        return np.ones(len(found.x))
-    free, terms = basis.order._replace(tied=False), basis.order.terms
+    wide = np.ones(len(found.x))
+    if basis is None or not basis.order.rivals:
+        return wide
+    terms = basis.order.terms
     x, nll, information = likelihood.minimise(found.x)
-    values = raised_to(free, basis.order, x[-terms:])
-    other = _with_basis(likelihood, replace(basis, order=free, values=tuple(values)))
-    rival = _Found(other, *other.minimise(np.append(x[:-terms], values)), None)
-    if not np.isfinite(rival.nll) or not _flat(rival) or _lacks(rival):
-        return np.ones(len(found.x))
-    share = 1 / (1 + np.exp(np.clip(_TERM - (nll - rival.nll), -50, 50)))
     keep = range(len(x) - terms)
-    own, its = (np.diag(np.linalg.pinv(marginal(i, keep)))
-                for i in (information, rival.information))
-    apart = (rival.x[:-terms - 1] - x[:-terms]) ** 2
-    total = (1 - share) * own + share * (its + apart)
-    return np.append(np.sqrt(np.maximum(total / np.maximum(own, 1e-300), 1)), np.ones(terms))
+    own = np.diag(covariance_of(marginal(information, keep)))
+    gain2 = likelihood.with_search(x).of(OpenResponse)[0].gain2(likelihood.bins.f, likelihood.dt)
+    left = _ratio(replace(found, x=x))[0] * gain2
+    chances, spreads = [1.0], [own]
+    for order in basis.order.rivals:
+        tried = Rational(left, likelihood.weight, likelihood.bins, order).fit(
+            [(basis.order, x[-terms:])])
+        if tried is None:
+            continue
+        values = tried[0]
+        other = _with_basis(likelihood, replace(basis, order=order, values=tuple(values)))
+        rival = _Found(other, *other.minimise(np.append(x[:-terms], values)), None)
+        if not np.isfinite(rival.nll) or not _flat(rival) or _lacks(rival):
+            continue
+        its = np.diag(covariance_of(marginal(rival.information, keep)))
+        apart = (rival.x[:len(keep)] - x[:len(keep)]) ** 2
+        gain = nll - rival.nll - _TERM * (order.terms - terms)
+        chances.append(np.exp(np.clip(gain, -50, 50)))
+        # what one of them does not know at all is not known by a factor
+        spreads.append(np.minimum(its + apart, np.maximum(own, 1.0)))
+    total = np.average(spreads, axis=0, weights=chances)
+    wide[:len(keep)] = np.sqrt(np.maximum(total / np.maximum(own, 1e-300), 1))
+    return wide
 
 
 def _details(found: _Found, fitted: Model, linear: Linear) -> Details:
@@ -561,8 +576,17 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
     near = np.abs(gamma_pull_exact(*_ratio(plain))) < FAR
     parts = [span <= share for share in _SPANS[:-1]] + [near]
+    parts += [_calm(plain) & (span <= share) for share in _SPANS[-2:]]
     parts += [(span < low) | (span > high) for low, high in _HOLES]
     return [Explained(f, part.astype(float), quiet=quiet) for part in parts]
+
+
+def _calm(found: _Found) -> np.ndarray:
+    """Return which bins (b,) are in bands that do not stand out of the four beside them."""
+    bands, (x, w) = Bands.on(found.likelihood.bins), _ratio(found)
+    level = np.log(np.maximum(bands.sum(w * x) / np.maximum(bands.sum(w), 1e-9), 1e-300))
+    beside = np.lib.stride_tricks.sliding_window_view(np.pad(level, 2, 'edge'), 5)
+    return (np.abs(level - np.median(beside, axis=1)) < _OUT)[bands.of]
 
 
 def _quiet(found: _Found) -> float:

@@ -19,7 +19,7 @@ from . import views
 from .evidence import Evidence
 from .explained import Bands, supported
 from .fit import fit as fit_part
-from .kinds import Coupling, Defect, Inputs, Mean, Modulation, NoiseEffect, Response, Spectrum
+from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
 from .likelihood import inverse, Likelihood
 from ..core.statistics import kurtosis_pull
@@ -257,9 +257,7 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
     e, model = evidence, fit.model
     if any(model.of(Defect)):   # what they touch is not taken out of block means
         return 0.0
-    y = views.slow_rest(e, model)
-    inputs = Inputs(e.slow_t, e.dt, dict(e.slow_others))
-    y = y - sum((m.mean(inputs) for m in model.of(Mean)), np.zeros(len(y)))
+    y = views.slow_rest(e, model) - views.slow_mean(e, model)
     if isinstance(effect, Coupling):
         y = views.slow_rest(e, model.minus(effect.label)) - views.slow_rest(e, model)
     f, gain = 1 / (2 * np.diff(e.slow_t[:2])[0]), 0.0

@@ -315,7 +315,8 @@ def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
     Return y with what is left out replaced by what is beside it.
 
     Mirrored, half from before and half from after, about a line between their means: so the
-    spectrum keeps its level, which a bare line would lower.
+    spectrum keeps its level, which a bare line would lower. The means are of as much as is
+    mirrored: those of fewer samples are off by more than the record drifts, and tilt the line.
 
     """
     if not record.left_out:
@@ -326,8 +327,9 @@ def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
     for (i, j), following in zip(ranges, starts):
         before = y[max(0, i - max(50, j - i)):i]
         after = y[j:max(j, min(j + max(50, j - i), following))]
-        means = [float(np.mean(x if len(x) else y)) for x in (before[-50:], after[:50])]
         half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
+        near = max(50, half)
+        means = [float(np.mean(x if len(x) else y)) for x in (before[-near:], after[:near])]
         mirrored = np.zeros(j - i)
         first = (before[::-1] - means[0])[:j - i - half]
         mirrored[:len(first)] = first

@@ -39,6 +39,8 @@ class Order(NamedTuple):
     ``middle``: of that, in u; where both degrees are the same P and Q may as well be polynomials
     in z = u (1 + middle)/(u + middle), of which a band at low frequencies lies in the middle: in
     u its values would be a hundred million times as large as what they add up to.
+    ``alone``: what is added has poles alone, P - Q is constant, as beside a swing that is read as
+    a displacement; its slow side is white.
 
     """
 
@@ -46,11 +48,21 @@ class Order(NamedTuple):
     poles: int = 0
     tied: bool = False
     middle: float = np.inf
+    alone: bool = False
+
+    @property
+    def rivals(self) -> list[Order]:
+        """What else something added may be that has as many zeros and poles."""
+        if self.zeros != self.poles or self.poles < 2:
+            return []
+        own = self._replace(tied=False, alone=False)
+        alone = own._replace(alone=True, middle=np.inf)
+        return [o for o in (own, own._replace(tied=True), alone) if o != self]
 
     @property
     def terms(self) -> int:
         """Values that are free."""
-        return self.zeros + self.poles - self.tied
+        return self.poles + 1 if self.alone else self.zeros + self.poles - self.tied
 
     @property
     def twice(self) -> bool:
@@ -86,10 +98,14 @@ class OpenResponse(Response):
         top, bottom, _ = self._both(f, dt)
         return np.maximum(top, _FLOOR) / np.maximum(bottom, _FLOOR)
 
+    @property
+    def _free(self):
+        return np.array([self[p.name] for p in self.parameters])
+
     def _both(self, f, dt):
         """Return (P, Q, their terms (..., most)) at f."""
         zeros, poles = self.order[:2]
-        values = _mixing(self.order) @ [self[p.name] for p in self.parameters]
+        values = _full(self.order, self._free)
         t = _terms(self.order, np.sin(np.pi * np.asarray(f, float) * dt) ** 2)
         return 1 + t[..., :zeros] @ values[:zeros], 1 + t[..., :poles] @ values[zeros:], t
 
@@ -104,7 +120,7 @@ class OpenResponse(Response):
                                    -t[:, :poles] * ((q > _FLOOR) * top / bottom**2)[:, None]],
                                   axis=1)
         v = expected(lambda f: self.gain2(f, bins.dt), bins)
-        return expected(change, bins) / v[:, None] @ _mixing(self.order)
+        return expected(change, bins) / v[:, None] @ _mixing(self.order, self._free)
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Return what it has, or no response at all."""
@@ -157,8 +173,8 @@ def _polynomial(order: Order, degree: int, u: np.ndarray, x: np.ndarray) -> np.n
 
 
 @lru_cache(maxsize=64)
-def _mixing(order: Order) -> np.ndarray:
-    """Return what makes (p_1 ..., q_1 ...) of the free values, (zeros + poles, terms)."""
+def _linear(order: Order) -> np.ndarray:
+    """Return what makes (p_1 ..., q_1 ...) of the values of an order that is not ``alone``."""
     out = np.eye(order.zeros + order.poles)
     if order.tied:  # P(1) = Q(1), where t_j is 2 for odd j and 0 for even
         degree = np.concatenate([np.arange(1, order.zeros + 1), np.arange(1, order.poles + 1)])
@@ -168,19 +184,35 @@ def _mixing(order: Order) -> np.ndarray:
     return out
 
 
+def _full(order: Order, values: np.ndarray) -> np.ndarray:
+    """Return (p_1 ..., q_1 ...) of the free values: p = (1 - s) q of (s, q_1 ...) if ``alone``."""
+    if order.alone:
+        return np.append((1 - values[0]) * values[1:], values[1:])
+    return _linear(order) @ values
+
+
+def _mixing(order: Order, values: np.ndarray) -> np.ndarray:
+    """Return the derivatives (zeros + poles, terms) of :func:`_full`."""
+    if order.alone:
+        one, q = np.eye(order.poles), values[1:, None]
+        return np.block([[-q, (1 - values[0]) * one], [0 * q, one]])
+    return _linear(order)
+
+
 def raised_to(order: Order, lower: Order, values: np.ndarray) -> np.ndarray:
-    """Return the values of a lower order as those of an order that holds it."""
-    full = _mixing(lower) @ values
+    """Return the values of a lower order as those of an order that holds it, or comes near."""
+    full = _full(lower, values)
     if order.middle == lower.middle:
-        out = np.concatenate([full[:lower.zeros], np.zeros(order.zeros - lower.zeros),
-                              full[lower.zeros:], np.zeros(order.poles - lower.poles)])
+        p = np.append(full[:lower.zeros], np.zeros(order.zeros - lower.zeros))
+        q = np.append(full[lower.zeros:], np.zeros(order.poles - lower.poles))
     else:
         u = _nodes(order)
         t = _terms(lower, u)
-        out = np.concatenate([
-            _polynomial(order, degree, u, 1 + t[:, :len(some)] @ some) for degree, some in (
-                (order.zeros, full[:lower.zeros]), (order.poles, full[lower.zeros:]))])
-    return out[1:] if order.tied else out
+        p, q = (_polynomial(order, degree, u, 1 + t[:, :len(some)] @ some) for degree, some in (
+            (order.zeros, full[:lower.zeros]), (order.poles, full[lower.zeros:])))
+    if order.alone:
+        return np.append(1 - p @ q / max(q @ q, 1e-300), q)
+    return np.append(p, q)[order.tied:]
 
 
 def _terms(order: Order, u: np.ndarray) -> np.ndarray:
@@ -239,10 +271,10 @@ class Rational:
 
     def _descended(self, best, a):
         """Return (-ln L, ln level and values) of the minimum reached from a point."""
-        mixing, damping = _mixing(self.order), 1e-3
+        damping = 1e-3
         for _ in range(_STEPS):
             v, slopes = self._slopes(a)
-            jac = np.column_stack([np.ones(len(v)), slopes @ mixing])
+            jac = np.column_stack([np.ones(len(v)), slopes @ _mixing(self.order, a[1:])])
             information = (jac * self.w[:, None]).T @ jac
             gradient = jac.T @ (self.w * (1 - self.x / v))
             scale = np.maximum(np.diag(information), 1e-12)
@@ -261,7 +293,7 @@ class Rational:
 
     def _split(self, a):
         """Return (P, Q) of (ln level, values)."""
-        values, zeros = _mixing(self.order) @ a[1:], self.order.zeros
+        values, zeros = _full(self.order, a[1:]), self.order.zeros
         top = np.maximum(1 + self._top @ values[:zeros], _FLOOR)
         return top, 1 + self._bottom @ values[zeros:]
 
@@ -289,19 +321,20 @@ class Rational:
         before (Sanathanan and Koerner 1963).
 
         """
-        level, mixing = float(np.median(self.x[:max(8, len(self.x) // 8)])), _mixing(self.order)
+        level = float(np.median(self.x[:max(8, len(self.x) // 8)]))
+        order = self.order._replace(alone=False)
         yield np.append(np.log(level), np.zeros(self.order.terms))
         root, p = np.sqrt(self.w), self.x / level
         top, bottom = (np.mean(t, axis=1) for t in (self._top, self._bottom))
         for _ in range(8):
             x = np.clip(self.x / level, _FLOOR, 1 / _FLOOR)
             scale = root / np.maximum(np.abs(p), np.maximum(1e-3 * x, _FLOOR))
-            rows = np.concatenate([top, -bottom * x[:, None]], axis=1) @ mixing
+            rows = np.concatenate([top, -bottom * x[:, None]], axis=1) @ _linear(order)
             rows = np.column_stack([np.ones(len(x)), rows]) * scale[:, None]
             norm = np.maximum(np.sqrt(np.sum(rows**2, axis=0)), 1e-300)
             a = np.linalg.lstsq(rows / norm, (x - 1) * scale, rcond=1e-12)[0] / norm
             level *= float(np.clip(1 + a[0], 0.5, 2)) if np.isfinite(a[0]) else 1.0
-            a[0] = np.log(level)
+            a = np.append(np.log(level), raised_to(self.order, order, a[1:]))
             yield a
             yield self._raised(a)
             p = np.mean(self._split(a)[0], axis=1)
@@ -310,5 +343,5 @@ class Rational:
         """Return the same with P and Q raised until they are positive."""
         out, (p, q) = a.copy(), self._split(a)
         low = max(0.0, *(_POSITIVE * np.max(z) - np.min(z) for z in (p, q)))
-        out[1:] /= 1 + low
+        out[1 + self.order.alone:] /= 1 + low
         return out

@@ -57,7 +57,8 @@ def chosen_estimates(likelihood: Likelihood) -> Estimates:
     }
 
 
-def _covariance(information):
+def covariance_of(information: np.ndarray) -> np.ndarray:
+    """Return the covariance (p, p), large of what the information says nothing about."""
     if not len(information):
         return information
     scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
@@ -106,7 +107,7 @@ def plain_estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarr
                     linear: Linear) -> Estimates:
     """Return values with the standard deviations of the information, without intervals."""
     out = _linear_estimates(likelihood, linear)
-    std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0)) if len(x) else np.zeros(0)
+    std = np.sqrt(np.maximum(np.diag(covariance_of(information)), 0)) if len(x) else np.zeros(0)
     for slot, at, s in zip(likelihood.slots, x, std):
         if slot.label == OPEN:
             continue
@@ -134,7 +135,7 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
     flags: list[str] = []
     if not len(x):
         return out, flags
-    std = np.sqrt(np.maximum(np.diag(_covariance(information)), 0))
+    std = np.sqrt(np.maximum(np.diag(covariance_of(information)), 0))
     top, least, _ = likelihood.minimise(x)  # unpenalised
     profile = _Profile(likelihood, top, least)
     for j, slot in enumerate(likelihood.slots):

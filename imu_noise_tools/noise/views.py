@@ -24,7 +24,6 @@ from .evidence import claimed_lines, Evidence
 from .kinds import (
     Coupling,
     Defect,
-    Inputs,
     Mean,
     model_crowd,
     model_psd,
@@ -218,6 +217,12 @@ def slow_rest(evidence: Evidence, model: Model) -> np.ndarray:
     return y
 
 
+def slow_mean(evidence: Evidence, model: Model) -> np.ndarray:
+    """Return what the model's effects on the mean say of the slow means (s,)."""
+    inputs = evidence.slow_inputs
+    return sum((m.mean(inputs) for m in model.of(Mean)), np.zeros(len(inputs.t)))
+
+
 def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockMeans:
     """Return block means of the whole record and what the model says of them."""
     e = evidence
@@ -229,11 +234,10 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
         return v[:used].reshape(count, per, *v.shape[1:]).mean(axis=1)
 
     y, t = slow_rest(e, fit.model), e.slow_t
-    inputs = Inputs(t, e.dt, dict(e.slow_others))
     columns = [np.ones((len(y), 1))]
     for m in fit.model.of(Mean):
         columns.append(
-            m.columns(inputs, **{p.name: m[p.name] for p in m.parameters if not p.linear})
+            m.columns(e.slow_inputs, **{p.name: m[p.name] for p in m.parameters if not p.linear})
         )
     x = mean(np.concatenate(columns, axis=1))
     scale = np.sqrt(np.mean(x**2, axis=0))

@@ -9,11 +9,14 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+from scipy.special import ndtri
 
-from ..core.allan import AllanCurve, degrees_of_freedom
+from ..core import units
+from ..core.allan import AllanCurve, degrees_of_freedom, interval
 from ..core.statistics import gamma_pull
 from ..loop.prediction import State
 from ..loop.verdict import CHANCE, STRIKING
+from ..noise import views
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effect_avar
 from ..noise.evidence import Evidence
@@ -23,6 +26,10 @@ from ..noise.problem import NoiseProblem
 
 # A run is marked where |pull| > 2 for three points or more, one of them > 3; or for one alone > 5.
 NOTABLE, ALONE = CHANCE, 5.0
+SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
+DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}
+RARE = 3.29           # standard errors that one point of a thousand exceeds by chance
+TAU = 'averaging time τ, s'
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,98 @@ def spectra(state: State) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]
     measured = likelihood.without_couplings(state.model) if likelihood.couplings else \
         likelihood.power
     return measured, *likelihood.spectra(state.model)
+
+
+@dataclass(frozen=True)
+class Densities:
+    """
+    Noise densities, two-sided, in the unit of :data:`DENSITY`.
+
+    At the bins f (b,) the model's, each effect's and ``every`` measured one, without lines; at
+    mid (k,) the measured ``level``, and [lo, hi] that hold 95 %.
+
+    """
+
+    f: np.ndarray
+    every: np.ndarray
+    model: np.ndarray
+    each: dict[str, np.ndarray]
+    mid: np.ndarray
+    level: np.ndarray
+    lo: np.ndarray
+    hi: np.ndarray
+
+    def with_lines(self, state: State) -> np.ndarray:
+        """Return the measured ones (b,) with the lines that the model of a state does not hold."""
+        e = evidence_of(state)
+        return np.hypot(self.every, _density(e, views.unclaimed(e, 'whole', state.model)))
+
+
+def _density(e: Evidence, power: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(power, 1e-300) / 2) / DENSITY[e.sensor][0]
+
+
+def densities(state: State) -> Densities:
+    """Return the noise densities of one axis."""
+    e = evidence_of(state)
+    f, (measured, model, each) = e.whole.bins.f, spectra(state)
+    mid, level, weight = rebinned(f, measured, e.whole.bins.count)
+    level = _density(e, level)
+    return Densities(f, _density(e, measured), _density(e, model),
+                     {label: _density(e, s) for label, s in each.items()},
+                     mid, level, *interval(level, weight))
+
+
+def rebinned(f: np.ndarray, power: np.ndarray, count: np.ndarray,
+             per_decade: int = 10) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (f, mean power, coefficients) of logarithmic bins made of the kept ones."""
+    group = np.floor(np.log10(f / f[0]) * per_decade).astype(int)
+    starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
+    w = np.add.reduceat(count.astype(float), starts)
+    return (np.exp(np.add.reduceat(np.log(f) * count, starts) / w),
+            np.add.reduceat(power * count, starts) / w, w)
+
+
+def coarse(e: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """Return (t, y) of some 256 block means."""
+    per = max(1, len(e.slow_y) // 256)
+    used = len(e.slow_y) // per * per
+    t, y = (v[:used].reshape(-1, per).mean(axis=1) for v in (e.slow_t, e.slow_y))
+    return t, y
+
+
+def noise_level(state: State) -> tuple[np.ndarray, np.ndarray, float]:
+    """
+    Return (t, ratio, spread): the noise's mean square in time over what the model says of it.
+
+    The cube root of a ratio is nearly normal, 1 - spread in the mean with variance ``spread``
+    (Wilson and Hilferty 1931).
+
+    """
+    t, x, w = views.power_in_time(evidence_of(state), state.model, groups=1)
+    return t, (x / views.modulated(state.model, t, x, w))[:, 0], 2 / (9 * float(w[0]))
+
+
+def chance_of_level(spread: float) -> tuple[float, float]:
+    """Return (low, high) of the rms over the model's, beyond which one point of a thousand is."""
+    low, high = ((1 - spread + z * spread ** 0.5) ** 1.5 for z in (-RARE, RARE))
+    return low, high
+
+
+def against_normal(state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """
+    Return how many samples lie in each of k cells that a normal distribution fills alike.
+
+    The middle of each in standard deviations, how many are in it, how many the model expects, and
+    by which share one cell of a thousand differs by chance.
+
+    """
+    e = evidence_of(state)
+    cells = e.cells_of(state.model).astype(float)
+    k, total = len(cells), cells.sum()
+    expected = total * views.normal_shares(e, state.model, k)
+    at = ndtri((np.arange(k) + 0.5) / k)
+    return at, cells, expected, RARE * float(np.sqrt((1 - 1 / k) / (total / k)))
 
 
 def runs(pull: np.ndarray) -> list[tuple[int, int]]:

@@ -10,8 +10,8 @@ from typing import cast, TYPE_CHECKING
 
 import numpy as np
 
+from .curves import rebinned
 from .panel import Curve, Panel, plain
-from .panels import rebinned
 from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png, readable
 from ..core import units
 from ..core.allan import interval

@@ -10,17 +10,17 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.special import ndtri
 
-from .curves import curves, evidence_of, line_envelope, observable, spectra
+from .curves import (
+    against_normal, chance_of_level, coarse, curves, densities, DENSITY, evidence_of,
+    line_envelope, noise_level, observable, SHOWN, TAU,
+)
 from .panel import Curve, Panel, plain
-from .panels import DENSITY, RARE, rebinned, SHOWN, TAU
 from .style import readable
 from ..core import units
-from ..core.allan import interval
 from ..loop.prediction import State
 from ..noise import views
-from ..noise.kinds import Inputs, Line, Mean, NoiseEffect, Portrait
+from ..noise.kinds import Line, NoiseEffect, Portrait
 
 
 def panels(state: State) -> Mapping[str, Callable[[], Panel]]:
@@ -87,27 +87,19 @@ def frequency(state: State) -> Panel:
     """Return the noise density, the model, each effect; lines that it does not hold are in it."""
     e = evidence_of(state)
     factor, unit = DENSITY[e.sensor]
-    f, count = e.whole.bins.f, e.whole.bins.count
-    measured, v, each = spectra(state)
-
-    def density(s: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.maximum(s, 1e-300) / 2) / factor
-
-    mid, level, weight = rebinned(f, measured, count)
-    lo, hi = interval(density(level), weight)
-    lines = [Curve('every bin', f, density(measured + views.unclaimed(
-        e, 'whole', _claiming(state).model)),
-                   'dots'),
-             Curve('measured', mid, density(level), 'measured', lo, hi),
-             Curve('model', f, density(v), 'model')]
-    lines += [Curve(label, f, density(s), 'effect', seen=_seen(state, label))
-              for label, s in each.items()]
+    d, claiming = densities(state), _claiming(state)
+    lines = [Curve('every bin', d.f, d.with_lines(claiming), 'dots'),
+             Curve('measured', d.mid, d.level, 'measured', d.lo, d.hi),
+             Curve('model', d.f, d.model, 'model')]
+    lines += [Curve(label, d.f, s, 'effect', seen=_seen(state, label))
+              for label, s in d.each.items()]
     for line in state.model.of(Line):
         for at, amplitude in line.lines():
             # what a coherent line puts into one bin of the width of the record's
-            top = density(np.array([amplitude ** 2 * e.duration / 2, 1e-9 * np.min(v)]))
-            lines.append(Curve(line.label, np.array([at, at]), top, 'effect'))
-    view = views.frequency(e, 'whole', _claiming(state).fit, fitted_here=True)
+            top = 0.5 * amplitude * np.sqrt(e.duration) / factor
+            ends = np.array([top, 3e-5 * np.min(d.model)])
+            lines.append(Curve(line.label, np.array([at, at]), ends, 'effect'))
+    view = views.frequency(e, 'whole', claiming.fit, fitted_here=True)
     return Panel('frequency', 'frequency, Hz', 'Hz', view.x,
                  view.pull, f'noise density (two-sided), {readable(unit)}', 'xy', tuple(lines))
 
@@ -118,14 +110,11 @@ def time(state: State) -> Panel:
     factor, unit = SHOWN[e.sensor]
     t, lo, hi = e.envelope.T
     mean = float(np.mean(e.slow_y))
-    per = max(1, len(e.slow_y) // 256)
-    used = len(e.slow_y) // per * per
-    slow_t, slow = (v[:used].reshape(-1, per).mean(axis=1) for v in (e.slow_t, e.slow_y))
+    slow_t, slow = coarse(e)
     lines = [Curve('smallest to largest', t, 0 * t, 'extremes', (lo - mean) / factor,
                    (hi - mean) / factor),
              Curve('block means', slow_t, (slow - mean) / factor, 'measured')]
-    inputs = Inputs(e.slow_t, e.dt, dict(e.slow_others))
-    known = sum((m.mean(inputs) for m in state.model.of(Mean)), np.zeros(len(e.slow_t)))
+    known = views.slow_mean(e, state.model)
     lines.append(Curve('model of the mean', e.slow_t, (known - np.mean(known)) / factor, 'model'))
     both = [views.time(e, state.fit, known) for known in ('odd', 'even')]
     x, pull = (np.concatenate([getattr(v, k) for v in both]) for k in ('x', 'pull'))
@@ -136,13 +125,9 @@ def time(state: State) -> Panel:
 
 def variance(state: State) -> Panel:
     """Return the rms of the noise in time beside its mean over the record."""
-    e = evidence_of(state)
-    t, x, w = views.power_in_time(e, state.model, groups=1)
-    ratio = (x / views.modulated(state.model, t, x, w))[:, 0]
-    spread = 2 / (9 * w[0])
-    # Wilson and Hilferty's normal approximation of chi-squared, and backwards
+    t, ratio, spread = noise_level(state)
     pull = (np.cbrt(ratio) - (1 - spread)) / np.sqrt(spread)
-    lo, hi = (np.full(len(t), (1 - spread + z * np.sqrt(spread)) ** 1.5) for z in (-RARE, RARE))
+    lo, hi = (np.full(len(t), v) for v in chance_of_level(spread))
     lines = (Curve('chance', t, 0 * t + 1, 'chance', lo, hi),
              Curve('noise level', t, np.sqrt(ratio)))
     return Panel('variance', 'time, s', 's', t, pull,
@@ -151,16 +136,11 @@ def variance(state: State) -> Panel:
 
 def distribution(state: State) -> Panel:
     """Return how many samples lie where a normal distribution puts equally many."""
-    e = evidence_of(state)
-    cells = e.cells_of(state.model).astype(float)
-    k, total = len(cells), cells.sum()
-    expected = total * views.normal_shares(e, state.model, k)
-    chance = RARE * np.sqrt((1 - 1 / k) / (total / k))
-    at = ndtri((np.arange(k) + 0.5) / k)
-    lines = (Curve('chance', at, np.ones(k), 'chance', np.full(k, 1 - chance),
-                   np.full(k, 1 + chance)),
+    at, cells, expected, chance = against_normal(state)
+    one = np.ones(len(at))
+    lines = (Curve('chance', at, one, 'chance', one - chance, one + chance),
              Curve('samples', at, cells / expected))
-    pull = (cells - expected) / np.sqrt(expected * (1 - expected / total))
+    pull = (cells - expected) / np.sqrt(expected * (1 - expected / cells.sum()))
     return Panel('distribution', 'standard deviations from the mean', 'sigma', at, pull,
                  'samples / normal', '', lines)
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
-from .curves import curves, evidence_of, runs
+from .curves import curves, evidence_of, runs, TAU
 from .ladder import ladder, ladder_figure
 from .looks import panels
 from .panels import (
     allan, distribution, HATCHED, in_time, psd, pulls, series, set_aside, shade, Stretch,
-    suspected, TAU
+    suspected
 )
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from ..core import units

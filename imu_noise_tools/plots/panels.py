@@ -14,18 +14,10 @@ from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.special import ndtri
 
 from .curves import (
-    Curves,
-    curves,
-    evidence_of,
-    line_envelope,
-    NOTABLE,
-    observable,
-    readings,
-    runs,
-    spectra,
+    against_normal, chance_of_level, coarse, Curves, curves, densities, DENSITY, evidence_of,
+    line_envelope, noise_level, NOTABLE, observable, readings, runs, SHOWN, TAU,
 )
 from .style import (
     AXES,
@@ -42,22 +34,16 @@ from .style import (
     SMALL,
 )
 from ..core import units
-from ..core.allan import interval
 from ..loop.diagnosis import Diagnosis
 from ..loop.prediction import State
 from ..noise import views
-from ..noise.kinds import Coupling, Inputs, Line, Mean
+from ..noise.kinds import Coupling, Line, Mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: (from, to, why), s from the first sample
 Stretch: TypeAlias = Sequence[Any]
-
-SHOWN = {'gyro': (units.DEG, 'deg/s'), 'accel': (1.0, 'm/s^2')}          # time series
-DENSITY = {'gyro': (units.DEG, 'deg/s/sqrt(Hz)'), 'accel': (1e-6 * units.G0, 'ug/sqrt(Hz)')}
-RARE = 3.29           # standard errors that one point of a thousand exceeds by chance
-TAU = 'averaging time τ, s'
 
 
 def suspected(diagnosis: Diagnosis | None) -> str:
@@ -202,17 +188,10 @@ HATCHED: dict[str, Any] = {
 def psd(ax: Axes, state: State) -> Axes:
     """Draw the measured noise density with its 95 % band, the model, each effect, lines found."""
     e = evidence_of(state)
-    factor, unit = DENSITY[e.sensor]
-    f, count = e.whole.bins.f, e.whole.bins.count
-
-    def density(s):
-        return np.sqrt(np.maximum(s, 1e-300) / 2) / factor
-
-    measured, v, each = spectra(state)
-    total, v = density(measured + views.unclaimed(e, 'whole', state.model)), density(v)
-    mid, level, weight = rebinned(f, measured, count)
-    lo, hi = interval(density(level), weight)
-    level = density(level)
+    unit = DENSITY[e.sensor][1]
+    d = densities(state)
+    f, v, level = d.f, d.model, d.level
+    total = d.with_lines(state)
     known = state.model.of(Mean) + state.model.of(Coupling)
     less = f' less {", ".join(x.label for x in known)}' if known else ''
     dress(ax, f'{e.axis}: spectrum{less}', 'frequency, Hz',
@@ -220,10 +199,10 @@ def psd(ax: Axes, state: State) -> Axes:
     log_scale(ax.xaxis, f[0], f[-1] * 1.05)
     log_scale(ax.yaxis, min(level.min(), v.min()) / 3, 2 * max(level.max(), v.max(), total.max()))
     ax.plot(f, total, '.', color=FAINT, markersize=2.0, alpha=0.5)
-    _band(ax, mid, lo, hi, level)
-    lines = [_dashed(ax, state, label, f, density(s)) for label, s in each.items()]
+    _band(ax, d.mid, d.lo, d.hi, level)
+    lines = [_dashed(ax, state, label, f, s) for label, s in d.each.items()]
     ax.plot(f, v, color=MODEL, linewidth=1.5)
-    label_lines(ax, lines, [(mid, level)])
+    label_lines(ax, lines, [(d.mid, level)])
     for i in views.lines_left(e, state.model)[:3]:
         _name_line(ax, e, e.line_table[i, 0], total)
     hatch(ax, state)
@@ -247,16 +226,6 @@ def _name_line(ax, e, at, density):
     ax.plot([at, at], [ax.get_ylim()[0], top], color=FAIL, linewidth=1.0)
     ax.annotate(f'{at:.4g} Hz', (at, top), xytext=(0, 4), textcoords='offset points', ha='center',
                 fontsize=SMALL, color=FAIL, fontweight='bold')
-
-
-def rebinned(f: np.ndarray, power: np.ndarray, count: np.ndarray,
-             per_decade: int = 10) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (f, mean power, coefficients) of logarithmic bins made of the kept ones."""
-    group = np.floor(np.log10(f / f[0]) * per_decade).astype(int)
-    starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
-    w = np.add.reduceat(count.astype(float), starts)
-    return (np.exp(np.add.reduceat(np.log(f) * count, starts) / w),
-            np.add.reduceat(power * count, starts) / w, w)
 
 
 def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
@@ -285,14 +254,10 @@ def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
           f'time, {word}' if xlabel else '', readable(unit))
     ax.fill_between(t / scale, (lo - mean) / factor, (hi - mean) / factor,
                     color=AXES[e.axis[-1]], alpha=0.45, linewidth=0)
-    per = max(1, len(e.slow_y) // 256)
-    used = len(e.slow_y) // per * per
-    slow_t, slow = (v[:used].reshape(-1, per).mean(axis=1) for v in (e.slow_t, e.slow_y))
+    slow_t, slow = coarse(e)
     ax.plot(slow_t / scale, (slow - mean) / factor, color=MEASURED, linewidth=1.0)
-    means = state.model.of(Mean)
-    if means:
-        inputs = Inputs(e.slow_t, e.dt, e.slow_others)
-        known = sum(m.mean(inputs) for m in means)
+    if state.model.of(Mean):
+        known = views.slow_mean(e, state.model)
         ax.plot(e.slow_t / scale, (known - np.mean(known)) / factor, color=MODEL, linewidth=1.4)
     for begin, end, *_ in left_out:
         # the edge shows what is shorter than a pixel
@@ -308,14 +273,10 @@ def _time_unit(duration):
 def in_time(ax: Axes, state: State) -> Axes:
     """Draw the rms of the noise in time beside its mean over the record; grey: chance."""
     e = evidence_of(state)
-    t, x, w = views.power_in_time(e, state.model, groups=1)
-    x = x / views.modulated(state.model, t, x, w)
-    spread = 2 / (9 * w[0])
-    # Wilson and Hilferty's normal approximation of chi-squared, backwards
-    lo, hi = ((1 - spread + z * np.sqrt(spread)) ** 1.5 for z in (-RARE, RARE))
+    t, ratio, spread = noise_level(state)
     scale, word = _time_unit(e.duration)
     dress(ax, f'{e.axis}: noise level in time', f'time, {word}', 'rms / mean rms')
-    _beside_chance(ax, t / scale, np.sqrt(x[:, 0]), lo, hi)
+    _beside_chance(ax, t / scale, np.sqrt(ratio), *chance_of_level(spread))
     ax.set_xlim(0, e.duration / scale)
     return ax
 
@@ -323,13 +284,9 @@ def in_time(ax: Axes, state: State) -> Axes:
 def distribution(ax: Axes, state: State) -> Axes:
     """Draw how many samples lie where a normal distribution puts equally many; grey: chance."""
     e = evidence_of(state)
-    cells = e.cells_of(state.model).astype(float)
-    k, total = len(cells), cells.sum()
-    expected = total * views.normal_shares(e, state.model, k)
-    chance = RARE * np.sqrt((1 - 1 / k) / (total / k))
+    at, cells, expected, chance = against_normal(state)
     dress(ax, f'{e.axis}: distribution of the samples', 'standard deviations from the mean',
           'samples / normal')
-    at = ndtri((np.arange(k) + 0.5) / k)
     _beside_chance(ax, at, cells / expected, 1 - chance, 1 + chance, 'steps-mid')
     return ax
 

@@ -22,12 +22,12 @@ from .. import report, store
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
-from ..filter.design import aligned, AUTO, Design, design
+from ..filter.design import aligned, AUTO, Design, design, memory
 from ..filter.evaluate import Innovations
 from ..filter.motion import AnyMotion
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of
-from ..filter.recorded import filter_record, Filtered, memory
+from ..filter.recorded import filter_record, Filtered
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
 from ..health import Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
@@ -71,6 +71,7 @@ class Done:
                 **self.filtered.design.names,
                 'alpha': self.filtered.design.alpha,
                 'smooth': self.filtered.smooth,
+                'delay_s': self.filtered.delay,
                 'rate_hz': 1 / self.filtered.clock.interval,
                 'counts': self.filtered.counts,
                 'notes': list(self.notes),
@@ -105,6 +106,7 @@ def filter_bag(
     alpha: float = 1.0,
     values: Mapping | None = None,
     smooth: bool = False,
+    delay: float = 0.0,
     topic: str | None = None,
     fields: str | None = None,
     selection: Selection | None = None,
@@ -131,6 +133,8 @@ def filter_bag(
         named add.
     smooth : bool
         Whether each rate knows the samples after it too.
+    delay : float
+        For how long, s, each rate waits for the samples after it, as the node does.
     topic, fields : str or None
         The Imu topic, and what of its messages, as for
         :func:`imu_noise_tools.bag.open_record`.
@@ -154,14 +158,14 @@ def filter_bag(
     from ..bag import copy_bag
     folder = Path(f'{str(out).rstrip("/")}.study')
     # wrong usage is said before anything is read
-    memory(design(motion, noise, alpha, values), smooth)
+    memory(design(motion, noise, alpha, values), smooth, delay)
     made: dict = {}
     together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
         within = None if progress is None else lambda p, what: progress(0.3 + 0.4 * p, what)
         made.update(
-            _filtered(record, model, motion, noise, alpha, values, rate_hz, within, smooth))
+            _filtered(record, model, motion, noise, alpha, values, rate_hz, within, smooth, delay))
         if made['study'] is not None:
             new = together.enter_context(files.new_folder(folder, force=force))
             for name, data in outputs(made['study'], folder).items():
@@ -198,6 +202,7 @@ def filter_samples(
     values: Mapping | None = None,
     rate_hz: float | None = None,
     smooth: bool = False,
+    delay: float = 0.0,
     progress: Progress | None = None,
 ) -> tuple[ImuRecord, Done]:
     """
@@ -206,7 +211,8 @@ def filter_samples(
     Options and errors are those of :func:`filter_bag`.
 
     """
-    made = _filtered(record, model, motion, noise, alpha, values, rate_hz, progress, smooth)
+    made = _filtered(
+        record, model, motion, noise, alpha, values, rate_hz, progress, smooth, delay)
     done = Done(None, None, made['filtered'], made['study'], made['figures'], made['notes'])
     return replace(record, gyro=made['changed'].gyro), done
 
@@ -219,7 +225,7 @@ def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | b
 
 
 def _filtered(
-    record, model, motion, noise, alpha, values, rate_hz, progress, smooth
+    record, model, motion, noise, alpha, values, rate_hz, progress, smooth, delay
 ) -> dict:
     """Filter a record and study its innovations."""
     from ..bag import Changed
@@ -232,7 +238,8 @@ def _filtered(
         motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
     chosen = design(motion, noise, alpha, values)
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
-                         None if progress is None else lambda p: progress(p, 'filtering'), smooth)
+                         None if progress is None else lambda p: progress(p, 'filtering'), smooth,
+                         delay)
     c = done.counts
     for count, what in (
         (c['refused'], 'not finite: refused'),

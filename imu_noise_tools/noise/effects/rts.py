@@ -12,9 +12,9 @@ from scipy.special import expit
 
 from ..evidence import Evidence
 from ..kinds import (
-    Inputs, Mean, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
+    Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
 )
-from ..views import slow_rest
+from ..views import slow_mean, slow_rest
 from ...core import gauss_markov
 from ...loop.effect import Effect, Fit
 
@@ -104,10 +104,7 @@ class Rts(Spectrum):
         levels and not the other.
 
         """
-        y = slow_rest(evidence, fit.model)
-        inputs = Inputs(evidence.slow_t, evidence.dt, dict(evidence.slow_others))
-        for m in fit.model.of(Mean):
-            y = y - m.mean(inputs)
+        y = slow_rest(evidence, fit.model) - slow_mean(evidence, fit.model)
         c = dct(y - np.mean(y), type=2, norm='ortho')
         v, bins = fit.details.v, evidence.whole.bins
         slow = slice(bins.index(len(c) - 1) + 1)

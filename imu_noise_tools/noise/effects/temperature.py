@@ -9,7 +9,7 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
-from ..views import slow_rest
+from ..views import slow_mean, slow_rest
 from ...loop.effect import Effect, Fit
 
 
@@ -88,11 +88,9 @@ class Temperature(Mean):
         return {'rate_over_temperature': lambda: self._over_temperature(evidence, fit)}
 
     def _over_temperature(self, evidence: Evidence, fit: Fit) -> Portrait:
-        inputs = Inputs(evidence.slow_t, evidence.dt, dict(evidence.slow_others))
-        y, mine = slow_rest(evidence, fit.model), self.mean(inputs)
-        for m in fit.model.of(Mean):
-            if m.label != self.label:
-                y = y - m.mean(inputs)
+        inputs = evidence.slow_inputs
+        others = slow_mean(evidence, fit.model.minus(self.label))
+        y, mine = slow_rest(evidence, fit.model) - others, self.mean(inputs)
         warmth = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t,
                         self['lag'])
         per = max(1, len(y) // POINTS)
