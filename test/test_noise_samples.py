@@ -11,9 +11,14 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
-from imu_noise_tools.loop.effect import find_effect
+from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.prediction import fall_of
+from imu_noise_tools.loop.verdict import FALL
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
+from imu_noise_tools.noise.problem import NoiseProblem
 
 SPIKES, DUPLICATES, SHOCK = (
     find_effect('noise', k) for k in ('spikes', 'duplicates', 'shock'))
@@ -70,6 +75,21 @@ def test_the_size_of_the_noise_is_that_without_outliers():
     assert robust_sigma(y) == pytest.approx(1, abs=0.02) and np.std(np.diff(y)) > 2
 
 
+@pytest.mark.parametrize('step, shows', [(0.0, False), (0.3, False), (0.7, True), (2.0, True)])
+def test_levels_are_a_view_of_their_own_until_they_are_in_the_model(step, shows):
+    """Rounded, the spectrum stays white: nothing but the levels shows it."""
+    y = step * np.round(noise(8) / step) if step else noise(8)
+    y = np.column_stack([y, noise(9), noise(10)])
+    problem = NoiseProblem(gather(
+        ImuRecord(y, None, np.arange(N) * 0.01, 100.0), ['gyro_x'])['gyro_x'])
+    white, more = (model_of('noise', k) for k in (('white',), ('white', 'rate_quantization')))
+    for model, fails in ((white, shows), (more, False)):
+        said = [f.p_value for f in problem.omnibus(problem.point(model)) if f.view == 'grid']
+        assert [p < 1e-6 for p in said] == [fails] * shows
+    fall = fall_of(problem.held_out(white), problem.held_out(more), [more['rate_quantization']])
+    assert (fall > FALL) == shows
+
+
 # --- held samples --------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('share', [0.02, 0.3, 0.6, 0.8])
@@ -83,6 +103,17 @@ def test_held_samples_are_told_from_rounded_ones(share, step):
     seen = repeats(held_at_random(plain, share))
     assert seen.held
     assert (seen.seen - seen.chance) / (1 - seen.chance) == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize('ratio', [0.21, 1 / 3, 0.3367, 0.62])
+@pytest.mark.parametrize('step', [0.0, 0.05, 0.3])
+def test_a_slower_clock_is_told_from_holding_at_random(ratio, step):
+    """Also where rounding makes two readings equal, so that some are held twice as long."""
+    plain = step * np.round(noise(7) / step) if step else noise(7)
+    held = plain[np.floor(np.arange(N) * ratio).astype(int)]
+    inputs = Inputs(np.arange(N) * 0.01, 0.01)
+    assert DUPLICATES.statistics(held, inputs)['regular'] == (step < 0.3 or ratio < 0.5)
+    assert DUPLICATES.statistics(held_at_random(plain, 1 - ratio), inputs)['regular'] == 0
 
 
 @pytest.mark.parametrize('slow', [0.5, 0.9, 0.99])

@@ -299,10 +299,10 @@ class _Search:
 
         """
         chain: list[Finding] = []
-        for _ in range(ROUNDS):
+        for last in (*[False] * (ROUNDS - 1), True):
             self._aside = {}
             chain = self.with_odds(self.forward())
-            refuted = self.backward(chain)
+            refuted = self.backward(chain, last)
             if not refuted:
                 break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
@@ -312,8 +312,14 @@ class _Search:
                         **self.refuted}
         return chain
 
-    def backward(self, chain: list[Finding]) -> dict[str, Finding]:
-        """Return the members by label, with what speaks against each, that do not hold."""
+    def backward(self, chain: list[Finding], last: bool = True) -> dict[str, Finding]:
+        """
+        Return the members by label, with what speaks against each, that do not hold.
+
+        Unless it is the last look, none is refuted for what another one left when it was refuted
+        itself: a candidate that was not tried yet may explain that.
+
+        """
         labels, model = self.labels_of(chain), self.model_of(chain)
         members = dict(zip(labels, chain))
         out: dict[str, Finding] = {}
@@ -330,10 +336,13 @@ class _Search:
         place = self.base
         for k, f in members.items():
             before, place = place, place.plus(_new(f))
-            against = self._unhealed(before, place, f) or self._shaped(model, k, f) \
-                or self._shadowed(model, f)
+            against = self._unhealed(before, place, f) or self._shaped(model, k, f)
             if against:
                 out[k] = replace(f, against=against)
+        for k, f in members.items() if last or not out else ():
+            against = self._shadowed(model, f)
+            if against:
+                out.setdefault(k, replace(f, against=against))
         return out
 
     def labels_of(self, chain: Iterable[Finding]) -> list[str]:

@@ -41,6 +41,7 @@ _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
           (0.7, 0.95))  # or all but these
+_OUT = 0.3  # of ln power by which a band stands out of those beside it
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
 _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
@@ -561,8 +562,17 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
     near = np.abs(gamma_pull_exact(*_ratio(plain))) < FAR
     parts = [span <= share for share in _SPANS[:-1]] + [near]
+    parts += [_calm(plain) & (span <= share) for share in _SPANS[-2:]]
     parts += [(span < low) | (span > high) for low, high in _HOLES]
     return [Explained(f, part.astype(float), quiet=quiet) for part in parts]
+
+
+def _calm(found: _Found) -> np.ndarray:
+    """Return which bins (b,) are in bands that do not stand out of the four beside them."""
+    bands, (x, w) = Bands.on(found.likelihood.bins), _ratio(found)
+    level = np.log(np.maximum(bands.sum(w * x) / np.maximum(bands.sum(w), 1e-9), 1e-300))
+    beside = np.lib.stride_tricks.sliding_window_view(np.pad(level, 2, 'edge'), 5)
+    return (np.abs(level - np.median(beside, axis=1)) < _OUT)[bands.of]
 
 
 def _quiet(found: _Found) -> float:

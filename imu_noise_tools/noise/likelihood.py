@@ -586,10 +586,12 @@ class Likelihood:
 
 def inverse(gram: np.ndarray) -> np.ndarray:
     """Return the inverse of a Gram matrix (p, p), of what it says nothing about zero."""
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, axes = np.linalg.eigh(gram / np.outer(scale, scale))
+    power = np.maximum(np.diag(gram), 0.0)
+    # of a silent signal eigenvectors hold what rounding leaves, which no scale may enlarge
+    unit = np.where(power > 0, 1 / np.sqrt(np.where(power > 0, power, 1.0)), 0.0)
+    values, axes = np.linalg.eigh(gram * np.outer(unit, unit))
     some = values > 1e-12 * max(values[-1], 1e-300)
-    axes = axes[:, some] / scale[:, None]
+    axes = axes[:, some] * unit[:, None]
     return (axes / values[some]) @ axes.T
 
 

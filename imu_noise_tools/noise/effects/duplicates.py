@@ -81,11 +81,14 @@ class Duplicates(Defect, Response):
         out['clumps'] = np.array(np.mean(more**2) / np.mean(more) if len(more) else 1.0)
         if len(runs) > 10:
             # always as long: one length, or two that are neighbours where its mean lies between
-            shorter = int(np.mean(runs))
+            counts = np.bincount(runs)
+            shorter = int(np.argmax(counts[:-1] + counts[1:]))
             longer = np.mean(runs > shorter + 1)
             by_chance = fraction**(shorter + 1)
+            # two of them become one where rounding makes them equal
+            merged = expected if shorter > 1 else 0.0
             out['regular'] = np.array(float(
-                longer < 0.1 * by_chance and by_chance * len(runs) > 10
+                longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
                 and np.mean(runs < shorter) < 0.02))
             out['run'] = np.array(float(min(int(np.bincount(more).argmax()), LONGEST)))
         return out

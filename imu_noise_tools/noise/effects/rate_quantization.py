@@ -6,9 +6,12 @@
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import Defect, Inputs, Parameter, Spectrum
+from ..kinds import Defect, Inputs, NoiseEffect, Parameter, Spectrum
 from ...core.statistics import grid_gain, grid_step, robust_sigma
-from ...loop.effect import Effect, Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding, Fit, View
+
+STRETCHES = 8   # of a part, each told by its samples where the grid is
+ALIKE = 0.01    # relative difference of the steps of two halves that have one grid
 
 
 class RateQuantization(Spectrum, Defect):
@@ -55,13 +58,29 @@ class RateQuantization(Spectrum, Defect):
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Keep the step, the number of levels and the share of samples on the grid."""
+        """Keep the step, that of each half by itself, the number of levels and the noise."""
         step, levels = grid_step(y)
         return {
             'step': np.array(step),
+            'halves': np.array([grid_step(half)[0] for half in np.array_split(y, 2)]),
             'levels': np.array(levels),
             'sigma': np.array(robust_sigma(y)),
         }
+
+    @classmethod
+    def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
+        """Return what the samples of each stretch say for a grid that the model does not have."""
+        kept = evidence.kept(cls.name)
+        halves, step = kept.get('halves', np.zeros(2)), float(kept.get('step', 0.0))
+        n = evidence.n // (1 if part == 'whole' else 2)
+        gain = grid_gain(n, step, float(kept['sigma'])) if step > 0 else 0.0
+        if not gain or np.any(np.abs(halves - step) > ALIKE * step):
+            return None
+        known = any('grid' in e.explains for e in fit.model.of(NoiseEffect))
+        pull = np.full(STRETCHES, 0.0 if known else np.sqrt(2 * gain / STRETCHES))
+        first = 0.5 * evidence.duration if part == 'second' else 0.0
+        t = first + (np.arange(STRETCHES) + 0.5) * n * evidence.dt / STRETCHES
+        return View('grid', t, pull, float(np.mean(pull**2)), float(np.sqrt(2 / STRETCHES)), 's')
 
     def find(self, evidence: Evidence) -> Finding | None:
         """Find the step in the levels; it is an effect from half a standard deviation on."""
@@ -77,6 +96,7 @@ class RateQuantization(Spectrum, Defect):
             grid_gain(evidence.n, step, sigma),
             self.with_values(step=step, white=white),
             {'step': Estimate(step, 0.0, (step, step)), 'white': Estimate(white, None, None)},
+            view='grid',
             evidence=f'{int(kept["levels"])} levels, step {step / max(sigma, 1e-300):.2g} '
             'standard deviations',
         )
