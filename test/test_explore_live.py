@@ -34,10 +34,10 @@ def test_the_curve_is_drawn_as_it_came():
 
 
 def test_coefficients_are_read_from_the_topic():
-    assert live.coefficients({'N [rad/s/sqrt(Hz)]': '0.000141', 'N_std [rad/s/sqrt(Hz)]': '4e-7',
-                              'N_lo [rad/s/sqrt(Hz)]': '0.00014', 'N_hi [rad/s/sqrt(Hz)]': '0.000142',
-                              'B_std [rad/s]': '1e-12', 'B_upper95 [rad/s]': '2.9e-05',
-                              'held_out': '0.07'}) == [
+    came = {'N [rad/s/sqrt(Hz)]': '0.000141', 'N_std [rad/s/sqrt(Hz)]': '4e-7',
+            'N_lo [rad/s/sqrt(Hz)]': '0.00014', 'N_hi [rad/s/sqrt(Hz)]': '0.000142',
+            'B_std [rad/s]': '1e-12', 'B_upper95 [rad/s]': '2.9e-05', 'held_out': '0.07'}
+    assert live.coefficients(came) == [
         'N 0.000141 (0.000140 ... 0.000142) rad/s/√Hz',
         'B not observable, below 2.90e-05 rad/s']
 
