@@ -439,7 +439,8 @@ def _joined(bands: Bands, found: _Found) -> bool:
     basis = found.likelihood.explained
     assert basis is not None
     kept = np.flatnonzero(bands.sum(basis.weight) > 0)
-    return not basis.order.terms or basis.order.tied or bool(np.max(np.diff(kept)) <= _GAP)
+    order = basis.order
+    return not order.terms or order.tied > 0 or bool(np.max(np.diff(kept)) <= _GAP)
 
 
 def _still(found: _Found, order: Order, gain2: np.ndarray, by: float, strict: bool) -> bool:

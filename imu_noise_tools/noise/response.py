@@ -27,7 +27,7 @@ from ..loop.effect import Effect
 OPEN = '(response)'  # label of the response that is left open
 _POSITIVE = 1e-4  # of its largest value, to which P or Q are raised where they begin below zero
 _FLOOR = 1e-9  # of P and Q
-_BAND = np.array([0.0, -4.0, 0.0, 1.0])  # 128 u^2 (1 - u)^2 in t_1 ... t_4, or z in place of u
+_BAND = np.array([0.0, -4.0, 0.0, 1.0])  # 128 u^2 (1 - u)^2 in t_1 ... t_4, of z as of u
 DEEP = 1e-3  # gain^2 below which something else shows: rounding, what leaks from other bands
 _STEPS, _ENOUGH = 40, 1e-3
 
@@ -36,8 +36,8 @@ class Order(NamedTuple):
     """
     Degrees of P and Q.
 
-    ``tied``: gain 1 at Nyquist as at zero, as beside something that is added in the middle; 2 where
-    that falls with the fourth power of f on either side: P - Q = h u^2 (1 - u)^2.
+    ``tied``: gain 1 at Nyquist as at zero, as beside something that is added in the middle; 2
+    where that falls with the fourth power of f on either side: P - Q = h u^2 (1 - u)^2.
     ``middle``: of that, in u; where both degrees are the same P and Q may as well be polynomials
     in z = u (1 + middle)/(u + middle), of which a band at low frequencies lies in the middle: in
     u its values would be a hundred million times as large as what they add up to.
