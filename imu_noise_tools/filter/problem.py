@@ -120,6 +120,7 @@ class FilterProblem(Problem):
             if log_l + SLACK < hope:
                 return Fit(begin, {}, log_l, ())
             evaluate.about(begin, last=True)
+            begin, evaluate = self._begun(model)        # by phases that are known now
         best, log_l = maximise(begin, self.stated, evaluate, hope)
         if self.whole is None and log_l >= hope:
             best = self._with_measured(best)
