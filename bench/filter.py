@@ -213,7 +213,7 @@ def fresh():
         print(f'  {name:>28s}' + ''.join(f'{v:11.4f}' for v in values), flush=True)
 
 
-def smooth(runs=8, seconds=140.0, head=1000, seed=2031):
+def smooth(runs=4, seconds=140.0, head=1000, seed=2034):
     """Print the smoother beside filter, plain smoother and zero-phase low-pass; its coverage."""
     n = int(seconds * RATE)
     print('\nfixed-interval smoother, rms error, deg/s; and how often the stated 95 % cover, mean'
@@ -235,9 +235,10 @@ def smooth(runs=8, seconds=140.0, head=1000, seed=2031):
         for name, y in rows.items():
             print(f'  {name:>28s}' + ''.join(
                 f'{v:11.4f}' for v in np.sqrt(mean((y - truth) ** 2))), flush=True)
-        for name, both in (('default', False), ('SMOOTHED', True)):
+        for name, settings in (('default', {}), ('delay 0.1 s', {'delay': 0.1}),
+                               ('delay 0.5 s', {'delay': 0.5}), ('SMOOTHED', {'smooth': True})):
             got = filter_record(np.arange(n) / RATE, z * DEG, design(
-                axes=z.shape[1], values=KNOWN), RATE, smooth=both)
+                axes=z.shape[1], values=KNOWN), RATE, **settings)
             e2, v = (got.rate / DEG - truth) ** 2, got.variance / DEG ** 2
             for what, values in (('', np.sqrt(mean(e2))), (', 95 % cover', mean(e2 < 3.8415 * v)),
                                  (', chi-square', mean(e2 / v))):

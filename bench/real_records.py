@@ -7,12 +7,13 @@ Read N, B and K off the Allan curves of the shared records, in a few lines that 
     python bench/real_records.py [--data ../shared/data] [--json BEFORE AFTER] [--only NAME]
 
 N is the overlapping Allan deviation at 1 s, once as it is and once with lines below 2 Hz taken out
-(sinusoids fitted to stretches of 100 s by least squares, since such lines wander), B its minimum
-over 0.664 (1 s <= tau <= T/10), K the deviation over sqrt(tau/3) at T/10 where it has risen by a
-half above the minimum. With ``--json`` the readings stand beside what ``imu_noise analyse --json``
-said, kept as NAME.json in each of the folders, so that any versions of the package can be
-compared; the stretch that is read is then the one that the last of them analysed, less what it
-left out. Bags are read with rosbags.
+(sinusoids fitted to stretches of 100 s by least squares, since such lines wander); `white part` is
+the N of that curve without what flicker noise holds of it at 1 s: least squares of sigma^2 =
+N^2/tau + c over 0.3 ... 10 s. B is the curve's minimum over 0.664 (1 s <= tau <= T/10), K the
+deviation over sqrt(tau/3) at T/10 where it has risen by a half above the minimum. With
+``--json`` the readings stand beside what ``imu_noise analyse --json`` said, kept as NAME.json in
+each of the folders, so that any versions of the package can be compared; the stretch that is read
+is then the one that the last of them analysed, less what it left out. Bags are read with rosbags.
 """
 
 from __future__ import annotations
@@ -80,13 +81,25 @@ def deviation(y, m):
 
 
 def readings(y, dt):
-    """Return N, N beside lines, B, K of one axis; K is nan where the curve does not rise."""
+    """Return N, N beside lines, its white part, B, K; K is nan where the curve does not rise."""
     m = np.unique(np.round(np.geomspace(1, len(y) // 10, 60)).astype(int))
     s = np.array([deviation(y, k) for k in m])
     low = s[m * dt >= min(1.0, m[-1] * dt / 2)].min()
     k = s[-1] / np.sqrt(m[-1] * dt / 3) if s[-1] > 1.5 * low else np.nan
-    one = max(1, round(1 / dt))
-    return deviation(y, one), deviation(without_lines(y, dt), one), low / 0.664, k
+    one, rest = max(1, round(1 / dt)), without_lines(y, dt)
+    return deviation(y, one), deviation(rest, one), white_part(rest, dt), low / 0.664, k
+
+
+def white_part(y, dt):
+    """Return N of sigma^2 = N^2/tau + c, fitted to the curve over 0.3 ... 10 s (T/10 at most)."""
+    longest = min(10.0, len(y) * dt / 10)
+    m = np.unique(np.round(np.geomspace(0.3, longest, 16) / dt).astype(int))
+    m = m[m > 0]
+    s2 = np.array([deviation(y, k) ** 2 for k in m])
+    root = 1 / (s2 * np.sqrt(m))        # a deviation at m scatters as sqrt(m)
+    rows = np.column_stack([1 / (m * dt), np.ones(len(m))]) * root[:, None]
+    (n2, c), *_ = np.linalg.lstsq(rows, s2 * root, rcond=None)
+    return np.sqrt(n2 if c > 0 else np.mean(s2 * m * dt))
 
 
 def without_lines(y, dt, span=100.0, high=2.0, clear=25.0):
@@ -133,9 +146,9 @@ def main():
     parser.add_argument('--json', type=Path, nargs='*', default=(), help='folders of NAME.json')
     parser.add_argument('--only', help='one record')
     args = parser.parse_args()
-    print('| record, axis | N at 1 s | beside lines | B of the floor | K |'
+    print('| record, axis | N at 1 s | beside lines | white part | B of the floor | K |'
           + ' N | B | K |' * len(args.json) + ' model/curve at 1 s | set aside | sufficient |\n|'
-          + '---|' * (8 + 3 * len(args.json)))
+          + '---|' * (9 + 3 * len(args.json)))
     for name in NAMES:
         if args.only not in (None, name):
             continue

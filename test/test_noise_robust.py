@@ -18,7 +18,7 @@ from types import SimpleNamespace
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from scipy.signal import butter, freqz, iirpeak, lfilter
+from scipy.signal import butter, freqz, iirpeak, lfilter, welch
 import yaml
 
 from imu_noise_tools import export
@@ -182,6 +182,17 @@ def test_a_response_beside_poles_alone_keeps_their_slow_side():
                     for h in (1e-5, -1e-5))
         some = bins.count < 100  # wider bins hold the mean of the gain
         assert slopes[some, j] == pytest.approx((up - down)[some] / 2e-5, abs=0.02)
+
+
+@pytest.mark.thorough
+def test_the_level_between_a_wandering_line_and_a_filter(shared_data):
+    """N is what the spectrum shows there, not what drift leaves of it below the line."""
+    with np.load(shared_data / 'records' / 'adis16405_run6.npz') as kept:
+        y, dt = kept['accel'][:, 0].astype(float), 1 / float(kept['rate_hz'])
+    f, power = welch(y, 1 / dt, nperseg=1 << 14)
+    level = np.sqrt(np.median(power[(f > 1) & (f < 6)]) / 2)
+    found = fit(axis_of(y, dt), model_of('noise', BASE), intervals=False)
+    assert found.model['white']['N'] == pytest.approx(level, rel=0.05)
 
 
 def test_what_is_left_out_leaves_no_swing_behind():
@@ -473,6 +484,10 @@ def test_the_response_beside_a_band_is_that_of_the_band(low, high, more):
     f = np.linspace(0.01, 0.49, 60)
     gain = np.abs(freqz(*butter(2, (low, high), 'band'), worN=2 * np.pi * f)[1]) ** 2
     assert response.gain2(f, 1.0) == pytest.approx(1 + more * gain, rel=1e-4)
+    assert len(values) == order.terms == 5
+    for other in (o for o in order.rivals if o.tied or not o.alone):
+        back = raised_to(order, other, raised_to(other, order, values))
+        assert back == pytest.approx(values, rel=1e-6)
 
 
 def test_a_lower_order_is_raised_into_the_variable_of_a_band():

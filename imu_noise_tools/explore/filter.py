@@ -27,7 +27,7 @@ def by_hand(state: State) -> list[str]:
 def begin(state: State, name: str) -> Effect:
     """Return an effect as it would be looked for first; raise InputError where it cannot be."""
     cls = cast('type[FilterEffect]', registry('filter')[name])
-    found = cls.guesses(cast(FilterProblem, state.problem).look())
+    found = cls.guesses(cast(FilterProblem, state.problem).look)
     if not found:
         raise InputError(f'{name} does not apply to this record', cls.hint)
     return found[0]

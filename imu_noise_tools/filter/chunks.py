@@ -58,7 +58,7 @@ class Chunks:
         self._known: dict[tuple[str, ...], Known] = {}
 
     def densities(
-        self, models: list[Model], at_off: tuple[float, ...] = ()
+        self, models: list[Model], at_off: tuple[float, ...] = (), quick: bool = False
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """
         Return log-likelihoods of each sample by k models of one structure, and lists of scores.
@@ -68,19 +68,20 @@ class Chunks:
         """
         key = tuple(models[0].labels)
         if key not in self._known:
-            self.begin(models[0])
+            self.begin(models[0], quick=quick)
         some = max(1, LANES // len(self.first))
         parts = [self._run(models[i:i + some], at_off, self._known[key])
                  for i in range(0, len(models), some)]
         return (np.concatenate([part[0] for part in parts]),
                 [np.concatenate(u) for u in zip(*(part[1] for part in parts))])
 
-    def begin(self, model: Model, anew: bool = False) -> None:
+    def begin(self, model: Model, anew: bool = False, quick: bool = False) -> None:
         """
         Let all chunks of models of this structure begin with what this model knows there.
 
         Each goes on from where the one before it begins; if that is not known, or ``anew``, all
-        come from far, or, where a phase is kept for long, from the beginning of the series.
+        come from far, or, where a phase is kept for long, from the beginning of the series
+        (``quick``: from far too, where it is enough to know that phase about).
 
         """
         key, end = tuple(model.labels), np.maximum(self.first - NEAR, 0)
@@ -88,7 +89,7 @@ class Chunks:
         begin = np.maximum(end - FAR, 0)
         if before is not None:
             begin = np.concatenate([[0], end[:-1]])
-        elif oscillates(model):
+        elif oscillates(model) and not quick:
             begin = np.zeros(1, int)        # one lane that passes where each begins
         bank, e = self._bank([model], len(begin))
         if before is not None:

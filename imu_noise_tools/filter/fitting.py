@@ -23,6 +23,7 @@ LIMIT = CHI2_90 / 2     # nats, for a one-sided 95 % limit
 STENCIL = 0.3           # of the first move of a parameter: how far apart a curvature is read
 FURTHER = 1.0           # nats: a climb that gained more knows better where chunks begin
 ENOUGH = 0.05           # nats: a climb that hopes for less is at the top
+DOUBT = 10.0            # nats that a climb may gain beside three times what its steps promise
 
 
 class Likelihood:
@@ -47,7 +48,7 @@ class Likelihood:
 
     def each(self, models: list[Model]) -> np.ndarray:
         """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
-        found = self.chunks.densities(models)[0]
+        found = self.chunks.densities(models, quick=True)[0]
         self._known.update(zip(models, map(finite, found.sum(1))))
         return found
 
@@ -169,7 +170,7 @@ def maximise(
     """
     Return the model at its largest likelihood, from its own values, and that log-likelihood.
 
-    A climb ends early where its third round does not see it come to ``hope``.
+    A climb ends early where it does not see itself come to ``hope``.
 
     """
     free = Free(model, fixed)
@@ -211,7 +212,7 @@ def _climb(free: Free, x, evaluate, hope: float, rounds: int = 9):
         each = evaluate.each(models)
         value = evaluate(models)
         newton, gain = _newton(each, value, best)
-        if done > 1 and best + gain < hope:
+        if best + (gain if done > 1 else 3 * gain + DOUBT) < hope:
             break
         tried = [*around, x + newton * step, x + 0.5 * newton * step]
         if gain > ENOUGH:

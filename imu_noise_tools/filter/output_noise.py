@@ -25,6 +25,7 @@ from ..noise.kinds import Line, Spectrum
 STEADY = 1e3            # s that a line keeps its phase where nobody says how long
 SMALLEST = 1e-8         # rad/s: the least a Gauss-Markov term may be
 LONGEST = 3600.0        # s: a slower wander of the bias cannot be told from rotation
+ANY_MOMENT = 12 ** -0.5     # of the interval: how far off samples are that are taken at any
 
 
 class White(OutputNoise):
@@ -229,7 +230,8 @@ class SamplingJitter(OutputNoise):
     A sample is taken a little before or after its time.
 
     While the rate changes by a in a second, that is an error of a times the delay; the filter
-    weighs every sample by the change that it expects.
+    weighs every sample by the change that it expects. A sample taken at any moment of its
+    interval is off by dt/sqrt(12), and none by more: errors that ask for more are others.
 
     """
 
@@ -254,12 +256,12 @@ class SamplingJitter(OutputNoise):
 
     @classmethod
     def guesses(cls, look: Look) -> list[Effect]:
-        """Return from a hundredth of the interval to all of it."""
-        return [cls({'jitter': k * look.dt}) for k in (0.01, 0.03, 0.1, 0.3, 1.0)]
+        """Return from a hundredth of the interval to any moment of it."""
+        return [cls({'jitter': k * look.dt}) for k in (0.01, 0.03, 0.1, ANY_MOMENT)]
 
     def block(self, dt: float) -> Block:
         """Return the jitter."""
-        return nothing(jitter=self['jitter'])
+        return nothing(jitter=min(self['jitter'], ANY_MOMENT * dt))
 
 
 def gauss_markov_terms(

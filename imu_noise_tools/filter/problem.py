@@ -17,7 +17,7 @@ from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
 from .predict import predict, Prediction
-from .statespace import DOMAIN, FilterEffect, Look, Motion, white_of
+from .statespace import DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, white_of
 from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
@@ -29,6 +29,8 @@ from ..loop.verdict import HEALED
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
 WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
+BEHIND = 12.0  # nats behind the best from which a candidate has no chance beside it (1 in 10^5)
+SLACK = 15.0  # nats that a line may gain from where it begins: its phase is half known there
 
 
 def covers(model: Model) -> bool:
@@ -96,20 +98,29 @@ class FilterProblem(Problem):
             self._fits[model] = self._fit(model)
         return self._fits[model]
 
-    def _fit(self, model, hope=-np.inf, known=None):
+    def _begun(self, model, known=None):
+        """Return a model with starting values, or None, and its likelihood."""
+        evaluate = Likelihood(self.z, self.dt, self.alpha, self.chunks)
+        if self.whole is not None:
+            return self.whole.fit(model).model, evaluate
+        return start(model, self.stated, self.look, evaluate, known), evaluate
+
+    def _fit(self, model, hope=-np.inf, begun=None):
         """
-        Fit a model, beginning with what is ``known`` of it.
+        Fit a model, from where it is ``begun``.
 
         Without intervals where its likelihood stays below ``hope``.
 
         """
-        evaluate = Likelihood(self.z, self.dt, self.alpha, self.chunks)
-        if self.whole is not None:
-            begin = self.whole.fit(model).model
-        else:
-            begin = start(model, self.stated, self.look(), evaluate, known)
+        begin, evaluate = begun or self._begun(model)
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
+        if jumps(begin) and oscillates(begin):
+            log_l = float(evaluate([begin])[0])
+            if log_l + SLACK < hope:
+                return Fit(begin, {}, log_l, ())
+            evaluate.about(begin, last=True)
+            begin, evaluate = self._begun(model)        # by phases that are known now
         best, log_l = maximise(begin, self.stated, evaluate, hope)
         if self.whole is None and log_l >= hope:
             best = self._with_measured(best)
@@ -159,21 +170,27 @@ class FilterProblem(Problem):
         Gain of log-likelihood refitted, penalty by BIC and by where it was looked for.
 
         """
-        out = []
+        begun = []
         n = len(self.z)
         known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
         for name, effect in known.items():
-            if not self._applies(effect, fit.model):
-                continue
-            more = unfitted(fit.model).plus(effect())
-            penalty = 0.5 * len(effect.parameters) * np.log(n) + effect.search + 2.0
+            if self._applies(effect, fit.model):
+                more = unfitted(fit.model).plus(effect())
+                penalty = 0.5 * len(effect.parameters) * np.log(n) + effect.search + 2.0
+                first, evaluate = self._begun(more, fit.model)
+                ahead = -np.inf if first is None else float(evaluate([first])[0]) - penalty
+                begun.append((ahead, name, effect, more, penalty, (first, evaluate)))
+        out: list[Finding] = []
+        best = -WORTH
+        for _, name, effect, more, penalty, first in sorted(begun, key=lambda b: -b[0]):
             after = self._fits.get(more) or self._fit(
-                more, fit.log_likelihood + penalty - WORTH, fit.model)
+                more, fit.log_likelihood + penalty + max(-WORTH, best - BEHIND), first)
             if after.estimates:
                 self._fits[more] = after
             gain = after.log_likelihood - fit.log_likelihood
             if not np.isfinite(gain):
                 continue
+            best = max(best, gain - penalty)
             new = next(e for e in after.model if e.label not in fit.model)
             heals = effect.heals
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):
@@ -237,8 +254,9 @@ class FilterProblem(Problem):
             f'{names}: record longer, at rest and in the motion in question apart from each other'
         )
 
+    @cached_property
     def look(self) -> Look:
-        """Return a first look at the series, for starting values."""
+        """A first look at the series, for starting values."""
         r = float(quiet_variance(self.z[:, None])[0])
         rough = self.z - np.mean(self.z)
         white = np.diff(self.z, 3) / np.sqrt(20 * r)

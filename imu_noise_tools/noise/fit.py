@@ -41,13 +41,14 @@ _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
           (0.7, 0.95))  # or all but these
+_OUT = 0.3  # of ln power by which a band stands out of those beside it
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
 _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
 _ORDERS = tuple(Order(*order) for order in (
     (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True),
-    (2, 2, False, np.inf, True), (3, 0), (0, 3), (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4),
-    (4, 4, True)))
+    (2, 2, False, np.inf, True), (3, 0), (0, 3), (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4, 2),
+    (4, 4), (4, 4, True)))
 _BENT = Order(1, 0)  # of one that is too little to be seen
 _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
@@ -438,7 +439,8 @@ def _joined(bands: Bands, found: _Found) -> bool:
     basis = found.likelihood.explained
     assert basis is not None
     kept = np.flatnonzero(bands.sum(basis.weight) > 0)
-    return not basis.order.terms or basis.order.tied or bool(np.max(np.diff(kept)) <= _GAP)
+    order = basis.order
+    return not order.terms or order.tied > 0 or bool(np.max(np.diff(kept)) <= _GAP)
 
 
 def _still(found: _Found, order: Order, gain2: np.ndarray, by: float, strict: bool) -> bool:
@@ -491,7 +493,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
         if order.terms > enough:
             continue
         near = [(o, a) for o, a in known.items() if order.twice and o.within(order)]
-        near += [(o, a) for o, a in begun if o == order]
+        near += [(o, a) for o, a in begun if o[:2] == order[:2]]
         weight = np.ones(len(x))
         for _ in range(3):
             tried = Rational(x, w * weight, bins, order).fit(near)
@@ -561,8 +563,17 @@ def _beginnings(plain: _Found, now: Judgement, hint: Explained | None):
     span = np.log(f / f[0]) / np.log(f[-1] / f[0])
     near = np.abs(gamma_pull_exact(*_ratio(plain))) < FAR
     parts = [span <= share for share in _SPANS[:-1]] + [near]
+    parts += [_calm(plain) & (span <= share) for share in _SPANS[-2:]]
     parts += [(span < low) | (span > high) for low, high in _HOLES]
     return [Explained(f, part.astype(float), quiet=quiet) for part in parts]
+
+
+def _calm(found: _Found) -> np.ndarray:
+    """Return which bins (b,) are in bands that do not stand out of the four beside them."""
+    bands, (x, w) = Bands.on(found.likelihood.bins), _ratio(found)
+    level = np.log(np.maximum(bands.sum(w * x) / np.maximum(bands.sum(w), 1e-9), 1e-300))
+    beside = np.lib.stride_tricks.sliding_window_view(np.pad(level, 2, 'edge'), 5)
+    return (np.abs(level - np.median(beside, axis=1)) < _OUT)[bands.of]
 
 
 def _quiet(found: _Found) -> float:
