@@ -13,12 +13,15 @@ from __future__ import annotations
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import chirp
+from scipy.signal import chirp, lfilter
 from scipy.stats import kurtosistest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
 N, DT = 60_000, 0.01
@@ -97,3 +100,25 @@ def test_the_pull_of_a_kurtosis_is_the_one_of_anscombe_and_glynn():
         x = x - x.mean()
         assert kurtosis_pull(x) == pytest.approx(kurtosistest(x).statistic, rel=1e-9), n
     assert kurtosis_pull(np.ones(8)) == 0.0 and kurtosis_pull(np.zeros(100)) == 0.0
+
+
+@pytest.mark.parametrize('redder, holds', [(True, False), (False, True)])
+def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_redder(
+        redder, holds):
+    """A swing of f^-1.5 by chance, of which a knee leaves nothing; a real one beside a hump."""
+    rng = np.random.default_rng(10)
+    y = 0.1 * rng.standard_normal(N)
+    if redder:
+        y = y + coloured(rng, 1.5)
+    else:
+        hump = lfilter([1.0], [1, -2 * 0.7 * np.cos(1.5), 0.49], 0.2 * rng.standard_normal(N))
+        y = y + hump + 0.03 * np.sin(2 * np.pi * T / (0.4 * T[-1]))
+    record = ImuRecord(np.column_stack([SIZE * y, *rng.standard_normal((2, N))]), None, T, 1 / DT)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    base = ('white', 'flicker', 'random_walk')
+    fit = problem.point(model_of('noise', base))
+    swing, = (f for f in problem.candidates(fit) if f.name == 'slow_periodic')
+    after = problem.point(model_of('noise', (*base, 'slow_periodic')))
+    against = problem.shape(after, 'slow_periodic', swing.gain)
+    assert (against == '') == holds, (swing, against)
+    assert holds or 'steepness' in against
