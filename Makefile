@@ -9,6 +9,8 @@ PYTHON ?=
 # Files side by side, each in one process, the long ones first (test/conftest.py), and one process
 # more than there are cores: tests of nodes wait. Each reserves a ROS domain for itself.
 JOBS  ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
+# The tests start hundreds of processes: each would compile the package anew.
+export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(PY) -m pytest -ra -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-all bench fuzz lint docs clean

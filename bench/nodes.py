@@ -4,7 +4,7 @@
 """
 The nodes, measured: latency of the filter at 1 kHz, memory of the analyser, playing, stops.
 
-    python bench/nodes.py [latency] [memory] [day] [stops]
+    python bench/nodes.py [latency] [delay] [memory] [day] [stops]
 
 Prints each figure with what was asked; ends with status 1 where one is missed. Needs rclpy.
 
@@ -149,6 +149,28 @@ def latency(ros: Ros) -> None:
     echo.wait()
 
 
+def delay(ros: Ros) -> None:
+    """Send 200 Hz for 30 s through the filter, without and with a delay: what it takes."""
+    for seconds in (0.0, 0.1):
+        space = ros.namespace()
+        node = ros.start('filter', space, delay=seconds, rate_hz=200.0)
+        ros.ready(node)
+        pulse = Pulse(space)
+        before = node.cpu_seconds
+        missing, again, took = pulse.run(6000, 200.0)
+        share = (node.cpu_seconds - before) / 30
+        pulse.close()
+        median, tail = np.percentile(took[:5900], [50, 99])
+        figure(f'filter with a delay of {seconds:g} s, 200 Hz for 30 s: lost', f'{missing}', '0',
+               missing == 0 and again == 0)
+        figure(f'filter with a delay of {seconds:g} s: a core', f'{100 * share:.0f} %', '50',
+               share < 0.5)
+        figure(f'filter with a delay of {seconds:g} s: latency', f'median {median:.1f} ms, '
+               f'p99 {tail:.1f} ms', f'{1e3 * seconds:g} and 10 in the median',
+               median < 1e3 * seconds + 10)
+        node.stop(signal.SIGTERM)
+
+
 def hour_bag(folder: Path, hours: float = 1.0) -> tuple[Path, int]:
     """Write white noise at 200 Hz."""
     n = int(hours * 3600 * 200)
@@ -230,11 +252,12 @@ def stops(ros: Ros) -> None:
 
 def main() -> int:
     """Measure what is named, or everything."""
-    chosen = sys.argv[1:] or ['latency', 'memory', 'day', 'stops']
+    chosen = sys.argv[1:] or ['latency', 'delay', 'memory', 'day', 'stops']
     with tempfile.TemporaryDirectory() as folder:
         ros = Ros(Path(folder))
         for name in chosen:
-            {'latency': latency, 'memory': memory, 'day': day, 'stops': stops}[name](ros)
+            {'latency': latency, 'delay': delay, 'memory': memory, 'day': day, 'stops': stops}[
+                name](ros)
             ros.stop_all()
         ros.close()
     return 1 if missed else 0

@@ -135,6 +135,12 @@ class NodeProcess:
         status = Path(f'/proc/{self._child.pid}/status').read_text()
         return int(status.split('VmRSS:')[1].split()[0]) / 1024
 
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time used so far, its own and the system's for it."""
+        fields = Path(f'/proc/{self._child.pid}/stat').read_text().rsplit(')', 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
     def end(self, patience: float = PATIENCE) -> int | None:
         """Wait until it ends by itself; return its status, None where it did not."""
         try:

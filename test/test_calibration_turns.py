@@ -103,6 +103,30 @@ def test_left_out_closed_form_is_split_fit_score():
     assert np.mean(left.pulls[:n] ** 2) - 1 == pytest.approx(looped.excess, rel=0.5, abs=0.3)
 
 
+def test_a_rest_in_which_a_hand_creeps_is_no_end_of_a_turn():
+    """One pose of sixteen turns by 0.17 deg/s while it is held: said, and the rest is sound."""
+    rng = np.random.default_rng(7)
+    ups = sim.spread_directions(16, rng)[rng.permutation(16)]
+    t, rates, force, _ = sim.stream(sim.Device(noise=0.02), ups, rng, hold_s=3.0)
+    plain = ImuRecord(rates, force, t, 100.0)
+    assert not core.held(plain, core.rests(plain))[1]
+    begin, creep = 8 * 450, 0.1 * DEG * np.array([1.0, -1.0, 1.0])
+    since = np.clip(t - t[begin], 0.0, 3.0)
+    back = Rotation.from_rotvec(since[:, None] * -creep)
+    record = ImuRecord(back.apply(rates) + creep * ((since > 0) & (since < 3))[:, None],
+                       back.apply(force), t, 100.0)
+    found = core.rests(record)
+    kept, notes = core.held(record, found)
+    assert len(found) == 16 and len(kept) == 15 and 'deg/s at 36 s' in notes[0]
+    done = tasks.calibrate_records([record], sensor='gyro')
+    assert any('still turn' in n for n in done.calibration.notes)
+    fit = done.calibration.fit
+    assert not fit.details.tilt or fit.details.tilt < 0.05 * DEG
+    true = [1, 1, 1, *np.zeros(6), 0.01, -0.02, 0.005]
+    assert np.all(np.abs(fit.details.theta - true) < 4 * np.sqrt(np.diag(fit.details.cov)))
+    assert done.study.diagnose()['gyro'].verdict == 'complete'
+
+
 def test_g_sensitivity_is_found_and_the_error_of_turns_left_out_falls():
     """The loop names it, and adding it brings turns left out back to noise."""
     sensitivity = 2e-3 * np.array([[1, -1, 0.5], [0.3, -1, 1], [1, 0.2, 0.4]])

@@ -12,10 +12,11 @@ from test_explore_browser import browser, Served, Window
 
 from imu_noise_tools.bag.writing import write_bag
 from imu_noise_tools.cli.main import main
-from imu_noise_tools.explore.live import coefficients, panel
 from nodes_support import wait_for
 
 pytestmark = pytest.mark.thorough
+live = pytest.importorskip('imu_noise_tools.explore.live',
+                           reason='pip install "imu_noise_tools[explore]"')
 __all__ = ['browser']
 
 
@@ -23,20 +24,20 @@ def test_the_curve_is_drawn_as_it_came():
     tau = np.geomspace(0.01, 10, 20)
     came = {'tau': tau, 'adev': 2e-5 / np.sqrt(tau), 'lo': 1.9e-5 / np.sqrt(tau),
             'hi': 2.1e-5 / np.sqrt(tau), 'model': 2e-5 / np.sqrt(tau)}
-    same = panel('gyro_x', came)
+    same = live.panel('gyro_x', came)
     assert [c.name for c in same.curves] == ['measured', 'model']
     np.testing.assert_allclose(same.pull, 0, atol=1e-9)
-    more = panel('gyro_x', {**came, 'adev': came['hi']})
+    more = live.panel('gyro_x', {**came, 'adev': came['hi']})
     assert np.all((more.pull > 1.5) & (more.pull < 2.5))
-    alone = panel('gyro_x', {**came, 'model': np.full(20, np.nan)})
+    alone = live.panel('gyro_x', {**came, 'model': np.full(20, np.nan)})
     assert len(alone.curves) == 1 and not alone.pull.any()
 
 
 def test_coefficients_are_read_from_the_topic():
-    assert coefficients({'N [rad/s/sqrt(Hz)]': '0.000141', 'N_std [rad/s/sqrt(Hz)]': '4e-7',
-                         'N_lo [rad/s/sqrt(Hz)]': '0.00014', 'N_hi [rad/s/sqrt(Hz)]': '0.000142',
-                         'B_std [rad/s]': '1e-12', 'B_upper95 [rad/s]': '2.9e-05',
-                         'held_out': '0.07'}) == [
+    came = {'N [rad/s/sqrt(Hz)]': '0.000141', 'N_std [rad/s/sqrt(Hz)]': '4e-7',
+            'N_lo [rad/s/sqrt(Hz)]': '0.00014', 'N_hi [rad/s/sqrt(Hz)]': '0.000142',
+            'B_std [rad/s]': '1e-12', 'B_upper95 [rad/s]': '2.9e-05', 'held_out': '0.07'}
+    assert live.coefficients(came) == [
         'N 0.000141 (0.000140 ... 0.000142) rad/s/√Hz',
         'B not observable, below 2.90e-05 rad/s']
 

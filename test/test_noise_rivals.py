@@ -13,12 +13,15 @@ from __future__ import annotations
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import chirp
+from scipy.signal import chirp, lfilter
 from scipy.stats import kurtosistest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
 N, DT = 60_000, 0.01
@@ -107,3 +110,25 @@ def test_a_line_that_is_on_for_a_stretch_is_a_narrow_band():
     _, said = found_in([SIZE * rng.standard_normal(N) + g * line for g in (1.0, 0.0, 0.0)])
     bands = [f for f in said.found if f.name == 'narrowband']
     assert bands and abs(bands[0].effect['frequency'] - 13.4) < 0.05, said
+
+
+@pytest.mark.parametrize('redder, holds', [(True, False), (False, True)])
+def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_redder(
+        redder, holds):
+    """A swing of f^-1.5 by chance, of which a knee leaves nothing; a real one beside a hump."""
+    rng = np.random.default_rng(10)
+    y = 0.1 * rng.standard_normal(N)
+    if redder:
+        y = y + coloured(rng, 1.5)
+    else:
+        hump = lfilter([1.0], [1, -2 * 0.7 * np.cos(1.5), 0.49], 0.2 * rng.standard_normal(N))
+        y = y + hump + 0.03 * np.sin(2 * np.pi * T / (0.4 * T[-1]))
+    record = ImuRecord(np.column_stack([SIZE * y, *rng.standard_normal((2, N))]), None, T, 1 / DT)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    base = ('white', 'flicker', 'random_walk')
+    fit = problem.point(model_of('noise', base))
+    swing, = (f for f in problem.candidates(fit) if f.name == 'slow_periodic')
+    after = problem.point(model_of('noise', (*base, 'slow_periodic')))
+    against = problem.shape(after, 'slow_periodic', swing.gain)
+    assert (against == '') == holds, (swing, against)
+    assert holds or 'steepness' in against

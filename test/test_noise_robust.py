@@ -484,6 +484,10 @@ def test_the_response_beside_a_band_is_that_of_the_band(low, high, more):
     f = np.linspace(0.01, 0.49, 60)
     gain = np.abs(freqz(*butter(2, (low, high), 'band'), worN=2 * np.pi * f)[1]) ** 2
     assert response.gain2(f, 1.0) == pytest.approx(1 + more * gain, rel=1e-4)
+    assert len(values) == order.terms == 5
+    for other in (o for o in order.rivals if o.tied or not o.alone):
+        back = raised_to(order, other, raised_to(other, order, values))
+        assert back == pytest.approx(values, rel=1e-6)
 
 
 def test_a_lower_order_is_raised_into_the_variable_of_a_band():

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 from ..core.disturbed import calm, saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
-from ..core.statistics import grid_step
+from ..core.statistics import grid_step, median_sigma
 from ..core.stillness import LEAST, still_stretches
 
 STILL_S = 0.8           # shortest rest that counts, s: one of a second, less its ends
@@ -27,6 +28,8 @@ _LONG_S = 2.0           # a rest of which views of a second see the most
 _PICKED_UP = np.radians(5.0)        # a knock turns it by less, putting it down anew by more
 _BLOCK_S = 0.5
 _CLIPPED = 0.02         # a larger share of a rest at the end of the range spoils its mean
+_RULE = 8               # rests of which one can stand out
+_CREEPS = chdtri(3, 1e-6)       # chi-squared of the rate in a rest, three axes
 _TURNING = 0.2          # rad/s: more than the bias of any gyroscope of today
 
 
@@ -221,6 +224,27 @@ def _between_knocks(record: ImuRecord, a: int, b: int) -> tuple[list[tuple[int, 
 
 def _angle_deg(a, b) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
+    """
+    Return the rests in which nothing turned, and a note on those in which something did.
+
+    A hand that holds a pose creeps: its rate stands out from that of the other rests, by more
+    than their noise and their own scatter (median) make. Of few rests none is the rule.
+
+    """
+    if record.gyro is None or len(found) < _RULE:
+        return found, []
+    gyro = np.asarray(record.gyro, float)
+    off = np.array([gyro[r.samples()].mean(0) for r in found])
+    off -= np.median(off, axis=0)
+    size2 = standard_errors(gyro, found, record.rate_hz).T ** 2 + median_sigma(off, axis=0) ** 2
+    creeps = np.sum(off ** 2 / size2, axis=1) > _CREEPS
+    said = [f'{np.degrees(np.linalg.norm(v)):.2f} deg/s at {record.t[r.begin]:.0f} s'
+            for r, v, c in zip(found, off, creeps) if c]
+    note = f'rests that still turn are no ends of turns: {_some(said)}'
+    return [r for r, c in zip(found, creeps) if not c], [note] if said else []
 
 
 def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.ndarray:

@@ -202,13 +202,19 @@ class CalibrationProblem(Problem):
                       key=lambda f: f.penalty - f.gain)
 
     def _without_a_bad_pose(self, fit: Fit) -> dict[str, float]:
-        """Return what each candidate gains without the worst pose, when that is beyond chance."""
+        """
+        Return what candidates gain without the worst pose, when that one is beyond chance.
+
+        Of those only that then gain no more than chance does.
+
+        """
         tail = self._log_tail(fit, self.left_out(fit))
         k = int(np.argmin(tail))
         if tail[k] > np.log(_CHANCE / self.poses.n) or self.poses.n <= 6:
             return {}
         rest = self.without(k)
-        return {f.name: f.gain for f in rest._screened(rest.fit(fit.model))}
+        return {f.name: f.gain for f in rest._screened(rest.fit(fit.model))
+                if (f.p_value or 0.0) > _CHANCE}
 
     def _log_tail(self, fit: Fit, left: LeftOut) -> np.ndarray:
         """

@@ -136,7 +136,8 @@ class Evidence:
     cells) counts the whitened samples in equiprobable cells; a second row of either is without
     defects, and one row more of cells without lines, where there are any. ``envelope`` (columns,
     3) is time, minimum, maximum. ``loud`` (stretches, 2) are the times in which something beside
-    the sensor is switched on, s. ``statistics`` maps an effect's name to what it kept.
+    the sensor is switched on, s; ``sweep`` (6,) is a line that moves (:mod:`.sweep`).
+    ``statistics`` maps an effect's name to what it kept.
 
     """
 
@@ -156,6 +157,7 @@ class Evidence:
     envelope: np.ndarray
     curve: allan.AllanCurve
     loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    sweep: np.ndarray = field(default_factory=lambda: np.zeros(6))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
@@ -454,5 +456,6 @@ def _one_from_arrays(axis, flat, common):
         **plain,
         curve=curve,
         loud=flat.get('loud', np.zeros((0, 2))),
+        sweep=flat.get('sweep', np.zeros(6)),
         statistics=statistics,
     )

@@ -47,8 +47,8 @@ _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
 _ORDERS = tuple(Order(*order) for order in (
     (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2), (2, 2, True),
-    (2, 2, False, np.inf, True), (3, 0), (0, 3), (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4),
-    (4, 4, True)))
+    (2, 2, False, np.inf, True), (3, 0), (0, 3), (4, 0), (3, 3), (3, 3, True), (5, 0), (4, 4, 2),
+    (4, 4), (4, 4, True)))
 _BENT = Order(1, 0)  # of one that is too little to be seen
 _TERM = 4.0  # nats that a term of the response must be worth
 _MORE = 2  # terms more than those that explain every band that are tried as well
@@ -453,7 +453,8 @@ def _joined(bands: Bands, found: _Found) -> bool:
     basis = found.likelihood.explained
     assert basis is not None
     kept = np.flatnonzero(bands.sum(basis.weight) > 0)
-    return not basis.order.terms or basis.order.tied or bool(np.max(np.diff(kept)) <= _GAP)
+    order = basis.order
+    return not order.terms or order.tied > 0 or bool(np.max(np.diff(kept)) <= _GAP)
 
 
 def _still(found: _Found, order: Order, gain2: np.ndarray, by: float, strict: bool) -> bool:
@@ -506,7 +507,7 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
         if order.terms > enough:
             continue
         near = [(o, a) for o, a in known.items() if order.twice and o.within(order)]
-        near += [(o, a) for o, a in begun if o == order]
+        near += [(o, a) for o, a in begun if o[:2] == order[:2]]
         weight = np.ones(len(x))
         for _ in range(3):
             tried = Rational(x, w * weight, bins, order).fit(near)

@@ -153,6 +153,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return ''
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
+    if isinstance(effect, Mean):
+        return _beside_a_knee(evidence, fit, label, claim)
     if effect.broad:
         against = _knee(evidence, fit, effect, claimed)
         if against:
@@ -202,23 +204,46 @@ def _supported(evidence: Evidence, fit: Fit, partly: bool) -> float:
     return supported(Bands.on(evidence.whole.bins), d.power, d.weight, d.v, partly=partly)
 
 
+def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> str:
+    """
+    Say that noise of another colour does most of what an effect on the mean is there for.
+
+    Asked where the spectrum does not hold with the effect in the model: noise that is redder than
+    any of the library wanders in the record as a slow mean does.
+
+    """
+    f, x, w = spectrum_left(evidence, fit)
+    if smooth_gain(x, w, np.log(f)) <= FLEXIBLE:
+        return ''
+    plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.in_every_sensor]
+    rival = fit_part(evidence, Model((*unfitted(Model(plain)), Knee({}, 'knee'))),
+                     intervals=False, start=fit.model, hint=fit.details.hint)
+    means = views.block_means(evidence, rival)
+    owners = ['', *(m.label for m in rival.model.of(Mean) for p in m.parameters if p.linear)]
+    others = means.columns[:, [owner != label for owner in owners]]
+    gain = _unexplained(means, others) - _unexplained(means, means.columns)
+    if gain > HEALED * claim:
+        return ''
+    return f'beside a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no ' \
+           f'name, it gains {gain:.0f} nats of {claim:.0f}'
+
+
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:
     """Return what slow cosines of the mean gain over a model, nats, given its red noise."""
     means = views.block_means(evidence, fit)
-    k = len(means.y)
-    j = (np.arange(k) + 0.5) / k
+    j = (np.arange(len(means.y)) + 0.5) / len(means.y)
     slow = np.cos(np.pi * np.outer(j, np.arange(1, KNOTS + 1)))
-    root = views.root_of(means.covariance)
-    solved = np.linalg.solve(root, np.column_stack([means.y, means.columns, slow]))
-    p = means.columns.shape[1]
-    y, known, more = solved[:, 0], solved[:, 1:p + 1], solved[:, 1:]
+    more = np.column_stack([means.columns, slow])
+    return _unexplained(means, means.columns) - _unexplained(means, more)
 
-    def rest(x):
-        u, s, _ = np.linalg.svd(x, full_matrices=False)
-        u = u[:, s > 1e-8 * s[0]]
-        return float(np.sum((y - u @ (u.T @ y)) ** 2))
 
-    return 0.5 * (rest(known) - rest(more))
+def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:
+    """Return half the squares that columns (k, p) leave of block means, by their covariance."""
+    solved = np.linalg.solve(views.root_of(means.covariance),
+                             np.column_stack([means.y, columns]))
+    u, s, _ = np.linalg.svd(solved[:, 1:], full_matrices=False)
+    u = u[:, s > 1e-8 * s[0]]
+    return 0.5 * float(np.sum((solved[:, 0] - u @ (u.T @ solved[:, 0])) ** 2))
 
 
 def _variance_gain(evidence: Evidence, fit: Fit) -> float:

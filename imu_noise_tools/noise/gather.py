@@ -25,6 +25,7 @@ from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
 from .quiet import loud_stretches, quiet_spectrum
+from .sweep import find_sweep
 from ..core import allan
 from ..core.record import ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
@@ -147,6 +148,7 @@ class _Gathering:
         own['cells'] = _cells(looks, own['resolution'], c, reference, self.dt)
         self.step(f'{axis}: distribution')
         own['line_table'], own['humps'] = find_peaks(c, reference, self.dt)
+        own['sweep'] = find_sweep(c, reference, self.dt)
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')

@@ -19,6 +19,7 @@ from .fit import beside, fit as fit_part
 from .kinds import Coupling, Defect, Mean, NoiseEffect, Response, Spectrum
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
+from .sweep import test_of
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
 from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted, View
@@ -206,7 +207,7 @@ class NoiseProblem(Problem):
 
         """
         e = self.evidence
-        out = [flexible.smooth_misfit(e, fit)]
+        out = [flexible.smooth_misfit(e, fit), test_of(e.sweep)]
         for view in (
             views.frequency(e, 'whole', fit, fitted_here=True),
             self.time(fit, 'odd'),

@@ -27,6 +27,7 @@ from ..loop.effect import Effect
 OPEN = '(response)'  # label of the response that is left open
 _POSITIVE = 1e-4  # of its largest value, to which P or Q are raised where they begin below zero
 _FLOOR = 1e-9  # of P and Q
+_BAND = np.array([0.0, -4.0, 0.0, 1.0])  # 128 u^2 (1 - u)^2 in t_1 ... t_4, of z as of u
 DEEP = 1e-3  # gain^2 below which something else shows: rounding, what leaks from other bands
 _STEPS, _ENOUGH = 40, 1e-3
 
@@ -35,7 +36,8 @@ class Order(NamedTuple):
     """
     Degrees of P and Q.
 
-    ``tied``: gain 1 at Nyquist as at zero, as beside something that is added in the middle.
+    ``tied``: gain 1 at Nyquist as at zero, as beside something that is added in the middle; 2
+    where that falls with the fourth power of f on either side: P - Q = h u^2 (1 - u)^2.
     ``middle``: of that, in u; where both degrees are the same P and Q may as well be polynomials
     in z = u (1 + middle)/(u + middle), of which a band at low frequencies lies in the middle: in
     u its values would be a hundred million times as large as what they add up to.
@@ -46,7 +48,7 @@ class Order(NamedTuple):
 
     zeros: int = 0
     poles: int = 0
-    tied: bool = False
+    tied: int = 0
     middle: float = np.inf
     alone: bool = False
 
@@ -55,14 +57,16 @@ class Order(NamedTuple):
         """What else something added may be that has as many zeros and poles."""
         if self.zeros != self.poles or self.poles < 2:
             return []
-        own = self._replace(tied=False, alone=False)
-        alone = own._replace(alone=True, middle=np.inf)
-        return [o for o in (own, own._replace(tied=True), alone) if o != self]
+        own = self._replace(tied=0, alone=False)
+        some = [own._replace(tied=k) for k in range(3 if self.poles == 4 else 2)]
+        some.append(own._replace(alone=True, middle=np.inf))
+        return [o for o in some if o != self]
 
     @property
     def terms(self) -> int:
         """Values that are free."""
-        return self.poles + 1 if self.alone else self.zeros + self.poles - self.tied
+        known = self.alone or self.tied == 2
+        return self.poles + 1 if known else self.zeros + self.poles - self.tied
 
     @property
     def twice(self) -> bool:
@@ -149,7 +153,7 @@ def beside_a_band(low: float, high: float, more: float) -> tuple[Order, np.ndarr
         Its power over that of the white noise.
 
     """
-    order = Order(4, 4, True, float(np.sin(np.pi / 2 * np.sqrt(low * high)) ** 2))
+    order = Order(4, 4, 2, float(np.sin(np.pi / 2 * np.sqrt(low * high)) ** 2))
     u = _nodes(order)
     # The band is a Butterworth filter of second order by the bilinear transform: in terms of
     # w^2 = tan^2(pi f dt) = u / (1 - u) its gain^2 is 1 / (1 + ((w^2 - centre) / (width w))^4).
@@ -158,7 +162,7 @@ def beside_a_band(low: float, high: float, more: float) -> tuple[Order, np.ndarr
     top = (width * width * u * (1 - u)) ** 2
     bottom = (u - centre * (1 - u)) ** 4 + top
     p, q = (_polynomial(order, 4, u, x / centre ** 4) for x in (bottom + more * top, bottom))
-    return order, np.append(p, q)[1:]
+    return order, np.append((p - q) @ _BAND / (_BAND @ _BAND), q)
 
 
 def _nodes(order: Order) -> np.ndarray:
@@ -176,6 +180,9 @@ def _polynomial(order: Order, degree: int, u: np.ndarray, x: np.ndarray) -> np.n
 def _linear(order: Order) -> np.ndarray:
     """Return what makes (p_1 ..., q_1 ...) of the values of an order that is not ``alone``."""
     out = np.eye(order.zeros + order.poles)
+    if order.tied == 2:
+        one = np.eye(order.poles)
+        return np.block([[_BAND[:, None], one], [0 * _BAND[:, None], one]])
     if order.tied:  # P(1) = Q(1), where t_j is 2 for odd j and 0 for even
         degree = np.concatenate([np.arange(1, order.zeros + 1), np.arange(1, order.poles + 1)])
         sign = np.where(np.arange(len(degree)) < order.zeros, -1.0, 1.0)
@@ -212,6 +219,8 @@ def raised_to(order: Order, lower: Order, values: np.ndarray) -> np.ndarray:
             (order.zeros, full[:lower.zeros]), (order.poles, full[lower.zeros:])))
     if order.alone:
         return np.append(1 - p @ q / max(q @ q, 1e-300), q)
+    if order.tied == 2:
+        return np.append((p - q) @ _BAND / (_BAND @ _BAND), q)
     return np.append(p, q)[order.tied:]
 
 

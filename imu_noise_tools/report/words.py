@@ -39,6 +39,8 @@ VIEWS = {
     'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
     'repeats': ('equal neighbours', 'samples repeat the one before more often than by chance'),
+    'sweep': ('lines that sweep', 'a line moves through the frequencies, as of a machine that '
+              'runs up or down'),
     'grid': ('levels of the output', 'the samples lie on few levels, evenly spaced'),
     'poses': ('poses left out', 'poses are not where the other poses put them'),
 }

@@ -137,9 +137,14 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
     asked for.
 
     """
+    notes = _clipped_turns(records)
+    parts = []
     try:
-        parts = [core.gathered(r, core.rests(r, seconds), accel.correction, gravity)
-                 for r in records if r.gyro is not None]
+        for r in records:
+            if r.gyro is not None:
+                rests, said = core.held(r, core.rests(r, seconds))
+                parts.append(core.gathered(r, rests, accel.correction, gravity))
+                notes += said
         if not parts:
             raise InputError('there is no gyroscope', 'record both sensors')
         turns = core.together(parts)
@@ -149,7 +154,7 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
         return None, (f'the gyroscope is left out: {error.message}',)
     core.refuse_crossed_axes(turns)
     try:
-        return core.calibrate_turns(turns, notes=_clipped_turns(records)), ()
+        return core.calibrate_turns(turns, notes=notes), ()
     except (InputError, FitError) as error:
         if asked:
             raise

@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A line that sweeps: a machine that runs up or down.
+
+Spread over many frequencies and all of the time it is lost in every bin and every block, and bends
+the spectrum like a filter. Along its own path, a straight line in time and frequency, it is not:
+sums along all such lines through the power of short blocks, by the discrete Radon transform of
+Brady (SIAM J. Comput. 27, 1998), which takes n ln n additions.
+
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.fft import idct, rfft
+
+from ..loop.effect import Finding
+
+SHORTEST = 32   # blocks along which a line is followed at least
+PARTS = 8       # of the record, the shortest that is looked at
+LEAST = 8       # cells through which it sweeps at least: what stays is a line or a narrow band
+CAP = 8.0       # times the mean power that a cell counts at most
+NONE = np.zeros(6)
+
+
+class Sweep(NamedTuple):
+    """How sure (nats), how strong (nats), and (s, Hz) of its beginning and end."""
+
+    sure: float
+    strong: float
+    begin: float
+    end: float
+    first: float
+    last: float
+
+
+def find_sweep(c: np.ndarray, reference: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return the :class:`Sweep` (6,) that is told best from noise; zeros where there is none.
+
+    Parameters
+    ----------
+    c : ndarray (n,)
+        Cosine coefficients of the samples.
+    reference : ndarray (n - 1,)
+        Smooth one-sided spectrum of them.
+    dt : float
+        Interval of the samples, s.
+
+    """
+    # as many cells in time as in frequency and more: a cell a block is through all of the band
+    depth = int(np.ceil(np.log2(max(len(c), 2) / 2) / 2))
+    blocks, length = 1 << depth, len(c) >> depth
+    if blocks < SHORTEST:
+        return NONE
+    white = idct(np.append(0.0, c[1:] / np.sqrt(reference / (2 * dt))), norm='ortho')
+    cells = rfft(white[:blocks * length].reshape(blocks, length).astype(np.float32))
+    power = np.abs(cells[:, 1:(length + 1) // 2]) ** 2
+    # steady lines are not what is looked for, nor what is loud for a moment
+    power /= np.mean(power, axis=0)
+    power /= np.mean(power, axis=1, keepdims=True)
+    power = np.minimum(power, CAP)
+    up = _along_lines(power, depth)
+    down = _along_lines(power[:, ::-1], depth)
+    best = NONE
+    for turned, found in ((False, up), (True, down)):
+        sure, strong, count, window, steps, at = found
+        first, last = (power.shape[1] - 1 - k if turned else k for k in (at, at + steps))
+        hz = (np.array([first, last]) % power.shape[1] + 1) / (length * dt)
+        s = np.array([window, window + 1]) * count * length * dt
+        if sure > best[0]:
+            best = np.array(Sweep(sure, strong, *s, *hz))
+    return best
+
+
+def _along_lines(power: np.ndarray, depth: int) -> tuple[float, float, int, int, int, int]:
+    """
+    Return (sure, strong, blocks, which stretch of so many, steps, cell at its beginning).
+
+    Of lines that rise by a whole number of steps, up to one a block, through cells (blocks, m),
+    which go on at the other end. Sums of w cells exceed x w by chance less often than e^-(w (x - 1
+    - ln x)), Chernoff's bound; of all lines that are looked at once in so many.
+
+    """
+    cells, best = power.shape[1], (0.0, 0.0, 1, 0, 0, 0)
+    sums = power[:, None, :]
+    for level in range(1, depth + 1):
+        w = 1 << level
+        early, late = sums[0::2], sums[1::2]
+        sums = np.empty((len(early), w, cells), power.dtype)
+        for steps in range(w):
+            half, shift = steps // 2, (steps + 1) // 2 % cells
+            out = sums[:, steps]
+            np.add(early[:, half, :cells - shift], late[:, half, shift:],
+                   out=out[:, :cells - shift])
+            if shift:
+                np.add(early[:, half, cells - shift:], late[:, half, :shift],
+                       out=out[:, cells - shift:])
+        if w < SHORTEST or w * PARTS < len(power):
+            continue
+        most = int(np.argmax(sums[:, LEAST:]))
+        window, steps, at = np.unravel_index(most, (len(sums), w - LEAST, cells))
+        x = float(sums[window, steps + LEAST, at]) / w
+        sure = w * (x - 1 - np.log(x)) - np.log(2 * depth * sums.size)
+        if sure > best[0]:
+            best = (sure, w * (x - 1), w, int(window), int(steps) + LEAST, int(at))
+    return best
+
+
+def test_of(sweep: np.ndarray) -> Finding:
+    """Return the test for a sweeping line, of the nats by which it stands out along its path."""
+    found = Sweep(*sweep.tolist())
+    words = (f'a line sweeps from {found.first:.4g} to {found.last:.4g} Hz between '
+             f'{found.begin:.4g} and {found.end:.4g} s') if found.sure > 0 else 'no line sweeps'
+    return Finding('sweep', found.strong, view='sweep',
+                   p_value=float(np.exp(-max(found.sure, 0.0))), evidence=words)

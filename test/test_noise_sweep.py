@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A line that moves through the frequencies, and all that is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import chirp, lfilter
+
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.spectrum import cosine_transform
+from imu_noise_tools.noise.lines import reference_spectrum
+from imu_noise_tools.noise.sweep import _along_lines, find_sweep, Sweep
+from imu_noise_tools.tasks.noise import analyse_record
+
+N, DT = 60_000, 0.01
+T = np.arange(N) * DT
+
+
+def found(y):
+    """Return the sweep of samples (n,)."""
+    c = cosine_transform(y - np.mean(y))
+    return Sweep(*find_sweep(c, reference_spectrum(c, DT), DT))
+
+
+def white(seed, n=N):
+    """Return white noise of variance 1."""
+    return np.random.default_rng(seed).standard_normal(n)
+
+
+@pytest.mark.parametrize('first, last, red', [(5.0, 25.0, 0.0), (40.0, 12.0, 0.0),
+                                              (30.0, 20.0, 0.9)])
+def test_a_sweep_is_found_with_its_path(first, last, red):
+    """Its energy is half of A^2 n over the noise around: nats, of which cells keep the most."""
+    noise = lfilter([1.0], [1, -red], white(1))
+    level = np.abs(1 / (1 - red * np.exp(-2j * np.pi * 25.0 * DT)))
+    said = found(noise + 0.15 * level * chirp(T, first, T[-1], last))
+    # all of it or half: digital lines leave some straight ones by a cell
+    part = (said.end - said.begin) / T[-1]
+    assert said.sure > 20 and part > 0.45
+    path = [first + (last - first) * t / T[-1] for t in (said.begin, said.end)]
+    assert [said.first, said.last] == pytest.approx(path, abs=1.0)
+    assert 0.4 < said.strong / (0.25 * 0.15**2 * N * part) < 1.2
+
+
+def test_noise_has_none():
+    """Of 300 records one in thirty would have a sweep of 3.4 nats, were the bound exact."""
+    rng = np.random.default_rng(2)
+    sure = [found(rng.standard_normal(int(rng.integers(3_000, 20_000)))).sure for _ in range(300)]
+    assert max(sure) < np.log(3000)
+
+
+@pytest.mark.parametrize('y', [
+    pytest.param(white(3) + 2 * np.sin(2 * np.pi * 11 * T), id='line'),
+    pytest.param(white(4) + np.sin(2 * np.pi * 11 * T) * (T % 100 < 50), id='on and off'),
+    pytest.param(white(5) * np.where(T < 200, 1, 5), id='louder'),
+    pytest.param(white(6) + 40 * (np.random.default_rng(6).random(N) < 1e-3), id='spikes'),
+    pytest.param(lfilter([1], [1, -1.7, 0.9], white(7)), id='resonance'),
+    pytest.param(lfilter([1], [1, -1.9, 0.998], white(8)) + 3 * white(9), id='narrow band'),
+    pytest.param(np.cumsum(white(10)) + white(11), id='random walk'),
+    pytest.param(white(12)[np.arange(N) // 3], id='held')])
+def test_what_stays_is_none(y):
+    assert found(y).sure < 5
+
+
+def test_sums_along_lines_are_those_of_the_cells():
+    """The best of all lines, against every digital line of Brady's recursion written out."""
+    power = np.random.default_rng(13).exponential(size=(32, 37))
+    power[np.arange(32), (5 + np.arange(32) * 20 // 31) % 37] += 4
+
+    def path(steps, w):
+        if w == 1:
+            return [0]
+        half = path(steps // 2, w // 2)
+        return half + [(steps + 1) // 2 + k for k in half]
+
+    sums = {(s, at): sum(power[i, (at + k) % 37] for i, k in enumerate(path(s, 32)))
+            for s in range(8, 32) for at in range(37)}
+    _, strong, blocks, _, steps, at = _along_lines(power, 5)
+    best = max(sums, key=lambda k: sums[k])
+    assert (blocks, steps, at) == (32, *best) and strong == pytest.approx(sums[best] - 32)
+
+
+def test_a_weak_sweep_is_unknown_and_no_filter():
+    """Over the lower third of the band: the spectrum alone says that it falls."""
+    y = 1e-4 * np.column_stack([white(s) for s in (14, 15, 16)])
+    y[:, 0] += 1.5e-5 * chirp(T, 18.0, T[-1], 1.0)
+    study = analyse_record(ImuRecord(y, None, T, 1 / DT), axes=('gyro_x',), keep_motion=True)
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    assert said.verdict == 'unknown' and 'sweep' in {f.view for f in said.failed}, said
