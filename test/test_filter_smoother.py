@@ -158,6 +158,15 @@ def test_a_delay_lies_between_the_filter_and_the_smoother():
         assert np.median(got.variance[50:] / causal.variance[50:]) < 0.95
 
 
+@pytest.mark.parametrize('later', [{'smooth': True}, {'delay': 0.1}])
+def test_outliers_count_for_little_on_the_way_back_too(later):
+    t, z, truth = turning(700, seed=11)
+    z[[150, 350, 550]] += 30 * SIGMA
+    values = {**KNOWN, 'outliers': {'fraction': 0.01, 'factor': 900.0}}
+    got = filter_record(t, z, design(noise=('white', 'outliers'), values=values), 100.0, **later)
+    assert np.abs(got.rate - truth)[30:].max() < 2.5 * SIGMA
+
+
 def test_a_window_of_no_length_is_the_filter():
     t, z, _ = turning(300)
     engine = Engine(rate_hz=100.0, values=KNOWN)

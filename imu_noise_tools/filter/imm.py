@@ -169,6 +169,7 @@ class Bank:
         self.mixture = None if table.outliers is None else np.tile(table.outliers, repeat)
         self.start = np.stack([np.tile(table.p0[:, :, i, k], repeat) for i, k in self.pairs])
         self.first = np.tile(table.prior[0][:, None], lanes) if prior is None else prior
+        self.good: Any = 1.0            # probability that the last sample was no outlier
         self.jitter = np.zeros(shape)   # variance that uneven sampling adds to the next sample
         self.mu, self.prior, self._own, self._common, self._s, self._nu = np.empty((6, *shape))
         self.x, self._x, self._off = np.empty((3, table.size, *shape))
@@ -252,6 +253,12 @@ class Bank:
         """Return the variance of the next sample's noise, (modes, lanes) or what broadcasts."""
         return e.r if e.slope is None else e.r + self.jitter
 
+    def noise_seen(self, e: Entries) -> np.ndarray:
+        """Return the variance that the last sample's noise had by its weight in the mixture."""
+        if self.mixture is None:
+            return self.noise(e)
+        return self.noise(e) / (self.good + (1 - self.good) / self.mixture[1])
+
     def update(self, z: np.ndarray, e: Entries) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
         Weigh the samples z (lanes,) in.
@@ -313,7 +320,7 @@ class Bank:
         log_bad = np.log(fraction) - 0.5 * (nu * b + np.log(wide))
         top = np.maximum(log_good, log_bad)
         good, bad = np.exp(log_good - top), np.exp(log_bad - top)
-        w = good / (good + bad)
+        w = self.good = good / (good + bad)
         gain = w * a + (1 - w) * b
         return gain, w / s + (1 - w) / wide - w * (1 - w) * (a - b) ** 2, top + np.log(good + bad)
 

@@ -277,7 +277,7 @@ def _total(terms: Any) -> Any:
 def keep(bank: Bank, z: np.ndarray, e: Entries, begins: Any = None) -> Kept:
     """Return a bank as it is after samples z (lanes,)."""
     return Kept(bank.mu.copy(), list(bank.x.copy()), dict(zip(bank.pairs, bank.cov.copy())), z,
-                replace(e, r=bank.noise(e)), begins)
+                replace(e, r=bank.noise_seen(e)), begins)
 
 
 def forward(bank: Bank, z: np.ndarray, e: Entries, begins: np.ndarray | None = None) -> Kept:
