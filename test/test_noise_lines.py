@@ -12,9 +12,12 @@ from scipy.signal import lfilter
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform, folded
-from imu_noise_tools.loop.effect import find_effect
+from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.tasks.noise import analyse_record
 
 DT, N = 0.02, 90_000
 SPAN = N * DT
@@ -139,3 +142,31 @@ def test_intervals_of_lines_hold_the_truth():
     assert len(pulls) > 40
     # 2.7 with a median of single coefficients, which lies at 0.45 of their level
     assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.4
+
+
+def test_a_line_is_worth_having_where_the_model_is_too_high():
+    rng, n, dt = np.random.default_rng(12), 20_000, 0.01
+    y = lfilter([0.1], [1.0, -0.9], rng.standard_normal(n))     # a filter that nothing explains
+    y += 0.02 * np.sin(2 * np.pi * 31.7 * dt * np.arange(n))
+    study = analyse_record(ImuRecord(np.column_stack([y, y[::-1], rng.standard_normal(n)]) * 1e-3,
+                                     None, dt * np.arange(n), 1 / dt), axes=('gyro_x',))
+    problem = study.states['gyro_x'].problem
+    base = model_of('noise', ('white', 'flicker', 'random_walk'))
+    line = find_effect('noise', 'sinusoid')()
+    before, after = problem.held_out(base), problem.held_out(base.plus(line))
+    assert fall_of(before, after, [line]) > 6, (before, after)
+
+
+def test_what_is_fitted_is_the_same_with_lines_and_without():
+    rng, n = np.random.default_rng(13), 20_000
+    y = 1e-3 * (rng.standard_normal(n) + np.sin(0.7 * np.arange(n)))
+    record = ImuRecord(np.column_stack([y, y, y]), None, DT * np.arange(n), 1 / DT)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    one, line = model_of('noise', ('white', 'sinusoid')), find_effect('noise', 'sinusoid')()
+    problem = NoiseProblem(evidence)
+    first, second = problem.point(one), problem.point(one.plus(line))
+    assert second.details is first.details and second.model['white'] == first.model['white']
+    assert second.model['sinusoid.2']['amplitude'] == 0 < second.model['sinusoid']['amplitude']
+    alone = NoiseProblem(evidence).point(one.plus(line))
+    assert alone.model == second.model and alone.flags == second.flags
+    assert alone.estimates == second.estimates

@@ -102,6 +102,16 @@ def test_the_pull_of_a_kurtosis_is_the_one_of_anscombe_and_glynn():
     assert kurtosis_pull(np.ones(8)) == 0.0 and kurtosis_pull(np.zeros(100)) == 0.0
 
 
+def test_a_line_that_is_on_for_a_stretch_is_a_narrow_band():
+    rng = np.random.default_rng(11)
+    wander = 13.4 * T + 0.3 * np.cumsum(rng.standard_normal(N)) * DT
+    on = (T > 0.4 * T[-1]) & (T < 0.6 * T[-1])
+    line = 8 * SIZE * on * np.sin(2 * np.pi * wander)
+    _, said = found_in([SIZE * rng.standard_normal(N) + g * line for g in (1.0, 0.0, 0.0)])
+    bands = [f for f in said.found if f.name == 'narrowband']
+    assert bands and abs(bands[0].effect['frequency'] - 13.4) < 0.05, said
+
+
 @pytest.mark.parametrize('redder, holds', [(True, False), (False, True)])
 def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_redder(
         redder, holds):

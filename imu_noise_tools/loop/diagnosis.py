@@ -30,7 +30,7 @@ from ..core.errors import FitError
 CHAINS = 2  # chains that are followed, rivals' included
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
-PLACES = 8  # places at which candidates are fitted; from then on none is begun
+PLACES = 6  # places at which candidates are fitted; from then on none is begun
 ROUNDS = 4  # times the search begins anew without what was refuted
 LISTED = 8  # candidates that are listed
 
@@ -215,11 +215,10 @@ class _Search:
             # at once, or what follows is looked for beside something that is not there
             best, failed = None, set()
             for f in self.able(place):
-                if self._heals(members, f):
-                    if self._lowers(members, f):
-                        best = f
-                        break
-                    failed.add(label(place.model, f))
+                if self._heals(members, f) and self._lowers(members, f):
+                    best = f
+                    break
+                failed.add(label(place.model, f))
             self._note(members, place, failed)
             if best is None:
                 break
@@ -248,7 +247,8 @@ class _Search:
         """
         Keep the surplus of the set reached, and of each set one candidate further on.
 
-        But for those that do not lower the error there: what predicts no better is no rival.
+        But for those that do not heal what they claim there, or do not lower the error: what
+        predicts no better is no rival.
 
         """
         total = float(sum(surplus(f) for f in members))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
-SLOW = 256  # coefficients in which what acts on the mean shows
+SLOW = 32  # coefficients that hold nearly all of what acts on the mean
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -61,10 +61,10 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
-        # lines are out of the spectrum in any case: beside one more, others gain what they gained
         if quiet and issubclass(cls, (Spectrum, Response)) and not issubclass(cls, MEASURED):
             continue
-        key = (*problem.without_lines(fit.model), name)
+        # what is read from the samples is out of the spectrum: beside it others gain as before
+        key = (*problem.spectral(fit.model), name)
         if issubclass(cls, Line) or key not in problem.tried:
             problem.tried[key] = _one(problem, fit, cls())
         finding = problem.tried[key]
@@ -91,7 +91,8 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
-    gain = _gained(evidence, fit, more) + bonus
+    peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
+    gain = _gained(evidence, fit, more, peak) + bonus
     if isinstance(effect, Coupling):
         gain = gain / model_crowd(fit.model)
     return Finding(
@@ -132,18 +133,19 @@ def _at_bound(evidence: Evidence, effect) -> str:
     return ''
 
 
-def _gained(evidence: Evidence, before: Fit, after: Fit) -> float:
+def _gained(evidence: Evidence, before: Fit, after: Fit, partly: bool = False) -> float:
     """
     Return the gain in likelihood, nats, of which no band counts more than CAP.
 
-    What neither model explains has levels of its own: to come somewhat nearer to it is no gain.
+    What neither model explains has levels of its own: to come somewhat nearer to it is no gain,
+    unless what explains a part (``partly``) counts.
 
     """
     bands = Bands.on(evidence.whole.bins)
     # what is solved for in the mean takes degrees of freedom: ln v counts with those of both
     full = np.maximum(np.maximum(before.details.weight, after.details.weight), 1e-9)
     one, other = (
-        supported(bands, d.power * d.weight / full, full, d.v, CAP)
+        supported(bands, d.power * d.weight / full, full, d.v, CAP, partly)
         for d in (before.details, after.details))
     return other - one
 

@@ -160,6 +160,7 @@ class Evidence:
     sweep: np.ndarray = field(default_factory=lambda: np.zeros(6))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -302,13 +303,13 @@ class Evidence:
         The oldest go where they come to more than :data:`REMEMBERED` numbers.
 
         """
-        if key not in self._remembered:
-            made = make()
-            while self._remembered and made.size + sum(
-                    x.size for x in self._remembered.values()) > REMEMBERED:
-                del self._remembered[next(iter(self._remembered))]
-            self._remembered[key] = made
-        return self._remembered[key]
+        kept = self._remembered
+        if key not in kept:
+            kept[key] = made = make()
+            self._sizes[0] += made.size
+            while self._sizes[0] > REMEMBERED and len(kept) > 1:
+                self._sizes[0] -= kept.pop(next(iter(kept))).size
+        return kept[key]
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """

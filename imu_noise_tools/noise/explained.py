@@ -243,7 +243,8 @@ def _islands(kept: np.ndarray) -> np.ndarray:
 
 
 def supported(
-    bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray, cost: float = COST
+    bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray, cost: float = COST,
+    partly: bool = False,
 ) -> float:
     """
     Return ln L of a spectrum v (b,) where each band may have levels of its own at a cost.
@@ -264,6 +265,9 @@ def supported(
         The model's power.
     cost : float
         Nats a band.
+    partly : bool
+        Whether to come nearer to what is not explained counts, each e times nearer as much as one
+        more band: a peak may be there that is not quite of its form.
 
     """
     w = np.maximum(weight, 0.5)
@@ -272,7 +276,10 @@ def supported(
     least = np.where(weight < FEW, SCARCE * v, 1e-300)
     free = -0.5 * weight * (np.log(np.maximum(power, least)) + 1)
     chance = 0.5 * w * (np.log(w / 2) - digamma(w / 2))
-    return float(np.sum(np.maximum(bands.sum(own), bands.sum(free - chance) - cost)))
+    most = bands.sum(free - chance)
+    lost = most - bands.sum(own)
+    beyond = cost * np.log(np.maximum(lost / cost, 1.0)) if partly else 0.0
+    return float(np.sum(most - np.minimum(lost, cost) - beyond))
 
 
 def stretches(bands: Bands, explained: np.ndarray) -> Iterator[

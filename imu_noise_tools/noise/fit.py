@@ -97,11 +97,7 @@ class _Search:
 
     cautious: bool
     mean: Fit | None
-
-    @property
-    def enough(self) -> float:
-        """Nats that end a search; a comparison needs no more."""
-        return 1e-7 if self.cautious else 1e-3
+    enough: float  # nats that end a search; a comparison needs no more than 1e-3
 
     @property
     def most(self) -> int:
@@ -191,7 +187,8 @@ def fit(
             model = model.with_effect(mean.model[e.label])
         basis = basis or mean.details.basis
     plain = Likelihood(evidence, part, model, mean, basis)
-    search = _Search(intervals if cautious is None else cautious, mean)
+    cautious = intervals if cautious is None else cautious
+    search = _Search(cautious, mean, 1e-7 if intervals else 1e-5 if cautious else 1e-3)
     # of a half, or on a basis that is known, the start is the end of much the same fit
     known = start is not None and set(model.labels) <= set(start.labels) and (
         mean is not None or basis is not None)
@@ -233,6 +230,23 @@ def _fit_of(found: _Found, measured, flags, intervals: bool) -> Fit:
         details,
         supported_by(Bands.on(likelihood.bins), details.power, details.weight, details.v),
     )
+
+
+def beside(evidence: Evidence, fit: Fit, model: Model) -> Fit:
+    """
+    Return a fit with all that is read from the samples as another model has it.
+
+    What is fitted, and the basis of that, must be the same in both models, in the same order; no
+    intervals.
+
+    """
+    model, said, flags = with_measured(evidence, model)
+    same = {e.label: e.values for e in fit.model if e.label in model and e.label not in said}
+    return replace(
+        fit, model=model.with_values(same),
+        estimates={k: said[k] if k in said else fit.estimates[k] for k in model.labels
+                   if k in said or k in fit.estimates},
+        flags=(*flags, *_in_words(fit.details, evidence.loud)))
 
 
 def _wider(found: _Found) -> np.ndarray:
@@ -343,7 +357,7 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     Where that is few of them the model is wrong, not disturbed, and every bin counts.
 
     """
-    thorough, search = search, replace(search, cautious=False)
+    thorough, search = search, replace(search, cautious=False, enough=1e-3)
     bands = Bands.on(plain.likelihood.bins)
     now = _judged(bands, plain)
     if np.all(now.weight == 1) and not _lacks(plain):

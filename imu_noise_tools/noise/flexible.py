@@ -17,7 +17,7 @@ from scipy.special import chdtrc
 
 from . import views
 from .evidence import Evidence
-from .explained import Bands
+from .explained import Bands, supported
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
@@ -132,6 +132,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
+        if isinstance(effect, Spectrum) and effect.centre is not None:
+            claim = max(claim, fit.details.ml - without.details.ml)
         if isinstance(effect, Response):    # of a claim no band counts more than a little
             _, x, _ = spectrum_left(evidence, without)
             claim = max(claim, smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])))
@@ -172,7 +174,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
 
     """
     spent = {e.label: e.knees for e in fit.model.of(NoiseEffect) if e.knees}
-    if effect.label in [*spent][:-1] or fit.supported is None:
+    if effect.label in [*spent][:-1]:
         return ''
     spent.setdefault(effect.label, sum(
         not p.discrete and p.name not in effect.optional for p in effect.parameters))
@@ -182,9 +184,10 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     rivals = [fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
                        intervals=False, start=fit.model, hint=fit.details.hint)
               for some in ((left, plain) if len(plain) < len(left) else (left,))]
-    rival = max(rivals, key=lambda r: r.supported or -np.inf)
-    assert rival.supported is not None
-    better, more = rival.supported - fit.supported, len(Knee.parameters) - sum(spent.values())
+    peak = isinstance(effect, Spectrum) and effect.centre is not None
+    rival = max(rivals, key=lambda r: _supported(evidence, r, peak))
+    better = _supported(evidence, rival, peak) - _supported(evidence, fit, peak)
+    more = len(Knee.parameters) - sum(spent.values())
     least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim) if more > 0 \
         else PRICE * more
     if better <= least:
@@ -193,6 +196,12 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
         f'as well, with {-more} parameter{"s" * (more < -1)} less'
     return f'a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no name, ' \
            f'fits {how}'
+
+
+def _supported(evidence: Evidence, fit: Fit, partly: bool) -> float:
+    """Return ln L where bands may have levels of their own; a part of a peak counts as well."""
+    d = fit.details
+    return supported(Bands.on(evidence.whole.bins), d.power, d.weight, d.v, partly=partly)
 
 
 def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> str:

@@ -15,14 +15,14 @@ from . import classic, flexible, views
 from .candidates import candidates
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
-from .fit import fit as fit_part
-from .kinds import Line, Modulation, NoiseEffect, Response, Spectrum
+from .fit import beside, fit as fit_part
+from .kinds import Coupling, Defect, Mean, NoiseEffect, Response, Spectrum
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from .sweep import test_of
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
-from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
+from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted, View
 from ..loop.problem import Problem
 
 NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
@@ -56,10 +56,14 @@ class NoiseProblem(Problem):
         self.whole = whole or self
         self._fits: dict = {}
         self._points: dict = {}
+        self._settled: dict[tuple[str, ...], Fit] = {}
         self._candidates: dict = {}
         self._begun: dict[tuple[str, ...], Fit] = {}
         self.tried: dict[tuple[str, ...], Finding | None] = {}
         self._matters: dict = {}
+        self._times: dict[tuple, View] = {}
+        self._shapes: dict[tuple, str] = {}
+        self._parts: tuple[NoiseProblem, ...] = ()
 
     @property
     def target(self) -> str:
@@ -73,7 +77,7 @@ class NoiseProblem(Problem):
         Each half is scored by the other, each parity of blocks by the other.
 
         """
-        first, second, odd, even = (
+        first, second, odd, even = self._parts = self._parts or tuple(
             NoiseProblem(self.evidence, p, self) for p in ('first', 'second', 'odd', 'even')
         )
         return [(first, second), (second, first), (odd, even), (even, odd)]
@@ -115,13 +119,8 @@ class NoiseProblem(Problem):
 
     @staticmethod
     def spectral(model: Model) -> tuple[str, ...]:
-        """Return the labels of what matters to the fit of the spectrum and the mean, sorted."""
-        return tuple(sorted(e.label for e in model if not isinstance(e, (Line, Modulation))))
-
-    @staticmethod
-    def without_lines(model: Model) -> tuple[str, ...]:
-        """Return the labels of what is fitted to the spectrum, sorted."""
-        return tuple(sorted(e.label for e in model if not isinstance(e, Line)))
+        """Return the labels of what is fitted to the spectrum and the mean, in their order."""
+        return tuple(e.label for e in model if isinstance(e, (Spectrum, Response, Mean, Coupling)))
 
     def point(self, model: Model) -> Fit:
         """Fit a model without the intervals of its values, which cost most of the time."""
@@ -130,16 +129,24 @@ class NoiseProblem(Problem):
         if model in self._fits:
             return self._fits[model]
         if model not in self._points:
+            key = self.spectral(model) if model == unfitted(model) else None
+            found = self._settled.get(key) if key is not None else None
+            # lines, shocks and what changes in time are read from the samples beside any fit
+            found = beside(self.evidence, found, model) if found else self._point(model)
+            if key is not None:
+                self._settled[key] = found
+            self._points[model] = self._by_method(found)
             if self.part == 'whole':
-                self._points[model] = self._by_method(fit_part(
-                    self.evidence, model, intervals=False, cautious=True, **self._near(model)))
                 self.begin_from(self._points[model])
-            else:
-                whole = self.whole.point(model)
-                self._points[model] = fit_part(
-                    self.evidence, model, self.part, mean=whole, intervals=False, start=whole.model
-                )
         return self._points[model]
+
+    def _point(self, model: Model) -> Fit:
+        if self.part == 'whole':
+            return fit_part(self.evidence, model, intervals=False, cautious=True,
+                            **self._near(model))
+        whole = self.whole.point(model)
+        return fit_part(self.evidence, model, self.part, mean=whole, intervals=False,
+                        start=whole.model)
 
     def _by_method(self, found):
         if self.method == 'avar':
@@ -166,10 +173,10 @@ class NoiseProblem(Problem):
         """Score a fit made on other data."""
         e = self.evidence
         if self.part in ('odd', 'even'):
-            return Score.of([views.time(e, fit, known='even' if self.part == 'odd' else 'odd')])
+            return Score.of([self.whole.time(fit, 'even' if self.part == 'odd' else 'odd')])
         if self.part == 'whole':
             return Score.of(
-                [views.frequency(e, 'whole', fit, fitted_here=True), views.time(e, fit)]
+                [views.frequency(e, 'whole', fit, fitted_here=True), self.time(fit, 'odd')]
             )
         # what acts on the samples and the mean was estimated on the whole: the fit that knows it
         # is the whole's
@@ -184,6 +191,14 @@ class NoiseProblem(Problem):
             ]
         return Score.of(found)
 
+    def time(self, fit: Fit, known: str) -> View:
+        """Return the view in time, worked out once for all models that say the same of it."""
+        said = (e for e in fit.model if isinstance(e, Spectrum) or not isinstance(e, Defect))
+        key = known, *said
+        if key not in self._times:
+            self._times[key] = views.time(self.evidence, fit, known)
+        return self._times[key]
+
     def omnibus(self, fit: Fit) -> list[Finding]:
         """
         Return one test a view, on the whole record.
@@ -195,8 +210,8 @@ class NoiseProblem(Problem):
         out = [flexible.smooth_misfit(e, fit), test_of(e.sweep)]
         for view in (
             views.frequency(e, 'whole', fit, fitted_here=True),
-            views.time(e, fit),
-            views.time(e, fit, 'even'),
+            self.time(fit, 'odd'),
+            self.time(fit, 'even'),
             views.variance(e, fit),
             views.distribution(e, fit),
             views.coherence(e, fit),
@@ -223,14 +238,17 @@ class NoiseProblem(Problem):
         return list(self._candidates[fit.model])
 
     def knows_candidates(self, fit: Fit) -> bool:
-        """Tell whether all but lines were tried beside such a model already."""
-        known = self.without_lines(fit.model)
+        """Tell whether all that is fitted was tried beside such a model already."""
+        known = self.spectral(fit.model)
         return any(k[:-1] == known for k in self.tried)
 
     def shape(self, fit: Fit, label: str, claim: float) -> str:
         """Say that a flexible form does better than an effect of the model, which gains claim."""
-        without = self.point(unfitted(fit.model.minus(label)))
-        return flexible.shape(self.evidence, fit, without, label, claim)
+        key = (*fit.model.labels, label, claim)
+        if key not in self._shapes:
+            without = self.point(unfitted(fit.model.minus(label)))
+            self._shapes[key] = flexible.shape(self.evidence, fit, without, label, claim)
+        return self._shapes[key]
 
     def materiality(self, fit: Fit) -> tuple[float, float, bool]:
         """Return the share of power that a model leaves, the largest ratio, and if it suffices."""

@@ -35,7 +35,7 @@ from .likelihood import Likelihood
 from ..core.spectrum import bins_of, expected
 from ..core.statistics import gamma_excess, gamma_pull
 from ..loop.effect import Fit, Model, registry, View
-from ..loop.verdict import tail
+from ..loop.verdict import STRIKING, tail
 
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
@@ -101,6 +101,7 @@ def frequency(
     v, _ = likelihood.spectra(fit.model)
     if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
         v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
+    v = _around_lines(evidence.part(part).lines, power, v, weight)
     lines = unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1)
     x = np.maximum(power + lines, 1e-300) / v
     # a bin whose one coefficient a line took with it says nothing more
@@ -112,6 +113,23 @@ def frequency(
     return _view(
         'frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra
     )
+
+
+def _around_lines(lines, power, v, weight):
+    """
+    Return the model's power (b,), where lines are no more than what is measured around them.
+
+    What too high a model has beyond that it would take from a line: to hold it would be worse than
+    not to.
+
+    """
+    held = np.sum(lines, axis=0) > power
+    if not np.any(held):
+        return v
+    window = np.ones(15)
+    count = np.convolve(weight, window, 'same')
+    near = np.convolve(weight * power / v, window, 'same') / np.maximum(count, 1)
+    return np.where(held & (near < 1 - STRIKING * np.sqrt(2 / np.maximum(count, 1))), near * v, v)
 
 
 def _louder_than_in_the_other(evidence: Evidence, model: Model, half: str) -> float:
