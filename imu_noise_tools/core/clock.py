@@ -298,9 +298,9 @@ class _Lag:
         That is a short interval by itself, and seldom: often, it is a late reader that catches up.
 
         """
-        off = np.abs(interval / self.period - 1) > 5 * FINE
-        alone = np.convolve(off, np.ones(2 * NEAR + 1), 'same') == 1
-        k = np.flatnonzero(off & alone & (interval < self.period))
+        off = np.flatnonzero(np.abs(interval / self.period - 1) > 5 * FINE)
+        apart = np.diff(np.r_[-self.n, off, 2 * self.n]) > NEAR
+        k = off[apart[1:] & apart[:-1] & (interval[off] < self.period)]
         if len(k) < SELDOM * self.n:
             steps = np.column_stack([k, interval[k] - self.period])
             self.steps = np.vstack([self.steps, steps])
