@@ -144,17 +144,22 @@ class _Gathering:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
         own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
         reference = reference_spectrum(c, self.dt)
-        looks, cells = _looks(self.raw[axis], self.clean[axis], self.used), []
-        for white in _whitened_looks(looks, own['resolution'], c, reference, self.dt):
-            cells.append(_counted(white))
-        own['cells'] = np.array(cells)
-        own['sweep'] = find_sweep(white, self.dt)
+        self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
         own['line_table'], own['humps'] = find_peaks(c, reference, self.dt)
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')
         return kept
+
+    def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:
+        """Whiten the samples: how they spread, and a line that sweeps."""
+        own, cells = self.own[axis], []
+        looks = _looks(self.raw[axis], self.clean[axis], self.used)
+        for white in _whitened_looks(looks, own['resolution'], c, reference, self.dt):
+            cells.append(_counted(white))
+        own['cells'] = np.array(cells)
+        own['sweep'] = find_sweep(white, self.dt)
 
     def part(self, name: str, begin: int, length: int,
              whole: dict[str, np.ndarray] | None = None) -> None:
