@@ -974,12 +974,17 @@ def out_skirts(rng, bed):
 
 
 def out_fm_line(rng, bed):
-    """Make a line that is swung to and fro in frequency, slowly and far."""
+    """
+    Make a line that is swung to and fro in frequency, slowly and far.
+
+    By a sine, so that it is lines a swing apart (Bessel's), where they can be told apart.
+    """
     f0, slow = rng.uniform(.1, .38) * bed.fs, rng.uniform(3, 12) / bed.span
     swing = rng.uniform(.03, .2) * f0
     return _outside('fm line', 'mean', rng, {'frequency': f0, 'swing': swing, 'slow': slow},
                     mean=np.cos(2 * np.pi * f0 * bed.time + swing / slow * np.sin(
-                        2 * np.pi * slow * bed.time + rng.uniform(0, 6))), kin={'narrowband'})
+                        2 * np.pi * slow * bed.time + rng.uniform(0, 6))),
+                    kin={'narrowband', 'sinusoid'})
 
 
 MAKERS = {name[5:]: make for name, make in list(globals().items()) if name.startswith('make_')}

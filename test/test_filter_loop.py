@@ -383,6 +383,11 @@ def test_under_the_bank_what_the_noise_lacks_is_named(kind):
     found = study.diagnose()['gyro_x']
     assert found.verdict == 'missing' and found.found[0].name == kind
     assert not {f.name for f in found.ranked} & {'rate_step', 'stop_and_go', 'harmonic'}
+    before = study.states['gyro_x'].error
+    step, = study.add()
+    # what the bank loses by itself is shown, and is no failure
+    assert step.held_out < before.excess and step.verdict == 'falls to chance'
+    assert not study.states['gyro_x'].error.failing
 
 
 def test_two_motions_that_jump_are_refused():
@@ -409,12 +414,12 @@ def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
     found = study.diagnose()['gyro_x']
     assert found.verdict == 'missing' and found.found[0].name == 'sampling_jitter', found
-    before = study.history[0].held_out
+    before, within = study.history[0].held_out, study.states['gyro_x'].error.within_chance
     step, = study.add()
     if n == 8000:
         assert step.held_out < before and step.verdict.startswith('falls')
     else:       # in either view the bank was as good as it need be: the likelihood alone knows
-        assert before < 0 and step.verdict == 'within chance, predicts better'
+        assert within and step.verdict == 'within chance, predicts better'
     seen = study.states['gyro_x'].fit.estimates['sampling_jitter']['jitter']
     # a delay to and fro is looked for among those of chance: the prediction has half of it
     most = 2.0 if alternate else 1.4

@@ -10,6 +10,8 @@ package makes them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from params import daily
 import pytest
@@ -64,6 +66,21 @@ def test_noise_that_axes_share_is_named():
     rng = np.random.default_rng(5)
     names, said = found_in(axes_with(0.3 * SIZE * rng.standard_normal(N), rng))
     assert names == ['shared_noise'], said
+
+
+@pytest.mark.parametrize('share', [0.0, 0.1])
+def test_a_coupling_claims_what_it_shares_and_not_that_a_fit_was_caught(share):
+    gyro = axes_with(share * SIZE * np.random.default_rng(7).standard_normal(N),
+                     np.random.default_rng(6))
+    evidence = gather(ImuRecord(np.column_stack(gyro), None, T, 1 / DT), axes=('gyro_x',))
+    problem = NoiseProblem(evidence['gyro_x'])
+    fit = problem.point(model_of('noise', ['white', 'flicker', 'random_walk']))
+    high = fit.details.v * np.where(evidence['gyro_x'].whole.bins.f < 1, 3.0, 1.0)
+    caught = replace(fit, details=replace(fit.details, v=high))
+    some = {f.name: f for f in problem.candidates(caught)}
+    assert some['gauss_markov'].gain > 50     # any refit is far better
+    named = some['shared_noise'].gain > some['shared_noise'].penalty
+    assert named == (share > 0), some['shared_noise']
 
 
 @pytest.mark.parametrize('signal', [

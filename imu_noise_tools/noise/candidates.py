@@ -21,6 +21,7 @@ from .explained import Bands, supported
 from .fit import fit as fit_part
 from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
+from .likelihood import inverse, Likelihood
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
@@ -94,7 +95,8 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
     gain = _gained(evidence, fit, more, peak) + bonus
     if isinstance(effect, Coupling):
-        gain = gain / model_crowd(fit.model)
+        count = sum(p.linear for p in effect.parameters)
+        gain = min(gain, _shared(evidence, more, count)) / model_crowd(fit.model)
     return Finding(
         effect.name,
         float(gain),
@@ -106,6 +108,23 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         against=_at_bound(evidence, more.model[label]),
         shapes=_shapes(effect, more.estimates[label]),
     )
+
+
+def _shared(evidence: Evidence, fit: Fit, count: int) -> float:
+    """
+    Return what the last coupling of a fit, of ``count`` gains, tells by them alone, nats.
+
+    That is 1/2 g' C^-1 g of its gains g, C their covariance beside all others, at the spectrum of
+    the fit. A candidate's gain is what it claims; where the fit before it was caught at another
+    place the refit gains more, and the spectrum that it finds is none of the coupling's doing.
+
+    """
+    model = fit.model
+    solved = Likelihood(evidence, 'whole', model).solve_linear(model, fit.details.v)
+    last = sum(p.linear for e in model.of(Coupling) for p in e.parameters)
+    mine = slice(last - count, last)
+    gains = solved.beta[mine]
+    return 0.5 * float(gains @ inverse(solved.covariance[mine, mine]) @ gains)
 
 
 def _shapes(effect: NoiseEffect, estimates) -> int:
