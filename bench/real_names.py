@@ -95,7 +95,7 @@ def band(y, dt, f0, width):
 
 
 def level(y, dt, low, high):
-    """Return the mean of Welch's spectrum between two frequencies (median of pieces, no shocks)."""
+    """Return the level of Welch's spectrum between two frequencies (medians: no shocks)."""
     n = max(256, len(y) // 100)
     window = np.hanning(n)
     pieces = np.lib.stride_tricks.sliding_window_view(y, n)[::n // 2]
@@ -119,13 +119,23 @@ def low_pass(y, dt, cutoff):
     return bool(good), f'levels {edges[0]:.2g} to {edges[-1]:.3g} Hz: {steps}'
 
 
-def rising(y, dt):
-    """Tell whether power rises as f^2 to the fast end, as the rounding of an angle does."""
-    top = 0.5 / dt
-    f = np.geomspace(0.1 * top, 0.5 * top, 6)
-    s = [level(y, dt, a, b) for a, b in zip(f, f[1:])]
-    slope = np.polyfit(np.log(np.sqrt(f[1:] * f[:-1])), np.log(s), 1)[0]
-    return bool(slope > 1), f'ln power rises with ln f by {slope:.2f} (2 is asked)'
+def rising(y, raw, dt):
+    """Tell whether power rises by what an angle rounded to the samples' own step puts there."""
+    step = np.median(np.diff(np.unique(raw[np.isfinite(raw)])))
+    edges = np.linspace(0.05, 0.99, 25) * 0.5 / dt
+    f = 0.5 * (edges[1:] + edges[:-1])
+    s = np.array([level(y, dt, *pair) for pair in zip(edges, edges[1:])])
+    x = np.column_stack([np.ones(24), np.sin(np.pi * f * dt)**2])
+    weight = 1 / np.median(s)
+    for _ in range(5):   # lines stand above: least absolute deviations
+        beta = np.linalg.lstsq(x * weight[:, None] if np.ndim(weight) else x * weight, s * weight,
+                               rcond=None)[0]
+        weight = 1 / np.sqrt(np.maximum(np.abs(s - x @ beta), 0.02 * np.median(s)))
+    # var = level/(2 dt) of a one-sided density; rounding of the angle adds step^2/3 sin^2 times 2
+    scale = np.var(y) / np.mean(s)
+    found, asked = beta[1] * scale, step**2 / 3
+    return bool(0.5 * asked < found < 2 * asked), \
+        f'rises by {found / asked:.2f} of what an angle rounded to the step {step:.3g} adds'
 
 
 # --- other axes ----------------------------------------------------------------------------------
@@ -152,6 +162,28 @@ def shared(y, others, known):
     return bool(good), (f'{name} {middle:.2g} +- {error:.1g}, in halves {half[0]:.2g}, '
                         f'{half[1]:.2g}' + (f'; {said[1][1]} {said[1][0]:.0f} standard errors'
                                             if len(said) > 1 else ''))
+
+
+def foretold(y, others, known):
+    """Tell whether what others do in one half foretells an axis in the other, beside the known."""
+    columns = np.array([*others.values()])
+    columns = columns - columns.mean(axis=1)[:, None]
+    columns = np.vstack([np.roll(columns, k, axis=1) for k in (-1, 0, 1)]
+                        + [np.sum(columns**2, axis=0)])
+    beside = np.vstack([np.ones(len(y)), *(np.roll(x, k) for x in known.values()
+                                           for k in (-1, 0, 1))])
+    n, said = len(y), []
+    parts = slice(2, n // 2), slice(n // 2, n - 2)
+    for fitted, asked in (parts, parts[::-1]):
+        def rest(z, some):
+            x = beside[:, some].T
+            return z[some] - x @ np.linalg.lstsq(x, z[some], rcond=None)[0]
+
+        x, yes = (np.array([rest(c, some) for c in columns]).T for some in (fitted, asked))
+        beta = np.linalg.lstsq(x, rest(y, fitted), rcond=None)[0]
+        said.append(float(np.corrcoef(yes @ beta, rest(y, asked))[0, 1]) * np.sqrt(n / 2))
+    return min(said) > CLEAR, (f'gains of one half foretell the other by {said[0]:.1f} and '
+                               f'{said[1]:.1f} standard errors')
 
 
 # --- samples -------------------------------------------------------------------------------------
@@ -251,13 +283,13 @@ def check(one, t, axes, axis, before=(), left_out=False):
         return shared(y, own, {})
     if name == 'accel_coupling':
         accel = {k: x for k, x in axes.items() if k.startswith('accel')}
-        return shared(y, accel, own if 'shared_noise' in before else {})
+        return foretold(y, accel, own if 'shared_noise' in before else {})
     mean = {'ramp': (s, False), 'transient': (np.exp(-s / (v.get('tc') or 1.0)), True),
             'step': ((s > (v.get('time') or 0)) * 1.0, True), 'drift': (np.sqrt(s), False)}
     if name in mean:
         return moved(y, *mean[name])
     samples = {'shock': lambda: shocks(raw, t, one.get('evidence', '')),
-               'rate_quantization': lambda: grid(raw), 'quantization': lambda: rising(y, dt),
+               'rate_quantization': lambda: grid(raw), 'quantization': lambda: rising(y, raw, dt),
                'variance_change': lambda: loudness(y),
                'gauss_markov': lambda: knee(y, dt, v['tc'])}
     return samples[name]() if name in samples else (None, '')
