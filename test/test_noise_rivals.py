@@ -149,3 +149,13 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
     against = problem.shape(after, 'slow_periodic', swing.gain)
     assert (against == '') == holds, (swing, against)
     assert holds or 'steepness' in against
+
+
+def test_samples_on_a_grid_lie_on_it_whatever_bends_the_spectrum():
+    rng = np.random.default_rng(11)
+    octaves = np.log2(np.maximum(np.fft.rfftfreq(N, DT), 1e-3) / 8)
+    swell = 1 + 1.5 * np.exp(-0.5 * octaves**2)     # no effect has this form
+    gyro = [np.fft.irfft(np.fft.rfft(SIZE * rng.standard_normal(N)) * swell) for _ in range(3)]
+    names, said = found_in([SIZE * np.round(x / SIZE) for x in gyro])
+    assert 'rate_quantization' in names, said
+    assert said.remaining is not None, said
