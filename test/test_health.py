@@ -107,6 +107,32 @@ def test_a_clock_that_is_set_loses_nothing():
     assert found.rate_hz == pytest.approx(100, rel=1e-9)
 
 
+@pytest.mark.parametrize('part', [0.25, 0.4, 0.7])
+def test_a_clock_that_is_set_back_a_little_is_seen(part):
+    """A step back by a part of an interval tilts no rate; a reader that catches up is no step."""
+    t = np.arange(20_000) / 100
+    rng = np.random.default_rng(7)
+    found = fit_clock(t - 0.01 * part * (t > 90) + 1e-5 * rng.standard_normal(len(t)))
+    assert found.missing == 0 and found.steps[:, 1].tolist() == [
+        pytest.approx(-0.01 * part, abs=1e-4)]
+    assert found.rate_hz == pytest.approx(100, rel=1e-6)
+    caught_up = np.where(np.arange(len(t)) % 30 < 3, np.floor(t / 0.3) * 0.3 + 0.024, t)
+    assert len(fit_clock(np.maximum.accumulate(caught_up)).steps) == 0
+
+
+def test_packets_that_were_lost_are_counted_exactly():
+    """Ten lost in stamps that scatter by several intervals are ten, not nine or eleven."""
+    n = 45_000
+    packet = np.arange(n) // 10
+    there = ~np.isin(packet, [703, 1511, 2290, 3077, 3802])
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        sent = (10 * packet + 9) / 100 + rng.gamma(2, 0.008, packet[-1] + 1)[packet]
+        found = fit_clock((np.maximum.accumulate(sent) + 2e-4 * (np.arange(n) % 10))[there])
+        assert found.lost.tolist() == 5 * [10]
+        assert found.rate_hz == pytest.approx(100, rel=1e-5)
+
+
 def test_the_beat_of_ticks_is_no_loss():
     """Stamps in milliseconds at 1 kHz skip one whenever the clocks have slipped by one."""
     rng = np.random.default_rng(3)

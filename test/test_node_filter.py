@@ -206,6 +206,27 @@ def test_a_delay_gives_smoothed_rates_under_their_own_stamps(ros, stream):
     assert np.median(covariance) < 0.9 * np.median(causal)
 
 
+def test_messages_keep_their_order_where_some_have_no_rate(ros, stream):
+    """One without a rate has nothing to wait for but those before it."""
+    s, z = stream(rate_hz=200.0, delay=0.1), noise(200)
+    stamps = START + np.arange(200) * 5_000_000
+    sent = [imu(t, g) for t, g in zip(stamps, z)]
+    for m in sent[:100:3] + sent[100:150]:
+        m.angular_velocity_covariance[0] = -1.0
+    for some in (sent[:160], sent[160:]):
+        s.send(some, wait=False)
+    assert wait_for(lambda: len(s.out) == 200), (len(s.out), s.process.text)
+    assert [ns_of(m) for m in s.out] == stamps.tolist()
+    absent = [m.angular_velocity_covariance[0] < 0 for m in sent]
+    assert [m.angular_velocity_covariance[0] < 0 for m in s.out] == absent
+    kept = np.array([rate(m) == g.tolist() for m, g in zip(s.out, z)])
+    known = np.cumsum(~np.array(absent)) > 16           # till then rates pass as they are
+    assert kept[absent].all() and not kept[known & ~np.array(absent)].any()
+    s.send([imu(stamps[-1] + 5_000_000 * k, g) for k, g in enumerate(z[:10], 1)], wait=False)
+    assert ros.trigger(f'{s.process.full}/reset')[0]        # forgets the stream, loses no message
+    assert wait_for(lambda: len(s.out) == 210), (len(s.out), s.process.text)
+
+
 @pytest.mark.thorough
 def test_the_loop_finds_the_motion_while_the_stream_goes_on(ros, stream):
     """A filter for constant rates, swayed: the diagnosis names it, adding it halves the error."""

@@ -11,6 +11,7 @@ from scipy.signal import chirp, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform
+from imu_noise_tools.noise.gather import whitened
 from imu_noise_tools.noise.lines import reference_spectrum
 from imu_noise_tools.noise.sweep import _along_lines, find_sweep, Sweep
 from imu_noise_tools.tasks.noise import analyse_record
@@ -22,7 +23,7 @@ T = np.arange(N) * DT
 def found(y):
     """Return the sweep of samples (n,)."""
     c = cosine_transform(y - np.mean(y))
-    return Sweep(*find_sweep(c, reference_spectrum(c, DT), DT))
+    return Sweep(*find_sweep(whitened(c, reference_spectrum(c, DT), DT), DT))
 
 
 def white(seed, n=N):

@@ -153,7 +153,7 @@ def test_nothing_left_after_success_and_error(place):
     assert left(place) == {'x.mcap.study'}
 
 
-@pytest.mark.parametrize('where', ['_cross_powers', '_whitened'])
+@pytest.mark.parametrize('where', ['_cross_powers', 'whitened'])
 def test_nothing_left_after_ctrl_c(where, place):
     """Ctrl-C within the work leaves nothing, and the status of a Ctrl-C."""
     process = start(place, 'analyse', 'x.mcap', stop=where)

@@ -27,9 +27,12 @@ LEAST_BLOCKS = 16
 STEP = 0.5              # a lag that changes by so much of an interval is looked at
 FEW = 3                 # levels that are needed on each side
 NEAR = 8                # levels on each side of a step that tell its size
+WIDE, BRIEF = 48, 256   # and, of so many samples each, what was lost there once more
 DRIFT = 0.01            # more than a clock wanders, relative
 EVEN = 1e-9             # relative scatter of intervals that only arithmetic gives
 GOOD = 0.1              # stamps that scatter by less of an interval are followed one by one
+FINE = 0.04             # and by less of it, even a part of an interval shows
+SELDOM = 1e-3           # a clock is set after no fewer samples than one over this
 WHOLE = 0.3             # a step this near to a whole number of intervals is a loss
 MANY = 200              # of so many lost in a row the exact number matters no more
 LEVELS = 512            # of which the rate is fitted
@@ -218,7 +221,8 @@ def _tick(interval: np.ndarray, period: float) -> float:
     part = np.flatnonzero(np.diff(some, prepend=-1.0) > 0.02 * period)
     counts = np.diff(np.append(part, len(some)))
     levels = np.array([np.median(some[k:k + c]) for k, c in zip(part[:100], counts)])
-    levels = levels[counts[:100] > 1e-5 * len(some)]
+    # what happened once or twice is no grid: a clock that was set leaves an interval of its own
+    levels = levels[counts[:100] > max(1e-5 * len(some), FEW - 1)]
     apart = np.diff(levels[levels > 0.02 * period], prepend=0.0)
     if len(part) > 100 or len(levels) < 2 or not len(apart):
         return 0.0
@@ -245,10 +249,14 @@ class _Lag:
         some = interval[::len(interval) // MANY_STEPS | 1]
         if not self.beats and _scatter(some - self.period) < GOOD * self.period:
             self._by_sample(interval)
+            if not tick and _scatter(some - self.period) < FINE * self.period:
+                self._set_back(interval)
         else:
             self._by_level()
         self._without_beat(interval, tick)
         self.period = self._fitted()
+        if self._recounted():
+            self.period = self._fitted()
         return self
 
     def _by_sample(self, interval: np.ndarray) -> None:
@@ -282,6 +290,21 @@ class _Lag:
             begin = k + 1
         self.gaps, self.lost = np.array(gaps, np.int64), np.array(lost, np.int64)
         self.steps = np.array(steps).reshape(-1, 2)
+
+    def _set_back(self, interval: np.ndarray) -> None:
+        """
+        Find where the clock of even stamps was set back by a part of an interval.
+
+        That is a short interval by itself, and seldom: often, it is a late reader that catches up.
+
+        """
+        off = np.flatnonzero(np.abs(interval / self.period - 1) > 5 * FINE)
+        apart = np.diff(np.r_[-self.n, off, 2 * self.n]) > NEAR
+        k = off[apart[1:] & apart[:-1] & (interval[off] < self.period)]
+        if len(k) < SELDOM * self.n:
+            steps = np.column_stack([k, interval[k] - self.period])
+            self.steps = np.vstack([self.steps, steps])
+            self.steps = self.steps[np.argsort(self.steps[:, 0])]
 
     def _by_level(self) -> None:
         """Find the losses of rough stamps, as steps between the levels of blocks."""
@@ -421,6 +444,35 @@ class _Lag:
                 period += (last - first) / span
         return float(period) if 0 < period and total > 0 else self.period
 
+    def _recounted(self) -> bool:
+        """
+        Count the losses of the roughest stamps again beside the fitted clock; tell of changes.
+
+        The levels that steps are found in were freed of drift piece by piece, and wander by that:
+        a count can be off by one. Beside the fitted clock what is wrong with a count stays as a
+        step, read off two lines of one slope through short blocks on either side.
+
+        """
+        if self.scale < BRIEF or not len(self.gaps):
+            return False
+        count = self.n // BRIEF
+        rows = self._residual(self.period)[:count * BRIEF].reshape(count, BRIEF)
+        level = (rows.min(axis=1) if self.low else row_medians(rows)) / self.period
+        near = self.scale // BRIEF + 1      # the place of a loss is known no better
+        block = self.gaps // BRIEF
+        edges = np.sort(np.r_[-near, block, self.steps[:, 0] // BRIEF, count + near]).astype(int)
+        change = np.zeros(len(block), np.int64)
+        for i, b in enumerate(block.tolist()):
+            last, after = edges[edges < b].max(initial=-near), edges[edges > b].min()
+            low, high = max(b - WIDE, last) + near, min(b + WIDE, after) - near
+            x = np.r_[low:b - near, b + near + 1:high]
+            if min(np.sum(x < b), np.sum(x > b)) >= NEAR:
+                change[i] = round(_step(x - b, level[x]))
+        # what is off by more was no matter of counting
+        change[(self.lost + change < self.resolvable) | (np.abs(change) > 2)] = 0
+        self.lost = self.lost + change
+        return bool(change.any())
+
     def _middle(self, count: int, length: int) -> np.ndarray:
         """Return the places of the middles of blocks on the even clock."""
         at = (np.arange(count) + 0.5) * length - 0.5
@@ -475,6 +527,20 @@ def _median(levels: np.ndarray, index: np.ndarray, there: np.ndarray) -> np.ndar
     """Return the median of some of the levels for every row of indices, (c,)."""
     values = levels[np.clip(index, 0, len(levels) - 1)]
     return np.nanmedian(np.where(there, values, np.nan), axis=1)
+
+
+def _step(x: np.ndarray, y: np.ndarray) -> float:
+    """Return the step at 0 between two lines of one slope that outliers do not turn."""
+    columns, weight = np.column_stack([np.ones(len(x)), x, x > 0]), np.ones(len(x))
+    values = np.zeros(3)
+    for _ in range(10):
+        values = np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=None)[0]
+        rest = np.abs(y - columns @ values)
+        scale = median_sigma(rest)
+        if not scale > 0:
+            break
+        weight = np.sqrt(np.minimum(1.0, 1.5 * scale / np.maximum(rest, 1e-300)))
+    return float(values[2])
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:

@@ -246,7 +246,7 @@ def saturated(x: np.ndarray) -> np.ndarray:
     """
     found = np.zeros(len(x), bool)
     finite = np.isfinite(x)
-    some = x[finite]
+    some = x if finite.all() else x[finite]
     if len(some) < 100 or some.min() == some.max():
         return found
     low, high = some.min(), some.max()

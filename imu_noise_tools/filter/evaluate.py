@@ -150,7 +150,8 @@ def score_of(
 
     The deviance of both views together is 2 n times the mean innovation log-likelihood that a true
     model would have scored above this one: u and the samples carry the same information.
-    ``coarse``: less what a bank loses by itself, and 0 where it loses no more.
+    ``coarse``: what a bank loses by itself is allowed; the error shows it all the same, and falls
+    by what an effect that was missing explains of it.
     ``smooth`` (n,): the scores whose distribution counts where rounding makes a comb of that of u.
     ``log_l``: the log-likelihood of the samples, by which two models are compared, half in either
     view: it also knows which samples a model expects to be large, and the views do not.
@@ -160,9 +161,7 @@ def score_of(
     smooth = u if smooth is None else np.clip(smooth, -1e6, 1e6)
     views = [spectrum_view(u, dt), distribution_view(smooth)]
     if coarse:
-        allowed = (2 * len(u) * COARSE[v.name] / len(v.pull) for v in views)
-        views = [replace(v, excess=max(v.excess - a, min(v.excess, 0.0)))
-                 for v, a in zip(views, allowed)]
+        views = [replace(v, allowed=2 * len(u) * COARSE[v.name] / len(v.pull)) for v in views]
     return Score.of(views if log_l is None else (replace(v, log_score=-log_l) for v in views))
 
 
@@ -231,7 +230,7 @@ def omnibus(
     passed = set()
     if coarse:
         views = score_of(u, dt, True, smooth).views
-        passed = {k for k, v in views.items() if v.excess <= 0}
+        passed = {k for k, v in views.items() if v.over <= 0}
     return [Finding(name, 0.0, view=where, evidence=words,
                     p_value=1.0 if ('distribution' if where == 'distribution' else 'spectrum')
                     in passed else float(np.clip(p, 0.0, 1.0)))

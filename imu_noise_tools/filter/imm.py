@@ -73,10 +73,11 @@ class Coefficients:
         """
         Return what of the state, (d,) of (choices, modes, axes), makes a sample off by jitter.
 
-        The change of the rate over the interval, jitter/dt of it; None where there is no jitter.
+        The change of the rate over the interval, jitter/dt of it; None where there is no jitter
+        over any of them (over no time there never is).
 
         """
-        if not any(axis[0].jitter for axis in choices[0].spaces):
+        if not any(axis[0].jitter for c in choices for axis in c.spaces):
             return None
         change = np.array([[[(s.rate @ s.phi - s.rate) * (s.jitter / s.dt if s.dt else 0.0)
                              for s in axis] for axis in c.spaces] for c in choices])

@@ -26,6 +26,7 @@ from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
 from ..loop.problem import Problem
 from ..loop.verdict import HEALED
 
+LEAST = 400             # samples that are judged
 LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
 WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
@@ -65,12 +66,13 @@ class FilterProblem(Problem):
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
         self.part = (0, len(self.z))
+        self.held = 0.0
         self._fits: dict[Model, Fit] = {}
         self._seen: dict[Model, Prediction] = {}
         self.chunks = Chunks(self.z, self.dt, self.alpha)
-        if len(self.z) < 400 and whole is None:
+        if len(self.z) < LEAST and whole is None:
             raise InputError(
-                f'{len(self.z)} samples are too few to judge a filter', 'give at least 400'
+                f'{len(self.z)} samples are too few to judge a filter', f'give at least {LEAST}'
             )
         if np.ptp(self.z) == 0 and whole is None:
             raise InputError(f'{target} is constant', 'leave it out')
@@ -310,16 +312,21 @@ def _line_near(z, f, dt):
 
 
 def problem_of(
-    t: np.ndarray, z: np.ndarray, target: str, stated: Any = None, alpha: float = 1.0
+    t: np.ndarray, z: np.ndarray, target: str, stated: Any = None, alpha: float = 1.0,
+    held: np.ndarray | None = None
 ) -> FilterProblem:
     """
     Return the problem of one axis of a record.
 
     Its longest stretch without a gap, at most the first 2 x 16384 samples of that: ``part`` says
-    which samples of the record.
+    which samples of the record. What :mod:`~imu_noise_tools.filter.held` found, (n,), is left out:
+    those are no samples of this sensor. ``held`` of the problem is their share.
 
     """
     good = np.isfinite(z) & np.isfinite(t)
+    share = 0.0 if held is None else float(np.mean(held[good]))
+    if held is not None:
+        good &= ~held
     t, z = np.asarray(t, float)[good], np.asarray(z, float)[good]
     dt = np.diff(t)
     rate_hz = median_rate(t)
@@ -330,9 +337,13 @@ def problem_of(
     cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt * rate_hz > 1.9)) + 1, [len(t)]])
     longest = int(np.argmax(np.diff(cut)))
     first, last = int(cut[longest]), int(min(cut[longest + 1], cut[longest] + 2 * LONGEST))
+    if share and last - first < LEAST:
+        raise InputError(f'{target}: {share:.0%} of the samples repeat the one before',
+                         'read the sensor at its own rate, on its data-ready interrupt')
     problem = FilterProblem(z[first:last], 1 / rate_hz, target, stated, alpha)
-    where = np.flatnonzero(good)
-    problem.part = int(where[first]), int(where[last - 1]) + 1
+    where = np.append(np.flatnonzero(good), len(good))
+    problem.part = int(where[first]), int(where[last])
+    problem.held = share
     return problem
 
 

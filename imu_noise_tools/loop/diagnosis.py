@@ -499,8 +499,8 @@ def surplus(finding: Finding) -> float:
 
 def beyond_chance(error: Score) -> list[Finding]:
     """Return what of a held-out deviance chance does not explain, as tests that fail."""
-    return [Finding(k, 0.5 * max(v.excess, 0.0) * len(v.pull), view=k,
-                    p_value=rules.tail(v.excess, v.std), evidence='on data not fitted')
+    return [Finding(k, 0.5 * max(v.over, 0.0) * len(v.pull), view=k,
+                    p_value=rules.tail(v.over, v.std), evidence='on data not fitted')
             for k, v in ((k, error.views[k]) for k in error.failing)]
 
 

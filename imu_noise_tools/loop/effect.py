@@ -489,7 +489,8 @@ class View:
     ``excess`` is 0 in expectation for the true model, with scatter ``std``. ``log_score``, where
     given, is the total -2 ln p of the data under the prediction, up to what the data alone decide:
     it also rewards a sharper prediction. ``muted`` marks one that an effect of the model makes
-    fail by itself: it is heard only as a change between two such models.
+    fail by itself: it is heard only as a change between two such models. ``allowed`` is the excess
+    that a model which is only coarse may have by itself.
 
     """
 
@@ -501,6 +502,12 @@ class View:
     unit: str = ''
     log_score: float | None = None
     muted: bool = False
+    allowed: float = 0.0
+
+    @property
+    def over(self) -> float:
+        """What of the excess is more than the model may have by itself."""
+        return self.excess - self.allowed
 
     @property
     def deviance(self) -> float:
@@ -513,8 +520,9 @@ class Score:
     """
     How well a fit predicts data it has not seen.
 
-    The mean over the views of their excess, and its chance scatter. ``muted`` views count as zero
-    in both: what mutes a view neither raises nor lowers the error by it.
+    The mean over the views of their excess, and its scatter: that of chance, and what the views
+    allow, so that ``CHANCE`` times it is the limit of both. ``muted`` views count as zero in both:
+    what mutes a view neither raises nor lowers the error by it.
 
     """
 
@@ -522,6 +530,7 @@ class Score:
     std: float
     views: Mapping[str, View] = field(default_factory=dict)
     muted: Mapping[str, View] = field(default_factory=dict)
+    allowed: float = 0.0
 
     @property
     def within_chance(self) -> bool:
@@ -536,9 +545,10 @@ class Score:
     @property
     def failing(self) -> list[str]:
         """Names of the views that fail, the surest first; the surest where only their sum does."""
-        each = {k: (v.excess, v.std) for k, v in self.views.items()}
+        each = {k: (v.over, v.std) for k, v in self.views.items()}
         found = verdict.views_failing(each)
-        if not found and each and verdict.tail(self.excess, self.std) < verdict.HELD_OUT_LEVEL:
+        over, chance = self.excess - self.allowed, self.std - self.allowed / verdict.CHANCE
+        if not found and each and verdict.tail(over, chance) < verdict.HELD_OUT_LEVEL:
             found = [min(each, key=lambda k: verdict.tail(*each[k]))]
         return found
 
@@ -551,11 +561,13 @@ class Score:
         if not views:
             return cls(float('nan'), float('nan'), {}, muted)
         k = len(views) + len(muted)
+        allowed = float(sum(v.allowed for v in views.values()) / k)
         return cls(
             float(sum(v.excess for v in views.values()) / k),
-            float(np.sqrt(sum(v.std**2 for v in views.values())) / k),
+            float(np.sqrt(sum(v.std**2 for v in views.values())) / k) + allowed / verdict.CHANCE,
             views,
             muted,
+            allowed,
         )
 
 

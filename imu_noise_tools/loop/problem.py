@@ -136,4 +136,5 @@ def _merged(views: list[View]) -> View:
         views[0].unit,
         float(sum(scores)) if len(scores) == k else None,
         any(v.muted for v in views),
+        float(np.mean([v.allowed for v in views])),
     )

@@ -55,7 +55,8 @@ class Filter(Node):
         self._adopting = False
         p.together = lambda new: designed(**chosen(new))
         p.changed = self._changed
-        self._waiting: deque[bytes] = deque()   # messages whose rates are to come
+        # messages whose rates are to come, and those without a rate between them: (raw, has one)
+        self._waiting: deque[tuple[bytes, bool]] = deque()
         self._told = 0                          # samples when figures were last told
         self._first: int | None = None
         self._frame = self.resolve_topic_name('imu/data_raw')
@@ -91,19 +92,27 @@ class Filter(Node):
         raw = messages.plain(batch[0])
         stamp, rate, there = messages.rate_of(raw)
         if not there:
-            self._output.publish(raw)
+            with self._lock:
+                self._waiting.append((raw, False))
+                self._publish_rateless()
             return
         if self._first is None:
             self._first, self._frame = stamp, messages.frame_of(raw) or self._topic
         with self._lock:
             if self._engine.step((stamp - self._first) * 1e-9, rate) is not None:
-                self._waiting.append(raw)
+                self._waiting.append((raw, True))
             self._publish_due()
 
     def _publish_due(self) -> None:
         """Publish the messages whose delay is over: they come out in the order they came in."""
         for answer in self._engine.due():
-            self._output.publish(messages.with_rate(self._waiting.popleft(), *answer))
+            self._output.publish(messages.with_rate(self._waiting.popleft()[0], *answer))
+            self._publish_rateless()
+
+    def _publish_rateless(self) -> None:
+        """Publish what has no rate to wait for, once no message before it waits."""
+        while self._waiting and not self._waiting[0][1]:
+            self._output.publish(self._waiting.popleft()[0])
 
     def _release(self) -> None:
         """Let nothing wait for messages that do not come."""
@@ -116,8 +125,9 @@ class Filter(Node):
     def reset(self) -> dict:
         """Forget the stream; the settings stay."""
         with self._lock:
+            self._engine.finish()
+            self._publish_due()         # what came before is answered by the model it came to
             self._engine.reset()
-            self._waiting.clear()
         self._study = None
         return {'reset': True}
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.record import AXES
 from ..filter.design import aligned, AUTO, Design
+from ..filter.held import held_samples
 from ..filter.motion import AnyMotion
 from ..filter.problem import problem_of
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
@@ -44,7 +45,8 @@ def begin_study(t: np.ndarray, z: np.ndarray, design: Design, stated: Mapping[st
     """
     motion = [AnyMotion.name] if design.motion is None else [e.name for e in design.motion[0]]
     model = model_of(DOMAIN, [*motion, *(e.name for e in design.noise[0])])
-    problems = {axis: problem_of(t, z[:, k], axis, stated[axis], design.alpha)
+    held = held_samples(z)
+    problems = {axis: problem_of(t, z[:, k], axis, stated[axis], design.alpha, held)
                 for k, axis in enumerate(GYRO)}
     return Study.begin(problems, model, source)
 

@@ -12,7 +12,7 @@ time and kept where a :class:`~imu_noise_tools.core.record.Memory` says.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations_with_replacement
 from typing import cast
 
@@ -144,15 +144,22 @@ class _Gathering:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
         own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
         reference = reference_spectrum(c, self.dt)
-        looks = _looks(self.raw[axis], self.clean[axis], self.used)
-        own['cells'] = _cells(looks, own['resolution'], c, reference, self.dt)
+        self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
         own['line_table'], own['humps'] = find_peaks(c, reference, self.dt)
-        own['sweep'] = find_sweep(c, reference, self.dt)
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')
         return kept
+
+    def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:
+        """Whiten the samples: how they spread, and a line that sweeps."""
+        own, cells = self.own[axis], []
+        looks = _looks(self.raw[axis], self.clean[axis], self.used)
+        for white in _whitened_looks(looks, own['resolution'], c, reference, self.dt):
+            cells.append(_counted(white))
+        own['cells'] = np.array(cells)
+        own['sweep'] = find_sweep(white, self.dt)
 
     def part(self, name: str, begin: int, length: int,
              whole: dict[str, np.ndarray] | None = None) -> None:
@@ -351,30 +358,27 @@ def _power_of_looks(looks, dt):
     return {'block_power': np.array([p for p, _ in found]), 'block_count': found[0][1]}
 
 
-def _cells(looks, step, c, reference, dt) -> np.ndarray:
+def _whitened_looks(looks, step, c, reference, dt) -> Iterator[np.ndarray]:
     """
-    Return the cells of one or two versions of the samples.
+    Return one or two versions of the samples, whitened, one after the other.
 
     ``c`` are the coefficients of the last of them, ``reference`` its smooth spectrum.
 
     """
-    if not step > 0:
-        before = [cosine_transform(y) for y in looks[:-1]]
-        found = [_whitened(b, reference_spectrum(b, dt), dt) for b in before]
-        return np.array([*found, _whitened(c, reference, dt)])
-    dither = _dither(len(looks[0]), step)
-    found = []
+    dither = _dither(len(looks[0]), step) if step > 0 else None
     for y in looks:
-        c = cosine_transform(y + dither)
-        found.append(_whitened(c, reference_spectrum(c, dt), dt))
-    return np.array(found)
+        if dither is not None or y is not looks[-1]:
+            own = cosine_transform(y if dither is None else y + dither)
+            yield whitened(own, reference_spectrum(own, dt), dt)
+        else:
+            yield whitened(c, reference, dt)
 
 
 def _cells_without_lines(c, step, dt) -> np.ndarray:
     """Return the cells of the samples whose coefficients c the lines were taken out of."""
     if step > 0:
         c = c + cosine_transform(_dither(len(c), step))
-    return _whitened(c, reference_spectrum(c, dt), dt)
+    return _counted(whitened(c, reference_spectrum(c, dt), dt))
 
 
 def _dither(n: int, step: float) -> np.ndarray:
@@ -382,13 +386,8 @@ def _dither(n: int, step: float) -> np.ndarray:
     return step * (np.random.default_rng(0).random((2, n)).sum(axis=0) - 1)
 
 
-def _whitened(c, reference, dt):
-    """
-    Return how many whitened samples fall into each equiprobable cell.
-
-    They are whitened by the smoothed measured spectrum.
-
-    """
+def whitened(c: np.ndarray, reference: np.ndarray, dt: float) -> np.ndarray:
+    """Return the samples of coefficients c (n,) over their smooth spectrum (n - 1,), rms 1."""
     white = np.empty_like(c)
     white[0] = 0.0
     np.divide(reference, 2 * dt, out=white[1:])
@@ -397,17 +396,17 @@ def _whitened(c, reference, dt):
     y = idct(white, type=2, norm='ortho', overwrite_x=True)
     y -= np.mean(y)
     y /= np.sqrt(sum_of_squares(y) / len(y))
-    return _counted(y, ndtri(np.arange(1, CELLS) / CELLS))
+    return y
 
 
-def _counted(y: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _counted(y: np.ndarray) -> np.ndarray:
     """
-    Return how many of y lie below the first edge, between each two, and from the last on.
+    Return how many of the samples y (n,), whitened, fall into each equiprobable cell.
 
     A fine table tells the cell but for one edge within its step: many times faster than sorting.
 
     """
-    fine = 1 << 12
+    edges, fine = ndtri(np.arange(1, CELLS) / CELLS), 1 << 12
     low, scale = edges[0], (fine - 1) / (edges[-1] - edges[0])
     first = np.searchsorted(edges, low + np.arange(-1, fine + 1) / scale)
     first = np.maximum(first - 1, 0)        # rounding must not pass an edge by

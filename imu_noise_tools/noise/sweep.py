@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import idct, rfft
+from scipy.fft import rfft
 
 from ..loop.effect import Finding
 
@@ -38,26 +38,23 @@ class Sweep(NamedTuple):
     last: float
 
 
-def find_sweep(c: np.ndarray, reference: np.ndarray, dt: float) -> np.ndarray:
+def find_sweep(white: np.ndarray, dt: float) -> np.ndarray:
     """
     Return the :class:`Sweep` (6,) that is told best from noise; zeros where there is none.
 
     Parameters
     ----------
-    c : ndarray (n,)
-        Cosine coefficients of the samples.
-    reference : ndarray (n - 1,)
-        Smooth one-sided spectrum of them.
+    white : ndarray (n,)
+        Samples, whitened by their smooth spectrum.
     dt : float
         Interval of the samples, s.
 
     """
     # as many cells in time as in frequency and more: a cell a block is through all of the band
-    depth = int(np.ceil(np.log2(max(len(c), 2) / 2) / 2))
-    blocks, length = 1 << depth, len(c) >> depth
+    depth = int(np.ceil(np.log2(max(len(white), 2) / 2) / 2))
+    blocks, length = 1 << depth, len(white) >> depth
     if blocks < SHORTEST:
         return NONE
-    white = idct(np.append(0.0, c[1:] / np.sqrt(reference / (2 * dt))), norm='ortho')
     cells = rfft(white[:blocks * length].reshape(blocks, length).astype(np.float32))
     power = np.abs(cells[:, 1:(length + 1) // 2]) ** 2
     # steady lines are not what is looked for, nor what is loud for a moment

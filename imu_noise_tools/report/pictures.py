@@ -44,7 +44,7 @@ def pictures(study: Study) -> dict[str, bytes]:
 
 def worst_targets(study: Study) -> list[str]:
     """Return the targets that fail most, judged by their worst view."""
-    worst = {t: max((v.excess / v.std for v in failing(s.error)), default=0.0)
+    worst = {t: max((v.over / v.std for v in failing(s.error)), default=0.0)
              for t, s in study.states.items()}
     return [t for t in sorted(worst, key=lambda t: -worst[t]) if worst[t] > 0][:MOST_TARGETS]
 

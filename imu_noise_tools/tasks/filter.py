@@ -24,6 +24,7 @@ from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
 from ..filter.design import aligned, AUTO, Design, design, memory
 from ..filter.evaluate import Innovations
+from ..filter.held import held_samples
 from ..filter.motion import AnyMotion
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of
@@ -269,15 +270,20 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
     None, with a note, where the record is too short or an axis constant.
 
     """
-    problems = {}
+    problems, held = {}, held_samples(record.gyro)
     for i, axis in enumerate(AXES):
         given = {**stated.get(axis, {}), **(values or {})}
         try:
-            problems[axis] = problem_of(record.t, record.gyro[:, i], axis, given, alpha)
+            problems[axis] = problem_of(
+                record.t, record.gyro[:, i], axis, given, alpha, held)
         except InputError as error:
             notes.append(f'{axis} is not in the study: {error.message}')
     if not problems:
         return None
+    if held is not None:
+        notes.append(f'{np.mean(held):.0%} of the messages repeat the one before: they are left'
+                     ' out of what is judged, but the filter takes them for new samples; read the'
+                     ' sensor at its own rate, on its data-ready interrupt')
     names = [AnyMotion.name] if chosen.motion is None else [e.name for e in chosen.motion[0]]
     parts = {axis: p.part for axis, p in problems.items()}
     for first, last in sorted(set(parts.values())):
