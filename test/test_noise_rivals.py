@@ -182,3 +182,13 @@ def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     some = [f for f in problem.candidates(caught)
             if f.name in ('notch', 'narrowband', 'quantization', 'low_pass', 'gauss_markov')]
     assert len(some) > 2 and all(f.gain < f.penalty for f in some), some
+
+
+def test_samples_on_a_grid_lie_on_it_whatever_bends_the_spectrum():
+    rng = np.random.default_rng(11)
+    octaves = np.log2(np.maximum(np.fft.rfftfreq(N, DT), 1e-3) / 8)
+    swell = 1 + 1.5 * np.exp(-0.5 * octaves**2)     # no effect has this form
+    gyro = [np.fft.irfft(np.fft.rfft(SIZE * rng.standard_normal(N)) * swell) for _ in range(3)]
+    names, said = found_in([SIZE * np.round(x / SIZE) for x in gyro])
+    assert 'rate_quantization' in names, said
+    assert said.remaining is not None, said

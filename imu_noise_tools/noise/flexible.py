@@ -125,7 +125,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
 
     """
     effect, claimed = fit.model[label], claim
-    if isinstance(effect, (Spectrum, Response)):
+    if isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
         if felt.sum() < 2 * KNOTS:
