@@ -7,7 +7,9 @@ Print what the loop says of each axis of the shared records, beside what a plain
     python bench/real_verdicts.py [--data ../shared/data] [--only NAME,...] [-o FOLDER]
 
 Each record goes to ``imu_noise analyse`` and ``diagnose`` as processes, and only their JSON is
-read. The last two columns use no package: Welch's spectrum of the stretch that was analysed
+read. Behind each name stands whether a plain script bears it out (`real_names.py`): + yes, ! no,
+? it cannot tell; what it measured follows below the table. The last two columns use no
+package either: Welch's spectrum of the stretch that was analysed
 (Hann's window, 64 pieces), its peaks that stand five times and more above the median of a third
 of an octave around them, each told with whether a line, a harmonic or a narrow band was named
 there; and the share of equal neighbours, which an output step or held samples explain.
@@ -25,6 +27,7 @@ import sys
 import tempfile
 
 import numpy as np
+from real_names import check
 from real_records import analysed, load, NAMES
 
 COMMAND = Path(sys.executable).parent / 'imu_noise'
@@ -81,14 +84,22 @@ def named(f: float, found, dt: float, resolution: float) -> bool:
                for g, w in bands(found))
 
 
-def row(name, axis, y, dt, said) -> str:
+def checked(t, axes, axis, left_out, found) -> list[tuple[str, str, str]]:
+    """Return (name, mark, what was measured) of each finding on an axis."""
+    out = []
+    for i, one in enumerate(found):
+        f = (one.get('parameters', {}).get('frequency') or {}).get('value')
+        held, words = check(one, t, axes, axis, [x['effect'] for x in found[:i]], left_out)
+        mark = '?' if held is None else '+' if held else '!'
+        out.append((one['effect'] + (f' {f:.4g} Hz' if f else ''), mark, words))
+    return out
+
+
+def row(name, axis, y, dt, said, checks) -> str:
     """Return the row of one axis."""
     found = said.get('found', [])
     left = said.get('remaining') or {}
-    words = []
-    for one in found:
-        f = (one.get('parameters', {}).get('frequency') or {}).get('value')
-        words.append(one['effect'] + (f' {f:.4g} Hz' if f else ''))
+    words = [f'{what} {mark}' for what, mark, _ in checks]
     seen = [f'{f:.3g} Hz x{over:.0f}{"" if named(f, found, dt, PIECES / (len(y) * dt)) else " *"}'
             for f, over in peaks(y, dt)]
     views = ', '.join(dict.fromkeys(f['test'] for f in left.get('failed', ())))
@@ -109,6 +120,7 @@ def main():
     args = parser.parse_args()
     wanted = args.only.split(',') if args.only else NAMES
     folder = args.output or Path(tempfile.mkdtemp())
+    measured: list[str] = []
     print('| record, axis | verdict | found | then fails | sufficient | peaks of a plain '
           'spectrum (*: not named) | equal neighbours |\n|---|---|---|---|---|---|---|')
     for name in wanted:
@@ -120,11 +132,16 @@ def main():
             continue
         t, axes = load(args.data, name)
         some = analysed(t, source)
+        whole = analysed(t, {**source, 'left_out': ()})
+        inside = {k: x[whole] for k, x in axes.items()}
         result, cpu = run('diagnose', study)
         for axis, said in result.get('diagnosis', {}).items():
             y = axes[axis][some & np.isfinite(axes[axis])]
-            print(row(name, axis, y, 1 / float(source['rate_hz']), said), flush=True)
+            checks = checked(t[whole], inside, axis, ~some[whole], said.get('found', []))
+            print(row(name, axis, y, 1 / float(source['rate_hz']), said, checks), flush=True)
+            measured += [f'{name}, {axis}, {a} {b} {c}' for a, b, c in checks]
         print(f'| {name}: {cpu:.1f} CPU s | | | | | | |', flush=True)
+    print('', *measured, sep='\n- ')
 
 
 if __name__ == '__main__':

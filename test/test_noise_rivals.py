@@ -21,8 +21,9 @@ from scipy.stats import kurtosistest
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
-from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.effect import model_of, registry
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -78,7 +79,6 @@ def test_a_coupling_claims_what_it_shares_and_not_that_a_fit_was_caught(share):
     high = fit.details.v * np.where(evidence['gyro_x'].whole.bins.f < 1, 3.0, 1.0)
     caught = replace(fit, details=replace(fit.details, v=high))
     some = {f.name: f for f in problem.candidates(caught)}
-    assert some['gauss_markov'].gain > 50     # any refit is far better
     named = some['shared_noise'].gain > some['shared_noise'].penalty
     assert named == (share > 0), some['shared_noise']
 
@@ -149,3 +149,46 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
     against = problem.shape(after, 'slow_periodic', swing.gain)
     assert (against == '') == holds, (swing, against)
     assert holds or 'steepness' in against
+
+
+@pytest.mark.parametrize('t0', [0.5, 2.0])
+def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift(t0):
+    rng = np.random.default_rng(31)
+    creep = 1.5 * SIZE * np.log1p(T / t0)
+    names, said = found_in([y - g * creep for y, g in zip(
+        axes_with(np.zeros(N), rng), (1.0, -0.7, 1.3))])
+    assert not set(names) - {'shared_noise'} and said.remaining is not None, said
+
+
+@pytest.mark.parametrize('rings', [False, True])
+def test_what_goes_off_to_one_side_is_no_shock(rings):
+    rng = np.random.default_rng(32)
+    away = 6 * np.exp(-0.5 * ((T - 200.0) / 0.15) ** 2)
+    if rings:
+        away = away * np.sqrt(2) * np.cos(2 * np.pi * 12 * T)
+    y = SIZE * (rng.standard_normal(N) + away)
+    kept = registry('noise')['shock'].statistics(y, Inputs(T, DT, {}, {}))
+    assert bool(len(kept.get('begin', ()))) == rings
+
+
+def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
+    rng = np.random.default_rng(33)
+    y = axes_with(np.zeros(N), rng)
+    evidence = gather(ImuRecord(np.column_stack(y), None, T, 1 / DT), axes=('gyro_x',))['gyro_x']
+    problem = NoiseProblem(evidence)
+    fit = problem.point(model_of('noise', ['white', 'flicker', 'random_walk']))
+    high = fit.details.v * np.where(evidence.whole.bins.f < 1, 3.0, 1.0)
+    caught = replace(fit, details=replace(fit.details, v=high))
+    some = [f for f in problem.candidates(caught)
+            if f.name in ('notch', 'narrowband', 'quantization', 'low_pass', 'gauss_markov')]
+    assert len(some) > 2 and all(f.gain < f.penalty for f in some), some
+
+
+def test_samples_on_a_grid_lie_on_it_whatever_bends_the_spectrum():
+    rng = np.random.default_rng(11)
+    octaves = np.log2(np.maximum(np.fft.rfftfreq(N, DT), 1e-3) / 8)
+    swell = 1 + 1.5 * np.exp(-0.5 * octaves**2)     # no effect has this form
+    gyro = [np.fft.irfft(np.fft.rfft(SIZE * rng.standard_normal(N)) * swell) for _ in range(3)]
+    names, said = found_in([SIZE * np.round(x / SIZE) for x in gyro])
+    assert 'rate_quantization' in names, said
+    assert said.remaining is not None, said

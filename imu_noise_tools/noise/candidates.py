@@ -93,7 +93,10 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
-    gain = _gained(evidence, fit, more, peak) + bonus
+    gain = _gained(evidence, fit, more, peak)
+    if isinstance(effect, (Spectrum, Response)):
+        gain = min(gain, _own(evidence, more, label, peak))
+    gain += bonus
     if isinstance(effect, Coupling):
         count = sum(p.linear for p in effect.parameters)
         gain = min(gain, _shared(evidence, more, count)) / model_crowd(fit.model)
@@ -108,6 +111,24 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         against=_at_bound(evidence, more.model[label]),
         shapes=_shapes(effect, more.estimates[label]),
     )
+
+
+def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
+    """
+    Return what a fit loses without an effect, nats, where all others keep their values.
+
+    Refitted they lose less, so this is a bound of what the effect gains; a gain beyond it is that
+    of a refit that was caught before, and none of the effect's doing.
+
+    """
+    rest = fit.model.minus(label)
+    if not rest.of(Spectrum):
+        return np.inf
+    d, bands = fit.details, Bands.on(evidence.whole.bins)
+    v, _ = Likelihood(evidence, 'whole', rest).spectra(rest)
+    with_it, without = (
+        supported(bands, d.power, d.weight, x, CAP, partly) for x in (d.v, v))
+    return with_it - without
 
 
 def _shared(evidence: Evidence, fit: Fit, count: int) -> float:

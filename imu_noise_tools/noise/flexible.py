@@ -125,7 +125,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
 
     """
     effect, claimed = fit.model[label], claim
-    if isinstance(effect, (Spectrum, Response)):
+    if isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
         if felt.sum() < 2 * KNOTS:
@@ -229,12 +229,19 @@ def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> st
 
 
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:
-    """Return what slow cosines of the mean gain over a model, nats, given its red noise."""
+    """
+    Return what slow cosines of the mean gain over a model, nats, given its red noise.
+
+    Of time, or of its logarithm from the record's begin on, whichever gain more: what sets in with
+    the record, a creep, say, is steep there and flat later.
+
+    """
     means = views.block_means(evidence, fit)
-    j = (np.arange(len(means.y)) + 0.5) / len(means.y)
-    slow = np.cos(np.pi * np.outer(j, np.arange(1, KNOTS + 1)))
-    more = np.column_stack([means.columns, slow])
-    return _unexplained(means, means.columns) - _unexplained(means, more)
+    k, count = np.arange(1, KNOTS + 1), len(means.y)
+    j = np.arange(count) + 0.5
+    slow = (np.cos(np.pi * np.outer(u, k)) for u in (j / count, np.log1p(j) / np.log1p(count)))
+    return _unexplained(means, means.columns) - min(
+        _unexplained(means, np.column_stack([means.columns, x])) for x in slow)
 
 
 def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:

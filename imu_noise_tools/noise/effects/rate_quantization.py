@@ -47,6 +47,7 @@ class RateQuantization(Spectrum, Defect):
         ),
     )
     filtered = False
+    certain = True      # samples on few levels: no form of the spectrum puts them there
     views = ()
     explains = ('grid',)
     mutes = ('distribution', 'variance')  # samples on a coarse grid are not normal

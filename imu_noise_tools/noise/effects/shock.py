@@ -27,6 +27,7 @@ MOST = 0.05  # share of the record that shocks may fill
 LONGEST = 0.02  # share of the record that one may fill; what lasts longer is no shock
 SURE = 15.0  # nats that one is worth at least, the search for it paid
 AROUND = 1 << 14  # samples whose spectrum one is weighed against
+SIDE = 2  # degree of what goes off to one side in the time of a shock
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
@@ -166,7 +167,8 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
     Blocks of one swing are loud together, which a count of loud blocks takes for several that are
     loud by chance. The whitened samples of a stretch tell: of a crest their squares are as large
     as those around, of a shock they are not. Taken out, crests would leave more slow power than
-    they hold.
+    they hold. A shock swings to both sides: what goes off to one side there, as a creep that sets
+    in or a step do, is a parabola through the stretch, and does not count.
 
     """
     clean, sure = _mirrored(y, kept), []
@@ -174,11 +176,13 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
         first = int(np.clip((begin + end - AROUND) // 2, 0, max(len(y) - AROUND, 0)))
         piece = slice(first, first + AROUND)
         white = np.sqrt(reference_spectrum(cosine_transform(clean[piece]), dt))
-        square, around = (
-            idct(np.append(0.0, cosine_transform(x[piece])[1:] / white), norm='ortho') ** 2
+        whole, around = (
+            idct(np.append(0.0, cosine_transform(x[piece])[1:] / white), norm='ortho')
             for x in (y, clean))
-        some = square[begin - first:end - first]
-        over = float(np.mean(some)) * MEDIAN / float(np.median(around))
+        some = whole[begin - first:end - first]
+        t = np.linspace(-1.0, 1.0, len(some))
+        some = (some - np.polyval(np.polyfit(t, some, SIDE), t)) ** 2
+        over = float(np.sum(some)) * MEDIAN / (len(some) - SIDE - 1) / float(np.median(around**2))
         sure.append(0.5 * len(some) * (over - 1 - np.log(over)) > SURE if over > 1 else False)
     return {k: v[np.array(sure)] for k, v in kept.items()}
 
