@@ -118,6 +118,8 @@ def test_a_clock_that_is_set_back_a_little_is_seen(part):
     assert found.rate_hz == pytest.approx(100, rel=1e-6)
     caught_up = np.where(np.arange(len(t)) % 30 < 3, np.floor(t / 0.3) * 0.3 + 0.024, t)
     assert len(fit_clock(np.maximum.accumulate(caught_up)).steps) == 0
+    late = t + 0.0019 * (np.arange(len(t)) == 7000) - 0.001 * (np.arange(len(t)) == 7001)
+    assert len(fit_clock(late).steps) == 0
     polled = np.ceil(t * (1 - 4e-5) / 0.005) * 0.005        # slips by half an interval, once
     assert np.sum(np.diff(polled) < 0.006) == 1 and len(fit_clock(polled).steps) == 0
 

@@ -305,8 +305,14 @@ class _Lag:
         k = off[apart[1:] & apart[:-1] & (part[off] < 1)]
         often = part[k, None] * (2, 3, 4)
         k = k[np.all(np.abs(often - np.round(often)) > FINE, axis=1)]
-        if len(k) < SELDOM * self.n:
-            steps = np.column_stack([k, interval[k] - self.period])
+        near = np.arange(NEAR)
+        before, after = (
+            np.median(self.t[at] - self.period * at, axis=1) for at in (
+                np.maximum(k[:, None] - near, 0), np.minimum(k[:, None] + 1 + near, self.n - 1))
+        )
+        stays = after - before < -5 * FINE * self.period    # no late stamp that was caught up
+        if np.sum(stays) < SELDOM * self.n:
+            steps = np.column_stack([k, after - before])[stays]
             self.steps = np.vstack([self.steps, steps])
             self.steps = self.steps[np.argsort(self.steps[:, 0])]
 
