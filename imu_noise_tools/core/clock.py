@@ -296,11 +296,15 @@ class _Lag:
         Find where the clock of even stamps was set back by a part of an interval.
 
         That is a short interval by itself, and seldom: often, it is a late reader that catches up.
+        A simple fraction of an interval is where polls slip against the samples, and no clock's.
 
         """
-        off = np.flatnonzero(np.abs(interval / self.period - 1) > 5 * FINE)
+        part = interval / self.period
+        off = np.flatnonzero(np.abs(part - 1) > 5 * FINE)
         apart = np.diff(np.r_[-self.n, off, 2 * self.n]) > NEAR
-        k = off[apart[1:] & apart[:-1] & (interval[off] < self.period)]
+        k = off[apart[1:] & apart[:-1] & (part[off] < 1)]
+        often = part[k, None] * (2, 3, 4)
+        k = k[np.all(np.abs(often - np.round(often)) > FINE, axis=1)]
         if len(k) < SELDOM * self.n:
             steps = np.column_stack([k, interval[k] - self.period])
             self.steps = np.vstack([self.steps, steps])
@@ -386,7 +390,7 @@ class _Lag:
         size = np.abs(self.steps[:, 1])
         slip = np.flatnonzero(size < 1.5 * max(tick, self.period))
         beat = slip[_regular(self.steps[slip, 0], self.n)]
-        other = np.abs(size - tick) > 0.2 * tick
+        other = size > 1.2 * tick
         other[beat] = False
         self.steps = self.steps[other]
         if not len(self.gaps) or self.scale == 1 and self._repeats(interval):
