@@ -22,7 +22,7 @@ from .explained import (
     Bands, Explained, FAR, judge, Judgement, MANY, NEARLY, set_aside, SetAside,
     supported as supported_by
 )
-from .kinds import Coupling, Mean, Spectrum
+from .kinds import Coupling, Mean, Modulation, Spectrum
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .quiet import quiet_from
@@ -394,14 +394,14 @@ def _in_quiet(search: _Search, found: _Found, hint: Explained | None) -> _Found:
     """
     Return the fit made again on what is quiet where something is switched on now and then.
 
-    The same where nothing is, or where the model explains what is: its own effects, or sources
-    that are shared, hold it then.
+    The same where nothing is, or where the model explains what is: its own effects, sources that
+    are shared, or a variance that changes, hold it then.
 
     """
     likelihood = found.likelihood
     part, bands = likelihood.part, Bands.on(likelihood.bins)
     told = quiet_from(likelihood.bins, bands, part.power, part.quiet)
-    if told is None or likelihood.model.of(Coupling):
+    if told is None or likelihood.model.of(Coupling) or likelihood.model.of(Modulation):
         return found
     low, louder = told
     basis = likelihood.explained
