@@ -401,7 +401,7 @@ def _in_quiet(search: _Search, found: _Found, hint: Explained | None) -> _Found:
     likelihood = found.likelihood
     part, bands = likelihood.part, Bands.on(likelihood.bins)
     told = quiet_from(likelihood.bins, bands, part.power, part.quiet)
-    if told is None or likelihood.model.of(Coupling) or likelihood.model.of(Modulation):
+    if told is None or any((likelihood.model.of(Coupling), likelihood.model.of(Modulation))):
         return found
     low, louder = told
     basis = likelihood.explained
