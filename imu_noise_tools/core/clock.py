@@ -541,31 +541,25 @@ def _median(levels: np.ndarray, index: np.ndarray, there: np.ndarray) -> np.ndar
 
 def _step(x: np.ndarray, y: np.ndarray) -> float:
     """Return the step at 0 between two lines of one slope that outliers do not turn."""
-    columns, weight = np.column_stack([np.ones(len(x)), x, x > 0]), np.ones(len(x))
-    values = np.zeros(3)
-    for _ in range(10):
-        values = np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=None)[0]
-        rest = np.abs(y - columns @ values)
-        scale = median_sigma(rest)
-        if not scale > 0:
-            break
-        weight = np.sqrt(np.minimum(1.0, 1.5 * scale / np.maximum(rest, 1e-300)))
-    return float(values[2])
+    return float(_robust(np.column_stack([np.ones(len(x)), x, x > 0]), y)[0][2])
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return slope and residuals of a line that outliers do not turn (Huber's weights)."""
+    """Return slope and residuals of a line that outliers do not turn."""
     if len(x) < 2:
         return 0.0, np.zeros(len(x))
-    x = x - np.mean(x)
-    weight = np.ones(len(x))
+    values, rest = _robust(np.column_stack([np.ones(len(x)), x - np.mean(x)]), y)
+    return float(values[1]), rest
+
+
+def _robust(columns: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the values (p,) of columns (n, p) by Huber's weights, and what they leave (n,)."""
+    weight = np.ones(len(y))
     for _ in range(10):
-        middle = np.sum(weight * y) / np.sum(weight)
-        centre = np.sum(weight * x) / np.sum(weight)
-        slope = np.sum(weight * (x - centre) * (y - middle)) / np.sum(weight * (x - centre) ** 2)
-        rest = y - middle - slope * (x - centre)
+        values = np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=None)[0]
+        rest = y - columns @ values
         scale = median_sigma(rest)
         if not scale > 0:
             break
-        weight = np.minimum(1.0, 1.5 * scale / np.maximum(np.abs(rest), 1e-300))
-    return float(slope), rest
+        weight = np.sqrt(np.minimum(1.0, 1.5 * scale / np.maximum(np.abs(rest), 1e-300)))
+    return values, rest

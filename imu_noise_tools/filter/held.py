@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+REMEDY = 'read the sensor at its own rate, on its data-ready interrupt'
 BLOCK = 128             # samples in which it is asked how fast the rates change
 LEAST_BLOCKS = 5        # in which they change fast: fewer tell nothing
 FAST = 3.0              # steps between neighbours, in the median: rounding makes 9 % of them equal

@@ -16,6 +16,7 @@ from .chunks import Chunks
 from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, Likelihood, maximise, start
+from .held import REMEDY
 from .predict import predict, Prediction
 from .statespace import DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, white_of
 from ..core.clock import median_rate
@@ -66,7 +67,6 @@ class FilterProblem(Problem):
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
         self.part = (0, len(self.z))
-        self.held = 0.0
         self._fits: dict[Model, Fit] = {}
         self._seen: dict[Model, Prediction] = {}
         self.chunks = Chunks(self.z, self.dt, self.alpha)
@@ -320,12 +320,13 @@ def problem_of(
 
     Its longest stretch without a gap, at most the first 2 x 16384 samples of that: ``part`` says
     which samples of the record. What :mod:`~imu_noise_tools.filter.held` found, (n,), is left out:
-    those are no samples of this sensor. ``held`` of the problem is their share.
+    those are no samples of this sensor.
 
     """
     good = np.isfinite(z) & np.isfinite(t)
-    share = 0.0 if held is None else float(np.mean(held[good]))
+    share = 0.0
     if held is not None:
+        share = float(np.mean(held[good]))
         good &= ~held
     t, z = np.asarray(t, float)[good], np.asarray(z, float)[good]
     dt = np.diff(t)
@@ -339,11 +340,10 @@ def problem_of(
     first, last = int(cut[longest]), int(min(cut[longest + 1], cut[longest] + 2 * LONGEST))
     if share and last - first < LEAST:
         raise InputError(f'{target}: {share:.0%} of the samples repeat the one before',
-                         'read the sensor at its own rate, on its data-ready interrupt')
+                         REMEDY)
     problem = FilterProblem(z[first:last], 1 / rate_hz, target, stated, alpha)
     where = np.append(np.flatnonzero(good), len(good))
     problem.part = int(where[first]), int(where[last])
-    problem.held = share
     return problem
 
 

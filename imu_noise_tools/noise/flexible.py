@@ -12,6 +12,8 @@ does much better, no name holds: the form is something else.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.special import chdtrc
 
@@ -23,7 +25,7 @@ from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Sp
 from .knee import Knee
 from .likelihood import inverse, Likelihood
 from ..core.statistics import kurtosis_pull
-from ..loop.effect import Finding, Fit, Model, unfitted
+from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 
 KNOTS = 8  # free levels of the smooth form
@@ -181,8 +183,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     left = [e for e in fit.model if e.label not in spent]
     # drift of other colours may be the knee's, and mostly ends the search before it
     plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
-    rivals = [fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
-                       intervals=False, start=fit.model, hint=fit.details.hint)
+    rivals = [_with_a_knee(evidence, fit, some)
               for some in ((left, plain) if len(plain) < len(left) else (left,))]
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     rival = max(rivals, key=lambda r: _supported(evidence, r, peak))
@@ -196,6 +197,12 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
         f'as well, with {-more} parameter{"s" * (more < -1)} less'
     return f'a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no name, ' \
            f'fits {how}'
+
+
+def _with_a_knee(evidence: Evidence, fit: Fit, some: Iterable[Effect]) -> Fit:
+    """Return the fit of some effects and a knee of any steepness, begun from a fit."""
+    return fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
+                    intervals=False, start=fit.model, hint=fit.details.hint)
 
 
 def _supported(evidence: Evidence, fit: Fit, partly: bool) -> float:
@@ -216,8 +223,7 @@ def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> st
     if smooth_gain(x, w, np.log(f)) <= FLEXIBLE:
         return ''
     plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.in_every_sensor]
-    rival = fit_part(evidence, Model((*unfitted(Model(plain)), Knee({}, 'knee'))),
-                     intervals=False, start=fit.model, hint=fit.details.hint)
+    rival = _with_a_knee(evidence, fit, plain)
     means = views.block_means(evidence, rival)
     owners = ['', *(m.label for m in rival.model.of(Mean) for p in m.parameters if p.linear)]
     others = means.columns[:, [owner != label for owner in owners]]

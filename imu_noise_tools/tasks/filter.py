@@ -24,7 +24,7 @@ from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
 from ..filter.design import aligned, AUTO, Design, design, memory
 from ..filter.evaluate import Innovations
-from ..filter.held import held_samples
+from ..filter.held import held_samples, REMEDY
 from ..filter.motion import AnyMotion
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of
@@ -281,9 +281,8 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
     if not problems:
         return None
     if held is not None:
-        notes.append(f'{np.mean(held):.0%} of the messages repeat the one before: they are left'
-                     ' out of what is judged, but the filter takes them for new samples; read the'
-                     ' sensor at its own rate, on its data-ready interrupt')
+        notes.append(f'{np.mean(held):.0%} of the messages repeat the one before: they are left out'
+                     f' of what is judged, but the filter takes them for new samples; {REMEDY}')
     names = [AnyMotion.name] if chosen.motion is None else [e.name for e in chosen.motion[0]]
     parts = {axis: p.part for axis, p in problems.items()}
     for first, last in sorted(set(parts.values())):
