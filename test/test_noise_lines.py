@@ -170,3 +170,19 @@ def test_what_is_fitted_is_the_same_with_lines_and_without():
     alone = NoiseProblem(evidence).point(one.plus(line))
     assert alone.model == second.model and alone.flags == second.flags
     assert alone.estimates == second.estimates
+
+
+@pytest.mark.parametrize('size', [0.0, 0.0228])
+def test_faint_orders_of_one_machine_are_found_together(size):
+    """Of five lines of 11.7 nats each, where one alone needs 18; and none in noise alone."""
+    counts, strange = [], 0
+    for seed in range(10):
+        rng = np.random.default_rng([seed, 40])
+        f0, y = rng.uniform(1.0, 6.0), rng.standard_normal(N)
+        for k in (1, 2, 4, 5, 7):
+            y = y + size * np.cos(2 * np.pi * k * f0 * T + rng.uniform(0, 7))
+        found, true = table(y)[:, 0], [folded(k * f0, DT) for k in (1, 2, 4, 5, 7)]
+        right = [np.min(np.abs(f - true)) < 1 / SPAN for f in found]
+        counts.append(sum(right) if size else 0)
+        strange += len(found) - sum(right) if size else len(found)
+    assert strange <= 2 and (not size or np.median(counts) >= 4)
