@@ -201,7 +201,7 @@ def test_a_peak_is_ranked_by_the_measure_of_a_rival_that_explains_more():
         return Tried(Finding(name, partly if peak else whole, penalty=10.0), whole, partly, peak)
 
     peak = tried('peak', 20.0, 234.0, peak=True)
-    for rival, gain in ((tried('rival', 58.0, 300.0), 20.0), (tried('rival', 58.0, 100.0), 234.0),
+    for rival, gain in ((tried('rival', 58.0, 240.0), 20.0), (tried('rival', 58.0, 230.0), 234.0),
                         (tried('rival', 5.0, 300.0), 234.0)):
         found = {f.name: f.gain for f in by_one_measure([peak, rival, Tried(None)])}
         assert found == {'peak': gain, 'rival': rival.whole}

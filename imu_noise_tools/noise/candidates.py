@@ -26,6 +26,7 @@ from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
+from ..loop.verdict import PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -96,13 +97,15 @@ def by_one_measure(tried: list[Tried]) -> list[Finding]:
 
     What a peak explains of bands that are not of its form counts, or none would be found; of
     another form it does not, which may bend to anything. Where what stands out without that
-    explains more than the peak by the peak's own measure, it is no peak that is there.
+    explains more than the peak by the peak's own measure, beyond chance and for what it has to
+    choose, it is no peak that is there.
 
     """
-    some = [(t, t.finding) for t in tried
-            if t.finding is not None and np.isfinite(t.finding.gain)]
-    most = max((t.partly for t, f in some if not t.peak and f.gain > f.penalty), default=-np.inf)
-    return [replace(f, gain=t.whole) if t.peak and t.partly < most else f for t, f in some]
+    some = [(t, t.finding, t.partly - t.finding.penalty - PRICE * t.finding.shapes)
+            for t in tried if t.finding is not None and np.isfinite(t.finding.gain)]
+    most = max((worth for t, f, worth in some if not t.peak and f.gain > f.penalty),
+               default=-np.inf)
+    return [replace(f, gain=t.whole) if t.peak and worth < most else f for t, f, worth in some]
 
 
 def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
