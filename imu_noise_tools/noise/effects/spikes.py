@@ -249,9 +249,9 @@ def _degrees(evidence: Evidence, isolated: Tails) -> tuple[float, float | None, 
     """
     Return (degrees of freedom, std, nats gained) of the samples but for what was taken out.
 
-    (0, None, 0) where normal noise with isolated spikes does as well, or free quantiles do better: then
-    it is none of these. Noise that is louder for a while is normal of several scales: those of
-    stretches of blocks, as far as they differ by more than neighbours do.
+    (0, None, 0) where normal noise with isolated spikes does as well, or free quantiles do better:
+    then it is none of these. Noise that is louder for a while is normal of several scales: those
+    of stretches of blocks, as far as they differ by more than neighbours do.
 
     """
     cells = evidence.cells[-1].astype(float)
