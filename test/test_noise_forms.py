@@ -90,6 +90,22 @@ def test_many_spikes_have_their_rate_and_size(share, size):
     assert found.effect['nu'] == 0
 
 
+@pytest.mark.parametrize('length', [5, 9])
+def test_spikes_that_come_in_bursts_are_found_and_taken_out(length):
+    """Runs of samples of either sign, beside which the neighbours say nothing."""
+    rng, rate, n = np.random.default_rng(12), 100.0, 60_000
+    x = rng.standard_normal((n, 3))
+    hit = np.convolve(rng.random(n) < 1e-3, np.ones(length))[:n] > 0
+    x[hit, 0] += rng.choice([-1, 1], hit.sum()) * rng.uniform(7, 20, hit.sum())
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    found = find_effect('noise', 'spikes')().find(evidence)
+    count = found.effect['rate'] * n / rate
+    assert count == pytest.approx(hit.sum(), rel=0.15)
+    white = 1e-6 * 2 / rate     # one-sided, of the noise beneath
+    assert np.median(evidence.whole.power[-20:]) == pytest.approx(white, rel=0.05)
+
+
 def heavy(nu, n=40_000, rate=50.0, seed=0):
     """Return an axis of Student's t with a walk beside it."""
     rng = np.random.default_rng([seed, int(10 * nu)])

@@ -29,6 +29,7 @@ LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
+AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
 SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
 MORE = 0.02  # share of its power that may be gained where what stands out is taken out
@@ -85,49 +86,12 @@ class Spikes(Defect):
         fresh = np.arange(n)
         if repeats(y).held:
             fresh = np.flatnonzero(np.concatenate([[True], y[1:] != y[:-1]]))
-        z = y if len(fresh) == n else y[fresh]
-        rest = _against_neighbours(z)
-        blocks, sigma = _local_sigma(rest)
-        # on a coarse grid most neighbours are equal, and a jump by a step is no outlier
-        sigma = np.maximum(sigma, 0.4 * grid_step(y)[0])
-        if not np.all(sigma > 0):
-            return {}
-        threshold = float(-ndtri(0.01 / n))
-
-        def beyond(at, size):
-            return at[np.abs(size) > threshold * np.interp(at, blocks, sigma)]
-
-        at = np.zeros(0, int)
-        for again in range(PASSES):
-            if again:
-                rest = _against_neighbours(z)
-            pieces = (np.arange(i, min(i + PIECE, len(z))) for i in range(0, len(z), PIECE))
-            new = np.concatenate([beyond(k, rest[k]) for k in pieces])
-            # one at a time among neighbours, the largest first: it may be all that is there
-            around = np.clip(new[:, None] + np.arange(-2, 3), 0, len(z) - 1)
-            new = new[np.abs(rest[new]) >= np.max(np.abs(rest[around]), axis=1)]
-            if not len(new):
-                break
-            z = z if again else z.copy()
-            z[new] -= rest[new]
-            at = np.union1d(at, new)
-        size = y[fresh[at]] - z[at]
-        some = np.isin(at, beyond(at, size))
-        at, size = at[some], size[some]
-        ends = np.append(fresh, n)
-        filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
-        index = np.concatenate([np.zeros(0, int), *filled])
-        excess = np.repeat(size, np.diff(ends)[at])
-        return {
-            'index': index,
-            'excess': excess,
-            'slow': np.array(_slow_without(y, index, excess)),
-            'size': size,
-            'sigma': np.interp(at, blocks, sigma),
-            'threshold': np.array(threshold),
-            'n': np.array(n),
-            'dt': np.array(inputs.dt),
-        }
+        kept = _outliers(y, fresh, _against_neighbours, alone=True)
+        if kept and len(kept['size']) and kept['slow'] > 1 + MORE:
+            # in a burst the neighbours are outliers as well
+            around = _outliers(y, fresh, _against_around, alone=False)
+            kept = around if around['slow'] <= 1 + MORE else kept
+        return {**kept, 'n': np.array(n), 'dt': np.array(inputs.dt)} if kept else {}
 
     @classmethod
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
@@ -208,6 +172,58 @@ class Spikes(Defect):
     def example(cls) -> Effect:
         """Return one spike in twenty seconds, of 2.9 deg/s (0.05 rad/s) rms."""
         return cls({'rate': 0.05, 'sigma': 0.05, 'nu': 0.0})
+
+
+def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
+    """
+    Return size of each outlier, the noise around it, and which samples it fills.
+
+    Of the samples y (n,) those at ``fresh`` are looked at ``against`` what is around them; if
+    ``alone``, one at a time among neighbours.
+
+    """
+    n = len(y)
+    z = y if len(fresh) == n else y[fresh]
+    rest = against(z)
+    blocks, sigma = _local_sigma(rest)
+    # on a coarse grid most neighbours are equal, and a jump by a step is no outlier
+    sigma = np.maximum(sigma, 0.4 * grid_step(y)[0])
+    if not np.all(sigma > 0):
+        return {}
+    threshold = float(-ndtri(0.01 / n))
+
+    def beyond(at, size):
+        return at[np.abs(size) > threshold * np.interp(at, blocks, sigma)]
+
+    at = np.zeros(0, int)
+    for again in range(PASSES):
+        if again:
+            rest = against(z)
+        pieces = (np.arange(i, min(i + PIECE, len(z))) for i in range(0, len(z), PIECE))
+        new = np.concatenate([beyond(k, rest[k]) for k in pieces])
+        if alone:   # the largest first: it may be all that is there
+            around = np.clip(new[:, None] + np.arange(-2, 3), 0, len(z) - 1)
+            new = new[np.abs(rest[new]) >= np.max(np.abs(rest[around]), axis=1)]
+        if not len(new):
+            break
+        z = z if again else z.copy()
+        z[new] -= rest[new]
+        at = np.union1d(at, new)
+    size = y[fresh[at]] - z[at]
+    some = np.isin(at, beyond(at, size))
+    at, size = at[some], size[some]
+    ends = np.append(fresh, n)
+    filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
+    index = np.concatenate([np.zeros(0, int), *filled])
+    excess = np.repeat(size, np.diff(ends)[at])
+    return {
+        'index': index,
+        'excess': excess,
+        'slow': np.array(_slow_without(y, index, excess)),
+        'size': size,
+        'sigma': np.interp(at, blocks, sigma),
+        'threshold': np.array(threshold),
+    }
 
 
 def _gain(kept):
@@ -312,18 +328,35 @@ def _wide(size: np.ndarray, threshold: float) -> tuple[float, float]:
 
 def _against_neighbours(y):
     """Return y less its lines and the median of its four neighbours."""
+    def four(z):
+        a, b, c, d = (z[k:len(z) - 4 + k] for k in (0, 1, 3, 4))
+        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+        return 0.5 * (low + high)
+
+    return _against(y, four)
+
+
+def _against_around(y):
+    """Return y less its lines and the medians of the samples around, between them interpolated."""
+    def medians(z):
+        rows = z[:len(z) // AROUND * AROUND].reshape(-1, AROUND)
+        middle = (np.arange(len(rows)) + 0.5) * AROUND - 0.5
+        return np.interp(np.arange(2, len(z) - 2), middle, row_medians(rows))
+
+    return _against(y, medians)
+
+
+def _against(y, level):
+    """Return y less its lines and what ``level`` says of each sample but two at either end."""
     n = len(y)
     rest = np.zeros(n)
     for i in range(2, n - 2, PIECE - 2 * HALO):
         first = max(0, min(i - HALO, n - PIECE))
         z = y[first:first + PIECE]
         z = z - _lines(z)
-        a, b, c, d = (z[k:len(z) - 4 + k] for k in (0, 1, 3, 4))
-        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
         begin, end = max(i, first + 2), min(i + PIECE - 2 * HALO, n - 2)
-        found = z[2:-2] - 0.5 * (low + high)
-        rest[begin:end] = found[begin - first - 2:end - first - 2]
+        rest[begin:end] = (z[2:-2] - level(z))[begin - first - 2:end - first - 2]
     return rest
 
 

@@ -14,6 +14,7 @@ from ...loop.effect import Effect, Estimate, Finding
 
 FORMS = ('step', 'stretch', 'drift', 'periodic', 'growth', 'swell')
 MOST = 8  # stretches
+LASTS = 3  # blocks that one fills at least: what is shorter is a knock or a burst of spikes
 TIMES = tuple(('time', 'duration') if k == 1 else (f'time_{k}', f'duration_{k}')
               for k in range(1, MOST + 1))
 
@@ -216,7 +217,7 @@ class VarianceChange(Modulation):
         total = np.concatenate([[0.0], np.cumsum(x)])
         i, j = (k.ravel() for k in np.indices((n + 1, n + 1)))
         count = j - i
-        some = (count >= 3) & (count <= n - 6) & (i > 0) & (j < n)
+        some = (count >= LASTS) & (count <= n - 6) & (i > 0) & (j < n)
         i, j, count = i[some], j[some], count[some]
         inside = total[j] - total[i]
         a, b = inside / count, (total[-1] - inside) / (n - count)
@@ -245,6 +246,7 @@ class VarianceChange(Modulation):
         if inside[0]:
             inside, level = ~inside, level[::-1]
         edges = np.flatnonzero(np.diff(np.r_[False, inside, False].astype(int))).reshape(-1, 2)
+        edges = edges[edges[:, 1] - edges[:, 0] >= LASTS]
         if not 2 <= len(edges) <= MOST:
             return None
         width = float(t[1] - t[0])
