@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 
 import hidden
@@ -75,6 +76,19 @@ def test_a_second_step_lands_beside_the_first():
     fit = problem.fit(model_of('noise', (*BASE, 'step', 'step')))
     times = sorted(fit.model[k]['time'] for k in ('step', 'step.2'))
     assert abs(times[0] - 400) < 5 and abs(times[1] - 1100) < 5
+
+
+@pytest.mark.parametrize('seed', daily([0, 1, 2], 1))
+def test_up_and_down_again_is_two_steps(seed):
+    """One of them alone leaves more than half of what it claims: a pair is tried as one."""
+    rng, rate, n = np.random.default_rng([22, seed]), 100.0, 12_000
+    t = np.arange(n) / rate
+    x = 2e-4 * rng.standard_normal((n, 3))
+    x[:, 0] += 2.5e-4 * ((t >= 15) & (t < 78))
+    problem = NoiseProblem(gather(ImuRecord(x, None, t, rate), ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['step', 'step'] and found.remaining is None
 
 
 @pytest.mark.parametrize(('share', 'size'), [(0.02, 29.0), (0.02, 8.0), (0.001, 12.0)])
