@@ -102,6 +102,62 @@ def test_many_spikes_have_their_rate_and_size(share, size):
                 for e in gather(record, ['gyro_x']).values())
     assert found.effect['sigma'] == pytest.approx(1e-3 * size, rel=0.2)
     assert found.effect['rate'] == pytest.approx(share * rate, rel=0.25)
+    assert found.effect['nu'] == 0
+
+
+@pytest.mark.parametrize('length', [5, 9])
+def test_spikes_that_come_in_bursts_are_found_and_taken_out(length):
+    """Runs of samples of either sign, beside which the neighbours say nothing."""
+    rng, rate, n = np.random.default_rng(12), 100.0, 60_000
+    x = rng.standard_normal((n, 3))
+    hit = np.convolve(rng.random(n) < 1e-3, np.ones(length))[:n] > 0
+    x[hit, 0] += rng.choice([-1, 1], hit.sum()) * rng.uniform(7, 20, hit.sum())
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    found = find_effect('noise', 'spikes')().find(evidence)
+    count = found.effect['rate'] * n / rate
+    assert count == pytest.approx(hit.sum(), rel=0.15)
+    white = 1e-6 * 2 / rate     # one-sided, of the noise beneath
+    assert np.median(evidence.whole.power[-20:]) == pytest.approx(white, rel=0.05)
+
+
+def heavy(nu, n=40_000, rate=50.0, seed=0):
+    """Return an axis of Student's t with a walk beside it."""
+    rng = np.random.default_rng([seed, int(10 * nu)])
+    x = rng.standard_t(nu, (n, 3)) + 5e-3 * np.cumsum(rng.standard_normal((n, 3)), axis=0)
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    return NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+
+
+@pytest.mark.parametrize('nu', [2.5, 4.0, 7.0])
+def test_noise_with_heavy_tails_holds_with_its_degrees_of_freedom(nu):
+    problem = heavy(nu)
+    before, after = (problem.point(model_of('noise', (*BASE, *more))) for more in ((), ['spikes']))
+    found = after.estimates['spikes']['nu']
+    assert found.value == pytest.approx(nu, abs=4 * found.std) and found.std < 0.15 * nu
+    for fit, fails in ((before, True), (after, False)):
+        tests = {f.name: f.p_value for f in problem.omnibus(fit)}
+        assert (tests['distribution'] < 1e-6) == fails
+    assert tests['variance'] > 1e-3
+
+
+def test_what_is_louder_for_a_while_has_no_heavy_tails():
+    """Normal noise, twice as loud for a third of the time, and some spikes."""
+    rng, rate, n = np.random.default_rng(9), 50.0, 40_000
+    x = rng.standard_normal((n, 3)) * np.where(np.arange(n) < n // 3, 2.0, 1.0)[:, None]
+    x[::997] += 30
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found.gain > 100 and found.effect['nu'] == 0
+
+
+def test_tails_that_are_not_those_of_student_are_none_of_them():
+    """A tenth of the samples four times as large: neither normal nor Student's t."""
+    rng, rate, n = np.random.default_rng(10), 50.0, 100_000
+    x = rng.standard_normal((n, 3)) * np.where(rng.random((n, 3)) < 0.1, 4.0, 1.0)
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found is None or found.effect['nu'] == 0
 
 
 @pytest.mark.parametrize('every, step', [(1, 0.05), (40, 0.25)])

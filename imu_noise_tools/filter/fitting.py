@@ -48,7 +48,7 @@ class Likelihood:
 
     def each(self, models: list[Model]) -> np.ndarray:
         """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
-        found = self.chunks.densities(models, quick=True)[0]
+        found = self.chunks.densities(models)[0]
         self._known.update(zip(models, map(finite, found.sum(1))))
         return found
 
@@ -56,7 +56,7 @@ class Likelihood:
         """
         Return the log-likelihood of a model; from now on it is right of those near it.
 
-        ``last``: also of one that keeps a phase for long, which takes a while.
+        ``last``: also of one that keeps a phase for long, which is then learnt anew.
 
         """
         if jumps(model):
