@@ -121,6 +121,23 @@ def test_spikes_that_come_in_bursts_are_found_and_taken_out(length):
     assert np.median(evidence.whole.power[-20:]) == pytest.approx(white, rel=0.05)
 
 
+@pytest.mark.parametrize('two_levels', [True, False])
+def test_dwells_shorter_than_block_means_are_told_from_a_process_of_the_same_spectrum(two_levels):
+    """Eight samples long where a block is of seven."""
+    rng, rate, n, dwell = np.random.default_rng(13), 100.0, 120_000, 8
+    if two_levels:
+        y = 3 * (np.cumsum(rng.random(n) < 1 / dwell) % 2 - 0.5)
+    else:
+        phi = np.exp(-2 / dwell)
+        y = lfilter([1], [1, -phi], 1.5 * np.sqrt(1 - phi**2) * rng.standard_normal(n))
+    x = np.column_stack([y, y, y]) + rng.standard_normal((n, 3))
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
+    bonus = fit.model['rts'].bonus(evidence, fit)
+    assert bonus > 20 if two_levels else bonus < -20
+
+
 def heavy(nu, n=40_000, rate=50.0, seed=0):
     """Return an axis of Student's t with a walk beside it."""
     rng = np.random.default_rng([seed, int(10 * nu)])
