@@ -41,6 +41,7 @@ EFFECTS = dict(registry('noise'))
 MORE = {'duplicates': [{'fraction': 0.5, 'pattern': 'regular', 'run': 1.0},
                        {'fraction': 0.3, 'pattern': 'regular', 'run': 1.0},
                        {'fraction': 0.15, 'pattern': 'random', 'run': 6.0}],
+        'spikes': [{'rate': 0.05, 'sigma': 0.05, 'nu': 4.0}],
         'rate_quantization': [{'step': 2e-3, 'white': 1.0}],
         'variance_change': [{**EFFECTS['variance_change'].neutral, 'factor': 3.0, **v} for v in (
             {'form': 'drift'}, {'form': 'periodic', 'time': 60.0, 'period': 150.0},

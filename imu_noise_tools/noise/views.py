@@ -27,6 +27,7 @@ from .kinds import (
     Mean,
     model_crowd,
     model_psd,
+    model_tails,
     Modulation,
     NoiseEffect,
     Spectrum,
@@ -463,6 +464,9 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     muted = muted_by(fit, 'variance')
     if muted:  # it scatters otherwise than normal noise: as neighbours do, defects left out
         w = rough_degrees(power_in_time(evidence)[1], w)    # alike for all models compared
+    tails = model_tails(fit.model, evidence)
+    if tails is not None and not muted:
+        w = heavy_degrees(w, tails.kurtosis(), evidence.n // len(t))
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
     excess, spread = gamma_excess(x, w)
@@ -476,6 +480,18 @@ def variance(evidence: Evidence, fit: Fit) -> View:
         's',
     )
     return replace(view, muted=muted)
+
+
+def heavy_degrees(w: np.ndarray, kurtosis: float, length: int) -> np.ndarray:
+    """
+    Return the degrees of freedom (groups,) of blocks of samples with an excess kurtosis.
+
+    The relative variance of the power of a block is 2/w + kurtosis sum h^4/(sum h^2)^2, the second
+    term the same in all groups at once; of Hann's window h over ``length`` samples the ratio of
+    the sums is 35/18 over the length.
+
+    """
+    return w / (1 + w.sum() * kurtosis * 35 / (36 * length))
 
 
 def rough_degrees(x: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -505,10 +521,10 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     )
     cells = cells.reshape(-1, merge).sum(axis=1)
     total, k = cells.sum(), len(cells)
-    share = normal_shares(evidence, fit.model, k)
+    share, fitted = cell_shares(evidence, fit.model, cells)
     pull = (cells - share * total) / np.sqrt(share * total * (1 - share))
     # mean and spread were taken from the samples: three degrees of freedom are gone
-    excess = pull**2 - (k - 3) / (k - 1)
+    excess = pull**2 - (k - 3 - fitted) / (k - 1)
     view = _view(
         'distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile'
     )
@@ -522,16 +538,25 @@ def of_samples(evidence: Evidence, part: str, fit: Fit) -> list[View]:
     return [view for view in found if view is not None]
 
 
-def normal_shares(evidence: Evidence, model: Model, k: int) -> np.ndarray:
-    """Return the share of samples in each of k equiprobable cells; more in the tails of a mix."""
-    if not model.of(Modulation):
-        return np.full(k, 1 / k)
-    t, x, w = power_in_time(evidence, model)
-    scale = np.sqrt(modulated(model, t, x, w) @ w / w.sum())
-    scale /= np.sqrt(np.mean(scale**2))
+def cell_shares(evidence: Evidence, model: Model, cells: np.ndarray) -> tuple[np.ndarray, int]:
+    """
+    Return (shares, fitted): what a model expects in each of the equiprobable cells (k,).
+
+    More in the tails of a mix, and where a defect says that the samples have such; ``fitted`` is
+    how many values were fitted to them besides their mean and spread.
+
+    """
+    k, tails = len(cells), model_tails(model, evidence)
+    scale = np.ones(1)
+    if model.of(Modulation):
+        t, x, w = power_in_time(evidence, model)
+        scale = np.sqrt(modulated(model, t, x, w) @ w / w.sum())
+        scale /= np.sqrt(np.mean(scale**2))
+    if tails is not None:
+        return tails.fitted(cells, scale)[0], int(np.isfinite(tails.degrees))
     inner = ndtri(np.arange(1, k) / k)
     below = np.mean(ndtr(inner[:, None] / scale), axis=1)
-    return np.diff(np.concatenate([[0.0], below, [1.0]]))
+    return np.diff(np.concatenate([[0.0], below, [1.0]])), 0
 
 
 def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
