@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -76,6 +77,19 @@ def test_a_second_step_lands_beside_the_first():
     fit = problem.fit(model_of('noise', (*BASE, 'step', 'step')))
     times = sorted(fit.model[k]['time'] for k in ('step', 'step.2'))
     assert abs(times[0] - 400) < 5 and abs(times[1] - 1100) < 5
+
+
+@pytest.mark.parametrize('seed', daily([0, 1, 2], 1))
+def test_up_and_down_again_is_two_steps(seed):
+    """One of them alone leaves more than half of what it claims: a pair is tried as one."""
+    rng, rate, n = np.random.default_rng([22, seed]), 100.0, 12_000
+    t = np.arange(n) / rate
+    x = 2e-4 * rng.standard_normal((n, 3))
+    x[:, 0] += 2.5e-4 * ((t >= 15) & (t < 78))
+    problem = NoiseProblem(gather(ImuRecord(x, None, t, rate), ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['step', 'step'] and found.remaining is None
 
 
 @pytest.mark.parametrize(('share', 'size'), [(0.02, 29.0), (0.02, 8.0), (0.001, 12.0)])
@@ -193,6 +207,25 @@ def test_a_bias_that_bends_with_temperature_is_followed(every, step):
     left = problem.evidence.slow_y - fit.model['temperature'].mean(
         Inputs(problem.evidence.slow_t, 1 / rate, problem.evidence.slow_others))
     assert np.std(left) < 1.1 * 2e-4 and np.std(bias) > 2e-4
+
+
+@pytest.mark.parametrize('period', daily([11.9, 17.3, 40.1], 40.1))
+def test_a_heater_that_cycles_is_in_the_temperature(period):
+    """Its cycle is no line of nobody's; a thermometer six seconds slow is read ahead."""
+    rng, rate, n = np.random.default_rng([23, int(period)]), 25.0, 10_000
+    t = np.arange(n) / rate
+    course = 2 * np.exp(-t / 150) + np.abs(2 * (t / period % 1) - 1)
+    a = np.exp(-1 / (6 * rate))
+    read = lfilter([1 - a], [1, -a], course, zi=[a * course[0]])[0]
+    read = 0.02 * np.round((read + 0.01 * rng.standard_normal(n)) / 0.02)
+    x = 2e-4 * rng.standard_normal((n, 3))
+    x[:, 0] += 1e-4 * (course + 0.3 * course**2)
+    record = ImuRecord(x, None, t, rate, covariates={'temperature': 30 + read})
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['temperature'] and found.remaining is None
+    assert found.found[0].effect['lag'] == pytest.approx(-6, rel=0.3)
 
 
 def test_what_was_read_in_coarse_steps_goes_on_between_them():

@@ -15,7 +15,7 @@ from imu_noise_tools.core.spectrum import cosine_transform, folded
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
+from imu_noise_tools.noise.lines import also_in, find_peaks, reference_spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -117,6 +117,28 @@ def test_unrelated_lines_are_no_family():
         evidence = record_with(y, rng)
         count += bool(effect.rows(evidence, list(range(len(evidence.line_table)))))
     assert count <= 1
+
+
+@pytest.mark.parametrize('power', [1, 2, 3])
+def test_a_line_of_a_slow_quantity_is_known_again(power):
+    """In its square or cube too, through noise of its own; three cycles off stands another."""
+    rng, n, step = np.random.default_rng([17, power]), 9000, 0.2
+    t = np.arange(n) * step
+    f = 41.3 / (n * step)
+    course = 30 - 4 * t / t[-1] + 2 * np.sin(2 * np.pi * f * t)
+    read = 0.25 * np.round(4 * (course + 0.1 * rng.standard_normal(n)))
+    lines = f * power + np.array([0.0, 3.0, 60.0]) / (n * step)
+    assert also_in(lines, read, step, 1024).tolist() == [True, False, False]
+    assert not np.any(also_in(lines, read, step, 40))      # beyond what a mean is told by
+
+
+def test_noise_of_a_slow_quantity_holds_no_line():
+    rng, n = np.random.default_rng(18), 9000
+    count = 0
+    for _ in range(40):
+        course = np.cumsum(rng.standard_normal(n)) / 30 + rng.standard_normal(n)
+        count += np.sum(also_in(rng.uniform(20, 500, 10) / (2 * n), course, 1.0, 1024))
+    assert count <= 4       # of 400, each asked of three powers
 
 
 def test_intervals_of_lines_hold_the_truth():

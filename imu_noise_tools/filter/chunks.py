@@ -197,5 +197,4 @@ def _joined(
         gain = p[:, :, d:] @ np.linalg.inv(np.eye(len(o)) + more @ p[:, d:, d:])
         found.x[..., lane] += np.einsum('mij,mj->im', gain, told - x[:, d:] @ more.T)
         found.cov[..., lane] -= (gain @ more @ p[:, d:])[:, upper[0], upper[1]].T
-    narrow = np.ix_(range(d), range(d))
-    return Known(found.mu, found.x[:d], found.cov[place[narrow][np.triu_indices(d)]])
+    return Known(found.mu, found.x[:d], found.cov[place[:d, :d][np.triu_indices(d)]])

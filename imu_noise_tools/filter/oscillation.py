@@ -39,6 +39,7 @@ class Oscillation(FilterEffect):
 
     several = True
     line = 'frequency'
+    keeps = 'tc'
     measured = ('amplitude',)
     search = 2.0
     #: frequencies it is looked for at, Hz

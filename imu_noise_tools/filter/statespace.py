@@ -155,6 +155,8 @@ class FilterEffect(Effect):
     variance: ClassVar[str] = ''
     #: the parameter that is the frequency of a line, for an effect that keeps its phase
     line: ClassVar[str] = ''
+    #: the parameter that says for how long it keeps its phase, s
+    keeps: ClassVar[str] = ''
     #: parameters read from the samples (:meth:`read`), not from the likelihood
     measured: ClassVar[tuple[str, ...]] = ()
     views: ClassVar[tuple[str, ...]] = ()       # it is judged by all views

@@ -23,11 +23,13 @@ from scipy.special import ndtri
 from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
-from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+from .lines import (
+    also_in, find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+)
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
 from ..core import allan
-from ..core.record import ImuRecord, Memory
+from ..core.record import AXES, ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
 from ..core.statistics import grid_step, sum_of_squares
 from ..loop.effect import registry
@@ -39,6 +41,7 @@ BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
 STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
 ENVELOPE = 1000  # columns of the picture of the time series
+SQUARE = 'accel_square'  # the squared vibration
 
 
 def smooth_length(n: int) -> int:
@@ -146,11 +149,27 @@ class _Gathering:
         reference = reference_spectrum(c, self.dt)
         self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
-        own['line_table'], own['humps'] = find_peaks(c, reference, self.dt)
+        table, own['humps'] = find_peaks(c, reference, self.dt)
+        own['line_table'] = table[~self._followed(table[:, 0])]
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')
         return kept
+
+    def _followed(self, lines: np.ndarray) -> np.ndarray:
+        """
+        Tell which lines, Hz (l,), something recorded beside the axes has too: they stay.
+
+        A heater's cycle is a line of the temperature and of all that follows it: what explains
+        that explains the line, and could not if it were taken out.
+
+        """
+        out, length = np.zeros(len(lines), bool), max(1, self.used // SLOW)
+        beside = set(self.record.covariates) & set(self.covariates) - {*AXES, SQUARE}
+        for name in sorted(beside) if len(lines) else ():
+            slow = _block_means(self.covariates[name][:self.used], length)
+            out |= also_in(lines, slow, length * self.dt, LOW)
+        return out
 
     def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:
         """Whiten the samples: how they spread, and a line that sweeps."""
@@ -244,7 +263,7 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
         total[:] = 0.0
         for x in record.accel.T:
             total += (x - np.mean(x)) ** 2
-        out['accel_square'] = total
+        out[SQUARE] = total
     memory.rest()
     return out
 

@@ -222,7 +222,7 @@ class Likelihood:
         """Return the power (b,) and the slow coefficients (q,) less what the couplings add."""
         names, cross, own = channels
         power = np.maximum(self.part.power, 1e-300)
-        power = power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta)
+        power = power - 2 * beta @ cross + beta @ (beta @ own)
         power = np.maximum(power, 1e-300)
         slow = self._slow
         if slow is not None:

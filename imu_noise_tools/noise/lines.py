@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.spectrum import Bins, line_basis, line_coefficients
+from ..core.spectrum import Bins, cosine_transform, line_basis, line_coefficients
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
@@ -29,6 +29,8 @@ ROUNDS = 3  # of the search, each with the level as it is without the lines foun
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
 CLEAN = 0.98  # share that two lines side by side must take
+POWERS = 3  # of a slow quantity that a mean may follow
+CELL = 1  # coefficients by which lines of one cause may be apart: half a cycle in the record
 
 
 def _reach(k, n: int):
@@ -385,6 +387,48 @@ def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
         f = f + np.clip(df, -0.5, 0.5) / size
         amplitudes = amplitudes + np.column_stack([da, db])
     return np.column_stack([f, amplitudes])
+
+
+def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.ndarray:
+    """
+    Tell which lines of an axis, Hz (l,), a slow quantity has too: it, its square or its cube.
+
+    Where one stands is known, so that noise exceeds what is asked of each once in a thousand
+    times; it must be the highest near by, or it is the skirt of another.
+
+    Parameters
+    ----------
+    frequency : ndarray (l,)
+        Of the lines, Hz.
+    x : ndarray (s,)
+        The quantity, as long as the axis.
+    dt : float
+        Its interval, s.
+    top : int
+        Coefficient up to which what follows the quantity is told from it.
+
+    """
+    n, out = len(x), np.zeros(len(frequency), bool)
+    able = np.flatnonzero(2 * n * dt * frequency < min(top, n // 4))
+    if not len(able) or n < 200 or not np.ptp(x) > 0:
+        return out
+    u = x - np.mean(x)
+    u = u / np.sqrt(np.mean(u * u))
+    offsets = np.arange(-2 * CROWD, 2 * CROWD + 1) / (4 * n * dt)
+    near = np.abs(offsets) <= CELL / (2 * n * dt)
+    for power in range(1, POWERS + 1):
+        c = cosine_transform(u**power)
+        level = reference_spectrum(c, dt)
+        for i in able:
+            middle = int(2 * n * dt * frequency[i])
+            k = np.arange(max(1, middle - NEAR), min(n, middle + NEAR + 1))
+            root = np.sqrt(2 * dt / level[k - 1])
+            wave = root * line_basis((frequency[i] + offsets)[:, None], k, n, dt)
+            energy = _projected(wave, root * c[k])[0]
+            best = int(np.argmax(energy))
+            # chi-squared with two degrees of freedom, at as many places as there are cells near
+            out[i] |= near[best] and energy[best] > 2 * np.log(1000 * POWERS * 2 * CELL)
+    return out
 
 
 def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,
