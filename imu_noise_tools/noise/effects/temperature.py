@@ -14,7 +14,7 @@ from ...loop.effect import Effect, Fit
 
 
 LEADS, LAGS = 12, 20  # starts of either sign
-SMOOTHED = (2, 4, 8, 16)  # parts of a lead over which a thermometer is smoothed, to be read ahead
+SMOOTHED = (1, 2, 4, 8, 16)  # parts of a lead by which a thermometer is smoothed to be read ahead
 POINTS = 512  # of a picture
 
 
