@@ -168,6 +168,16 @@ def test_what_is_louder_for_a_while_has_no_heavy_tails():
     assert found.gain > 100 and found.effect['nu'] == 0
 
 
+def test_noise_whose_loudness_wanders_is_none_of_student():
+    """Its samples are heavy-tailed as well, but those near each other are large together."""
+    rng, rate, n = np.random.default_rng(14), 50.0, 40_000
+    slow = lfilter([1], [1, -np.exp(-1 / 60)], rng.standard_normal(n))
+    x = rng.standard_normal((n, 3)) * np.exp(0.5 * slow / np.std(slow))[:, None]
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found is None or found.effect['nu'] == 0
+
+
 def test_tails_that_are_not_those_of_student_are_none_of_them():
     """A tenth of the samples four times as large: neither normal nor Student's t."""
     rng, rate, n = np.random.default_rng(10), 50.0, 100_000
