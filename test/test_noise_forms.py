@@ -16,7 +16,7 @@ from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
-from imu_noise_tools.noise import Inputs
+from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.problem import NoiseProblem
 
@@ -168,6 +168,16 @@ def test_what_is_louder_for_a_while_has_no_heavy_tails():
     assert found.gain > 100 and found.effect['nu'] == 0
 
 
+def test_noise_whose_loudness_wanders_is_none_of_student():
+    """Its samples are heavy-tailed as well, but those near each other are large together."""
+    rng, rate, n = np.random.default_rng(14), 50.0, 40_000
+    slow = lfilter([1], [1, -np.exp(-1 / 60)], rng.standard_normal(n))
+    x = rng.standard_normal((n, 3)) * np.exp(0.5 * slow / np.std(slow))[:, None]
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found is None or found.effect['nu'] == 0
+
+
 def test_tails_that_are_not_those_of_student_are_none_of_them():
     """A tenth of the samples four times as large: neither normal nor Student's t."""
     rng, rate, n = np.random.default_rng(10), 50.0, 100_000
@@ -260,3 +270,51 @@ def test_one_source_is_heard_at_any_phase_through_the_noise_of_the_axes(later):
     quarter, gain = (fit.model['shared_noise'][k] for k in ('later', 'gain'))
     assert np.arctan2(quarter, gain) % np.pi == pytest.approx(
         (later * w + 0.5) % np.pi - 0.5, abs=0.25) or later == 0 and abs(quarter) < 0.2
+
+
+def relaxing(rng, n, tc):
+    """Return a relaxation over tc samples, of rms 1, and its power over that of white noise."""
+    phi = np.exp(-1 / tc)
+    source = lfilter([np.sqrt(1 - phi * phi)], [1, -phi], rng.standard_normal(n + 4000))
+    return source, lambda f: (1 - phi**2) / np.abs(1 - phi * np.exp(-2j * np.pi * f)) ** 2
+
+
+def test_what_axes_hear_together_is_each_ones_share():
+    """Of a relaxation in white noise, whose spectrum by itself might be flicker and drift."""
+    rng, n, gains = np.random.default_rng(31), 1 << 15, (0.8, -0.6, 1.0)
+    source, power = relaxing(rng, n, 20.0)
+    heard = shared.heard_together(
+        {str(g): g * source[:n] + rng.standard_normal(n) for g in gains}, 0.01)
+    for g in gains:
+        f, share = heard[str(g)]
+        true = g * g * power(0.01 * f)
+        assert np.sqrt(np.mean((share - true / (1 + true)) ** 2)) < 0.1
+    assert not shared.heard_together({k: rng.standard_normal(n) for k in 'abc'}, 0.01)
+
+
+def test_a_shared_relaxation_is_no_noise_of_each_axis():
+    """At a tenth of the rate the axes hear one source, above that each only itself."""
+    rng, rate, n = np.random.default_rng(32), 50.0, 40_000
+    source, _ = relaxing(rng, n, 40.0)
+    x = rng.standard_normal((n, 3))
+    for axis, (gain, later) in enumerate([(0.4, 3), (0.5, 0), (-0.35, 5)]):
+        x[:, axis] += gain * source[100 - later:100 - later + n]
+    problem = NoiseProblem(gather(ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    said = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in said.found] == ['shared_noise'], said.ranked
+    assert said.found[0].effect.chosen('heard') == 'vibration'
+
+
+def test_an_axis_that_was_not_asked_for_is_looked_at_without_its_spikes():
+    """What axes share is the same whether the other one is asked for or not."""
+    rng, rate, n = np.random.default_rng(33), 50.0, 30_000
+    x = rng.standard_normal((n, 3)) + rng.standard_normal((n, 1))
+    x[rng.choice(n, 300, replace=False), 1] += 40
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    alone, both = (gather(record, axes)['gyro_x'] for axes in (['gyro_x'], ['gyro_x', 'gyro_y']))
+    np.testing.assert_allclose(alone.cross('gyro_y', 'whole'), both.cross('gyro_y', 'whole'))
+    model = model_of('noise', ('white', 'shared_noise'))
+    gains = [NoiseProblem(e).point(model).model['shared_noise']['gain'] for e in (alone, both)]
+    assert gains[0] == pytest.approx(gains[1]) and gains[0] > 0.25

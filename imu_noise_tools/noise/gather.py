@@ -92,6 +92,7 @@ def gather(
     work = _Gathering(record, axes, progress, memory or Memory())
     for axis in axes:
         work.samples(axis, deviation=deviation, points=points, octaves=octaves)
+    work.beside()
     whole = {axis: work.spectrum(axis) for axis in axes}
     work.part('whole', 0, work.used, whole)
     work.part('first', 0, work.half)
@@ -142,6 +143,15 @@ class _Gathering:
         own['loud'] = self.dt * loud
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
+
+    def beside(self) -> None:
+        """Take defects out of the axes that were not asked for, as out of those that were."""
+        for axis in (a for a in self.record.axes if a in self.covariates):
+            y = np.ascontiguousarray(self.record.column(axis), float)
+            without = _bridged(_screened(y, self.inputs), self.record)
+            if without is not y:
+                self.covariates[axis] = self.memory.keep(without)
+            self.memory.rest()
 
     def spectrum(self, axis: str) -> np.ndarray:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
@@ -219,11 +229,11 @@ class _Gathering:
         out: dict[str, np.ndarray] = {}
         if first:
             heard = shared.heard_together(
-                {a: self.clean.get(a, self.record.column(a)) for a in self.record.axes
-                 if a in coefficients})
-            for a in sorted(heard):
+                {a: (self.clean if a in self.clean else self.covariates)[a]
+                 for a in self.record.axes if a in coefficients}, self.dt)
+            for a, common in sorted(heard.items()):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
-                self.shaken[a] = bins.f, shared.share(bins, power)
+                self.shaken[a] = bins.f, shared.share(bins, power, common)
         length = max(1, self.used // SLOW)
         for a, (f, share) in self.shaken.items():
             for name, c in shared.signals(a, coefficients[a], self.dt, f, share):
@@ -336,6 +346,15 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
             if issubclass(cls, Defect) and name in kept:
                 y = cls.screen(y, kept[name], inputs)
     return kept, y
+
+
+def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
+    """Return the samples without defects, and keep nothing else of them."""
+    known = (cls for cls in registry('noise').values() if issubclass(cls, Defect))
+    for cls in sorted((cls for cls in known if cls.screens()), key=lambda cls: not cls.first):
+        kept = cls.statistics(y, inputs)
+        y = cls.screen(y, kept, inputs) if kept else y
+    return y
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:

@@ -41,6 +41,7 @@ from ..loop.verdict import STRIKING, tail
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
 SEGMENTS = 8  # stretches of the record, predicted in turn from the others
+TAKEN = 3.0  # coefficients that a line takes: frequency, amplitude and phase
 
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):
@@ -86,6 +87,25 @@ def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
     return np.sum(lines[rest], axis=0) if rest else np.zeros(len(evidence.part(part).power))
 
 
+def _unclaimed_lines(evidence: Evidence, part: str, model: Model,
+                     v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the power (b,) of lines that the model does not hold, and of others (l,) their own.
+
+    Over the model's v (b,), in the few coefficients that a line takes: in a bin of thousands it
+    would not show. So is what a line adds where it is taken out of a part that it is not in, if
+    the model holds it; 1 of the rest.
+
+    """
+    here = evidence.part(part)
+    rest = np.ones(len(here.lines), bool)
+    rest[list(claimed_lines(evidence, model))] = False
+    own = np.array([np.sum(x * here.bins.count / v) for x in here.lines]) / TAKEN
+    stands = rest & (own > 1)
+    in_bins = np.sum(here.lines[rest & ~stands], axis=0)
+    return in_bins, np.where(stands, own, np.where(rest, 1.0, np.maximum(-own, 1.0)))
+
+
 def frequency(
     evidence: Evidence, part: str, fit: Fit, mean: Fit | None = None, fitted_here: bool = False
 ) -> View:
@@ -103,7 +123,8 @@ def frequency(
     if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
         v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
     v = _around_lines(evidence.part(part).lines, power, v, weight)
-    lines = unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1)
+    lines, own = _unclaimed_lines(evidence, part, fit.model, v)
+    lines = lines * likelihood.bins.count / np.maximum(weight, 1)
     x = np.maximum(power + lines, 1e-300) / v
     # a bin whose one coefficient a line took with it says nothing more
     x = np.where((likelihood.weight > 0) | (lines != 0), x, 1.0)
@@ -111,9 +132,11 @@ def frequency(
     weight = np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, fit.model), weight)
     excess, variance = gamma_excess(x, weight)
     extra = 0.0 if fitted_here else parameter_scatter(evidence, part, fit, v, weight)
-    return _view(
-        'frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra
-    )
+    taken = np.full(len(own), TAKEN)
+    excess = np.append(excess, np.where(own > 1, gamma_excess(own, taken)[0], 0.0))
+    pull = np.append(gamma_pull(x, weight), np.where(own > 1, gamma_pull(own, taken), 0.0))
+    f = np.append(likelihood.bins.f, evidence.line_table[:, 0])
+    return _view('frequency', f, pull, excess, variance, 'Hz', extra)
 
 
 def _around_lines(lines, power, v, weight):

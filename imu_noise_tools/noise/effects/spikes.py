@@ -33,6 +33,8 @@ AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
 SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
 MORE = 0.02  # share of its power that may be gained where what stands out is taken out
+LAGS = (8, 12, 16, 24, 32)  # samples between those that may be large together
+LARGE = 4.0  # standard deviations from which a size counts no more
 FEW = 1e-5  # share of samples that no cell shows
 AGAINST = 1.139  # standard deviation of normal noise less the median of its four neighbours
 SMOOTH = 65  # samples of a mean that is no part of the tails
@@ -91,7 +93,10 @@ class Spikes(Defect):
             # in a burst the neighbours are outliers as well
             around = _outliers(y, fresh, _against_around, alone=False)
             kept = around if around['slow'] <= 1 + MORE else kept
-        return {**kept, 'n': np.array(n), 'dt': np.array(inputs.dt)} if kept else {}
+        if not kept:
+            return {}
+        return {**kept, 'n': np.array(n), 'dt': np.array(inputs.dt),
+                'together': np.array(_together(y[fresh]) if len(kept['size']) else 0.0)}
 
     @classmethod
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
@@ -117,7 +122,8 @@ class Spikes(Defect):
         gain, spread, seen = found
         size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
         k = len(size)
-        nu, error, more = _degrees(evidence, _isolated(kept, spread, k / n / seen))
+        nu, error, more = _degrees(evidence, _isolated(kept, spread, k / n / seen),
+                                   float(kept.get('together', 0.0)))
         tails = f'; all of them as of Student t with {nu:.2g} degrees of freedom' if nu else ''
         if nu:  # what is below the threshold belongs to the same distribution
             spread, seen = float(np.sqrt(np.mean(size**2))), 1.0
@@ -261,7 +267,28 @@ def _isolated(kept: Mapping[str, np.ndarray], spread: float, share: float) -> Ta
                  beyond=beyond)
 
 
-def _degrees(evidence: Evidence, isolated: Tails) -> tuple[float, float | None, float]:
+def _together(y: np.ndarray) -> float:
+    """
+    Return by how many standard deviations samples near each other are large together.
+
+    Those of Student's t are not; noise whose loudness wanders has heavy tails as well. What is
+    slow is in the scale, and nearer than LAGS the same neighbours are taken off.
+
+    """
+    rest = _against_neighbours(y)
+    blocks, sigma = _local_sigma(rest)
+    size = np.minimum(np.abs(rest) / np.interp(np.arange(len(y)), blocks, np.maximum(
+        sigma, 1e-300)), LARGE)
+    size -= np.mean(size)
+    square = float(np.mean(size**2))
+    if len(y) <= 2 * LAGS[-1] or not square > 0:
+        return 0.0
+    like = [float(np.mean(size[k:] * size[:-k])) / square for k in LAGS]
+    return float(np.sum(like)) * np.sqrt(len(y) / len(LAGS))
+
+
+def _degrees(evidence: Evidence, isolated: Tails, together: float,
+             ) -> tuple[float, float | None, float]:
     """
     Return (degrees of freedom, std, nats gained) of the samples but for what was taken out.
 
@@ -282,6 +309,7 @@ def _degrees(evidence: Evidence, isolated: Tails) -> tuple[float, float | None, 
     lost = [tails.fitted(cells, spread)[1] for tails in tried]
     best = int(np.argmin(lost))
     gain, free = lost[0] - lost[best], lost[best] - 0.5 * len(cells)
+    free += 0.5 * max(together, 0.0) ** 2   # each is drawn for itself
     if best == 0 or gain < DIRECTED or free > max(FLEXIBLE, FLEXIBLE_SHARE * gain):
         return 0.0, None, 0.0
     nu = DEGREES[best - 1]
