@@ -193,7 +193,7 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     priced = 0
     for p in effect.parameters:
         e = estimates[p.name]
-        null = p.name in effect.optional and abs(e.point or 0.0) < OPTIONAL * (e.std or 0.0)
+        null = p.name in effect.optional and abs(e.point or 0.0) <= OPTIONAL * (e.std or 0.0)
         priced += not p.discrete and not null
     return min(priced - 1, MOST_SHAPES)
 

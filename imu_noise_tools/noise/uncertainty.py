@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from .kinds import MEASURED, Spectrum
-from .likelihood import Likelihood, Linear
+from .likelihood import Likelihood, Linear, settled
 from .response import OPEN
 from ..core import units
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
@@ -38,19 +38,20 @@ def with_linear(likelihood: Likelihood, model: Model, linear: Linear) -> Model:
 
 
 def chosen_estimates(likelihood: Likelihood) -> Estimates:
-    """Return what was chosen among the proposed values."""
+    """Return what was chosen among the proposed values, and what is no part of a choice."""
+    evidence = likelihood.evidence
     return {
         e.label: {
             p.name: Estimate(
                 e[p.name],
                 None,
                 None,
-                units.si(p.unit, likelihood.evidence.sensor),
+                units.si(p.unit, evidence.sensor),
                 point=e[p.name],
-                note='the best of the values tried',
+                note='the best of the values tried' if p.discrete else 'no part of this form',
             )
             for p in e.parameters
-            if p.discrete and p.name in e.values
+            if p.name in e.values and (p.discrete or not p.linear and settled(e, p, evidence))
         }
         for e in likelihood.model.effects
         if not isinstance(e, MEASURED)
