@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from .kinds import MEASURED, Spectrum
+from .kinds import MEASURED, NoiseEffect, Spectrum
 from .likelihood import Likelihood, Linear, settled
 from .response import OPEN
 from ..core import units
@@ -53,7 +53,7 @@ def chosen_estimates(likelihood: Likelihood) -> Estimates:
             for p in e.parameters
             if p.name in e.values and (p.discrete or not p.linear and settled(e, p, evidence))
         }
-        for e in likelihood.model.effects
+        for e in likelihood.model.of(NoiseEffect)
         if not isinstance(e, MEASURED)
     }
 

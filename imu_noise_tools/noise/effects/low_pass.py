@@ -84,9 +84,10 @@ class LowPass(Response):
 
         out: list[Effect] = []
         for form in FORMS:
-            shapes = {POLE: [{}], AVERAGED: [{'averaged': share} for share in SHARES]}.get(
-                form, [{'behind': share} for share in BEHIND])
-            some = [self.with_values(**{**self.neutral, **shape, 'cutoff': float(c), 'form': form})
+            shapes: list[dict[str, float]] = [{'behind': share} for share in BEHIND]
+            if form in (POLE, AVERAGED):
+                shapes = [{'averaged': share} for share in SHARES] if form == AVERAGED else [{}]
+            some = [self.with_values(**{**self.neutral, **shape}, cutoff=float(c), form=form)
                     for c in tried[form] for shape in shapes]
             best, second = sorted(some, key=roughness)[:2]
             if tried[form] is falls:    # forms differ by less than one step of the cutoff does
