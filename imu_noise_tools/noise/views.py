@@ -136,7 +136,8 @@ def frequency(
     excess = np.append(excess, np.where(own > 1, gamma_excess(own, taken)[0], 0.0))
     pull = np.append(gamma_pull(x, weight), np.where(own > 1, gamma_pull(own, taken), 0.0))
     f = np.append(likelihood.bins.f, evidence.line_table[:, 0])
-    return _view('frequency', f, pull, excess, variance, 'Hz', extra)
+    order = np.argsort(f, kind='stable')    # pictures shade what fails side by side
+    return _view('frequency', f[order], pull[order], excess, variance, 'Hz', extra)
 
 
 def _around_lines(lines, power, v, weight):
