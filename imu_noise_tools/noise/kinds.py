@@ -135,9 +135,11 @@ class NoiseEffect(Effect):
         An empty list means: not applicable here.
 
         By default each searched parameter starts at three points spread over its range (amplitudes
-        are then set from the measured spectrum).
+        are then set from the measured spectrum); what is measured is not searched, and has one.
 
         """
+        if isinstance(self, MEASURED):
+            return [self]
         grid: list[dict[str, float]] = [{}]
         for p in self.parameters:
             if p.linear or p.name in self.values:
