@@ -12,6 +12,11 @@ domain, not from the filter's own blocks. A share is met when its 95 % interval 
 reaches it. Kinds that begin with `hand` are judged under the bank for any motion, the variance of
 the noise stated: a hand that shakes, rests and turns, finely sampled.
 
+    python bench/filter_verdicts.py ideal [RUNS] [SEED]
+
+says of each `hand sampling_jitter` what of it there is to be seen: the log-likelihood gained by an
+observer who knows the law of the motion, and every value in it.
+
 """
 
 from __future__ import annotations
@@ -20,7 +25,8 @@ import sys
 import time
 
 import numpy as np
-from scipy.signal import butter, lfilter
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import butter, lfilter, tf2ss
 from scipy.stats import beta
 
 from imu_noise_tools.core.units import DEG
@@ -28,7 +34,7 @@ from imu_noise_tools.filter.problem import FilterProblem, START
 from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.loop.study import Study
 
-RATE, SECONDS = 100.0, 120.0
+RATE, SECONDS, FINE = 100.0, 120.0, 20
 R, Q, PHI = 0.36, 4e-4, 0.107                     # (deg/s)^2
 BANK = ('any_motion', 'white')
 STATED = {'white': {'R': R * DEG ** 2}, 'ar_increment': {'phi': PHI, 'q': Q * DEG ** 2}}
@@ -85,24 +91,32 @@ def hidden(kind: str, rng, n: int) -> np.ndarray:
     return base + white
 
 
-def hand(kind: str, rng, n: int) -> np.ndarray:
-    """Return n samples, deg/s, of a hand that shakes, rests and turns, with one effect in it."""
-    fine, sigma = 20, float(np.sqrt(R))
+def hand(kind: str, rng, n: int):
+    """
+    Return n samples, deg/s, of a hand that shakes, rests and turns, with one effect in it.
+
+    And its law: (band of the shaking Hz, its gain, turn, jitter s).
+
+    """
+    fine, sigma, jitter = FINE, float(np.sqrt(R)), 0.0
     t = np.arange(fine * (n + 2)) / (fine * RATE)
 
     def pick(low, high):
         return np.exp(rng.uniform(np.log(low), np.log(high)))
 
-    shake = lfilter(*butter(2, pick(1, 4), fs=fine * RATE), rng.standard_normal(len(t)))
+    band = pick(1, 4)
+    shake = lfilter(*butter(2, band, fs=fine * RATE), rng.standard_normal(len(t)))
     ends = np.cumsum(np.exp(rng.uniform(np.log(2), np.log(10), 80)))
     busy = lfilter(*butter(2, 0.5, fs=fine * RATE),
                    (np.searchsorted(ends, t) % 2 == 1).astype(float))
     turn = pick(10, 60) * np.sin(2 * np.pi * pick(0.02, 0.2) * t + rng.uniform(0, 6.28))
-    rate = pick(30, 150) * shake / shake.std() * busy + turn
+    gain = pick(30, 150) / shake.std() * busy
+    rate = gain * shake + turn
     at = np.arange(1, n + 1) / RATE
     if kind == 'sampling_jitter':       # of a size that is plain: off by 1 to 3 sigma in motion
         slope = np.std(np.diff(rate)) * fine * RATE
-        at = at + min(pick(1, 3) * sigma / slope, 0.25 / RATE) * rng.standard_normal(n)
+        jitter = min(pick(1, 3) * sigma / slope, 0.25 / RATE)
+        at = at + jitter * rng.standard_normal(n)
     white = sigma * rng.standard_normal(n)
     if kind == 'noise_level':
         white *= np.sqrt(pick(1.5, 4) if rng.random() < 0.5 else 1 / pick(1.5, 4))
@@ -111,7 +125,35 @@ def hand(kind: str, rng, n: int) -> np.ndarray:
     elif kind == 'outliers':
         hit = rng.random(n) < pick(0.002, 0.02)
         white += sigma * pick(10, 50) * rng.standard_normal(n) * hit
-    return np.interp(at, t, rate) + white
+    return np.interp(at, t, rate) + white, (band, gain, turn, jitter)
+
+
+def ideal(seed: int) -> float:
+    """Return what a Kalman filter with the true law gains by the jitter, nats."""
+    n = int(RATE * SECONDS)
+    kind = 'hand sampling_jitter'
+    z, (band, gain, turn, jitter) = hand(kind.split()[1], np.random.default_rng(
+        [seed, KINDS.index(kind)]), n)
+    a, b, c, d = tf2ss(*butter(2, band, fs=FINE * RATE))
+    start, phi, q = solve_discrete_lyapunov(a, b @ b.T), np.eye(2), np.zeros((2, 2))
+    for _ in range(FINE):
+        q, phi = q + phi @ b @ b.T @ phi.T, phi @ a
+    slope, at = (c[0] @ a - c[0]) * FINE * RATE, FINE * np.arange(1, n + 1)
+    turned = (turn[at + 1] - turn[at - 1]) * FINE * RATE / 2
+    log_l = []
+    for s in (0.0, jitter):
+        x, p, total = np.zeros(2), start, 0.0
+        for k, i in enumerate(at):
+            if k:
+                x, p = phi @ x, phi @ p @ phi.T + q
+            h, v = gain[i] * c[0], gain[i] * slope
+            var = h @ p @ h + (gain[i] * d[0, 0]) ** 2 + R + s * s * (
+                (v @ x + turned[k]) ** 2 + v @ p @ v)
+            nu = z[k] - h @ x - turn[i]
+            total -= 0.5 * (np.log(var) + nu * nu / var)
+            x, p = x + p @ h * nu / var, p - np.outer(p @ h, h @ p) / var
+        log_l.append(total)
+    return log_l[1] - log_l[0]
 
 
 KINDS = (
@@ -134,7 +176,7 @@ def run(kind: str, seed: int) -> str:
     """Return the first verdict on one record: a name, or the verdict where nothing is named."""
     rng, n = np.random.default_rng([seed, KINDS.index(kind)]), int(RATE * SECONDS)
     if kind.startswith('hand '):
-        z, stated, model = hand(kind.split()[1], rng, n), {'white': STATED['white']}, BANK
+        z, stated, model = hand(kind.split()[1], rng, n)[0], {'white': STATED['white']}, BANK
     else:
         z, stated, model = hidden(kind, rng, n), STATED, START
     study = Study.begin({'gyro_x': FilterProblem(z * DEG, 1 / RATE, stated=stated)},
@@ -174,5 +216,14 @@ def main(runs: int = 60, seed: int | None = None, *kinds: str) -> int:
     return int(missed > 0)
 
 
+def ideals(runs: int = 60, seed: int = 0) -> int:
+    """Print, weakest first, what there is to be seen of each jitter."""
+    for gain, k in sorted((ideal(seed + k), seed + k) for k in range(runs)):
+        print(f'{k} {gain:9.1f} nats', flush=True)
+    return 0
+
+
 if __name__ == '__main__':
+    if sys.argv[1:2] == ['ideal']:
+        raise SystemExit(ideals(*(int(a) for a in sys.argv[2:4])))
     raise SystemExit(main(*(int(a) for a in sys.argv[1:3]), *sys.argv[3:]))

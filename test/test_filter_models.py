@@ -322,7 +322,9 @@ def test_recursion_by_chunks_predicts_like_the_steady_state():
 
 
 @pytest.mark.parametrize('more', [None, GaussMarkov({'sigma': 3e-3, 'tc': 5.0}), Sinusoid(
-    {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 1e4})], ids=['bank', 'slow colour', 'line'])
+    {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 1e4}), Sinusoid(
+        {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 20.0})],
+    ids=['bank', 'slow colour', 'line', 'line that wanders'])
 def test_chunks_of_a_record_at_rest_say_what_the_whole_says(more):
     """A bank at rest, a slow colour and a phase remember for longer than a chunk lasts."""
     z = 0.01 * np.random.default_rng(9).standard_normal(8000)

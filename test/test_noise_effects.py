@@ -41,6 +41,7 @@ EFFECTS = dict(registry('noise'))
 MORE = {'duplicates': [{'fraction': 0.5, 'pattern': 'regular', 'run': 1.0},
                        {'fraction': 0.3, 'pattern': 'regular', 'run': 1.0},
                        {'fraction': 0.15, 'pattern': 'random', 'run': 6.0}],
+        'spikes': [{'rate': 0.05, 'sigma': 0.05, 'nu': 4.0}],
         'rate_quantization': [{'step': 2e-3, 'white': 1.0}],
         'variance_change': [{**EFFECTS['variance_change'].neutral, 'factor': 3.0, **v} for v in (
             {'form': 'drift'}, {'form': 'periodic', 'time': 60.0, 'period': 150.0},
@@ -411,3 +412,25 @@ def test_what_does_not_apply_is_refused_in_words(cls):
         with pytest.raises(ImuNoiseError) as error:
             fit(evidence, _model(cls.example()))
         assert cls.name in error.value.message and error.value.remedy
+
+
+@pytest.mark.parametrize('cutoff, averaged', [
+    (0.15, 0.37), (0.15, 0.0), (0.15, 1.0), (0.01, 0.5), (0.37, 0.9), (0.02, 1.0), (0.9, 0.5)])
+def test_a_pole_and_an_average_fold_as_their_product_does(cutoff, averaged):
+    """Of white noise in continuous time, sampled; either end of the share is another form."""
+    effect = EFFECTS['low_pass']({'cutoff': cutoff / DT, 'form': 'first_order_averaged',
+                                  'behind': 0.0, 'averaged': averaged})
+    x = np.linspace(0.001, 0.4997, 40)
+    r = max(averaged, 1e-4) * 0.443 / cutoff
+    pole = cutoff / np.sqrt(max(2 * np.sinc(cutoff * r) ** 2 - 1, 1e-9))
+
+    def folded(x):
+        f = np.add.outer(x, np.arange(-20_000, 20_001))
+        return np.sum(np.sinc(f * r) ** 2 / (1 + (f / pole) ** 2), axis=-1)
+
+    np.testing.assert_allclose(effect.gain2(x / DT, DT), folded(x) / folded(0.0), rtol=1e-5)
+    for share, form in ((0.0, 'first_order'), (1.0, 'moving_average')):
+        if share == averaged:
+            other = effect.with_values(form=form)
+            np.testing.assert_allclose(effect.gain2(x / DT, DT), other.gain2(x / DT, DT),
+                                       rtol=2e-3)

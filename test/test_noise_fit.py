@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.optimize import brentq
+from scipy.signal import lfilter
 from scipy.stats import binom
 
 import hidden
@@ -405,3 +407,34 @@ def test_a_ridge_is_walked_to_its_end(shared_data):
         for name, e in values.items():
             if e.value is not None and e.ci95 is not None:
                 assert e.ci95[0] <= e.value <= e.ci95[1], (label, name, e)
+
+
+@pytest.mark.parametrize('window', [0.7, 1.0, 1.2])
+def test_a_pole_whose_output_is_averaged(window):
+    """As autopilots log it: first order, averaged over about an output interval, at 250 Hz."""
+    rng, n, fast, dt, pole = np.random.default_rng([92, int(10 * window)]), 60_000, 40, 4e-3, 40.0
+    p, k = np.exp(-2 * np.pi * pole * dt / fast), round(window * fast)
+    y = 1e-3 / np.sqrt(dt / fast) * rng.standard_normal(n * fast)
+    y = lfilter(np.ones(k) / k, [1.0], lfilter([1 - p], [1, -p], y))[::fast]
+    found = fit_one(y, ('white', 'low_pass'), dt)
+    low = found.model['low_pass']
+    assert low.chosen('form') == 'first_order_averaged'
+    half = brentq(lambda f: np.sinc(f * window * dt) ** 2 / (1 + (f / pole) ** 2) - 0.5, 1, 100)
+    for name, true in (('cutoff', half), ('averaged', window * dt * half / 0.443)):
+        e = found.estimates['low_pass'][name]
+        assert abs(e.value - true) < 4 * e.std and e.std < 0.2 * true, (name, e, true)
+    assert found.estimates['white']['N'].value == pytest.approx(1e-3, rel=0.03)
+
+
+def test_what_is_no_part_of_a_form_is_not_searched_for():
+    """Nor is a form with more to choose taken where a simpler one does as well."""
+    plain = 0
+    for seed in range(4):
+        y = lfilter([0.4], [1, -0.6], np.random.default_rng(seed).standard_normal(30_000))
+        found = fit_one(y, ('white', 'low_pass'))
+        some = found.estimates['low_pass']
+        assert some['behind'].value == 0 and some['behind'].ci95 is None
+        assert not any('behind' in said for said in found.flags)
+        slots = [name for label, name in found.details.slots if label == 'low_pass']
+        plain += found.model['low_pass'].chosen('form') == 'first_order' and slots == ['cutoff']
+    assert plain >= 3

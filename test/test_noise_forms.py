@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
+from scipy.signal import lfilter
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
@@ -14,7 +16,7 @@ from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
-from imu_noise_tools.noise import Inputs
+from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.problem import NoiseProblem
 
@@ -77,6 +79,19 @@ def test_a_second_step_lands_beside_the_first():
     assert abs(times[0] - 400) < 5 and abs(times[1] - 1100) < 5
 
 
+@pytest.mark.parametrize('seed', daily([0, 1, 2], 1))
+def test_up_and_down_again_is_two_steps(seed):
+    """One of them alone leaves more than half of what it claims: a pair is tried as one."""
+    rng, rate, n = np.random.default_rng([22, seed]), 100.0, 12_000
+    t = np.arange(n) / rate
+    x = 2e-4 * rng.standard_normal((n, 3))
+    x[:, 0] += 2.5e-4 * ((t >= 15) & (t < 78))
+    problem = NoiseProblem(gather(ImuRecord(x, None, t, rate), ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['step', 'step'] and found.remaining is None
+
+
 @pytest.mark.parametrize(('share', 'size'), [(0.02, 29.0), (0.02, 8.0), (0.001, 12.0)])
 def test_many_spikes_have_their_rate_and_size(share, size):
     rng, rate, n = np.random.default_rng(6), 50.0, 60_000
@@ -87,6 +102,89 @@ def test_many_spikes_have_their_rate_and_size(share, size):
                 for e in gather(record, ['gyro_x']).values())
     assert found.effect['sigma'] == pytest.approx(1e-3 * size, rel=0.2)
     assert found.effect['rate'] == pytest.approx(share * rate, rel=0.25)
+    assert found.effect['nu'] == 0
+
+
+@pytest.mark.parametrize('length', [5, 9])
+def test_spikes_that_come_in_bursts_are_found_and_taken_out(length):
+    """Runs of samples of either sign, beside which the neighbours say nothing."""
+    rng, rate, n = np.random.default_rng(12), 100.0, 60_000
+    x = rng.standard_normal((n, 3))
+    hit = np.convolve(rng.random(n) < 1e-3, np.ones(length))[:n] > 0
+    x[hit, 0] += rng.choice([-1, 1], hit.sum()) * rng.uniform(7, 20, hit.sum())
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    found = find_effect('noise', 'spikes')().find(evidence)
+    count = found.effect['rate'] * n / rate
+    assert count == pytest.approx(hit.sum(), rel=0.15)
+    white = 1e-6 * 2 / rate     # one-sided, of the noise beneath
+    assert np.median(evidence.whole.power[-20:]) == pytest.approx(white, rel=0.05)
+
+
+@pytest.mark.parametrize('two_levels', [True, False])
+def test_dwells_shorter_than_block_means_are_told_from_a_process_of_the_same_spectrum(two_levels):
+    """Eight samples long where a block is of seven."""
+    rng, rate, n, dwell = np.random.default_rng(13), 100.0, 120_000, 8
+    if two_levels:
+        y = 3 * (np.cumsum(rng.random(n) < 1 / dwell) % 2 - 0.5)
+    else:
+        phi = np.exp(-2 / dwell)
+        y = lfilter([1], [1, -phi], 1.5 * np.sqrt(1 - phi**2) * rng.standard_normal(n))
+    x = np.column_stack([y, y, y]) + rng.standard_normal((n, 3))
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
+    bonus = fit.model['rts'].bonus(evidence, fit)
+    assert bonus > 20 if two_levels else bonus < -20
+
+
+def heavy(nu, n=40_000, rate=50.0, seed=0):
+    """Return an axis of Student's t with a walk beside it."""
+    rng = np.random.default_rng([seed, int(10 * nu)])
+    x = rng.standard_t(nu, (n, 3)) + 5e-3 * np.cumsum(rng.standard_normal((n, 3)), axis=0)
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    return NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+
+
+@pytest.mark.parametrize('nu', [2.5, 4.0, 7.0])
+def test_noise_with_heavy_tails_holds_with_its_degrees_of_freedom(nu):
+    problem = heavy(nu)
+    before, after = (problem.point(model_of('noise', (*BASE, *more))) for more in ((), ['spikes']))
+    found = after.estimates['spikes']['nu']
+    assert found.value == pytest.approx(nu, abs=4 * found.std) and found.std < 0.15 * nu
+    for fit, fails in ((before, True), (after, False)):
+        tests = {f.name: f.p_value for f in problem.omnibus(fit)}
+        assert (tests['distribution'] < 1e-6) == fails
+    assert tests['variance'] > 1e-3
+
+
+def test_what_is_louder_for_a_while_has_no_heavy_tails():
+    """Normal noise, twice as loud for a third of the time, and some spikes."""
+    rng, rate, n = np.random.default_rng(9), 50.0, 40_000
+    x = rng.standard_normal((n, 3)) * np.where(np.arange(n) < n // 3, 2.0, 1.0)[:, None]
+    x[::997] += 30
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found.gain > 100 and found.effect['nu'] == 0
+
+
+def test_noise_whose_loudness_wanders_is_none_of_student():
+    """Its samples are heavy-tailed as well, but those near each other are large together."""
+    rng, rate, n = np.random.default_rng(14), 50.0, 40_000
+    slow = lfilter([1], [1, -np.exp(-1 / 60)], rng.standard_normal(n))
+    x = rng.standard_normal((n, 3)) * np.exp(0.5 * slow / np.std(slow))[:, None]
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found is None or found.effect['nu'] == 0
+
+
+def test_tails_that_are_not_those_of_student_are_none_of_them():
+    """A tenth of the samples four times as large: neither normal nor Student's t."""
+    rng, rate, n = np.random.default_rng(10), 50.0, 100_000
+    x = rng.standard_normal((n, 3)) * np.where(rng.random((n, 3)) < 0.1, 4.0, 1.0)
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    found = find_effect('noise', 'spikes')().find(gather(record, ['gyro_x'])['gyro_x'])
+    assert found is None or found.effect['nu'] == 0
 
 
 @pytest.mark.parametrize('every, step', [(1, 0.05), (40, 0.25)])
@@ -109,6 +207,25 @@ def test_a_bias_that_bends_with_temperature_is_followed(every, step):
     left = problem.evidence.slow_y - fit.model['temperature'].mean(
         Inputs(problem.evidence.slow_t, 1 / rate, problem.evidence.slow_others))
     assert np.std(left) < 1.1 * 2e-4 and np.std(bias) > 2e-4
+
+
+@pytest.mark.parametrize('period', daily([11.9, 17.3, 40.1], 40.1))
+def test_a_heater_that_cycles_is_in_the_temperature(period):
+    """Its cycle is no line of nobody's; a thermometer six seconds slow is read ahead."""
+    rng, rate, n = np.random.default_rng([23, int(period)]), 25.0, 10_000
+    t = np.arange(n) / rate
+    course = 2 * np.exp(-t / 150) + np.abs(2 * (t / period % 1) - 1)
+    a = np.exp(-1 / (6 * rate))
+    read = lfilter([1 - a], [1, -a], course, zi=[a * course[0]])[0]
+    read = 0.02 * np.round((read + 0.01 * rng.standard_normal(n)) / 0.02)
+    x = 2e-4 * rng.standard_normal((n, 3))
+    x[:, 0] += 1e-4 * (course + 0.3 * course**2)
+    record = ImuRecord(x, None, t, rate, covariates={'temperature': 30 + read})
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['temperature'] and found.remaining is None
+    assert found.found[0].effect['lag'] == pytest.approx(-6, rel=0.3)
 
 
 def test_what_was_read_in_coarse_steps_goes_on_between_them():
@@ -153,3 +270,51 @@ def test_one_source_is_heard_at_any_phase_through_the_noise_of_the_axes(later):
     quarter, gain = (fit.model['shared_noise'][k] for k in ('later', 'gain'))
     assert np.arctan2(quarter, gain) % np.pi == pytest.approx(
         (later * w + 0.5) % np.pi - 0.5, abs=0.25) or later == 0 and abs(quarter) < 0.2
+
+
+def relaxing(rng, n, tc):
+    """Return a relaxation over tc samples, of rms 1, and its power over that of white noise."""
+    phi = np.exp(-1 / tc)
+    source = lfilter([np.sqrt(1 - phi * phi)], [1, -phi], rng.standard_normal(n + 4000))
+    return source, lambda f: (1 - phi**2) / np.abs(1 - phi * np.exp(-2j * np.pi * f)) ** 2
+
+
+def test_what_axes_hear_together_is_each_ones_share():
+    """Of a relaxation in white noise, whose spectrum by itself might be flicker and drift."""
+    rng, n, gains = np.random.default_rng(31), 1 << 15, (0.8, -0.6, 1.0)
+    source, power = relaxing(rng, n, 20.0)
+    heard = shared.heard_together(
+        {str(g): g * source[:n] + rng.standard_normal(n) for g in gains}, 0.01)
+    for g in gains:
+        f, share = heard[str(g)]
+        true = g * g * power(0.01 * f)
+        assert np.sqrt(np.mean((share - true / (1 + true)) ** 2)) < 0.1
+    assert not shared.heard_together({k: rng.standard_normal(n) for k in 'abc'}, 0.01)
+
+
+def test_a_shared_relaxation_is_no_noise_of_each_axis():
+    """At a tenth of the rate the axes hear one source, above that each only itself."""
+    rng, rate, n = np.random.default_rng(32), 50.0, 40_000
+    source, _ = relaxing(rng, n, 40.0)
+    x = rng.standard_normal((n, 3))
+    for axis, (gain, later) in enumerate([(0.4, 3), (0.5, 0), (-0.35, 5)]):
+        x[:, axis] += gain * source[100 - later:100 - later + n]
+    problem = NoiseProblem(gather(ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    said = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in said.found] == ['shared_noise'], said.ranked
+    assert said.found[0].effect.chosen('heard') == 'vibration'
+
+
+def test_an_axis_that_was_not_asked_for_is_looked_at_without_its_spikes():
+    """What axes share is the same whether the other one is asked for or not."""
+    rng, rate, n = np.random.default_rng(33), 50.0, 30_000
+    x = rng.standard_normal((n, 3)) + rng.standard_normal((n, 1))
+    x[rng.choice(n, 300, replace=False), 1] += 40
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    alone, both = (gather(record, axes)['gyro_x'] for axes in (['gyro_x'], ['gyro_x', 'gyro_y']))
+    np.testing.assert_allclose(alone.cross('gyro_y', 'whole'), both.cross('gyro_y', 'whole'))
+    model = model_of('noise', ('white', 'shared_noise'))
+    gains = [NoiseProblem(e).point(model).model['shared_noise']['gain'] for e in (alone, both)]
+    assert gains[0] == pytest.approx(gains[1]) and gains[0] > 0.25

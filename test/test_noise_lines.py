@@ -14,8 +14,9 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform, folded
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
+from imu_noise_tools.noise import views
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
+from imu_noise_tools.noise.lines import also_in, find_peaks, reference_spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -119,6 +120,28 @@ def test_unrelated_lines_are_no_family():
     assert count <= 1
 
 
+@pytest.mark.parametrize('power', [1, 2, 3])
+def test_a_line_of_a_slow_quantity_is_known_again(power):
+    """In its square or cube too, through noise of its own; three cycles off stands another."""
+    rng, n, step = np.random.default_rng([17, power]), 9000, 0.2
+    t = np.arange(n) * step
+    f = 41.3 / (n * step)
+    course = 30 - 4 * t / t[-1] + 2 * np.sin(2 * np.pi * f * t)
+    read = 0.25 * np.round(4 * (course + 0.1 * rng.standard_normal(n)))
+    lines = f * power + np.array([0.0, 3.0, 60.0]) / (n * step)
+    assert also_in(lines, read, step, 1024).tolist() == [True, False, False]
+    assert not np.any(also_in(lines, read, step, 40))      # beyond what a mean is told by
+
+
+def test_noise_of_a_slow_quantity_holds_no_line():
+    rng, n = np.random.default_rng(18), 9000
+    count = 0
+    for _ in range(40):
+        course = np.cumsum(rng.standard_normal(n)) / 30 + rng.standard_normal(n)
+        count += np.sum(also_in(rng.uniform(20, 500, 10) / (2 * n), course, 1.0, 1024))
+    assert count <= 4       # of 400, each asked of three powers
+
+
 def test_intervals_of_lines_hold_the_truth():
     """Beside flicker and a random walk, where single coefficients tell the level."""
     pulls = []
@@ -170,3 +193,36 @@ def test_what_is_fitted_is_the_same_with_lines_and_without():
     alone = NoiseProblem(evidence).point(one.plus(line))
     assert alone.model == second.model and alone.flags == second.flags
     assert alone.estimates == second.estimates
+
+
+@pytest.mark.parametrize('size', [0.0, 0.0228])
+def test_faint_orders_of_one_machine_are_found_together(size):
+    """Of five lines of 11.7 nats each, where one alone needs 18; and none in noise alone."""
+    counts, strange = [], 0
+    for seed in range(10):
+        rng = np.random.default_rng([seed, 40])
+        f0, y = rng.uniform(1.0, 6.0), rng.standard_normal(N)
+        for k in (1, 2, 4, 5, 7):
+            y = y + size * np.cos(2 * np.pi * k * f0 * T + rng.uniform(0, 7))
+        found, true = table(y)[:, 0], [folded(k * f0, DT) for k in (1, 2, 4, 5, 7)]
+        right = [np.min(np.abs(f - true)) < 1 / SPAN for f in found]
+        counts.append(sum(right) if size else 0)
+        strange += len(found) - sum(right) if size else len(found)
+    assert strange <= 2 and (not size or np.median(counts) >= 4)
+
+
+def test_a_line_of_forty_nats_is_borne_out_by_each_half():
+    """In a bin of thousands it would not show; a half that it is not in speaks against it."""
+    rng, n, dt = np.random.default_rng(41), 60_000, 0.01
+    t, size = dt * np.arange(n), 2 * np.sqrt(40 / n)
+    sides = []
+    for on in (1.0, 2.0 * (t < 0.5 * t[-1])):
+        y = rng.standard_normal(n) + on * size * np.sin(2 * np.pi * 31.7 * t)
+        x = np.column_stack([y, y[::-1], rng.permutation(y)])
+        problem = NoiseProblem(gather(ImuRecord(1e-3 * x, None, t, 1 / dt), ['gyro_x'])['gyro_x'])
+        base, line = model_of('noise', ('white',)), find_effect('noise', 'sinusoid')()
+        fits = [problem.point(m) for m in (base, base.plus(line))]
+        sides.append([views.frequency(problem.evidence, part, fits[0]).deviance
+                      - views.frequency(problem.evidence, part, fits[1]).deviance
+                      for part in ('first', 'second')])
+    assert min(sides[0]) > 10 and sides[1][0] > 10 and sides[1][1] < -10, sides

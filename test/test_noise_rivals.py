@@ -21,7 +21,8 @@ from scipy.stats import kurtosistest
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
-from imu_noise_tools.loop.effect import model_of, registry
+from imu_noise_tools.loop.effect import Finding, model_of, registry
+from imu_noise_tools.noise.candidates import by_one_measure, Tried
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -192,3 +193,15 @@ def test_samples_on_a_grid_lie_on_it_whatever_bends_the_spectrum():
     names, said = found_in([SIZE * np.round(x / SIZE) for x in gyro])
     assert 'rate_quantization' in names, said
     assert said.remaining is not None, said
+
+
+def test_a_peak_is_ranked_by_the_measure_of_a_rival_that_explains_more():
+    """What it explains in part counts unless a form that stands out without that does better."""
+    def tried(name, whole, partly, peak=False):
+        return Tried(Finding(name, partly if peak else whole, penalty=10.0), whole, partly, peak)
+
+    peak = tried('peak', 20.0, 234.0, peak=True)
+    for rival, gain in ((tried('rival', 58.0, 240.0), 20.0), (tried('rival', 58.0, 230.0), 234.0),
+                        (tried('rival', 5.0, 300.0), 234.0)):
+        found = {f.name: f.gain for f in by_one_measure([peak, rival, Tried(None)])}
+        assert found == {'peak': gain, 'rival': rival.whole}

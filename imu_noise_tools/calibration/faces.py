@@ -8,12 +8,13 @@ What the poses say is split by what tilt does to it. Along the input found, a re
 |S^-1 (o - b)| = g whatever the tilt; across it, it is the tilt, a random angle of rms theta about
 the nominal direction, plus the cross-axis terms. Both are one weighted least squares (errors in
 the variables, directions as nuisances): theta -> 0 is the plain six-position fit, theta ->
-infinity the norm fit. Theta is what lateral readings scatter by beyond noise and cross-axis terms,
-and Student's t with its degrees of freedom widens what depends on it.
+infinity the norm fit. Theta is what lateral readings scatter by beyond noise and cross-axis terms;
+they are weighed, and intervals stated, as if it were larger, by Student's t with its degrees of
+freedom.
 
 Six faces say little of axes that are not orthogonal, and a tilted face shows them in its
 magnitude: they take the size that data sheets state (:data:`CROSS`) until poses say otherwise.
-A rotation common to all faces is mounting or tilt; as much of it as is beyond chance is mounting.
+A rotation common to all faces is mounting or tilt; as much of it is kept as the poses speak of.
 
 """
 
@@ -21,11 +22,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import stdtrit
+from scipy.special import expit, gammaln, stdtrit
 
 from .poses import DIRECTIONS, Poses, unit
 from ..core.statistics import TWO_SIDED
@@ -37,6 +37,7 @@ ANY = 0.2               # rad: a pose that is called a face by its nearness alon
 #: rms of a rotation of the case before faces speak of it, rad: any
 MOUNTING = 0.5
 _PAIRS = ((0, 1), (0, 2), (1, 2))
+_PLANES = ((1, 2), (2, 0), (0, 1))       # that a rotation about each axis turns
 _FREE = 10.0            # rad, for a pose that is no face: any direction
 
 
@@ -121,28 +122,22 @@ def tilt_found(poses: Poses, scale: np.ndarray, bias: np.ndarray) -> tuple[float
     return float(np.sqrt(max(scatter - np.mean(variance), LEAST ** 2))), dof
 
 
-def widened(system: Any, poses: Poses, scale: np.ndarray, theta: float, dof: int) -> np.ndarray:
-    """Return the covariance that an estimated theta adds to that of a known one, (m, m)."""
-    if dof < 1:
-        return np.zeros_like(system.cov)
-    plus = np.linalg.pinv(system.matrix)
-    plus = plus[:, system.pose >= 0].reshape(len(plus), poses.n, 3)
-    tilted = np.isfinite(aims(poses)[0])
-    across = theta ** 2 * tilted[:, None, None] * np.einsum(
-        'nri,nij,nsj->nrs', system.whitener, _across(poses, scale), system.whitener)
-    factor = (stdtrit(dof, 0.975) / TWO_SIDED) ** 2
-    return (factor - 1) * np.einsum('anr,nrs,bns->ab', plus, across, plus)
+def wider(dof: int | None) -> float:
+    """Return by how much Student's t is wider than the normal distribution, in variance."""
+    return float((stdtrit(dof, 0.975) / TWO_SIDED) ** 2) if dof else 1.0
 
 
-def settled(scale: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def settled(
+    scale: np.ndarray, cov: np.ndarray, dof: int | None
+) -> tuple[np.ndarray, np.ndarray]:
     """
     Return (turn, cov): what to multiply S by from the right, and the covariance after it.
 
-    S = K R is left with as much of R as is beyond the chance that the tilts of the faces make it:
-    (1 - 3/q)^2 of it, q the squared rotation over its variance (positive-part shrinkage, squared
-    so that chance hardly turns; the value stays within its 95 % interval). ``cov`` is that of the
-    nine elements of S, row by row. A scale factor feels the square of the rotation kept, which is
-    neither certain nor tilt.
+    S = K R is left with as much of R as the poses speak of (:func:`_kept`); the rest of it is the
+    chance that the tilts of the faces make it. ``cov`` is that of the nine elements of S, row by
+    row; the tilt was found with ``dof`` degrees of freedom (None: it was known, 0: it may be any).
+    A scale factor feels the square of the rotation kept, which is neither certain nor tilt, and
+    skew times what of the rotation is not known.
 
     """
     k, r = polar(scale)
@@ -150,23 +145,58 @@ def settled(scale: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     of_k = to_k @ cov @ to_k.T
     size = np.abs(np.linalg.det(scale)) ** (1 / 3)
     odd = np.zeros((3, 9))
-    for row, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+    for row, (i, j) in enumerate(_PLANES):
         odd[row, 3 * i + j], odd[row, 3 * j + i] = -0.5 / size, 0.5 / size
     angle = Rotation.from_matrix(r).as_rotvec()
-    q = float(angle @ np.linalg.pinv(odd @ of_k @ odd.T) @ angle)
-    kept = angle * max(0.0, 1 - 3 / max(q, 1e-12)) ** 2
+    turned, kept, error = _kept(angle, odd @ of_k @ odd.T, dof)
     keep = Rotation.from_rotvec(kept).as_matrix()
     to_s = np.kron(np.eye(3), keep.T)
     out = to_s @ of_k @ to_s.T
-    lost = np.array([kept @ kept - kept[i] ** 2 for i in range(3)]) * np.diag(k) / 2
-    unsure = (lost * min(1.0, 3 / max(q, 3.0))) ** 2
-    # a rotation e turns skew into scale: K_ii feels 2 K_ij e_k, and neither factor is certain
-    for e, (i, j) in zip(np.diag(odd @ of_k @ odd.T), ((1, 2), (2, 0), (0, 1))):
+
+    def lost(v):
+        return (v @ v - v ** 2) * np.diag(k) / 2
+
+    unsure = turned * (lost(angle) - lost(kept)) ** 2 + (1 - turned) * lost(kept) ** 2
+    for e, (i, j) in zip(error, _PLANES):       # (K R)_ii holds K_ij R_ji
         skew = np.zeros(9)
         skew[[3 * i + j, 3 * j + i]] = 0.5
-        unsure[[i, j]] += 4 * e * (k[i, j] ** 2 + skew @ of_k @ skew)
+        unsure[[i, j]] += e * (k[i, j] ** 2 + skew @ of_k @ skew)
     out[[0, 4, 8], [0, 4, 8]] += unsure
     return r.T @ keep, out
+
+
+def _kept(
+    angle: np.ndarray, cov: np.ndarray, dof: int | None
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """
+    Return the chance that the case is turned, the rotation expected, and its mean square error.
+
+    ``angle`` (3,) is the rotation found, rad, with its covariance. Before, either is as likely:
+    the sensor sits straight, but for what the cross-axis terms of data sheets turn it by, or it is
+    turned anyhow. The poses weigh the two (Bayes), and the mean over both is kept. What chance
+    makes of a tilt that is found itself has the tails of Student's t. Of any tilt, no pose speaks
+    of a rotation.
+
+    """
+    straight = cov + 0.5 * CROSS ** 2 * np.eye(3)       # half the difference of two terms
+    anyhow = cov + MOUNTING ** 2 * np.eye(3)
+    odds = _log_t(angle, anyhow, 0) - _log_t(angle, straight / wider(dof), dof)
+    turned = 0.0 if dof == 0 else float(expit(odds))
+    share = np.eye(3) - cov @ np.linalg.inv(straight)
+    little = share @ angle
+    kept = turned * angle + (1 - turned) * little
+    error = turned * (np.diag(cov) + (angle - kept) ** 2) + (1 - turned) * (
+        np.diag(share @ cov) + (little - kept) ** 2)
+    return turned, kept, error
+
+
+def _log_t(x, shape, dof):
+    """Return the log-density of Student's t (normal without ``dof``) at x (3,) less a constant."""
+    q, size = x @ np.linalg.solve(shape, x), np.linalg.slogdet(shape)[1]
+    if not dof:
+        return -0.5 * (q + size)
+    return (gammaln((dof + 3) / 2) - gammaln(dof / 2) - 1.5 * np.log(dof / 2)
+            - 0.5 * (size + (dof + 3) * np.log1p(q / dof)))
 
 
 def magnitude_rows(directions: np.ndarray) -> np.ndarray:

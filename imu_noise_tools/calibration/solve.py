@@ -146,9 +146,9 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
         why = e.why_not(poses)
         if why and (poses.sensor not in e.sensors or not np.isfinite(e.columns(poses)).all()):
             raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
-    found = faces.tilt_found(poses, *start(poses)) if method == 'faces' and known is None else None
-    if found:
-        tilt = found[0]
+    dof = None
+    if method == 'faces' and known is None:
+        tilt, dof = faces.tilt_found(poses, *start(poses))
     system, state, log_det = _iterate(model, poses, method, tilt)
     for e in model.of(Scatter):
         amplitude = known[e.label] if known else best_amplitude(model, e, state.poses, state.scale,
@@ -167,18 +167,21 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     state = State(state.poses, system.keys, theta)
     around = state.values
     if method == 'faces':
-        cov = cov + faces.widened(system, state.poses, state.scale, tilt, found[1] if found else 0)
-        state, cov = _settled(state, system, cov)
+        if dof:     # the tilt may well be larger than it was found
+            unsure, state, _ = _iterate(model, poses, method, tilt * np.sqrt(faces.wider(dof)))
+            state = State(state.poses, system.keys, unsure.theta)
+            around, cov = state.values, unsure.cov
+        state, cov = _settled(state, system, cov, dof)
         # what is not beyond chance is left out of a value, but not out of its interval
         around = {k: around[k] if k[0] == 'cross_axis' else v for k, v in state.values.items()}
     return report(model, state, system, cov, log_det, method, tilt, known, around)
 
 
-def _settled(state, system, cov):
+def _settled(state, system, cov, dof):
     """Return state and covariance with no more common rotation than the poses speak of."""
     where = {(i, j): k for k, i, j in elements(system.keys)}
     at = [where[i, j] for i in range(3) for j in range(3)]
-    turn, small = faces.settled(state.scale, cov[np.ix_(at, at)])
+    turn, small = faces.settled(state.scale, cov[np.ix_(at, at)], dof)
     move = np.eye(len(cov))
     move[np.ix_(at, at)] = np.kron(np.eye(3), turn.T)
     theta = move @ np.array(list(state.values.values()))

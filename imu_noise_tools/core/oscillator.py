@@ -53,19 +53,14 @@ def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
     bin with several coefficients the integral of that, less what alternates between neighbours.
 
     """
-    return 2 * bins.dt * sigma**2 * np.maximum(_unit(bins, f0, width)[0], 0.0)
+    _, a = _pole(f0, width, bins.dt)
+    unit = 1 + (a * _value(bins, f0, width)).real
+    return 2 * bins.dt * sigma**2 * np.maximum(unit, 0.0)
 
 
 def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return d :func:`binned`/d ln f0 and d ln width, (b,) each."""
-    _, by_f0, by_width = _unit(bins, f0, width)
-    return 2 * bins.dt * sigma**2 * by_f0, 2 * bins.dt * sigma**2 * by_width
-
-
-@lru_cache(maxsize=64)
-def _unit(bins: Bins, f0: float, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Return E c_k^2 of unit variance over the bins, and its slopes by ln f0 and ln width.
+    Return d :func:`binned`/d ln f0 and d ln width, (b,) each.
 
     It is Re(a F(p)) and F is analytic: dF = p F' dp/p, d ln p = i theta d ln f0 - pi width dt d ln
     width.
@@ -74,39 +69,49 @@ def _unit(bins: Bins, f0: float, width: float) -> tuple[np.ndarray, np.ndarray, 
     dt = bins.dt
     p, a = _pole(f0, width, dt)
     theta, damping = 2 * np.pi * f0 * dt, np.pi * width * dt
-    value, slope = _sums(bins, p)
+    value, slope = _value(bins, f0, width), _sums(bins, p, True)
     narrow = np.tanh(damping)
     by_f0 = 1j * narrow * theta / np.sin(theta) ** 2 * value + a * 1j * theta * slope
     by_width = -1j * (1 - narrow**2) * damping / np.tan(theta) * value - a * damping * slope
-    return 1 + (a * value).real, by_f0.real, by_width.real
+    return 2 * dt * sigma**2 * by_f0.real, 2 * dt * sigma**2 * by_width.real
 
 
-def _sums(bins: Bins, p: complex) -> tuple[np.ndarray, np.ndarray]:
-    """Return (F, p F') over the bins, (b,) complex, E c_k^2 = 1 + Re(a F)."""
+@lru_cache(maxsize=64)
+def _value(bins: Bins, f0: float, width: float) -> np.ndarray:
+    """Return F of E c_k^2 = 1 + Re(a F), unit variance, over the bins, (b,) complex."""
+    return _sums(bins, _pole(f0, width, bins.dt)[0], False)
+
+
+def _sums(bins: Bins, p: complex, slope: bool) -> np.ndarray:
+    """Return F, or its slope p F', over the bins, (b,) complex, E c_k^2 = 1 + Re(a F)."""
     n = bins.n
     alone, turn, sign, sine, begin, edge, span = _angles(bins)
-    out = np.empty((2, len(bins.first)), complex)
-    tapered, plain = 0, 0
+    out = np.empty(len(bins.first), complex)
+    zn = p**n * sign        # z^n: e^{i n phi} is +-1
+    tapered: Any = 0
+    plain: Any = 0
     for z, side in ((p * turn, 1), (p * np.conj(turn), -1)):
-        one, zn = 1 - z, p**n * sign    # z^n: e^{i n phi} is +-1
-        plain = plain + side * np.array([
-            (z - zn) / one, (z - n * zn + (n - 1) * zn * z) / one**2])
-        tapered = tapered + np.array([
-            z / one - z * (1 - zn) / (n * one**2),
-            z / one**2 - (z - (n + 1) * zn * z + 2 * z * z * (1 - zn) / one) / (n * one**2)])
-    out[:, alone] = tapered + 1j * plain / (n * sine[alone])
+        one = 1 - z
+        if slope:
+            plain = plain + side * (z - n * zn + (n - 1) * zn * z) / one**2
+            tapered = tapered + z / one**2 - (
+                z - (n + 1) * zn * z + 2 * z * z * (1 - zn) / one) / (n * one**2)
+        else:
+            plain = plain + side * (z - zn) / one
+            tapered = tapered + z / one - z * (1 - zn) / (n * one**2)
+    out[alone] = tapered + 1j * plain / (n * sine[alone])
     if len(span):
-        tapered, plain = 0, 0
+        tapered = plain = 0
         for z, side in ((p * edge, 1), (p * np.conj(edge), -1)):
             # z/(1 - z) integrates to +-i ln(1 - z), z/(1 - z)^2 to -+i/(1 - z)
             one = 1 - z
-            integral = side * 1j * np.array([np.log(one), -z / one])
+            integral = side * 1j * (-z / one if slope else np.log(one))
             plain = plain + side * integral
-            tapered = tapered + integral + side * 1j / n * np.array([1 / one, z / one**2])
+            tapered = tapered + integral + side * 1j / n * (z / one**2 if slope else 1 / one)
         wide = ~alone[begin:]
         whole = np.diff(tapered) + 1j * np.diff(plain) / (n * sine[begin:])
-        out[:, begin:][:, wide] = (whole / span)[:, wide]
-    return out[0], out[1]
+        out[begin:][wide] = (whole / span)[wide]
+    return out
 
 
 @lru_cache(maxsize=8)

@@ -232,9 +232,9 @@ def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[np.ndarray, np
     return np.ascontiguousarray(w[:, :low]), w.sum(axis=1)
 
 
-def folded(f: float, dt: float) -> float:
-    """Return where a frequency appears in samples at interval dt: from 0 to Nyquist, Hz."""
-    return float(abs((f * dt + 0.5) % 1 - 0.5) / dt)
+def folded(f: Any, dt: float) -> Any:
+    """Return where frequencies appear in samples at interval dt: from 0 to Nyquist, Hz."""
+    return abs((f * dt + 0.5) % 1 - 0.5) / dt
 
 
 def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float) -> np.ndarray:

@@ -48,7 +48,7 @@ class Likelihood:
 
     def each(self, models: list[Model]) -> np.ndarray:
         """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
-        found = self.chunks.densities(models, quick=True)[0]
+        found = self.chunks.densities(models)[0]
         self._known.update(zip(models, map(finite, found.sum(1))))
         return found
 
@@ -56,7 +56,7 @@ class Likelihood:
         """
         Return the log-likelihood of a model; from now on it is right of those near it.
 
-        ``last``: also of one that keeps a phase for long, which takes a while.
+        ``last``: also of one that keeps a phase for long, which is then learnt anew.
 
         """
         if jumps(model):
@@ -76,7 +76,7 @@ class Free:
             for e in model.of(FilterEffect)
             if e.label not in fixed
             for p in e.parameters
-            if p.name not in e.measured and not p.discrete
+            if p.name not in e.measured and not _tried(model, e, p)
         ]
 
     def vector(self) -> np.ndarray:
@@ -112,6 +112,36 @@ class Free:
     @staticmethod
     def _to(p, value):
         return np.log(max(value, 1e-300)) if p.log else value
+
+
+def _tried(model, effect, parameter) -> bool:
+    """
+    Tell whether a parameter is not climbed, but the best of some values.
+
+    So is for how long a phase is kept, of a model that jumps: chunks that begin with what another
+    value knew there speak for that one's wide guess of the phase and a longer memory after it.
+
+    """
+    return parameter.discrete or (parameter.name == effect.keeps and jumps(model))
+
+
+def kept(model: Model, fixed: Any, evaluate: Likelihood) -> Model:
+    """Return a model that jumps with the best time its lines keep their phase, by half decades."""
+    for effect in model.of(FilterEffect):
+        if not effect.keeps or effect.label in fixed:
+            continue
+        p, best = effect.parameter(effect.keeps), evaluate.about(model, last=True)
+        for factor in (10 ** 0.5, 10 ** -0.5):
+            value, moved = factor * model[effect.label][p.name], False
+            while p.lower <= value <= p.upper:
+                trial = model.with_effect(model[effect.label].with_values(**{p.name: value}))
+                log_l = evaluate.about(trial, last=True)
+                if log_l <= best:
+                    break
+                model, best, value, moved = trial, log_l, factor * value, True
+            if moved:
+                break
+    return model
 
 
 def start(
@@ -303,7 +333,7 @@ def estimates(
         out.setdefault(label, {})[p.name] = entry
     for e in model.of(FilterEffect):
         for p in e.parameters:
-            if e.label not in fixed and p.discrete:
+            if e.label not in fixed and _tried(model, e, p):
                 out.setdefault(e.label, {})[p.name] = Estimate(
                     e[p.name], None, None, si(p.unit, sensor), point=e[p.name],
                     note='the best of the values tried')

@@ -26,7 +26,7 @@ def oscillator(amplitude: float, frequency: float, tc: float, dt: float) -> Bloc
     c, s = keep * np.cos(angle), keep * np.sin(angle)
     variance = 0.5 * amplitude ** 2
     return Block(np.array([[c, s], [-s, c]]), -np.expm1(-2 * dt / tc) * variance * np.eye(2),
-                 np.array([1.0, 0.0]), variance * np.eye(2))
+                 np.array([1.0, 0.0]), variance * np.eye(2), keeps=True)
 
 
 class Oscillation(FilterEffect):
@@ -39,6 +39,7 @@ class Oscillation(FilterEffect):
 
     several = True
     line = 'frequency'
+    keeps = 'tc'
     measured = ('amplitude',)
     search = 2.0
     #: frequencies it is looked for at, Hz

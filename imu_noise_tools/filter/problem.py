@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from .chunks import Chunks
 from .design import quiet_variance
 from .evaluate import omnibus, score_of
-from .fitting import estimates, Likelihood, maximise, start
+from .fitting import estimates, kept, Likelihood, maximise, start
 from .held import REMEDY
 from .predict import predict, Prediction
 from .statespace import DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, white_of
@@ -123,6 +123,9 @@ class FilterProblem(Problem):
                 return Fit(begin, {}, log_l, ())
             evaluate.about(begin, last=True)
             begin, evaluate = self._begun(model)        # by phases that are known now
+            if self.whole is None:
+                begin = kept(begin, self.stated, evaluate)
+                evaluate.about(begin, last=True)
         best, log_l = maximise(begin, self.stated, evaluate, hope)
         if self.whole is None and log_l >= hope:
             best = self._with_measured(best)

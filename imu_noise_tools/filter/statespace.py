@@ -55,6 +55,7 @@ class Block:
     variance factor), ``step`` (probability, variance) of a jump of the rate within one interval,
     ``jitter`` the standard deviation, s, of when a sample is taken.
     ``switching``: its second state is the acceleration, and q is for a density of one.
+    ``keeps``: its states keep a phase, for the whole record perhaps.
 
     """
 
@@ -69,6 +70,7 @@ class Block:
     step: tuple[float, float] | None = None
     switching: Switching | None = None
     jitter: float = 0.0
+    keeps: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class StateSpace:
 
     ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion;
     ``r`` the variance of the white part; ``outliers``, ``step``, ``switching`` and ``jitter`` as
-    in :class:`Block`.
+    in :class:`Block`; ``keeps`` the states that keep a phase.
 
     """
 
@@ -93,6 +95,7 @@ class StateSpace:
     step: tuple[float, float] | None = None
     switching: Switching | None = None
     jitter: float = 0.0
+    keeps: tuple[int, ...] = ()
 
     @property
     def size(self) -> int:
@@ -152,6 +155,8 @@ class FilterEffect(Effect):
     variance: ClassVar[str] = ''
     #: the parameter that is the frequency of a line, for an effect that keeps its phase
     line: ClassVar[str] = ''
+    #: the parameter that says for how long it keeps its phase, s
+    keeps: ClassVar[str] = ''
     #: parameters read from the samples (:meth:`read`), not from the likelihood
     measured: ClassVar[tuple[str, ...]] = ()
     views: ClassVar[tuple[str, ...]] = ()       # it is judged by all views
@@ -278,6 +283,7 @@ def state_space(model: Model, dt: float) -> StateSpace:
         next((b.step for _, b in blocks if b.step), None),
         _switching([b for _, b in blocks]),
         float(np.sqrt(sum(b.jitter ** 2 for b in noises))),
+        tuple(np.flatnonzero(np.concatenate([np.full(len(b.h), b.keeps) for b in everything]))),
     )
 
 

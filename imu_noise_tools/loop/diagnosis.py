@@ -213,17 +213,44 @@ class _Search:
             if place is None:
                 return members[:-1]
             # at once, or what follows is looked for beside something that is not there
-            best, failed = None, set()
+            best: list[Finding] = []
+            failed: set[str] = set()
             for f in self.able(place):
                 if self._heals(members, f) and self._lowers(members, f):
-                    best = f
+                    best = [f]
                     break
                 failed.add(label(place.model, f))
             self._note(members, place, failed)
-            if best is None:
+            best = best or self._pair(members, place)
+            if not best:
                 break
-            members.append(best)
+            members += best
         return members
+
+    def _pair(self, members: list[Finding], place: _Place) -> list[Finding]:
+        """
+        Return two of one effect that heal together, behind a chain, what one of them does not.
+
+        One step of two, up and down again, leaves the other, which stands out the more where the
+        noise is no longer stretched over both.
+
+        """
+        before = self.model_of(members)
+        for f in self.able(place):
+            if f.effect is None or not f.effect.paired:
+                continue
+            between = self.place(before.plus(_new(f)))
+            if between is None:
+                continue
+            g = next((g for g in self.able(between) if g.name == f.name), None)
+            if g is None:
+                continue
+            after = between.model.plus(_new(g))
+            both = replace(f, gain=f.gain + g.gain)
+            if not self._unhealed(before, after, both) and not self._unlowered(
+                    before, after, both)[1]:
+                return [f, g]
+        return []
 
     def _heals(self, members: list[Finding], finding: Finding) -> bool:
         """Tell whether a candidate heals what it claims behind a chain; what not is kept aside."""
@@ -333,10 +360,10 @@ class _Search:
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 model = model.minus(worst)
-        place = self.base
+        place, later = self.base, list(members.values())
         for k, f in members.items():
-            before, place = place, place.plus(_new(f))
-            against = self._unhealed(before, place, f) or self._shaped(model, k, f)
+            before, place, later = place, place.plus(_new(f)), later[1:]
+            against = self._unhealed_with(before, place, f, later) or self._shaped(model, k, f)
             if against:
                 out[k] = replace(f, against=against)
         for k, f in members.items() if last or not out else ():
@@ -351,7 +378,11 @@ class _Search:
 
     def _unconfirmed(self, model: Model, name: str, finding: Finding) -> tuple[float, str]:
         """Return by how much a member lowers the error beside the others, and what if not."""
-        after, before = self.error(model), self.error(model.minus(name))
+        return self._unlowered(model.minus(name), model, finding)
+
+    def _unlowered(self, without: Model, model: Model, finding: Finding) -> tuple[float, str]:
+        """Return by how much a finding lowers the error from one model to another; what if not."""
+        after, before = self.error(model), self.error(without)
         if after is None or before is None or finding.effect is None:
             return -np.inf, 'a part of the record cannot hold it'
         fall = fall_of(before, after, [finding.effect])
@@ -378,6 +409,17 @@ class _Search:
             return ''
         return (f'it claims {claim:.0f} nats of what fails in {finding.view} and heals '
                 f'{max(before - after, 0):.0f}')
+
+    def _unhealed_with(self, before: Model, after: Model, finding: Finding,
+                       later: Iterable[Finding]) -> str:
+        """Say :meth:`_unhealed`, unless with the next of its kind it heals what both claim."""
+        against = self._unhealed(before, after, finding)
+        if against and finding.effect is not None and finding.effect.paired:
+            for g in later:
+                if g.name == finding.name:
+                    both = replace(finding, gain=finding.gain + g.gain)
+                    return self._unhealed(before, after.plus(_new(g)), both) and against
+        return against
 
     def _shaped(self, model: Model, name: str, finding: Finding) -> str:
         """Say that a flexible form does better in a member's place."""

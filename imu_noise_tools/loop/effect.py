@@ -142,6 +142,8 @@ class Effect:
     # does what shows it stand by itself, so that no misfit of anything else can imitate it?
     certain: ClassVar[bool] = False
     counted: ClassVar[bool] = True  # does the view that shows it count what it claims?
+    # may it come and go again, so that one of it leaves the record worse than two?
+    paired: ClassVar[bool] = False
 
     values: Mapping[str, Any] = field(default_factory=dict)     # a choice by name or index
     label: str = ''

@@ -11,7 +11,7 @@ Every registered effect is tried, with the log-likelihood it gains.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast, TYPE_CHECKING
+from typing import cast, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
+from ..loop.verdict import PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -35,6 +36,22 @@ MOST_SHAPES = 2  # parameters besides one that are priced where names are compar
 SLOW = 32  # coefficients that hold nearly all of what acts on the mean
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
+
+
+class Tried(NamedTuple):
+    """
+    A candidate that was tried beside a model; its finding is None where it does not apply.
+
+    ``whole`` and ``partly`` are what it gains, nats, where it is fitted to the spectrum: of bands
+    that it does not explain nothing, or what it explains of them. A ``peak`` is found by the
+    latter.
+
+    """
+
+    finding: Finding | None
+    whole: float = -np.inf
+    partly: float = -np.inf
+    peak: bool = False
 
 
 def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
@@ -55,7 +72,7 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
     # further on, where the spectrum asks for nothing, nothing is fitted to it
     quiet = bool(problem.tried) and not problem.knows_candidates(fit) and asks_nothing(
         evidence, fit)
-    found = []
+    tried: list[Tried] = []
     for name, known in registry('noise').items():
         cls = cast('type[NoiseEffect]', known)
         if name in fit.model and not cls.several:
@@ -68,22 +85,37 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
         key = (*problem.spectral(fit.model), name)
         if issubclass(cls, Line) or key not in problem.tried:
             problem.tried[key] = _one(problem, fit, cls())
-        finding = problem.tried[key]
-        if finding is None or not np.isfinite(finding.gain):
-            continue
-        if not views.hidden_by(fit, finding.view):  # nothing could confirm it
-            found.append(finding)
-    return sorted(found, key=lambda f: f.penalty - f.gain)
+        tried.append(problem.tried[key])
+    # what a view hides nothing could confirm
+    return sorted((f for f in by_one_measure(tried) if not views.hidden_by(fit, f.view)),
+                  key=lambda f: f.penalty - f.gain)
 
 
-def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
+def by_one_measure(tried: list[Tried]) -> list[Finding]:
+    """
+    Return the findings, a peak counted as its rivals are where one of them explains more.
+
+    What a peak explains of bands that are not of its form counts, or none would be found; of
+    another form it does not, which may bend to anything. Where what stands out without that
+    explains more than the peak by the peak's own measure, beyond chance and for what it has to
+    choose, it is no peak that is there.
+
+    """
+    some = [(t, t.finding, t.partly - t.finding.penalty - PRICE * t.finding.shapes)
+            for t in tried if t.finding is not None and np.isfinite(t.finding.gain)]
+    most = max((worth for t, f, worth in some if not t.peak and f.gain > f.penalty),
+               default=-np.inf)
+    return [replace(f, gain=t.whole) if t.peak and worth < most else f for t, f, worth in some]
+
+
+def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     evidence: Evidence = problem.evidence
     if isinstance(effect, Line):
-        return _line(evidence, fit, effect)
+        return Tried(_line(evidence, fit, effect))
     if isinstance(effect, MEASURED):
-        return _measured(evidence, fit, effect)
+        return Tried(_measured(evidence, fit, effect))
     if not effect.starts(evidence):
-        return None
+        return Tried(None)
     more = _refitted(evidence, fit, effect)
     problem.begin_from(more)
     label = more.model.labels[-1]
@@ -93,16 +125,10 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
-    gain = _gained(evidence, fit, more, peak)
-    if isinstance(effect, (Spectrum, Response)):
-        gain = min(gain, _own(evidence, more, label, peak))
-    gain += bonus
-    if isinstance(effect, Coupling):
-        count = sum(p.linear for p in effect.parameters)
-        gain = min(gain, _shared(evidence, more, count)) / model_crowd(fit.model)
-    return Finding(
+    whole, partly = (_gain(evidence, fit, more, k) for k in (False, True))
+    finding = Finding(
         effect.name,
-        float(gain),
+        float(partly if peak else whole) + bonus,
         more.model[label],
         more.estimates[label],
         penalty(effect.name) + _unlikely(more),
@@ -111,6 +137,20 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Finding | None:
         against=_at_bound(evidence, more.model[label]),
         shapes=_shapes(effect, more.estimates[label]),
     )
+    return Tried(finding) if isinstance(effect, Mean) else Tried(finding, whole, partly, peak)
+
+
+def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:
+    """Return what the last effect of a fit gains over the one before, and by its own doing."""
+    label = after.model.labels[-1]
+    effect = after.model[label]
+    gain = _gained(evidence, before, after, partly)
+    if isinstance(effect, (Spectrum, Response)):
+        gain = min(gain, _own(evidence, after, label, partly))
+    if isinstance(effect, Coupling):
+        count = sum(p.linear for p in effect.parameters)
+        gain = min(gain, _shared(evidence, after, count)) / model_crowd(before.model)
+    return gain
 
 
 def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
@@ -153,7 +193,7 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     priced = 0
     for p in effect.parameters:
         e = estimates[p.name]
-        null = p.name in effect.optional and abs(e.point or 0.0) < OPTIONAL * (e.std or 0.0)
+        null = p.name in effect.optional and abs(e.point or 0.0) <= OPTIONAL * (e.std or 0.0)
         priced += not p.discrete and not null
     return min(priced - 1, MOST_SHAPES)
 

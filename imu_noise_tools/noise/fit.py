@@ -36,6 +36,7 @@ from .uncertainty import (
 from ..core.errors import FitError
 from ..core.statistics import gamma_pull_exact
 from ..loop.effect import Fit, Model
+from ..loop.verdict import PRICE
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
@@ -106,12 +107,18 @@ class _Search:
 
     def from_starts(self, plain: Likelihood, proposed: list[Start],
                     most: int | None = None) -> _Found | None:
-        """Return the best :class:`_Found` of several starts; None where none is finite."""
-        best = None
+        """
+        Return the best :class:`_Found` of several starts; None where none is finite.
+
+        A form with more parameters must be that much better.
+
+        """
+        best, least = None, np.inf
         for likelihood, x0 in most_promising(plain, proposed, self.mean, most or self.most):
             found = self.from_point(likelihood, x0)
-            if np.isfinite(found.nll) and (best is None or found.nll < best.nll - 1e-9):
-                best = found
+            cost = found.nll + PRICE * len(found.x)
+            if np.isfinite(cost) and cost < least - 1e-9:
+                best, least = found, cost
         return best
 
     def from_point(self, likelihood: Likelihood, x0: np.ndarray) -> _Found:

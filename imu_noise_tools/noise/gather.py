@@ -23,11 +23,13 @@ from scipy.special import ndtri
 from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
-from .lines import find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+from .lines import (
+    also_in, find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+)
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
 from ..core import allan
-from ..core.record import ImuRecord, Memory
+from ..core.record import AXES, ImuRecord, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
 from ..core.statistics import grid_step, sum_of_squares
 from ..loop.effect import registry
@@ -39,6 +41,7 @@ BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
 STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
 ENVELOPE = 1000  # columns of the picture of the time series
+SQUARE = 'accel_square'  # the squared vibration
 
 
 def smooth_length(n: int) -> int:
@@ -89,6 +92,7 @@ def gather(
     work = _Gathering(record, axes, progress, memory or Memory())
     for axis in axes:
         work.samples(axis, deviation=deviation, points=points, octaves=octaves)
+    work.beside()
     whole = {axis: work.spectrum(axis) for axis in axes}
     work.part('whole', 0, work.used, whole)
     work.part('first', 0, work.half)
@@ -140,17 +144,42 @@ class _Gathering:
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
 
+    def beside(self) -> None:
+        """Take defects out of the axes that were not asked for, as out of those that were."""
+        for axis in (a for a in self.record.axes if a in self.covariates):
+            y = np.ascontiguousarray(self.record.column(axis), float)
+            without = _bridged(_screened(y, self.inputs), self.record)
+            if without is not y:
+                self.covariates[axis] = self.memory.keep(without)
+            self.memory.rest()
+
     def spectrum(self, axis: str) -> np.ndarray:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
         own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
         reference = reference_spectrum(c, self.dt)
         self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
-        own['line_table'], own['humps'] = find_peaks(c, reference, self.dt)
+        table, own['humps'] = find_peaks(c, reference, self.dt)
+        own['line_table'] = table[~self._followed(table[:, 0])]
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')
         return kept
+
+    def _followed(self, lines: np.ndarray) -> np.ndarray:
+        """
+        Tell which lines, Hz (l,), something recorded beside the axes has too: they stay.
+
+        A heater's cycle is a line of the temperature and of all that follows it: what explains
+        that explains the line, and could not if it were taken out.
+
+        """
+        out, length = np.zeros(len(lines), bool), max(1, self.used // SLOW)
+        beside = set(self.record.covariates) & set(self.covariates) - {*AXES, SQUARE}
+        for name in sorted(beside) if len(lines) else ():
+            slow = _block_means(self.covariates[name][:self.used], length)
+            out |= also_in(lines, slow, length * self.dt, LOW)
+        return out
 
     def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:
         """Whiten the samples: how they spread, and a line that sweeps."""
@@ -200,11 +229,11 @@ class _Gathering:
         out: dict[str, np.ndarray] = {}
         if first:
             heard = shared.heard_together(
-                {a: self.clean.get(a, self.record.column(a)) for a in self.record.axes
-                 if a in coefficients})
-            for a in sorted(heard):
+                {a: (self.clean if a in self.clean else self.covariates)[a]
+                 for a in self.record.axes if a in coefficients}, self.dt)
+            for a, common in sorted(heard.items()):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
-                self.shaken[a] = bins.f, shared.share(bins, power)
+                self.shaken[a] = bins.f, shared.share(bins, power, common)
         length = max(1, self.used // SLOW)
         for a, (f, share) in self.shaken.items():
             for name, c in shared.signals(a, coefficients[a], self.dt, f, share):
@@ -244,7 +273,7 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
         total[:] = 0.0
         for x in record.accel.T:
             total += (x - np.mean(x)) ** 2
-        out['accel_square'] = total
+        out[SQUARE] = total
     memory.rest()
     return out
 
@@ -317,6 +346,15 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
             if issubclass(cls, Defect) and name in kept:
                 y = cls.screen(y, kept[name], inputs)
     return kept, y
+
+
+def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
+    """Return the samples without defects, and keep nothing else of them."""
+    known = (cls for cls in registry('noise').values() if issubclass(cls, Defect))
+    for cls in sorted((cls for cls in known if cls.screens()), key=lambda cls: not cls.first):
+        kept = cls.statistics(y, inputs)
+        y = cls.screen(y, kept, inputs) if kept else y
+    return y
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:

@@ -20,6 +20,7 @@ from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.fft import dct, idct
 
+from .tails import Tails
 from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
 from ..core.statistics import interval
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, Parameter, View
@@ -46,6 +47,7 @@ __all__ = [
     'model_crowd',
     'model_gain2',
     'model_psd',
+    'model_tails',
     'psd_behind',
 ]
 
@@ -133,9 +135,11 @@ class NoiseEffect(Effect):
         An empty list means: not applicable here.
 
         By default each searched parameter starts at three points spread over its range (amplitudes
-        are then set from the measured spectrum).
+        are then set from the measured spectrum); what is measured is not searched, and has one.
 
         """
+        if isinstance(self, MEASURED):
+            return [self]
         grid: list[dict[str, float]] = [{}]
         for p in self.parameters:
             if p.linear or p.name in self.values:
@@ -441,6 +445,10 @@ class Defect(NoiseEffect):
         """
         return None
 
+    def tails(self, evidence: Evidence) -> Tails | None:
+        """Return how the samples are distributed that it leaves; None: normally."""
+        return None
+
     @classmethod
     def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
         """
@@ -470,6 +478,12 @@ MEASURED = (Line, Defect, Modulation)
 def measured(value: float, std: float) -> Estimate:
     """Return what was measured on the samples, with a normal interval, its unit left out."""
     return Estimate(value, std, interval(value, std), point=value, fixed=True)
+
+
+def model_tails(model: Model, evidence: Evidence) -> Tails | None:
+    """Return how the whitened samples are distributed by a model's defects; None: normally."""
+    found = (d.tails(evidence) for d in model.of(Defect) if d.values)
+    return next((t for t in found if t is not None), None)
 
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:

@@ -75,6 +75,12 @@ class Linear:
     log_det: float
 
 
+def settled(effect: NoiseEffect, parameter: Parameter, evidence: Evidence) -> bool:
+    """Tell whether an effect, as it is, leaves a parameter no room: it is no part of its form."""
+    low, high = effect.bounds(evidence).get(parameter.name, (0.0, 1.0))
+    return low == high
+
+
 class Likelihood:
     """
     The likelihood of a model of one part of one axis, as a function of its searched parameters.
@@ -119,7 +125,8 @@ class Likelihood:
             for e in model.of(NoiseEffect)
             if not isinstance(e, MEASURED)
             for p in e.parameters
-            if not (p.linear or p.discrete) and not (mean and isinstance(e, Mean))
+            if not (p.linear or p.discrete or settled(e, p, evidence))
+            and not (mean and isinstance(e, Mean))
         ]
         self.linear_slots = [
             Slot(e.label, p)
@@ -222,7 +229,7 @@ class Likelihood:
         """Return the power (b,) and the slow coefficients (q,) less what the couplings add."""
         names, cross, own = channels
         power = np.maximum(self.part.power, 1e-300)
-        power = power - 2 * beta @ cross + np.einsum('i,ijb,j->b', beta, own, beta)
+        power = power - 2 * beta @ cross + beta @ (beta @ own)
         power = np.maximum(power, 1e-300)
         slow = self._slow
         if slow is not None:

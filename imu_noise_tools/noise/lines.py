@@ -16,7 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.spectrum import Bins, line_basis, line_coefficients
+from ..core.spectrum import (
+    Bins,
+    cosine_transform,
+    folded,
+    line_basis,
+    line_coefficients,
+)
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
@@ -29,6 +35,13 @@ ROUNDS = 3  # of the search, each with the level as it is without the lines foun
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
 CLEAN = 0.98  # share that two lines side by side must take
+SEEDS = 8  # lines, sure ones and faint ones, whose multiples are looked for
+LOWER, HIGHER = 8, 12  # orders that a line may be of, and its company
+MULTIPLE = 3.5  # nats that one of a dozen frequencies reaches by chance every third time
+MEMBER = 2.5  # nats beyond that from which it is a line: then one of a dozen in fifteen families
+OFF, STEP = 0.2, 0.15  # of 1/T by which a line may be off its order, and by which it is sought
+POWERS = 3  # of a slow quantity that a mean may follow
+CELL = 1  # coefficients by which lines of one cause may be apart: half a cycle in the record
 
 
 def _reach(k, n: int):
@@ -225,6 +238,82 @@ class _Search:
                 self._look(i, min(i + PIECE, self.n - 1))
         return found[:MOST_LINES]
 
+    def family(self, found: list[_Spot]) -> list[_Spot]:
+        """
+        Return fainter lines: at multiples of one frequency, each too faint to be sure by itself.
+
+        Of a line that is known few frequencies are multiples, so that chance reaches less there;
+        and several that are none by themselves may be sure together.
+
+        """
+        best, most = [], 0.0
+        sure = sorted(found, key=lambda s: -s.height)[:SEEDS]
+        for seed in [*sure, *self._faint()]:
+            # once in a thousand records, by whichever line and order
+            wanted = np.log(1000 * LOWER * max(len(sure), 1))
+            if seed not in found:
+                wanted += max(line_penalty(self.n) - 0.5 * seed.height, 0.0)
+            for order in range(1, LOWER + 1):
+                company = self._multiples(seed.frequency / order, order, found)
+                gain = sum(more for _, more in company) - wanted
+                if gain > most:
+                    best, most = [seed, *(s for s, more in company if more > MEMBER)], gain
+        return [s for s in best if s not in found]
+
+    def _faint(self) -> list[_Spot]:
+        """Return the highest of what is too low for a line, what is near one left out."""
+        out, window = [], self.window.copy()
+        for _ in range(SEEDS):
+            k = int(np.argmax(window))
+            if window[k] < 0.5 * self.threshold:
+                break
+            window[max(k - CROWD, 0):k + CROWD + 1] = 0
+            f, a, b = self._measured(k + 1)
+            out.append(_Spot(f, a, b, self._height(np.array([f]))[0][0]))
+        return out
+
+    def _height(self, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Return twice the nats (f,) that a line at each of near frequencies gains, and a, b.
+
+        Beside the level around: where a crowd stands out none of it is a line.
+
+        """
+        k = int(2 * self.n * self.dt * f[len(f) // 2])
+        some = np.arange(max(1, k - NEAR), min(self.n, k + NEAR + 1))
+        energy, a, b = _projected(line_basis(f[:, None], some, self.n, self.dt), self.c[some])
+        level = float(np.median(self.reference[some - 1]))
+        beside = np.abs(some - k) > CROWD
+        level = max(level, 2 * self.dt * float(np.mean(self.c[some[beside]] ** 2)))
+        return 2 * self.dt * energy / level, a, b
+
+    def _multiples(self, f0: float, order: int,
+                   known: list[_Spot]) -> list[tuple[_Spot, float]]:
+        """
+        Return what stands at the other orders of f0, read from a line of ``order``.
+
+        With each how many nats it has beyond what one of them has by chance.
+
+        """
+        out: list[tuple[_Spot, float]] = []
+        for k in (k for k in range(1, HIGHER + 1) if k != order):
+            at, off = folded(k * f0, self.dt), OFF * (1 + k / order)
+            middle, reach = int(2 * self.n * self.dt * at), int(2 * off) + 2
+            chance = MULTIPLE + np.log1p(2 * off)
+            if not 2 * NEAR < middle < self.n - 2 * NEAR or np.max(
+                    self.window[middle - reach:middle + reach]) < 2 * chance:
+                continue
+            if self._near([*known, *(s for s, _ in out)], _Spot(at, 0.0, 0.0, 0.0)):
+                continue
+            count = int(np.ceil(off / STEP))
+            f = at + off / (self.n * self.dt) * np.linspace(-1, 1, 2 * count + 1)
+            height, a, b = self._height(f)
+            i = int(np.argmax(height))
+            if height[i] > 2 * chance:
+                spot = _Spot(float(f[i]), float(a[i]), float(b[i]), float(height[i]))
+                out.append((spot, 0.5 * spot.height - chance))
+        return out
+
     def _more(self, settled: list[_Spot]) -> None:
         """Add to the lines what stands out of the coefficients now."""
         found: list[_Spot] = []
@@ -284,7 +373,8 @@ def find_peaks(c: np.ndarray, reference: np.ndarray, dt: float) -> tuple[np.ndar
     if len(c) < 200:
         return table, humps
     search = _Search(c, reference, dt)
-    spots = sorted(search.lines(), key=lambda s: -s.height)
+    spots = search.lines()
+    spots = sorted([*spots, *search.family(spots)], key=lambda s: -s.height)[:MOST_LINES]
     if spots:
         table = np.array([[s.frequency, s.a, s.b, np.sqrt(s.height)] for s in spots])
         table[:, :3] = _jointly(table[:, :3], c, search.reference, dt)
@@ -385,6 +475,48 @@ def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
         f = f + np.clip(df, -0.5, 0.5) / size
         amplitudes = amplitudes + np.column_stack([da, db])
     return np.column_stack([f, amplitudes])
+
+
+def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.ndarray:
+    """
+    Tell which lines of an axis, Hz (l,), a slow quantity has too: it, its square or its cube.
+
+    Where one stands is known, so that noise exceeds what is asked of each once in a thousand
+    times; it must be the highest near by, or it is the skirt of another.
+
+    Parameters
+    ----------
+    frequency : ndarray (l,)
+        Of the lines, Hz.
+    x : ndarray (s,)
+        The quantity, as long as the axis.
+    dt : float
+        Its interval, s.
+    top : int
+        Coefficient up to which what follows the quantity is told from it.
+
+    """
+    n, out = len(x), np.zeros(len(frequency), bool)
+    able = np.flatnonzero(2 * n * dt * frequency < min(top, n // 4))
+    if not len(able) or n < 200 or not np.ptp(x) > 0:
+        return out
+    u = x - np.mean(x)
+    u = u / np.sqrt(np.mean(u * u))
+    offsets = np.arange(-2 * CROWD, 2 * CROWD + 1) / (4 * n * dt)
+    near = np.abs(offsets) <= CELL / (2 * n * dt)
+    for power in range(1, POWERS + 1):
+        c = cosine_transform(u**power)
+        level = reference_spectrum(c, dt)
+        for i in able:
+            middle = int(2 * n * dt * frequency[i])
+            k = np.arange(max(1, middle - NEAR), min(n, middle + NEAR + 1))
+            root = np.sqrt(2 * dt / level[k - 1])
+            wave = root * line_basis((frequency[i] + offsets)[:, None], k, n, dt)
+            energy = _projected(wave, root * c[k])[0]
+            best = int(np.argmax(energy))
+            # chi-squared with two degrees of freedom, at as many places as there are cells near
+            out[i] |= near[best] and energy[best] > 2 * np.log(1000 * POWERS * 2 * CELL)
+    return out
 
 
 def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,

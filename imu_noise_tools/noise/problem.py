@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import classic, flexible, views
-from .candidates import candidates
+from .candidates import candidates, Tried
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
@@ -59,7 +59,7 @@ class NoiseProblem(Problem):
         self._settled: dict[tuple[str, ...], Fit] = {}
         self._candidates: dict = {}
         self._begun: dict[tuple[str, ...], Fit] = {}
-        self.tried: dict[tuple[str, ...], Finding | None] = {}
+        self.tried: dict[tuple[str, ...], Tried] = {}
         self._matters: dict = {}
         self._times: dict[tuple, View] = {}
         self._shapes: dict[tuple, str] = {}

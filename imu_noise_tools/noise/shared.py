@@ -6,15 +6,17 @@ What axes hear of one source, beside what each of them makes itself.
 
 A mount that shakes is heard by all axes, by each with a gain and a phase. An axis that is to tell
 another's share in it brings noise of its own along, so two signals are derived of it: itself a
-quarter of a period later, and what in it stands above its own noise (Wiener's estimate of the
-source). They are named by what is put behind the axis's name, and are there for axes that hear
-something together.
+quarter of a period later, and what in it is not its own noise (Wiener's estimate of the source):
+what stands above the spectrum that its own noise can have, or is coherent with other axes. They
+are named by what is put behind the axis's name, and are there for axes that hear something
+together.
 
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import combinations
 
 import numpy as np
 from scipy.fft import dct, dst, idct
@@ -24,10 +26,13 @@ from scipy.special import digamma
 from ..core.spectrum import Bins
 
 LATER, SHAKEN = '^', '~'
-HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is above its own noise
+HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is not its own noise
 LOOKED_AT = 1 << 17     # samples in which axes are compared
 GROUPS, LEAST = 60, 16  # of coefficients, and the least in one
 SURE = 6.0              # standard errors from which two axes hear something together
+TOGETHER, CLEAR = 5, 3.0    # neighbouring groups that tell a coherence, its standard errors
+ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
+STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9)
@@ -58,42 +63,99 @@ def quarter_later(x: np.ndarray) -> np.ndarray:
     return np.imag(hilbert(x, axis=0))
 
 
-def heard_together(columns: Mapping[str, np.ndarray]) -> set[str]:
-    """Return the names of the axes, (n,) each, that are coherent with another, at any phase."""
+def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
+        str, tuple[np.ndarray, np.ndarray]]:
+    """
+    Return (f, share), (g,) each, of the axes that are coherent with another, at any phase.
+
+    ``columns`` are samples (n,) by the axes' names, ``share`` is what part of an axis's power at f
+    (Hz) is of one source that others hear too, 0 where nothing says so.
+
+    """
     n = min(LOOKED_AT, *(len(x) for x in columns.values())) if columns else 0
-    if n < 4 * LEAST:
-        return set()
+    if n < 4 * LEAST or len(columns) < 2:
+        return {}
     edges = np.unique(np.maximum(np.geomspace(LEAST, n - 1, GROUPS), LEAST
                                  * np.arange(1, GROUPS + 1)).astype(int))
     edges = edges[edges < n - LEAST]
-    c = {k: dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho') for k, x in columns.items()}
-    q = {k: later(x) for k, x in c.items()}
+    c = [dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho') for x in columns.values()]
+    q = [later(x) for x in c]
     count = np.diff(np.append(edges, n))
-
-    def power(x, y):
-        return np.add.reduceat(x * y, edges)
-
-    level = {k: power(x, x) for k, x in c.items()}
-    out = set()
-    for a in c:
-        for b in c:
-            if a < b:
-                scale = np.sqrt(count / np.maximum(level[a] * level[b], 1e-300))
-                square = (power(c[a], c[b])**2 + power(c[a], q[b])**2) * scale**2
-                # of so many groups from the slow end on, or of one alone
-                m = np.arange(1, len(square) + 1)
-                together = np.cumsum(square - 2) / (2 * np.sqrt(m))
-                if max(np.max(together), np.sqrt(np.max(square))) > SURE:
-                    out |= {a, b}
-    return out
+    level = [np.maximum(np.add.reduceat(x * x, edges), 1e-300) for x in c]
+    sure, square = set(), np.zeros((len(c), len(c), len(edges)))
+    for a, b in combinations(range(len(c)), 2):
+        both = sum(np.add.reduceat(c[a] * x[b], edges) ** 2 for x in (c, q))
+        square[a, b] = square[b, a] = both / (level[a] * level[b]) * count - 2
+        # of so many groups from the slow end on, or of one alone
+        m = np.arange(1, len(edges) + 1)
+        together = np.cumsum(square[a, b]) / (2 * np.sqrt(m))
+        if max(np.max(together), np.sqrt(np.max(square[a, b] + 2))) > SURE:
+            sure |= {a, b}
+    f = (edges + 0.5 * count) / (2 * n * dt)
+    found = _one_source(square, count)
+    return {k: (f, found[i]) for i, k in enumerate(columns) if i in sure}
 
 
-def share(bins: Bins, power: np.ndarray) -> np.ndarray | None:
+def _one_source(square: np.ndarray, count: np.ndarray) -> np.ndarray:
     """
-    Return what part, (b,), of the power in bins is not the axis's own noise; None where all is.
+    Return what share (axes, g) of each axis's power is of one source that all hear.
 
-    Its own noise is what white noise, flicker and a random walk can make at most of the spectrum
-    without overshooting it.
+    The coherence of two axes is then the root of the product of their shares: of three or more
+    axes the shares that come nearest to all pairs (one factor by least residuals, Harman and
+    Jones, Psychometrika 31, 1966); two are taken for alike.
+
+    Parameters
+    ----------
+    square : ndarray (axes, axes, g)
+        Coherence squared times ``count`` in groups of coefficients, its mean by chance, 2, taken
+        off; 0 of an axis with itself.
+    count : ndarray (g,)
+        Coefficients in each group.
+
+    """
+    near = np.minimum(len(count), TOGETHER)
+    window = np.ones(near)
+
+    def around(x):
+        return np.apply_along_axis(np.convolve, -1, x, window, 'same')
+
+    total = around(square)
+    groups = around(np.ones(len(count)))
+    both = np.sqrt(np.clip(np.where(total > CLEAR * 2 * np.sqrt(groups), total, 0.0)
+                           / around(count - 2.0), 0.0, 1.0))
+    root = np.sqrt(np.max(both, axis=1))
+    for _ in range(STEPS):
+        for i in range(len(root)):
+            others = np.delete(np.arange(len(root)), i)
+            root[i] = np.clip(np.sum(both[i, others] * root[others], axis=0)
+                              / np.maximum(np.sum(root[others] ** 2, axis=0), 1e-12), 0.0, 1.0)
+    return root**2
+
+
+def share(bins: Bins, power: np.ndarray,
+          common: tuple[np.ndarray, np.ndarray]) -> np.ndarray | None:
+    """
+    Return what part, (b,), of the power in bins is not the axis's own noise.
+
+    None where it is all its own, or alike everywhere. What stands above the spectrum that its own
+    noise can have is not, nor is what others hear too: ``common``, (f, share), of
+    :func:`heard_together`. Each of them says the least.
+
+    """
+    above = _above_own(bins, power)
+    f, heard = common
+    heard = np.interp(np.log(bins.f), np.log(f), heard)
+    if above is None:
+        return heard if np.min(heard) < ALIKE * np.max(heard) else None
+    return np.maximum(above, heard)
+
+
+def _above_own(bins: Bins, power: np.ndarray) -> np.ndarray | None:
+    """
+    Return what part, (b,), of the power is beyond the axis's own noise; None where none is.
+
+    That is what white noise, flicker and a random walk can make at most of the spectrum without
+    overshooting it.
 
     """
     # the mean of the logarithm of chi-squared over its degrees of freedom

@@ -124,6 +124,7 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
             if candidate == plain.model
             else Likelihood(plain.evidence, plain.part_name, candidate, mean, plain.explained)
         )
+        x0 = _carried(plain, x0, likelihood)
         value = likelihood.value(x0)[0]
         found.setdefault(candidate, []).append(
             (value if np.isfinite(value) else np.inf, likelihood, x0))
@@ -133,6 +134,16 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
         ranked += [(place, *z) for place, z in enumerate(some)]
     ranked.sort(key=lambda z: z[:2])
     return [(likelihood, x0) for _, _, likelihood, x0 in ranked[:most]]
+
+
+def _carried(plain: Likelihood, x0: np.ndarray, likelihood: Likelihood) -> np.ndarray:
+    """Return a search vector as that of a likelihood whose forms may have less that is free."""
+    if likelihood is plain:
+        return x0
+    known = {(s.label, s.parameter.name): x for s, x in zip(plain.slots, x0)}
+    return np.array([
+        known[key] if key in known else s.to_search(likelihood.model[s.label][s.parameter.name])
+        for s in likelihood.slots for key in [(s.label, s.parameter.name)]])
 
 
 def _with_amplitudes(likelihood, model, share):

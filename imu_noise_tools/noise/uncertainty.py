@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from .kinds import MEASURED, Spectrum
-from .likelihood import Likelihood, Linear
+from .kinds import MEASURED, NoiseEffect, Spectrum
+from .likelihood import Likelihood, Linear, settled
 from .response import OPEN
 from ..core import units
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
@@ -38,21 +38,22 @@ def with_linear(likelihood: Likelihood, model: Model, linear: Linear) -> Model:
 
 
 def chosen_estimates(likelihood: Likelihood) -> Estimates:
-    """Return what was chosen among the proposed values."""
+    """Return what was chosen among the proposed values, and what is no part of a choice."""
+    evidence = likelihood.evidence
     return {
         e.label: {
             p.name: Estimate(
                 e[p.name],
                 None,
                 None,
-                units.si(p.unit, likelihood.evidence.sensor),
+                units.si(p.unit, evidence.sensor),
                 point=e[p.name],
-                note='the best of the values tried',
+                note='the best of the values tried' if p.discrete else 'no part of this form',
             )
             for p in e.parameters
-            if p.discrete and p.name in e.values
+            if p.name in e.values and (p.discrete or not p.linear and settled(e, p, evidence))
         }
-        for e in likelihood.model.effects
+        for e in likelihood.model.of(NoiseEffect)
         if not isinstance(e, MEASURED)
     }
 

@@ -27,6 +27,7 @@ from .kinds import (
     Mean,
     model_crowd,
     model_psd,
+    model_tails,
     Modulation,
     NoiseEffect,
     Spectrum,
@@ -40,6 +41,7 @@ from ..loop.verdict import STRIKING, tail
 TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
 SEGMENTS = 8  # stretches of the record, predicted in turn from the others
+TAKEN = 3.0  # coefficients that a line takes: frequency, amplitude and phase
 
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):
@@ -85,6 +87,25 @@ def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
     return np.sum(lines[rest], axis=0) if rest else np.zeros(len(evidence.part(part).power))
 
 
+def _unclaimed_lines(evidence: Evidence, part: str, model: Model,
+                     v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the power (b,) of lines that the model does not hold, and of others (l,) their own.
+
+    Over the model's v (b,), in the few coefficients that a line takes: in a bin of thousands it
+    would not show. So is what a line adds where it is taken out of a part that it is not in, if
+    the model holds it; 1 of the rest.
+
+    """
+    here = evidence.part(part)
+    rest = np.ones(len(here.lines), bool)
+    rest[list(claimed_lines(evidence, model))] = False
+    own = np.array([np.sum(x * here.bins.count / v) for x in here.lines]) / TAKEN
+    stands = rest & (own > 1)
+    in_bins = np.sum(here.lines[rest & ~stands], axis=0)
+    return in_bins, np.where(stands, own, np.where(rest, 1.0, np.maximum(-own, 1.0)))
+
+
 def frequency(
     evidence: Evidence, part: str, fit: Fit, mean: Fit | None = None, fitted_here: bool = False
 ) -> View:
@@ -102,7 +123,8 @@ def frequency(
     if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
         v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
     v = _around_lines(evidence.part(part).lines, power, v, weight)
-    lines = unclaimed(evidence, part, fit.model) * likelihood.bins.count / np.maximum(weight, 1)
+    lines, own = _unclaimed_lines(evidence, part, fit.model, v)
+    lines = lines * likelihood.bins.count / np.maximum(weight, 1)
     x = np.maximum(power + lines, 1e-300) / v
     # a bin whose one coefficient a line took with it says nothing more
     x = np.where((likelihood.weight > 0) | (lines != 0), x, 1.0)
@@ -110,9 +132,12 @@ def frequency(
     weight = np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, fit.model), weight)
     excess, variance = gamma_excess(x, weight)
     extra = 0.0 if fitted_here else parameter_scatter(evidence, part, fit, v, weight)
-    return _view(
-        'frequency', likelihood.bins.f, gamma_pull(x, weight), excess, variance, 'Hz', extra
-    )
+    taken = np.full(len(own), TAKEN)
+    excess = np.append(excess, np.where(own > 1, gamma_excess(own, taken)[0], 0.0))
+    pull = np.append(gamma_pull(x, weight), np.where(own > 1, gamma_pull(own, taken), 0.0))
+    f = np.append(likelihood.bins.f, evidence.line_table[:, 0])
+    order = np.argsort(f, kind='stable')    # pictures shade what fails side by side
+    return _view('frequency', f[order], pull[order], excess, variance, 'Hz', extra)
 
 
 def _around_lines(lines, power, v, weight):
@@ -463,6 +488,9 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     muted = muted_by(fit, 'variance')
     if muted:  # it scatters otherwise than normal noise: as neighbours do, defects left out
         w = rough_degrees(power_in_time(evidence)[1], w)    # alike for all models compared
+    tails = model_tails(fit.model, evidence)
+    if tails is not None and not muted:
+        w = heavy_degrees(w, tails.kurtosis(), evidence.n // len(t))
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
     excess, spread = gamma_excess(x, w)
@@ -476,6 +504,18 @@ def variance(evidence: Evidence, fit: Fit) -> View:
         's',
     )
     return replace(view, muted=muted)
+
+
+def heavy_degrees(w: np.ndarray, kurtosis: float, length: int) -> np.ndarray:
+    """
+    Return the degrees of freedom (groups,) of blocks of samples with an excess kurtosis.
+
+    The relative variance of the power of a block is 2/w + kurtosis sum h^4/(sum h^2)^2, the second
+    term the same in all groups at once; of Hann's window h over ``length`` samples the ratio of
+    the sums is 35/18 over the length.
+
+    """
+    return w / (1 + w.sum() * kurtosis * 35 / (36 * length))
 
 
 def rough_degrees(x: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -505,10 +545,10 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     )
     cells = cells.reshape(-1, merge).sum(axis=1)
     total, k = cells.sum(), len(cells)
-    share = normal_shares(evidence, fit.model, k)
+    share, fitted = cell_shares(evidence, fit.model, cells)
     pull = (cells - share * total) / np.sqrt(share * total * (1 - share))
     # mean and spread were taken from the samples: three degrees of freedom are gone
-    excess = pull**2 - (k - 3) / (k - 1)
+    excess = pull**2 - (k - 3 - fitted) / (k - 1)
     view = _view(
         'distribution', (np.arange(k) + 0.5) / k, pull, excess, np.full(k, 2.0), 'quantile'
     )
@@ -522,16 +562,25 @@ def of_samples(evidence: Evidence, part: str, fit: Fit) -> list[View]:
     return [view for view in found if view is not None]
 
 
-def normal_shares(evidence: Evidence, model: Model, k: int) -> np.ndarray:
-    """Return the share of samples in each of k equiprobable cells; more in the tails of a mix."""
-    if not model.of(Modulation):
-        return np.full(k, 1 / k)
-    t, x, w = power_in_time(evidence, model)
-    scale = np.sqrt(modulated(model, t, x, w) @ w / w.sum())
-    scale /= np.sqrt(np.mean(scale**2))
+def cell_shares(evidence: Evidence, model: Model, cells: np.ndarray) -> tuple[np.ndarray, int]:
+    """
+    Return (shares, fitted): what a model expects in each of the equiprobable cells (k,).
+
+    More in the tails of a mix, and where a defect says that the samples have such; ``fitted`` is
+    how many values were fitted to them besides their mean and spread.
+
+    """
+    k, tails = len(cells), model_tails(model, evidence)
+    scale = np.ones(1)
+    if model.of(Modulation):
+        t, x, w = power_in_time(evidence, model)
+        scale = np.sqrt(modulated(model, t, x, w) @ w / w.sum())
+        scale /= np.sqrt(np.mean(scale**2))
+    if tails is not None:
+        return tails.fitted(cells, scale)[0], int(np.isfinite(tails.degrees))
     inner = ndtri(np.arange(1, k) / k)
     below = np.mean(ndtr(inner[:, None] / scale), axis=1)
-    return np.diff(np.concatenate([[0.0], below, [1.0]]))
+    return np.diff(np.concatenate([[0.0], below, [1.0]])), 0
 
 
 def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:

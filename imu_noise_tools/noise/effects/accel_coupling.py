@@ -22,7 +22,7 @@ class AccelCoupling(Coupling):
     title = 'g-sensitivity and vibration rectification'
     equation = (
         'rate = ... + sum gain_i a_i + later_i H[a_i] + rectification |a - mean a|^2, H a quarter '
-        'of a period later; a as recorded, or what in it stands above its own noise'
+        'of a period later; a as recorded, or what in it is not its own noise'
     )
     signature = 'coherence of the gyroscope axis with accelerometer axes, where the mount shakes'
     hint = (

@@ -132,13 +132,15 @@ def _at_orders(f, f0: float, k: int, most: int, evidence) -> tuple[dict[int, int
     ``f0`` was read from a line at order k, so that its error grows with the order.
 
     """
+    order = np.arange(1, most + 1)
+    width = CELLS / evidence.duration * (1 + order / k)
+    chance = min(float(np.sum(4 * width * evidence.dt)), 1.0)
+    if not len(f):
+        return {}, chance
+    off = np.abs(f - folded(order * f0, evidence.dt)[:, None])
+    near = np.argmin(off, axis=1)
     found: dict[int, int] = {}
-    chance = 0.0
-    for order in range(1, most + 1):
-        width = CELLS / evidence.duration * (1 + order / k)
-        off = np.abs(f - folded(order * f0, evidence.dt))
-        i = int(np.argmin(off)) if len(f) else 0
-        if len(f) and off[i] < width and i not in found.values():
-            found[order] = i
-        chance += 4 * width * evidence.dt
-    return found, min(chance, 1.0)
+    for j in np.flatnonzero(off[order - 1, near] < width).tolist():
+        if int(near[j]) not in found.values():
+            found[j + 1] = int(near[j])
+    return found, chance

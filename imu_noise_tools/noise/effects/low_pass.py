@@ -11,11 +11,14 @@ from ...loop.effect import Effect
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
 DECIMATED = {f'butterworth_2_decimated_{k}': k for k in (2, 4, 8)}
+POLE, AVERAGED = 'first_order', 'first_order_averaged'
 FORMS = (
-    'first_order', 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
-    'butterworth_2_sampled', *DECIMATED
+    POLE, 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
+    'butterworth_2_sampled', *DECIMATED, AVERAGED
 )
 BEHIND = (0.0, 3e-3)  # shares to start from
+SHARES = (0.3, 0.7)  # of an average, too
+LEAST = 1e-4  # of which: beside a pole less of it is lost in rounding
 FINER = np.geomspace(0.9, 1.1, 11)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
 CASCADE = 0.319  # of two averages of one length, one behind the other
@@ -30,7 +33,8 @@ class LowPass(Response):
     equation = (
         'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth '
         '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4), as it is or folded by sampling; '
-        'moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt)'
+        'moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt); or one pole before an '
+        'average over the share averaged of that r, sinc^2(f r dt)/(1 + (f/pole)^2), folded'
     )
     signature = (
         'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no '
@@ -49,10 +53,12 @@ class LowPass(Response):
         # more of it is a Gauss-Markov process beside white noise, as any of it is behind one pole
         Parameter('behind', '1', 0.0, 0.02, log=False,
                   title='share of the white noise that arises behind it'),
+        Parameter('averaged', '1', 0.0, 1.0, log=False,
+                  title='share of an average beside one pole: 1 is an average alone'),
     )
     broad = True
-    neutral = {'behind': 0.0}
-    optional = ('behind',)
+    neutral = {'behind': 0.0, 'averaged': 0.0}
+    optional = ('behind', 'averaged')
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
@@ -78,8 +84,11 @@ class LowPass(Response):
 
         out: list[Effect] = []
         for form in FORMS:
-            some = [self.with_values(cutoff=float(c), form=form, behind=share)
-                    for c in tried[form] for share in BEHIND]
+            shapes: list[dict[str, float]] = [{'behind': share} for share in BEHIND]
+            if form in (POLE, AVERAGED):
+                shapes = [{'averaged': share} for share in SHARES] if form == AVERAGED else [{}]
+            some = [self.with_values(**{**self.neutral, **shape}, cutoff=float(c), form=form)
+                    for c in tried[form] for shape in shapes]
             best, second = sorted(some, key=roughness)[:2]
             if tried[form] is falls:    # forms differ by less than one step of the cutoff does
                 some = [best.with_values(cutoff=best['cutoff'] * c) for c in FINER]
@@ -88,24 +97,36 @@ class LowPass(Response):
         return out
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
-        """Up to a little beyond Nyquist, where the beginning of a fall still shows."""
-        return {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
+        """
+        Up to a little beyond Nyquist, where the beginning of a fall still shows.
+
+        What is no part of a form stays null.
+
+        """
+        out = {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
+        if 'form' in self.values:
+            form = self.chosen('form')
+            out |= {'behind': (0.0, 0.0)} if form in (POLE, AVERAGED) else {}
+            out |= {'averaged': (0.0, 0.0)} if form != AVERAGED else {}
+        return out
 
     @property
     def knees(self) -> int:
         """One, where, for a single pole."""
-        return int('form' in self.values and self.chosen('form') == 'first_order')
+        return int('form' in self.values and self.chosen('form') in (POLE, AVERAGED))
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
         form = self.chosen('form')
-        behind = self.values.get('behind', 0.0) if form != 'first_order' else 0.0
+        behind = self.values.get('behind', 0.0) if form not in (POLE, AVERAGED) else 0.0
         return np.maximum((self._shape(form, f, dt) + behind) / (1 + behind), 1e-9)
 
     def _shape(self, form, f, dt):
         """Return that of a form, with nothing behind it."""
         f, c = np.asarray(f, float), self['cutoff']
-        if form == 'first_order':
+        if form == AVERAGED:
+            return _pole_and_average(f * dt, c * dt, max(self['averaged'], LEAST))
+        if form == POLE:
             p = np.exp(-2 * np.pi * c * dt)
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(np.pi * f * dt)) ** 2)
         if form == 'butterworth_2':
@@ -123,7 +144,7 @@ class LowPass(Response):
     @classmethod
     def example(cls) -> Effect:
         """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
-        return cls({'cutoff': 12.0, 'form': 'first_order', 'behind': 0.0})
+        return cls({'cutoff': 12.0, 'form': POLE, **cls.neutral})
 
 
 _LENGTH = {'moving_average': WINDOW, 'two_averages': CASCADE}
@@ -167,11 +188,18 @@ def _average(x: np.ndarray, r: float) -> np.ndarray:
     """
     m = np.floor(r)
     u = r - m
+    return _triangle(x, r) / ((1 - u) * m**2 + u * (m + 1) ** 2)
+
+
+def _triangle(x: np.ndarray, r: float) -> np.ndarray:
+    """Return the sum over all k of max(r - |k|, 0) cos 2 pi k x."""
+    m = np.floor(r)
+    u = r - m
 
     def whole(m):
         return (np.sin(np.pi * x * m) / np.sin(np.pi * x)) ** 2
 
-    return ((1 - u) * whole(m) + u * whole(m + 1)) / ((1 - u) * m**2 + u * (m + 1) ** 2)
+    return (1 - u) * whole(m) + u * whole(m + 1)
 
 
 def _two_averages(x: np.ndarray, r: float) -> np.ndarray:
@@ -189,3 +217,26 @@ def _two_averages(x: np.ndarray, r: float) -> np.ndarray:
     spline = np.where(z < 1, 2 / 3 - z**2 + z**3 / 2, (2 - z) ** 3 / 6)
     waves = 2 * np.cos(2 * np.pi * np.multiply.outer(x, k))
     return (2 / 3 + waves @ spline) / (2 / 3 + 2 * np.sum(spline))
+
+
+def _pole_and_average(x: np.ndarray, c: float, share: float) -> np.ndarray:
+    """
+    Return the squared gain at x = f dt of a pole and an average over r samples behind it.
+
+    -3 dB at c = cutoff dt, of which an average over r/share samples alone would be the cause. The
+    autocovariance is the pole's e^(-a |k|) smoothed by a triangle of half-length r: 2/a times that
+    triangle, and (e^(-a |k + r|) + e^(-a |k - r|) - 2 e^(-a |k|))/a^2.
+
+    """
+    r = share * WINDOW / c
+    a = 2 * np.pi * c / np.sqrt(max(2 * np.sinc(c * r) ** 2 - 1, 1e-9))
+    m, p = np.floor(r), np.exp(-a)
+    u = r - m
+
+    def folded(x, triangle):
+        z = np.exp(2j * np.pi * x)
+        beside = (np.exp(-a * u) / (1 - p * z) + np.exp(-a * (1 - u)) / (z - p)) * z ** -m
+        own = (1 - p * p) / np.abs(1 - p * z) ** 2
+        return 2 / a * triangle + 2 / a**2 * (beside.real - own)
+
+    return folded(x, _triangle(x, r)) / folded(0.0, (1 - u) * m**2 + u * (m + 1) ** 2)

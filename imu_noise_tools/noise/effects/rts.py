@@ -10,7 +10,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import expit
 
-from ..evidence import Evidence
+from ..evidence import claimed_lines, Evidence
 from ..kinds import (
     Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
 )
@@ -20,6 +20,10 @@ from ...loop.effect import Effect, Fit
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
 _SHOWN, _FOLLOWED = 30, 8192  # dwells in a picture, block means that are told apart
+SLOW = 1 << 14  # block means of a record
+_SHORT = (1, 4, 16)  # samples in means that tell dwells which the record's block means smear
+_KEPT = 128  # segments kept of each of them
+_BELOW = 60.0  # dwells in a period from which on a short stretch says nothing of the levels
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
 
 
@@ -51,6 +55,18 @@ class Rts(Spectrum):
         Parameter('tau', 's', 1e-4, 1e6, title='mean dwell in a level'),
     )
 
+    @classmethod
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
+        """Keep means of a few samples from the middle of a record whose block means are longer."""
+        out: dict[str, np.ndarray] = {}
+        for length in (k for k in _SHORT if 2 * k <= len(y) // SLOW):
+            size = _KEPT * _SEGMENT * length
+            begin = (len(y) - size) // 2
+            z = y[begin:begin + size].reshape(-1, length).mean(axis=1)
+            out[f'means_{length}'] = (z - np.mean(z)).astype(np.float32)
+            out[f'begin_{length}'] = np.array(begin)
+        return out
+
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Start from dwells that the record can show: four samples to a fifth of its length."""
         if 'tau' in self.values:
@@ -73,7 +89,9 @@ class Rts(Spectrum):
         suit it best near the fitted ones.
 
         """
-        z, width = self._without_drift(evidence, fit), evidence.common.slow_length * evidence.dt
+        slow = evidence.common.slow_length * evidence.dt
+        short = self._short(evidence, fit) if self['tau'] < 3 * slow else None
+        z, t, width = short or (self._without_drift(evidence, fit), evidence.slow_t, slow)
         some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
         width *= some
         rows = len(z) // some // _SEGMENT
@@ -87,7 +105,7 @@ class Rts(Spectrum):
             self['tau'] * np.array([0.5, 0.7, 1.0, 1.4, 2.0]),
             noise * np.array([0.3, 0.5, 0.7, 0.85, 1.0]),
         ))).T
-        t = evidence.slow_t[-1] - width * np.arange(z.size)[::-1].reshape(z.shape)
+        t = t[-1] - width * np.arange(z.size)[::-1].reshape(z.shape)
         loud = np.prod([m.variance(t.ravel()) for m in fit.model.of(Modulation)]
                        or [np.ones(z.size)], axis=0).reshape(z.shape)
         loud = loud / np.mean(loud)
@@ -105,16 +123,43 @@ class Rts(Spectrum):
 
         """
         y = slow_rest(evidence, fit.model) - slow_mean(evidence, fit.model)
+        return self._shrunk(y, evidence.common.slow_length * evidence.dt, evidence, fit)
+
+    def _shrunk(self, y, width, evidence, fit, least=0.0):
+        """Return means y (k,) of some width less Wiener's estimate of all other colours."""
         c = dct(y - np.mean(y), type=2, norm='ortho')
         v, bins = fit.details.v, evidence.whole.bins
-        slow = slice(bins.index(len(c) - 1) + 1)
+        f = np.arange(1, len(c)) / (2 * len(c) * width)
+        slow = bins.f <= f[-1]
         gain = model_gain2(fit.model, bins.f, evidence.dt)
         drift = sum(s - gain * np.min((s / gain)[slow]) for label, s in fit.details.each.items()
                     if label != self.label)
-        k = np.arange(1, len(c))
-        centre = 0.5 * (bins.first + bins.last - 1)
-        c[1:] *= 1 - np.clip(np.interp(k, centre, drift / v), 0, 1)
+        c[1:] *= np.where(f < least, 0.0, 1 - np.clip(np.interp(f, bins.f, drift / v), 0, 1))
         return idct(c, type=2, norm='ortho')
+
+    def _short(self, evidence, fit):
+        """
+        Return (means, times, width) of a few samples that show the dwells, None where none do.
+
+        Without lines that the model holds, and what is slower than dozens of dwells.
+
+        """
+        kept = evidence.kept(self.name)
+        lengths = [k for k in _SHORT
+                   if f'means_{k}' in kept and self['tau'] >= 3 * k * evidence.dt]
+        if not lengths:
+            return None
+        length = lengths[-1]
+        y = kept[f'means_{length}'].astype(float)
+        width = length * evidence.dt
+        t = (int(kept[f'begin_{length}']) + 0.5 * (length - 1)) * evidence.dt \
+            + width * np.arange(len(y))
+        for i in claimed_lines(evidence, fit.model):
+            f, a, b, _ = evidence.line_table[i]
+            w, half = 2 * np.pi * f, np.pi * f * evidence.dt
+            gain = np.sin(half * length) / (length * np.sin(half))
+            y = y - gain * (a * np.cos(w * t) + b * np.sin(w * t))
+        return self._shrunk(y, width, evidence, fit, 1 / (_BELOW * self['tau'])), t, width
 
     def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
         """Return its levels in time and how long it dwells, where block means can show them."""

@@ -20,8 +20,8 @@ class SharedNoise(Coupling):
     title = 'noise shared with another axis'
     equation = (
         'y = ... + gain s + later H[s] + other_gain o + other_later H[o], s the source, o the '
-        'third axis, H a quarter of a period later; as recorded, or what in them stands above '
-        'their own noise'
+        'third axis, H a quarter of a period later; as recorded, or what in them is not their '
+        'own noise'
     )
     signature = 'coherence between axes of one sensor at rest, at any phase'
     hint = (

@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Spikes: isolated outliers."""
+"""Spikes: outliers, isolated or the tails of what the sensor makes all the time."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.fft import irfft, rfft
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import log_ndtr, ndtri
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
+from ..tails import Tails
+from ..views import power_in_time
 from ...core.statistics import (
     grid_step,
     interval,
@@ -21,14 +23,23 @@ from ...core.statistics import (
     row_medians,
 )
 from ...loop.effect import Effect, Estimate, Finding
+from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
+AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
 SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
 MORE = 0.02  # share of its power that may be gained where what stands out is taken out
+LAGS = (8, 12, 16, 24, 32)  # samples between those that may be large together
+LARGE = 4.0  # standard deviations from which a size counts no more
+FEW = 1e-5  # share of samples that no cell shows
+AGAINST = 1.139  # standard deviation of normal noise less the median of its four neighbours
+SMOOTH = 65  # samples of a mean that is no part of the tails
+STRETCH = 8  # blocks in time whose loudness is looked at together
+DEGREES = np.geomspace(1.5, 60, 40)  # of freedom that are tried
 
 
 class Spikes(Defect):
@@ -37,15 +48,20 @@ class Spikes(Defect):
     name = 'spikes'
     symbol = 'rate, sigma'
     title = 'spikes (outliers)'
-    equation = 'x_k + s_k, s_k ~ N(0, sigma^2) in a share rate*dt of the samples, else 0'
+    equation = (
+        'x_k + s_k, s_k ~ N(0, sigma^2) in a share rate*dt of the samples, else 0; nu > 0: the '
+        'whitened samples follow Student t with nu degrees of freedom, of which rate and sigma '
+        'are what stands out'
+    )
     signature = (
         'tails of the whitened samples beyond the normal distribution, isolated in time; white '
         'spectrum'
     )
     hint = (
         'Transmission errors, electrical interference, or knocks (these show on several axes at '
-        'once and ring). Check the bus, its checksums and the supply. N as fitted here is that '
-        'of the samples without them.'
+        'once and ring). Check the bus, its checksums and the supply; heavy tails all the time '
+        '(nu) are the sensor\'s own, a converter\'s or a comparator\'s. N as fitted here is that '
+        'of the samples without what stands out.'
     )
     reference = 'Huber, Robust Statistics, 1981'
     views = ('distribution', 'variance')
@@ -53,7 +69,10 @@ class Spikes(Defect):
     parameters = (
         Parameter('rate', 'Hz', 1e-9, 1e4, amplitude=True, title='spikes a second'),
         Parameter('sigma', '{rate}', 1e-12, 1e4, title='standard deviation of their size'),
+        Parameter('nu', '1', 0, 1e3, log=False,
+                  title="degrees of freedom of Student's t, 0 where the rest is normal"),
     )
+    neutral = {'nu': 0.0}
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
@@ -69,49 +88,15 @@ class Spikes(Defect):
         fresh = np.arange(n)
         if repeats(y).held:
             fresh = np.flatnonzero(np.concatenate([[True], y[1:] != y[:-1]]))
-        z = y if len(fresh) == n else y[fresh]
-        rest = _against_neighbours(z)
-        blocks, sigma = _local_sigma(rest)
-        # on a coarse grid most neighbours are equal, and a jump by a step is no outlier
-        sigma = np.maximum(sigma, 0.4 * grid_step(y)[0])
-        if not np.all(sigma > 0):
+        kept = _outliers(y, fresh, _against_neighbours, alone=True)
+        if kept and len(kept['size']) and kept['slow'] > 1 + MORE:
+            # in a burst the neighbours are outliers as well
+            around = _outliers(y, fresh, _against_around, alone=False)
+            kept = around if around['slow'] <= 1 + MORE else kept
+        if not kept:
             return {}
-        threshold = float(-ndtri(0.01 / n))
-
-        def beyond(at, size):
-            return at[np.abs(size) > threshold * np.interp(at, blocks, sigma)]
-
-        at = np.zeros(0, int)
-        for again in range(PASSES):
-            if again:
-                rest = _against_neighbours(z)
-            pieces = (np.arange(i, min(i + PIECE, len(z))) for i in range(0, len(z), PIECE))
-            new = np.concatenate([beyond(k, rest[k]) for k in pieces])
-            # one at a time among neighbours, the largest first: it may be all that is there
-            around = np.clip(new[:, None] + np.arange(-2, 3), 0, len(z) - 1)
-            new = new[np.abs(rest[new]) >= np.max(np.abs(rest[around]), axis=1)]
-            if not len(new):
-                break
-            z = z if again else z.copy()
-            z[new] -= rest[new]
-            at = np.union1d(at, new)
-        size = y[fresh[at]] - z[at]
-        some = np.isin(at, beyond(at, size))
-        at, size = at[some], size[some]
-        ends = np.append(fresh, n)
-        filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
-        index = np.concatenate([np.zeros(0, int), *filled])
-        excess = np.repeat(size, np.diff(ends)[at])
-        return {
-            'index': index,
-            'excess': excess,
-            'slow': np.array(_slow_without(y, index, excess)),
-            'size': size,
-            'sigma': np.interp(at, blocks, sigma),
-            'threshold': np.array(threshold),
-            'n': np.array(n),
-            'dt': np.array(inputs.dt),
-        }
+        return {**kept, 'n': np.array(n), 'dt': np.array(inputs.dt),
+                'together': np.array(_together(y[fresh]) if len(kept['size']) else 0.0)}
 
     @classmethod
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
@@ -137,14 +122,19 @@ class Spikes(Defect):
         gain, spread, seen = found
         size, sigma, n = kept['size'], kept['sigma'], int(kept['n'])
         k = len(size)
+        nu, error, more = _degrees(evidence, _isolated(kept, spread, k / n / seen),
+                                   float(kept.get('together', 0.0)))
+        tails = f'; all of them as of Student t with {nu:.2g} degrees of freedom' if nu else ''
+        if nu:  # what is below the threshold belongs to the same distribution
+            spread, seen = float(np.sqrt(np.mean(size**2))), 1.0
         # spikes too small to be told from noise are missing: scale by the share that is seen
         duration = n * float(kept['dt'])
         rate = k / duration / seen
         std = np.sqrt(k) / duration / seen
-        effect = self.with_values(rate=rate, sigma=spread)
+        effect = self.with_values(rate=rate, sigma=spread, nu=nu)
         return Finding(
             self.name,
-            float(gain),
+            float(gain + more),
             effect,
             {
                 'rate': Estimate(rate, float(std), interval(rate, float(std), positive=True)),
@@ -153,21 +143,93 @@ class Spikes(Defect):
                     spread / np.sqrt(2 * k),
                     (spread * (1 - 1.4 / np.sqrt(k)), spread * (1 + 1.4 / np.sqrt(k))),
                 ),
+                'nu': Estimate(nu, error, interval(nu, error) if error else None),
             },
             view='distribution',
             evidence=f'{k} samples beyond {float(kept["threshold"]):.1f} standard '
-            f'deviations, the largest {np.max(np.abs(size) / sigma):.0f}',
+            f'deviations, the largest {np.max(np.abs(size) / sigma):.0f}{tails}',
         )
 
+    def tails(self, evidence: Evidence) -> Tails | None:
+        """Return the t distribution that samples follow, or what isolated ones leave of them."""
+        kept, nu = evidence.kept(self.name), self.values.get('nu', 0.0)
+        if not self['rate'] > 0 or not len(kept.get('size', ())):
+            return None
+        if nu > 0:
+            return Tails(nu, len(kept['size']) / int(kept['n']))
+        left = _isolated(kept, self['sigma'], self['rate'] * float(kept['dt']))
+        return left if left.hidden > FEW else None
+
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
-        """Add a normal spike to a share of the samples."""
+        """
+        Add a normal spike to a share of the samples.
+
+        With degrees of freedom, scale what is fast in each sample as Student's t is scaled.
+
+        """
+        nu = self.values.get('nu', 0.0)
+        if nu > 0:
+            slow = uniform_filter1d(x, SMOOTH, mode='nearest')
+            return slow + (x - slow) * np.sqrt(nu / rng.chisquare(nu, len(x)))
         hit = rng.random(len(x)) < self['rate'] * inputs.dt
         return x + hit * self['sigma'] * rng.standard_normal(len(x))
 
     @classmethod
     def example(cls) -> Effect:
         """Return one spike in twenty seconds, of 2.9 deg/s (0.05 rad/s) rms."""
-        return cls({'rate': 0.05, 'sigma': 0.05})
+        return cls({'rate': 0.05, 'sigma': 0.05, 'nu': 0.0})
+
+
+def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
+    """
+    Return size of each outlier, the noise around it, and which samples it fills.
+
+    Of the samples y (n,) those at ``fresh`` are looked at ``against`` what is around them; if
+    ``alone``, one at a time among neighbours.
+
+    """
+    n = len(y)
+    z = y if len(fresh) == n else y[fresh]
+    rest = against(z)
+    blocks, sigma = _local_sigma(rest)
+    # on a coarse grid most neighbours are equal, and a jump by a step is no outlier
+    sigma = np.maximum(sigma, 0.4 * grid_step(y)[0])
+    if not np.all(sigma > 0):
+        return {}
+    threshold = float(-ndtri(0.01 / n))
+
+    def beyond(at, size):
+        return at[np.abs(size) > threshold * np.interp(at, blocks, sigma)]
+
+    at = np.zeros(0, int)
+    for again in range(PASSES):
+        if again:
+            rest = against(z)
+        pieces = (np.arange(i, min(i + PIECE, len(z))) for i in range(0, len(z), PIECE))
+        new = np.concatenate([beyond(k, rest[k]) for k in pieces])
+        if alone:   # the largest first: it may be all that is there
+            around = np.clip(new[:, None] + np.arange(-2, 3), 0, len(z) - 1)
+            new = new[np.abs(rest[new]) >= np.max(np.abs(rest[around]), axis=1)]
+        if not len(new):
+            break
+        z = z if again else z.copy()
+        z[new] -= rest[new]
+        at = np.union1d(at, new)
+    size = y[fresh[at]] - z[at]
+    some = np.isin(at, beyond(at, size))
+    at, size = at[some], size[some]
+    ends = np.append(fresh, n)
+    filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
+    index = np.concatenate([np.zeros(0, int), *filled])
+    excess = np.repeat(size, np.diff(ends)[at])
+    return {
+        'index': index,
+        'excess': excess,
+        'slow': np.array(_slow_without(y, index, excess)),
+        'size': size,
+        'sigma': np.interp(at, blocks, sigma),
+        'threshold': np.array(threshold),
+    }
 
 
 def _gain(kept):
@@ -189,6 +251,74 @@ def _gain(kept):
         0.5 * (size / sigma) ** 2 - 0.5 * (size / wide) ** 2 - np.log(wide / sigma)
     ) - k * (np.log(n / k) + 1)
     return float(gain), spread, seen
+
+
+def _isolated(kept: Mapping[str, np.ndarray], spread: float, share: float) -> Tails:
+    """
+    Return how the samples are distributed from which isolated spikes were taken out.
+
+    Of a ``share`` of them, of standard deviation ``spread``, those below the threshold are left.
+
+    """
+    size, n = kept['size'], int(kept['n'])
+    rest = float(np.sqrt(np.mean(kept['sigma'] ** 2))) / AGAINST    # the noise beside neighbours
+    wide, beyond = float(np.hypot(1, spread / rest)), AGAINST * float(kept['threshold'])
+    return Tails(out=len(size) / n, hidden=max(share - len(size) / n, 0.0), wide=wide,
+                 beyond=beyond)
+
+
+def _together(y: np.ndarray) -> float:
+    """
+    Return by how many standard deviations samples near each other are large together.
+
+    Those of Student's t are not; noise whose loudness wanders has heavy tails as well. What is
+    slow is in the scale, and nearer than LAGS the same neighbours are taken off.
+
+    """
+    rest = _against_neighbours(y)
+    blocks, sigma = _local_sigma(rest)
+    size = np.minimum(np.abs(rest) / np.interp(np.arange(len(y)), blocks, np.maximum(
+        sigma, 1e-300)), LARGE)
+    size -= np.mean(size)
+    square = float(np.mean(size**2))
+    if len(y) <= 2 * LAGS[-1] or not square > 0:
+        return 0.0
+    like = [float(np.mean(size[k:] * size[:-k])) / square for k in LAGS]
+    return float(np.sum(like)) * np.sqrt(len(y) / len(LAGS))
+
+
+def _degrees(evidence: Evidence, isolated: Tails, together: float,
+             ) -> tuple[float, float | None, float]:
+    """
+    Return (degrees of freedom, std, nats gained) of the samples but for what was taken out.
+
+    (0, None, 0) where normal noise with isolated spikes does as well, or free quantiles do better:
+    then it is none of these. Noise that is louder for a while is normal of several scales: those
+    of stretches of blocks, as far as they differ by more than neighbours do.
+
+    """
+    cells = evidence.cells[-1].astype(float)
+    _, x, w = power_in_time(evidence)
+    level = (x @ w / w.sum())[:len(x) // STRETCH * STRETCH].reshape(-1, STRETCH).mean(axis=1)
+    spread = np.ones(1)
+    if len(level) > 2:
+        chance = 0.5 * float(np.mean(np.diff(level) ** 2))
+        more = max(0.0, 1 - chance / max(float(np.var(level)), 1e-300))
+        spread = np.sqrt(np.maximum(1 + more * (level - 1), 0.01))
+    tried = (isolated, *(Tails(nu, isolated.out) for nu in DEGREES))
+    lost = [tails.fitted(cells, spread)[1] for tails in tried]
+    best = int(np.argmin(lost))
+    gain, free = lost[0] - lost[best], lost[best] - 0.5 * len(cells)
+    free += 0.5 * max(together, 0.0) ** 2   # each is drawn for itself
+    if best == 0 or gain < DIRECTED or free > max(FLEXIBLE, FLEXIBLE_SHARE * gain):
+        return 0.0, None, 0.0
+    nu = DEGREES[best - 1]
+    if not 1 < best < len(DEGREES):
+        return float(nu), None, gain
+    before, here, after = lost[best - 1:best + 2]       # a parabola in the logarithm
+    bend, step = before - 2 * here + after, np.log(DEGREES[1] / DEGREES[0])
+    nu *= np.exp(0.5 * step * (before - after) / bend)
+    return float(nu), float(nu * step / np.sqrt(bend)), gain
 
 
 def _slow_without(y, index, excess) -> float:
@@ -226,18 +356,35 @@ def _wide(size: np.ndarray, threshold: float) -> tuple[float, float]:
 
 def _against_neighbours(y):
     """Return y less its lines and the median of its four neighbours."""
+    def four(z):
+        a, b, c, d = (z[k:len(z) - 4 + k] for k in (0, 1, 3, 4))
+        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+        return 0.5 * (low + high)
+
+    return _against(y, four)
+
+
+def _against_around(y):
+    """Return y less its lines and the medians of the samples around, between them interpolated."""
+    def medians(z):
+        rows = z[:len(z) // AROUND * AROUND].reshape(-1, AROUND)
+        middle = (np.arange(len(rows)) + 0.5) * AROUND - 0.5
+        return np.interp(np.arange(2, len(z) - 2), middle, row_medians(rows))
+
+    return _against(y, medians)
+
+
+def _against(y, level):
+    """Return y less its lines and what ``level`` says of each sample but two at either end."""
     n = len(y)
     rest = np.zeros(n)
     for i in range(2, n - 2, PIECE - 2 * HALO):
         first = max(0, min(i - HALO, n - PIECE))
         z = y[first:first + PIECE]
         z = z - _lines(z)
-        a, b, c, d = (z[k:len(z) - 4 + k] for k in (0, 1, 3, 4))
-        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
         begin, end = max(i, first + 2), min(i + PIECE - 2 * HALO, n - 2)
-        found = z[2:-2] - 0.5 * (low + high)
-        rest[begin:end] = found[begin - first - 2:end - first - 2]
+        rest[begin:end] = (z[2:-2] - level(z))[begin - first - 2:end - first - 2]
     return rest
 
 

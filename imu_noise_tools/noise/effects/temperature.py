@@ -13,7 +13,8 @@ from ..views import slow_mean, slow_rest
 from ...loop.effect import Effect, Fit
 
 
-LEADS, LAGS = 8, 20  # starts of either sign
+LEADS, LAGS = 12, 20  # starts of either sign
+SMOOTHED = (1, 2, 4, 8, 16)  # parts of a lead by which a thermometer is smoothed to be read ahead
 POINTS = 512  # of a picture
 
 
@@ -21,12 +22,13 @@ class Temperature(Mean):
     """The bias follows the temperature, its square and its cube, later or earlier."""
 
     name = 'temperature'
-    symbol = 'slope, curvature, cubed, lag'
+    symbol = 'slope, curvature, cubed, lag, smoothing'
     title = 'temperature sensitivity of the bias'
     equation = (
         'mean = slope u + curvature [u^2] + cubed [u^3], u = T - mean T, [.] less the polynomial '
         'of lower order that comes nearest in the record; T behind a first-order time constant '
-        'lag, or before it (lag < 0: T + |lag| dT/dt, a thermometer slower than the sensor)'
+        'lag, or before it (lag < 0: T + |lag| dT/dt, a thermometer slower than the sensor; dT/dt '
+        'of T smoothed by the time constant smoothing, both ways)'
     )
     signature = (
         'the slow part of the record follows the temperature topic; slope +1/2 to +1 at the long '
@@ -53,23 +55,35 @@ class Temperature(Mean):
         Parameter(
             'lag', 's', -1e6, 1e6, log=False, discrete=True, title='time constant of the lag'
         ),
+        Parameter(
+            'smoothing', 's', 0.0, 1e6, log=False, discrete=True,
+            title='by which the temperature is smoothed before it is read ahead',
+        ),
     )
-    neutral = {'lag': 0.0}
+    neutral = {'lag': 0.0, 'smoothing': 0.0}
     optional = ('curvature', 'cubed')
 
     def starts(self, evidence: Evidence) -> list[Effect]:
-        """Lags from none to a quarter of the record; nothing without a temperature that moves."""
+        """
+        Lags from none to a quarter of the record; nothing without a temperature that moves.
+
+        What a slow thermometer lost of a fast cycle is more than its noise, or less: so each lead
+        comes with several smoothings.
+
+        """
         t = evidence.slow_others.get('temperature')
         if t is None or np.ptp(t) == 0:
             return []
         least = max(evidence.duration / 2000, 2 * float(np.diff(evidence.slow_t[:2])[0]))
         later = np.geomspace(least, evidence.duration / 4, LAGS)
-        earlier = np.geomspace(least, max(evidence.duration / 50, 2 * least), LEADS)
-        return [self.with_values(lag=float(x)) for x in (0.0, *later, *-earlier)]
+        earlier = np.geomspace(least, max(evidence.duration / 10, 2 * least), LEADS)
+        moved = [(0.0, 0.0), *((x, 0.0) for x in later),
+                 *((-x, x / q) for x in earlier for q in SMOOTHED)]
+        return [self.with_values(lag=float(x), smoothing=float(s)) for x, s in moved]
 
-    def columns(self, inputs: Inputs, lag: float) -> np.ndarray:
+    def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0) -> np.ndarray:
         """Return u, [u^2] and [u^3], each without mean."""
-        u = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t, lag)
+        u = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t, lag, smoothing)
         u = u - np.mean(u)
         scale = np.sqrt(np.mean(u * u)) or 1.0
         u = u / scale
@@ -92,7 +106,7 @@ class Temperature(Mean):
         others = slow_mean(evidence, fit.model.minus(self.label))
         y, mine = slow_rest(evidence, fit.model) - others, self.mean(inputs)
         warmth = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t,
-                        self['lag'])
+                        self['lag'], self.values.get('smoothing', 0.0))
         per = max(1, len(y) // POINTS)
         x, seen = (v[:len(v) // per * per].reshape(-1, per).mean(axis=1) for v in (warmth, y))
         order = np.argsort(warmth)[::per]
@@ -103,11 +117,17 @@ class Temperature(Mean):
     @classmethod
     def example(cls) -> Effect:
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
-        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubed': 0.0, 'lag': 0.0})
+        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubed': 0.0, **cls.neutral})
 
 
-def _moved(temperature: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
-    """Return a temperature behind a time constant, or what a thermometer with one is behind of."""
+def _moved(temperature: np.ndarray, t: np.ndarray, lag: float, smoothing: float) -> np.ndarray:
+    """
+    Return a temperature behind a time constant, or what a thermometer with one is behind of.
+
+    ``smoothing`` is the time constant (s) by which its noise is taken out of its rate of change,
+    from both sides: 0 for none.
+
+    """
     if not lag or len(t) < 3:
         return temperature
     from scipy.signal import lfilter  # half a second to load
@@ -120,6 +140,7 @@ def _moved(temperature: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
 
     if lag > 0:
         return slow(temperature, lag)
-    # its rate of change, from both sides of a smoothed course: a thermometer has steps
-    smooth = slow(slow(temperature, -lag)[::-1], -lag)[::-1]
+    smooth = temperature
+    if smoothing > 0:
+        smooth = slow(slow(temperature, smoothing)[::-1], smoothing)[::-1]
     return temperature - lag * np.gradient(smooth, step)

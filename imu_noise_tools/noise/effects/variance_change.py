@@ -4,7 +4,7 @@
 """A variance that changes in time."""
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from ..evidence import Evidence
 from ..kinds import Modulation, Parameter
@@ -13,7 +13,8 @@ from ...core.statistics import interval
 from ...loop.effect import Effect, Estimate, Finding
 
 FORMS = ('step', 'stretch', 'drift', 'periodic', 'growth', 'swell')
-MOST = 4  # stretches
+MOST = 8  # stretches
+LASTS = 3  # blocks that one fills at least: what is shorter is a knock or a burst of spikes
 TIMES = tuple(('time', 'duration') if k == 1 else (f'time_{k}', f'duration_{k}')
               for k in range(1, MOST + 1))
 
@@ -25,7 +26,7 @@ class VarianceChange(Modulation):
     symbol = 'form, factor, time, period, duration'
     title = 'variance that changes in time'
     equation = (
-        'variance x factor from time on (step), or for a duration, up to four times (stretch); x '
+        'variance x factor from time on (step), or for a duration, up to eight times (stretch); x '
         '1 + (factor - 1) t/T over the record (drift), or x factor^(t/T) (growth); or swinging by '
         'factor between its extremes with a period, largest at time: as a cosine (periodic), or '
         'its logarithm as one (swell)'
@@ -117,7 +118,9 @@ class VarianceChange(Modulation):
     def _refined(self, start, t, x, w, cost):
         """Return (gain, effect, std) of a shape at its likeliest values, from a start."""
         used = [k for k in start.values if k not in ('form', 'factor') and start[k] > 0]
-        names = ['factor', *(used if len(used) < 4 else ())]   # edges of many lie where blocks do
+        if len(used) > 3:   # each edge is told by the blocks beside it alone
+            start, used = self._edges_moved(start, t, x, w), []
+        names = ['factor', *used]
         steps = {k: t[1] - t[0] for k in used}
         steps |= {'factor': 1.0, 'period': start['period'] / len(t)}
         scale = np.array([steps[k] for k in names])
@@ -145,6 +148,23 @@ class VarianceChange(Modulation):
                     # an edge within a block: its place is told by that block's level alone
                     std[name] = float(np.hypot(std[name], 0.1 * scale[j]))
         return -best.fun - cost, effect, std
+
+    def _edges_moved(self, start, t, x, w):
+        """Return stretches whose edges, one after the other, lie where it is likeliest."""
+        width = float(t[1] - t[0])
+        for begin, duration in (pair for pair in TIMES if start[pair[1]] > 0):
+            for both in (True, False):     # the beginning, the end where it is, and the end
+                def moved(by, both=both, begin=begin, duration=duration):
+                    lasts = start[duration] + (-by if both else by)
+                    return start.with_values(**{begin: max(start[begin] + both * by, 0.0),
+                                                duration: max(lasts, 0.1 * width)})
+
+                best = minimize_scalar(lambda by: _nll(moved(by), t, x, w),
+                                       bounds=(-width, width), method='bounded',
+                                       options={'xatol': 0.05 * width})
+                if best.fun < _nll(start, t, x, w):
+                    start = moved(float(best.x))
+        return start
 
     def _of(self, form: str, **values: float):
         """Return a form with these values, neutral else."""
@@ -197,7 +217,7 @@ class VarianceChange(Modulation):
         total = np.concatenate([[0.0], np.cumsum(x)])
         i, j = (k.ravel() for k in np.indices((n + 1, n + 1)))
         count = j - i
-        some = (count >= 3) & (count <= n - 6) & (i > 0) & (j < n)
+        some = (count >= LASTS) & (count <= n - 6) & (i > 0) & (j < n)
         i, j, count = i[some], j[some], count[some]
         inside = total[j] - total[i]
         a, b = inside / count, (total[-1] - inside) / (n - count)
@@ -212,7 +232,7 @@ class VarianceChange(Modulation):
         """
         Return the likeliest course between two levels, from those of one stretch on.
 
-        None where it has not two to four stretches. Levels and course are found in turn, the
+        None where it has not two to eight stretches. Levels and course are found in turn, the
         course by Viterbi's algorithm, ln n nats a switch.
 
         """
@@ -226,6 +246,7 @@ class VarianceChange(Modulation):
         if inside[0]:
             inside, level = ~inside, level[::-1]
         edges = np.flatnonzero(np.diff(np.r_[False, inside, False].astype(int))).reshape(-1, 2)
+        edges = edges[edges[:, 1] - edges[:, 0] >= LASTS]
         if not 2 <= len(edges) <= MOST:
             return None
         width = float(t[1] - t[0])
