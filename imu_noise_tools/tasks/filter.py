@@ -282,7 +282,8 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         return None
     if held is not None:
         notes.append(f'{np.mean(held):.0%} of the messages repeat the one before: they are left'
-                     f' out of what is judged, but the filter takes them for new samples; {REMEDY}')
+                     ' out of what is judged, but the filter takes them for new samples;'
+                     f' {REMEDY}')
     names = [AnyMotion.name] if chosen.motion is None else [e.name for e in chosen.motion[0]]
     parts = {axis: p.part for axis, p in problems.items()}
     for first, last in sorted(set(parts.values())):
