@@ -166,7 +166,7 @@ def handled_ends(record: ImuRecord) -> tuple[int, int]:
 
 
 def _swing(record: ImuRecord, piece: slice, unit: int) -> np.ndarray:
-    """Return how far the middle axis of each sensor swings in views of a piece, the less of both."""
+    """Return how far the middle axis of each sensor swings in views, (n,), the less of both."""
     line = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, VIEW), 2))[0]
     swings = []
     for data in (record.gyro, record.accel):
