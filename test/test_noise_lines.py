@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -58,7 +59,7 @@ def test_twenty_lines_at_once_each_at_its_bound(seed):
     assert np.max(np.abs(pulls)) < 6 and np.sqrt(np.mean(np.square(pulls))) < 1.5
 
 
-@pytest.mark.parametrize('cells', [2.0, 6.0, 60.0, 600.0])
+@pytest.mark.parametrize('cells', daily([2.0, 6.0, 60.0, 600.0], 6.0))
 @pytest.mark.parametrize('size', [0.1, 1.0, 100.0])
 def test_a_resonance_is_no_line(cells, size):
     """Its width in cells of 1/T; few of ten may look like one."""
@@ -110,6 +111,7 @@ def test_orders_of_one_machine_are_one_finding(orders):
     assert effect.rows(evidence, left) == []        # two lines of nothing in common
 
 
+@pytest.mark.thorough
 def test_unrelated_lines_are_no_family():
     rng, effect = np.random.default_rng(5), find_effect('noise', 'harmonics')()
     count = 0
