@@ -243,7 +243,7 @@ def shown_on_a_terminal(*words):
 
 
 @pytest.mark.parametrize(
-    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'simulate', 'analyse'))
+    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'simulate'))
 def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     """On a terminal; not in a pipe, and not with --json."""
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(

@@ -330,6 +330,7 @@ class Cluster:
         self.log.close()
 
 
+@pytest.mark.thorough
 def test_a_killed_worker_costs_a_retry(bags, plain, tmp_path):
     """One of two is killed in mid-work; the result is the one of an undisturbed run."""
     cluster = Cluster(tmp_path)

@@ -394,6 +394,7 @@ def test_a_model_of_the_mean_alone():
     assert abs(e.value - 1e-4 / 0.05) < 4.5 * e.std
 
 
+@pytest.mark.thorough
 def test_a_ridge_is_walked_to_its_end(shared_data):
     """
     A filter, a fast Gauss-Markov term and white noise imitate each other for hundreds of steps.

@@ -54,6 +54,7 @@ def test_what_is_hidden_is_named_and_added(name):
     assert error.excess < 3 * error.std
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('name, key, within', [
     ('sinusoid', 'frequency', 1e-3), ('gauss_markov', 'tc', 0.6), ('ramp', 'R', 0.5),
     ('low_pass', 'cutoff', 0.02), ('rts', 'tau', 0.4), ('variance_change', 'factor', 0.35)])

@@ -335,6 +335,7 @@ def test_limits_of_what_is_not_shown_widen_by_a_finite_factor():
     assert n.ci95 == pytest.approx((0.81e-4, 1.21e-4)) and n.std == pytest.approx(2e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kept', [True, False])
 def test_what_keeps_motion_is_marked_in_every_file(kept):
     y = [noise([8, k])[0] for k in range(3)]
