@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 from matplotlib.image import imread
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import butter, freqz, iirpeak, lfilter, welch
 import yaml
@@ -90,7 +91,8 @@ def test_a_basis_of_everything_is_the_plain_fit():
 
 # --- what is hidden does not decide --------------------------------------------------------------
 
-@pytest.mark.parametrize('case', robust.CASES[1:], ids=lambda c: c.__name__)
+@pytest.mark.parametrize('case', daily(
+    robust.CASES[1:], robust.second_order, robust.folded, robust.hump), ids=lambda c: c.__name__)
 def test_what_is_not_in_the_model_does_not_bend_it(case):
     """N within 3 % of the level at 1 s (8 % where four disturb it), B within a factor 1.8."""
     y, rng = noise([5, robust.CASES.index(case)])
@@ -441,7 +443,7 @@ def test_what_the_model_knows_is_not_left_out():
     assert found.details.basis is None or not np.isfinite(found.details.basis.quiet)
 
 
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', daily(range(4), 0))
 def test_nothing_is_switched_on_where_noise_is_steady(seed):
     y, rng = noise([43, seed])
     lines = y + 1e-3 * np.sin(2 * np.pi * 3.3 * DT * np.arange(N))
