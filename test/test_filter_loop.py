@@ -233,6 +233,7 @@ def test_the_paper_in_rocking():
     assert np.all(np.diff(fading[:, -1]) < 0)
 
 
+@pytest.mark.thorough
 def test_the_missing_acceleration_and_the_default_mend_it():
     for amplitude, most in (
         (15, 0.216),

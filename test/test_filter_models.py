@@ -322,6 +322,7 @@ def test_recursion_by_chunks_predicts_like_the_steady_state():
     assert np.allclose(u[0], fast.u, atol=2e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('more', [None, GaussMarkov({'sigma': 3e-3, 'tc': 5.0}), Sinusoid(
     {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 1e4}), Sinusoid(
         {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 20.0})],

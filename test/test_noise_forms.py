@@ -209,7 +209,7 @@ def test_a_bias_that_bends_with_temperature_is_followed(every, step):
     assert np.std(left) < 1.1 * 2e-4 and np.std(bias) > 2e-4
 
 
-@pytest.mark.parametrize('period', daily([11.9, 17.3, 40.1], 40.1))
+@pytest.mark.parametrize('period', daily([11.9, 17.3, 40.1]))
 def test_a_heater_that_cycles_is_in_the_temperature(period):
     """Its cycle is no line of nobody's; a thermometer six seconds slow is read ahead."""
     rng, rate, n = np.random.default_rng([23, int(period)]), 25.0, 10_000
@@ -292,6 +292,7 @@ def test_what_axes_hear_together_is_each_ones_share():
     assert not shared.heard_together({k: rng.standard_normal(n) for k in 'abc'}, 0.01)
 
 
+@pytest.mark.thorough
 def test_a_shared_relaxation_is_no_noise_of_each_axis():
     """At a tenth of the rate the axes hear one source, above that each only itself."""
     rng, rate, n = np.random.default_rng(32), 50.0, 40_000

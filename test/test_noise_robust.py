@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 from matplotlib.image import imread
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import butter, freqz, iirpeak, lfilter, welch
 import yaml
@@ -90,7 +91,8 @@ def test_a_basis_of_everything_is_the_plain_fit():
 
 # --- what is hidden does not decide --------------------------------------------------------------
 
-@pytest.mark.parametrize('case', robust.CASES[1:], ids=lambda c: c.__name__)
+@pytest.mark.parametrize('case', daily(
+    robust.CASES[1:], robust.second_order, robust.folded, robust.hump), ids=lambda c: c.__name__)
 def test_what_is_not_in_the_model_does_not_bend_it(case):
     """N within 3 % of the level at 1 s (8 % where four disturb it), B within a factor 1.8."""
     y, rng = noise([5, robust.CASES.index(case)])
@@ -335,6 +337,7 @@ def test_limits_of_what_is_not_shown_widen_by_a_finite_factor():
     assert n.ci95 == pytest.approx((0.81e-4, 1.21e-4)) and n.std == pytest.approx(2e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kept', [True, False])
 def test_what_keeps_motion_is_marked_in_every_file(kept):
     y = [noise([8, k])[0] for k in range(3)]
@@ -440,7 +443,7 @@ def test_what_the_model_knows_is_not_left_out():
     assert found.details.basis is None or not np.isfinite(found.details.basis.quiet)
 
 
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', daily(range(4), 0))
 def test_nothing_is_switched_on_where_noise_is_steady(seed):
     y, rng = noise([43, seed])
     lines = y + 1e-3 * np.sin(2 * np.pi * 3.3 * DT * np.arange(N))
