@@ -110,6 +110,7 @@ def test_what_was_doubtful_is_said_before_a_refusal(tmp_path):
     assert 'not finite' in said and 'moves' in said.splitlines()[-1], said
 
 
+@pytest.mark.thorough
 def test_each_warning_is_printed_once(tmp_path, analysed):
     """Also where more detail is asked for."""
     source = analysed[0].parent / 'a.npz'

@@ -170,6 +170,7 @@ def remote(bags):
     fs.rm('/fleet', recursive=True)
 
 
+@pytest.mark.thorough
 def test_urls_are_found_and_copies_removed(remote, plain, tmp_path, monkeypatch):
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
     for given in (['memory://fleet'], ['memory://fleet/*.npz'], ['memory://fleet/m.csv']):

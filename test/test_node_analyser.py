@@ -228,6 +228,7 @@ def test_the_loop_over_services(ros, small_bag):
     assert not call('compare')[0]
 
 
+@pytest.mark.thorough
 def test_effects_change_while_it_runs_and_a_wrong_one_is_refused(ros, small_bag):
     ns = ros.namespace()
     analyser = ros.start('analyser', ns, input='buffer', effects=['white'])

@@ -134,6 +134,7 @@ def test_the_pull_of_a_kurtosis_is_the_one_of_anscombe_and_glynn():
     assert kurtosis_pull(np.ones(8)) == 0.0 and kurtosis_pull(np.zeros(100)) == 0.0
 
 
+@pytest.mark.thorough
 def test_a_line_that_is_on_for_a_stretch_is_a_narrow_band():
     rng = np.random.default_rng(11)
     wander = 13.4 * T + 0.3 * np.cumsum(rng.standard_normal(N)) * DT
