@@ -142,12 +142,14 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
 
 def _penalty(effect: NoiseEffect) -> float:
     """
-    Return what chance reaches of an effect, nats, and no less than of its twin.
+    Return what chance reaches of an effect, nats, and no less than of those of its spectrum.
 
-    What the spectrum alone says would otherwise name the one of the two whose own chance is less.
+    What the spectrum alone says would otherwise name the one whose own chance is less.
 
     """
-    return max(penalty(name) for name in (effect.name, effect.twin) if name)
+    known = cast('dict[str, type[NoiseEffect]]', registry('noise'))
+    alike = [name for name, cls in known.items() if effect.alike and cls.alike == effect.alike]
+    return max(penalty(name) for name in (effect.name, *alike))
 
 
 def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:
