@@ -64,6 +64,18 @@ def coloured(rng, power):
     return x / np.std(x)
 
 
+def test_a_weak_relaxation_is_not_called_popcorn_noise():
+    """Its spectrum is that of both, and the samples tell neither: what chance reaches is equal."""
+    rng = np.random.default_rng(14)
+    x = SIZE * rng.standard_normal(N)
+    x += lfilter([0.003 * SIZE], [1, -0.99], rng.standard_normal(N + 2000))[2000:]
+    problem = NoiseProblem(gather(ImuRecord(x[:, None] * [1, 0, 0] + SIZE * rng.standard_normal(
+        (N, 3)) * [0, 1, 1], None, T, 1 / DT), ['gyro_x'])['gyro_x'])
+    found = {f.name: f for f in problem.candidates(problem.point(model_of('noise', ('white',))))}
+    assert found['rts'].penalty == found['gauss_markov'].penalty
+    assert abs(found['rts'].gain - found['gauss_markov'].gain) < 3
+
+
 def test_noise_that_axes_share_is_named():
     rng = np.random.default_rng(5)
     names, said = found_in(axes_with(0.3 * SIZE * rng.standard_normal(N), rng))
