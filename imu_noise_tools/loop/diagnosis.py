@@ -415,8 +415,8 @@ class _Search:
             claim = min(finding.gain - finding.elsewhere, before)
             if before - after >= rules.HEALED * claim:
                 return ''
-            said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and heals '
-                            f'{max(before - after, 0):.0f}')
+            said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and '
+                            f'heals {max(before - after, 0):.0f}')
         return said
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,

@@ -106,7 +106,7 @@ def asks_nothing(evidence: Evidence, fit: Fit) -> bool:
     """
     Tell whether neither a smooth form nor a few bins of the spectrum ask for more.
 
-    Bins one, two, four ... side by side: a peak that is wider than one stands out of them together.
+    One, two, four ... side by side: a peak that is wider than one stands out of them together.
 
     """
     f, x, w = spectrum_left(evidence, fit)
