@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,8 +87,16 @@ def last_month() -> ImuRecord:
     return at_rest(seed=4)
 
 
+def turntable() -> ImuRecord:
+    """Return a minute of the same sensor, turned to and fro about the vertical."""
+    still = at_rest(60.0, seed=5)
+    t = np.arange(still.n) / still.rate_hz
+    rate = 0.8 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.77 * t + 1)
+    return replace(still, gyro=still.gyro + rate[:, None] * [0, 0, 1])
+
+
 def bring(name: str, folder: Path) -> None:
     """Write what is asked for by its name into a folder."""
     record = {'faces.mcap': faces, 'five.mcap': five, 'poses.mcap': poses,
-              'last_month': last_month}.get(name, at_rest)()
+              'last_month': last_month, 'turntable': turntable}.get(name, at_rest)()
     write_bag(Path(folder) / name, record)

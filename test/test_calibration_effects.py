@@ -126,7 +126,7 @@ def hidden(name, make, rng, strength, sensor='gyro', noise=1e-4):
     pytest.param('asymmetry', spread, 'accel', 1e-3, marks=pytest.mark.thorough),
     pytest.param('cubic', table, 'gyro', 1e-4, marks=pytest.mark.thorough),
     pytest.param('temperature', table, 'gyro', 1e-4, marks=pytest.mark.thorough),
-    ('g_sensitivity', table, 'gyro', 1e-4)])
+    pytest.param('g_sensitivity', table, 'gyro', 1e-4, marks=pytest.mark.thorough)])
 def test_hidden_effect_is_found(name, make, sensor, noise):
     """At 5 to 15 standard errors the verdict is right 9 times of 10, never another name."""
     rng = np.random.default_rng(3)

@@ -155,6 +155,7 @@ def test_a_step_on_a_study_that_is_another_by_now_is_not_written(session, folder
     assert 'ramp' in both.states['accel_z'].model.labels
 
 
+@pytest.mark.thorough
 def test_neither_does_a_command_overwrite_what_the_page_did(folder):
     def meanwhile(study):
         tasks.change(folder, lambda other: other.add(['ramp'], ['accel_z']))

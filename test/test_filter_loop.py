@@ -19,6 +19,7 @@ from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import evaluate
 from imu_noise_tools.filter.design import design
 from imu_noise_tools.filter.held import held_samples
+from imu_noise_tools.filter.output_noise import SamplingJitter
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.loop.effect import model_of
@@ -232,6 +233,7 @@ def test_the_paper_in_rocking():
     assert np.all(np.diff(fading[:, -1]) < 0)
 
 
+@pytest.mark.thorough
 def test_the_missing_acceleration_and_the_default_mend_it():
     for amplitude, most in (
         (15, 0.216),
@@ -396,21 +398,40 @@ def test_two_motions_that_jump_are_refused():
         design(('any_motion', 'rate_step'))
 
 
+def shaken(n, jitter, alternate=False, seed=41):
+    """Return n rates, rad/s, of a hand that shakes, sampled off its time by a jitter, s."""
+    rng = np.random.default_rng(seed)
+    off = jitter * (np.where(np.arange(n) % 2, 1.0, -1.0) if alternate else rng.standard_normal(n))
+    fine = 20
+    hand = lfilter(*butter(2, 3.0, fs=fine * RATE), rng.standard_normal(fine * (n + 2)))
+    hand *= np.sin(2 * np.pi * 0.05 * np.arange(len(hand)) / (fine * RATE)) ** 2
+    at = np.arange(1, n + 1) / RATE + off
+    rate = 1.5 * np.interp(at, np.arange(len(hand)) / (fine * RATE), hand / hand.std())
+    return rate + 0.1 * DEG * rng.standard_normal(n)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', [41, 43])
+def test_what_a_bank_does_not_know_of_a_hand_is_no_jitter(seed):
+    """A hand that shakes at 3 Hz is no random walk: beside its law, nothing gains by jitter."""
+    problem = FilterProblem(shaken(8000, 0.0, seed=seed), 1 / RATE)
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    model = study.states['gyro_x'].fit.model
+    more = model + SamplingJitter({'jitter': 5e-4})
+    gain = problem.prediction(more).log_likelihood - problem.prediction(model).log_likelihood
+    assert gain > 20                            # by itself it does
+    found = study.diagnose()['gyro_x']
+    assert found.verdict == 'complete', found
+
+
 @pytest.mark.parametrize('alternate, n', [
     (False, 8000), pytest.param(False, 10000, marks=pytest.mark.thorough),
     pytest.param(True, 8000, marks=pytest.mark.thorough)],
     ids=['random', 'random, longer', 'alternating'])
 def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n):
     """A delay of every sample, normal by itself or to and fro, is noise that grows with motion."""
-    rng = np.random.default_rng(41)
-    sigma, jitter = 0.1 * DEG, 5e-4
-    off = jitter * (np.where(np.arange(n) % 2, 1.0, -1.0) if alternate else rng.standard_normal(n))
-    fine = 20                                               # a shaking hand, finely sampled
-    hand = lfilter(*butter(2, 3.0, fs=fine * RATE), rng.standard_normal(fine * (n + 2)))
-    hand *= np.sin(2 * np.pi * 0.05 * np.arange(len(hand)) / (fine * RATE)) ** 2
-    at = np.arange(1, n + 1) / RATE + off
-    rate = 1.5 * np.interp(at, np.arange(len(hand)) / (fine * RATE), hand / hand.std())
-    z = rate + sigma * rng.standard_normal(n)
+    jitter = 5e-4
+    z = shaken(n, jitter, alternate)
     problem = FilterProblem(z, 1 / RATE)
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
     found = study.diagnose()['gyro_x']

@@ -23,6 +23,7 @@ from imu_noise_tools.filter.motion import (
     ConstantRate,
     Harmonic,
     Jerk,
+    Law,
     RateStep,
     Singer,
     StopAndGo,
@@ -321,6 +322,7 @@ def test_recursion_by_chunks_predicts_like_the_steady_state():
     assert np.allclose(u[0], fast.u, atol=2e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('more', [None, GaussMarkov({'sigma': 3e-3, 'tc': 5.0}), Sinusoid(
     {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 1e4}), Sinusoid(
         {'amplitude': 2e-3, 'frequency': 20.0, 'tc': 20.0})],
@@ -461,6 +463,27 @@ def test_default_bank_holds_the_acceleration_still_in_the_wandering_modes():
     assert one_step == pytest.approx(np.exp(-0.01 / 10.0), rel=1e-6)  # a sojourn of ten seconds
     twice = default_modes([Model([WHITE])], 0.02)       # two intervals are one of twice the length
     assert twice.stay == pytest.approx(modes.stay ** 2, rel=1e-12)
+
+
+def test_a_law_of_the_motion_brings_back_and_drives_more():
+    """Phi is the exponential of the law; Q grows by the mean square of the acceleration."""
+    dt, law = 0.02, Law({'share': 3.0, 'decay': 20.0, 'spring': 350.0}, 'law')
+    modes = modes_of([AnyMotion() + White({'R': 1e-4}) + law], dt).spaces[0]
+    plain = modes_of([AnyMotion() + White({'R': 1e-4})], dt).spaces[0]
+    bank = Bank(Coefficients([modes_of([AnyMotion() + White({'R': 1e-4}) + law], dt)]), 1)
+    bank.x[:, :, 0] = np.array([0.3, 2.0])[:, None]
+    before = [a.copy() for a in (bank.x, bank.cov)]
+    bank.predict(bank.table.at(0))
+    for k, (space, base) in enumerate(zip(modes, plain)):
+        phi, q = base.phi, base.q
+        x, cov = before[0][:, k, 0], before[1][:, k, 0][[[0, 1], [1, 2]]]
+        if space.grows is not None:
+            phi = linalg.expm(dt * np.array([[0.0, 1.0], [-350.0, -20.0]]))
+            unit = np.array([[dt ** 3 / 3, dt ** 2 / 2], [dt ** 2 / 2, dt]])
+            q = base.q + 3.0 * (x[1] ** 2 + cov[1, 1]) * unit
+        assert np.allclose(bank.x[:, k, 0], phi @ x)
+        assert np.allclose(bank.cov[:, k, 0], (phi @ cov @ phi.T + q)[[0, 0, 1], [0, 1, 1]])
+    assert sum(space.grows is not None for space in modes) == 12
 
 
 def test_models_side_by_side_switch_each_at_its_own_pace():

@@ -141,6 +141,7 @@ def test_flaws_of_a_stream():
     assert np.sqrt(np.mean(error ** 2)) < 0.25 * SIGMA
 
 
+@pytest.mark.thorough
 def test_a_delay_lies_between_the_filter_and_the_smoother():
     t, z, truth = turning(1200, seed=8)
     chosen = design(values=KNOWN)

@@ -110,6 +110,7 @@ def test_what_was_doubtful_is_said_before_a_refusal(tmp_path):
     assert 'not finite' in said and 'moves' in said.splitlines()[-1], said
 
 
+@pytest.mark.thorough
 def test_each_warning_is_printed_once(tmp_path, analysed):
     """Also where more detail is asked for."""
     source = analysed[0].parent / 'a.npz'
@@ -243,7 +244,7 @@ def shown_on_a_terminal(*words):
 
 
 @pytest.mark.parametrize(
-    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'simulate', 'analyse'))
+    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'simulate'))
 def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     """On a terminal; not in a pipe, and not with --json."""
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(

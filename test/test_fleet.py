@@ -170,6 +170,7 @@ def remote(bags):
     fs.rm('/fleet', recursive=True)
 
 
+@pytest.mark.thorough
 def test_urls_are_found_and_copies_removed(remote, plain, tmp_path, monkeypatch):
     monkeypatch.setattr('tempfile.tempdir', str(tmp_path))
     for given in (['memory://fleet'], ['memory://fleet/*.npz'], ['memory://fleet/m.csv']):
@@ -330,6 +331,7 @@ class Cluster:
         self.log.close()
 
 
+@pytest.mark.thorough
 def test_a_killed_worker_costs_a_retry(bags, plain, tmp_path):
     """One of two is killed in mid-work; the result is the one of an undisturbed run."""
     cluster = Cluster(tmp_path)

@@ -145,7 +145,7 @@ def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(ros, stati
     assert_as_computed(found, analyse_record(open_record(static_bag)))
 
 
-@pytest.mark.parametrize('kind', daily(['buffer', 'messages'], 'buffer'))
+@pytest.mark.parametrize('kind', daily(['buffer', 'messages']))
 def test_a_cameras_sensors_are_analysed_each_at_its_own_rate(ros, tmp_path, kind):
     """From a bag by blocks, and live from two topics: as the command line does it."""
     bag = camera_bag(tmp_path / 'camera.mcap', seconds=120.0)
@@ -228,6 +228,7 @@ def test_the_loop_over_services(ros, small_bag):
     assert not call('compare')[0]
 
 
+@pytest.mark.thorough
 def test_effects_change_while_it_runs_and_a_wrong_one_is_refused(ros, small_bag):
     ns = ros.namespace()
     analyser = ros.start('analyser', ns, input='buffer', effects=['white'])

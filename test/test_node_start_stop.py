@@ -11,6 +11,7 @@ import signal
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from params import daily
 import pytest
 import yaml
 
@@ -32,7 +33,8 @@ def started(ros, ns, table, nodes=NODES):
     return processes
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+@pytest.mark.parametrize('number', daily([signal.SIGINT, signal.SIGTERM], signal.SIGTERM),
+                         ids=lambda n: n.name)
 def test_every_node_ends_on_a_signal(ros, table, number):
     """How fast, bench/nodes.py measures: two seconds are asked."""
     for process in started(ros, ros.namespace(), table):

@@ -10,6 +10,7 @@ import functools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
+from params import daily
 import pytest
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import brentq
@@ -118,6 +119,7 @@ def test_upper_limits_hold():
     assert all(e.upper95 is not None for e in some if e.value is None)
 
 
+@pytest.mark.thorough
 def test_white_noise_alone():
     """Flicker and random walk are null; N is as if they had not been asked for."""
     found = fits(lambda rng: hidden.white(20_000, 0.05, 1e-3, rng), BASE, records=14, seed=3)
@@ -359,8 +361,8 @@ AWKWARD = {
 
 
 @pytest.mark.parametrize('samples', AWKWARD.values(), ids=AWKWARD)
-@pytest.mark.parametrize('effects', [BASE, ('white', 'ramp', 'sinusoid'),
-                                     ('gauss_markov', 'quantization')], ids='+'.join)
+@pytest.mark.parametrize('effects', daily([BASE, ('white', 'ramp', 'sinusoid'),
+                                           ('gauss_markov', 'quantization')], BASE), ids='+'.join)
 @pytest.mark.filterwarnings('error')
 def test_every_number_is_a_number(samples, effects):
     found = fit_one(samples(np.random.default_rng(12)), effects)
@@ -394,6 +396,7 @@ def test_a_model_of_the_mean_alone():
     assert abs(e.value - 1e-4 / 0.05) < 4.5 * e.std
 
 
+@pytest.mark.thorough
 def test_a_ridge_is_walked_to_its_end(shared_data):
     """
     A filter, a fast Gauss-Markov term and white noise imitate each other for hundreds of steps.

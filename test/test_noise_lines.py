@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -58,7 +59,22 @@ def test_twenty_lines_at_once_each_at_its_bound(seed):
     assert np.max(np.abs(pulls)) < 6 and np.sqrt(np.mean(np.square(pulls))) < 1.5
 
 
-@pytest.mark.parametrize('cells', [2.0, 6.0, 60.0, 600.0])
+@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('apart', (2.2, 4.7))
+def test_a_faint_line_beside_one_of_a_thousand_times_its_power(seed, apart):
+    """Where the level rises to low frequencies, so that the strong line's skirts lift it."""
+    rng = np.random.default_rng([seed, 8])
+    sensor = hidden.draw_sensor(rng)
+    sigma, f = sensor['N'] / np.sqrt(DT), rng.uniform(100, 300) / SPAN
+    y = base(rng, sensor)
+    for size, at in ((3.0, f), (0.09, f - apart / SPAN)):
+        y = y + size * sigma * np.sin(2 * np.pi * at * T + rng.uniform(0, 7))
+    found = table(y)
+    assert len(found) == 2
+    assert np.allclose(np.sort(found[:, 0]), [f - apart / SPAN, f], atol=0.1 / SPAN)
+
+
+@pytest.mark.parametrize('cells', daily([2.0, 6.0, 60.0, 600.0], 6.0))
 @pytest.mark.parametrize('size', [0.1, 1.0, 100.0])
 def test_a_resonance_is_no_line(cells, size):
     """Its width in cells of 1/T; few of ten may look like one."""
@@ -110,6 +126,7 @@ def test_orders_of_one_machine_are_one_finding(orders):
     assert effect.rows(evidence, left) == []        # two lines of nothing in common
 
 
+@pytest.mark.thorough
 def test_unrelated_lines_are_no_family():
     rng, effect = np.random.default_rng(5), find_effect('noise', 'harmonics')()
     count = 0

@@ -10,6 +10,7 @@ The records come from test/hidden.py, which shares no formula with the package.
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 
 import hidden
@@ -31,7 +32,7 @@ def first_verdict(seed, effects, strength=5.0):
     return truth.hidden[AXIS], study, said
 
 
-EVERY_DAY = ('sinusoid', 'gauss_markov', 'temperature', 'duplicates', 'spikes')
+EVERY_DAY = ('sinusoid', 'temperature', 'spikes')
 
 
 def _marks(name):
@@ -54,6 +55,7 @@ def test_what_is_hidden_is_named_and_added(name):
     assert error.excess < 3 * error.std
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('name, key, within', [
     ('sinusoid', 'frequency', 1e-3), ('gauss_markov', 'tc', 0.6), ('ramp', 'R', 0.5),
     ('low_pass', 'cutoff', 0.02), ('rts', 'tau', 0.4), ('variance_change', 'factor', 0.35)])
@@ -64,10 +66,11 @@ def test_what_is_named_has_its_values(name, key, within):
     assert found == pytest.approx(inside[0].values[key], rel=within)
 
 
-def test_nothing_hidden_is_complete():
-    """Of ten records with nothing in them (2 % may fail), one may."""
-    verdicts = [first_verdict([32, k], ())[2] for k in range(10)]
-    assert verdicts.count('complete') >= 9, verdicts
+@pytest.mark.parametrize('records', daily([3, 10], 3))
+def test_nothing_hidden_is_complete(records):
+    """Of records with nothing in them (2 % may fail), one may."""
+    verdicts = [first_verdict([32, k], ())[2] for k in range(records)]
+    assert verdicts.count('complete') >= records - 1, verdicts
 
 
 @pytest.mark.thorough

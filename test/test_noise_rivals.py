@@ -64,6 +64,18 @@ def coloured(rng, power):
     return x / np.std(x)
 
 
+def test_a_weak_relaxation_is_not_called_popcorn_noise():
+    """Its spectrum is that of both, and the samples tell neither: what chance reaches is equal."""
+    rng = np.random.default_rng(14)
+    x = SIZE * rng.standard_normal(N)
+    x += lfilter([0.003 * SIZE], [1, -0.99], rng.standard_normal(N + 2000))[2000:]
+    problem = NoiseProblem(gather(ImuRecord(x[:, None] * [1, 0, 0] + SIZE * rng.standard_normal(
+        (N, 3)) * [0, 1, 1], None, T, 1 / DT), ['gyro_x'])['gyro_x'])
+    found = {f.name: f for f in problem.candidates(problem.point(model_of('noise', ('white',))))}
+    assert found['rts'].penalty == found['gauss_markov'].penalty
+    assert abs(found['rts'].gain - found['gauss_markov'].gain) < 3
+
+
 def test_noise_that_axes_share_is_named():
     rng = np.random.default_rng(5)
     names, said = found_in(axes_with(0.3 * SIZE * rng.standard_normal(N), rng))
@@ -84,6 +96,7 @@ def test_a_coupling_claims_what_it_shares_and_not_that_a_fit_was_caught(share):
     assert named == (share > 0), some['shared_noise']
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('signal', [
     pytest.param(lambda rng: 0.15 * SIZE * chirp(T, 0.5, T[-1], 40.0, 'logarithmic'), id='chirp'),
     pytest.param(lambda rng: 0.3 * SIZE * two_wells(rng), id='two wells')])
@@ -104,6 +117,7 @@ def test_a_power_of_the_frequency_is_no_relaxation(power):
     assert 'gauss_markov' not in names, said
 
 
+@pytest.mark.thorough
 def test_a_relaxation_stays_one():
     rng = np.random.default_rng(8)
     gyro = axes_with(0.0, rng)
@@ -120,6 +134,7 @@ def test_the_pull_of_a_kurtosis_is_the_one_of_anscombe_and_glynn():
     assert kurtosis_pull(np.ones(8)) == 0.0 and kurtosis_pull(np.zeros(100)) == 0.0
 
 
+@pytest.mark.thorough
 def test_a_line_that_is_on_for_a_stretch_is_a_narrow_band():
     rng = np.random.default_rng(11)
     wander = 13.4 * T + 0.3 * np.cumsum(rng.standard_normal(N)) * DT
@@ -130,6 +145,7 @@ def test_a_line_that_is_on_for_a_stretch_is_a_narrow_band():
     assert bands and abs(bands[0].effect['frequency'] - 13.4) < 0.05, said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('redder, holds', [(True, False), (False, True)])
 def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_redder(
         redder, holds):
@@ -152,6 +168,7 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
     assert holds or 'steepness' in against
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('t0', [0.5, 2.0])
 def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift(t0):
     rng = np.random.default_rng(31)
@@ -185,6 +202,7 @@ def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     assert len(some) > 2 and all(f.gain < f.penalty for f in some), some
 
 
+@pytest.mark.thorough
 def test_samples_on_a_grid_lie_on_it_whatever_bends_the_spectrum():
     rng = np.random.default_rng(11)
     octaves = np.log2(np.maximum(np.fft.rfftfreq(N, DT), 1e-3) / 8)

@@ -46,6 +46,7 @@ def test_a_sweep_is_found_with_its_path(first, last, red):
     assert 0.4 < said.strong / (0.25 * 0.15**2 * N * part) < 1.2
 
 
+@pytest.mark.thorough
 def test_noise_has_none():
     """Of 300 records one in thirty would have a sweep of 3.4 nats, were the bound exact."""
     rng = np.random.default_rng(2)

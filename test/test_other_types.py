@@ -201,6 +201,7 @@ def px4_pair(tmp_path_factory):
     return bag.path
 
 
+@pytest.mark.thorough
 def test_px4s_two_sensors_are_analysed_each_at_its_rate(px4_pair, tmp_path):
     out, said = run('analyse', px4_pair, '-o', tmp_path / 's', '--duration', '90%')
     study = yaml.safe_load((tmp_path / 's' / 'study.yaml').read_text())
@@ -354,7 +355,7 @@ def test_a_recorded_custom_type(shared_data):
 
 # -- a part of a record, and copies
 
-@pytest.mark.parametrize('kind', daily(KINDS, 'mcap'))
+@pytest.mark.parametrize('kind', daily(KINDS))
 def test_a_part_of_a_px4_bag_is_filtered(tmp_path, kind):
     """The copy has Imu messages for the part alone; what was there is there still."""
     path, us, gyro, _ = combined(tmp_path / 'px4', kind, seconds=40)
@@ -378,6 +379,7 @@ def test_a_part_of_a_px4_bag_is_filtered(tmp_path, kind):
     assert study['source']['samples'] == record.n
 
 
+@pytest.mark.thorough
 def test_a_part_of_a_table_is_filtered(tmp_path):
     rng = np.random.default_rng(2)
     np.savez(tmp_path / 'a.npz', gyro=0.01 * rng.standard_normal((4000, 3)), rate_hz=100.0)
@@ -489,6 +491,7 @@ def test_every_imu_of_a_bag_is_inspected(robot):
     assert 'analyse and inspect' in said
 
 
+@pytest.mark.thorough
 def test_all_of_one_is_that_one(px4_pair, tmp_path):
     out, _ = run('analyse', px4_pair, '-o', tmp_path / 's', '--topic', 'all', '--json')
     assert list(json.loads(out)['studies']) == ['fmu_out_sensor_gyro']

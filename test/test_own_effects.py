@@ -187,7 +187,7 @@ def fitted(problem, names):
         return error.message
 
 
-@pytest.mark.parametrize('name', daily(registry('noise'), 'sinusoid', 'gauss_markov'))
+@pytest.mark.parametrize('name', daily(registry('noise'), 'sinusoid'))
 def test_a_copy_of_a_noise_effect(name, copies):
     cls = find_effect('noise', name)
     problem = NoiseProblem(gather(the_record(cls.example()), ['gyro_x'])['gyro_x'])
@@ -210,7 +210,7 @@ def test_a_copy_of_a_calibration_effect(name, copies):
 
 
 @pytest.mark.parametrize(
-    'name', daily(registry('filter'), 'angular_acceleration', 'outliers', 'sinusoid'))
+    'name', daily(registry('filter'), 'outliers'))
 def test_a_copy_of_a_filter_effect(name, copies):
     """In place of its original where that is of the base, beside the base elsewhere."""
     rng = np.random.default_rng(5)

@@ -74,6 +74,7 @@ def test_ranges_in_words(least, most, said):
     assert range_in_words(least, most) == said
 
 
+@pytest.mark.thorough
 def test_records_of_a_walk_that_needs_23_h_are_told_so(tmp_path):
     """Of twelve axes of an hour, most ranges reach 23 h; the command prints them."""
     k, rng = 5.77e-7, np.random.default_rng(8)

@@ -107,6 +107,7 @@ def test_what_is_public_is_said_three_times_alike():
         imu.analize
 
 
+@pytest.mark.thorough
 def test_a_study_has_the_numbers_of_the_command(folder, study, tmp_path):
     done = subprocess.run(
         [sys.executable, '-m', 'imu_noise_tools.cli.main', 'analyse', str(folder / 'still.bag'),
@@ -121,6 +122,7 @@ def test_a_study_has_the_numbers_of_the_command(folder, study, tmp_path):
     assert imu.load(tmp_path / 'a')['gyro_y'].N.value == pytest.approx(study['gyro_y'].N.value)
 
 
+@pytest.mark.thorough
 def test_a_type_checker_knows_what_is_offered(tmp_path):
     pytest.importorskip('mypy')
     (tmp_path / 'use.py').write_text(

@@ -334,8 +334,9 @@ def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
     if method == 'faces':
         tilt = fit.details.tilt
         if _TILTED_DEG < np.degrees(tilt) and tilt != faces.ANY:
-            said.append(f'the faces are tilted by about {np.degrees(tilt):.1f} deg, which scale '
-                        f'factors and biases do not feel and cross-axis terms do: level them, or '
+            said.append(f'the faces are tilted by about {np.degrees(tilt):.1f} deg, which '
+                        'cross-axis terms feel, and scale factors and biases where axes are not '
+                        'orthogonal (intervals expect 1 %, as data sheets state): level them, or '
                         f'hold {SPREAD_POSES} spread poses')
     elif method != 'norm' and dof:
         lateral = inputs == 0

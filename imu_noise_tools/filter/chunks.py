@@ -18,7 +18,7 @@ import numpy as np
 
 from .imm import Bank, Coefficients, log_density
 from .modes import modes_of
-from .statespace import StateSpace
+from .statespace import FilterEffect, StateSpace
 from ..loop.effect import Model
 
 CHUNKS = 40             # of a series: fewer take more steps, more warm up more
@@ -41,6 +41,19 @@ class Known:
     x: np.ndarray
     cov: np.ndarray
 
+    @property
+    def parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The three arrays."""
+        return self.mu, self.x, self.cov
+
+    def repeated(self, k: int) -> Known:
+        """Return it for k models each."""
+        return Known(*(np.repeat(a, k, -1) for a in self.parts))
+
+    def of(self, i: int, k: int) -> Known:
+        """Return what the i-th of k models knows."""
+        return Known(*(a[..., i::k].copy() for a in self.parts))
+
 
 class Chunks:
     """
@@ -56,6 +69,7 @@ class Chunks:
         self.first = np.arange(0, len(z), size)
         self.stop = np.minimum(self.first + size, len(z))
         self._known: dict[tuple[str, ...], Known] = {}
+        self._alike: dict[tuple, Known] = {}
 
     def densities(
         self, models: list[Model], at_off: tuple[float, ...] = ()
@@ -69,9 +83,34 @@ class Chunks:
         key = tuple(models[0].labels)
         if key not in self._known:
             self.begin(models[0])
+        return self._parts(models, at_off, self._known[key])
+
+    def passed(self, models: list[Model]) -> np.ndarray:
+        """
+        Return log-likelihoods, (k,), of models whose chunks begin each with its own.
+
+        They come from far: what each model makes of a phase that it keeps is known there. From now
+        on chunks begin with what the best of them knows.
+
+        """
+        parts = []
+        before = self._known.get(tuple(models[0].labels))
+        for some in self._groups(models):
+            known = self._from(some, before and before.repeated(len(some)))
+            value = self._run(some, (), known)[0].sum(1)
+            best = int(np.argmax(value))
+            parts.append((value, known.of(best, len(some))))
+        best = int(np.argmax([np.max(v) for v, _ in parts]))
+        self._known[tuple(models[0].labels)] = parts[best][1]
+        return np.concatenate([v for v, _ in parts])
+
+    def _groups(self, models):
         some = max(1, LANES // len(self.first))
-        parts = [self._run(models[i:i + some], at_off, self._known[key])
-                 for i in range(0, len(models), some)]
+        return [models[i:i + some] for i in range(0, len(models), some)]
+
+    def _parts(self, models, at_off, known):
+        parts = [self._run(some, at_off, known.repeated(len(some)))
+                 for some in self._groups(models)]
         return (np.concatenate([part[0] for part in parts]),
                 [np.concatenate(u) for u in zip(*(part[1] for part in parts))])
 
@@ -79,42 +118,61 @@ class Chunks:
         """
         Let all chunks of models of this structure begin with what this model knows there.
 
-        Each goes on from where the one before it begins; if that is not known, or ``anew``, all
-        come from far. What of a phase was seen before that is added (:func:`_joined`).
+        Each goes on from where the one before it begins; if that is not known to this structure,
+        nor to another of the same states, all come from far. ``anew``: phases are learnt again,
+        and what of them was seen before is added (:func:`_joined`).
 
         """
-        key, end = tuple(model.labels), np.maximum(self.first - NEAR, 0)
-        before = None if anew else self._known.get(key)
-        space = modes_of([model], self.dt).spaces[0][0]
-        joins = before is None and bool(space.keeps)
+        key, states = tuple(model.labels), self._states(model)
+        before = self._known.get(key, self._alike.get(states))
+        self._known[key] = self._from([model], before, anew)
+        self._alike.setdefault(states, self._known[key])
+
+    def _states(self, model):
+        """Return how many modes, and what has states: what one knows is of use to all alike."""
+        return (len(modes_of([model], self.dt).prior),
+                *(e.label for e in model.of(FilterEffect) if len(e.block(self.dt).h)))
+
+    def _from(self, models, before=None, anew=True):
+        """Return what models of one structure know where chunks begin, one after the other."""
+        end, k = np.maximum(self.first - NEAR, 0), len(models)
+        spaces = [modes_of([m], self.dt).spaces[0][0] for m in models]
+        joins = bool(spaces[0].keeps) and (before is None or anew)
         begin = np.maximum(end - FAR, 0)
         if before is not None:
             begin = np.concatenate([[0], end[:-1]])
         elif joins:     # from where another ends: all that it saw is of use
             back = -(-FAR // max(LEAST, self.stop[0]))
             begin = np.concatenate([np.zeros(back, int), end])[:len(end)]
-        bank, e = self._bank([model], len(begin), _remembering if joins else None)
+        bank, e = self._bank(models, len(begin), _remembering if joins else None)
         if before is not None:
-            bank.load(*(np.roll(a, 1, -1) for a in (before.mu, before.x, before.cov)))
-        known = Known(*(np.zeros((*a.shape[:-1], len(end))) for a in (bank.mu, bank.x, bank.cov)))
+            before = Known(*(np.roll(a, k, -1) for a in before.parts))
+            bank.load(*(_with_memory(before, spaces[0]) if joins else before).parts)
+        known = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
         for step in range(int(np.max(end - begin))):
             at = begin + step
             if step or before is not None:
                 bank.mix(e)
                 bank.predict(e)
             if not step:
-                bank.restart(begin == 0)
-            bank.update(self.z[np.minimum(at, len(self.z) - 1)], e)
-            there = at == end - 1
-            if there.any():
-                for into, now in zip((known.mu, known.x, known.cov), (bank.mu, bank.x, bank.cov)):
+                if before is not None and joins:
+                    _forget(bank, spaces[0])
+                bank.restart(np.repeat(begin == 0, k))
+            bank.update(np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k), e)
+            if (at == end - 1).any():
+                there = np.repeat(at == end - 1, k)
+                for into, now in zip(known.parts, (bank.mu, bank.x, bank.cov)):
                     into[..., there] = now[..., there]
-        self._known[key] = _joined(known, begin, end, space, self.alpha) if joins else known
+        if not joins:
+            return known
+        each = [_joined(known.of(i, k), begin, end, space, self.alpha).parts
+                for i, space in enumerate(spaces)]
+        return Known(*(np.stack(a, -1).reshape(*a[0].shape[:-1], -1) for a in zip(*each)))
 
     def _run(self, models, at_off, known):
         n, k, settle = len(self.z), len(models), settle_of(len(self.z))
         bank, e = self._bank(models, len(self.first))
-        bank.load(*(np.repeat(a, k, -1) for a in (known.mu, known.x, known.cov)))
+        bank.load(known.mu, known.x, known.cov)
         new = np.repeat(self.first < NEAR, k)       # there is nothing before
         begin = np.maximum(self.first - NEAR, 0)
         each, *scores = np.empty((1 + len(at_off), k, n))
@@ -149,6 +207,24 @@ class Chunks:
         stay = np.tile([m.stay for m in each], chunks)
         return (Bank(table, len(models) * chunks, prior),
                 replace(table.at(0).tiled(chunks), prior=prior, stay=stay))
+
+
+def _with_memory(known: Known, space: StateSpace) -> Known:
+    """Return what is known with states of :func:`_remembering`, of which nothing is."""
+    d, more = space.size, len(space.keeps)
+    pairs = [(i, k) for i in range(d + more) for k in range(i, d + more)]
+    cov = np.zeros((len(pairs), *known.mu.shape))
+    cov[[n for n, (_, k) in enumerate(pairs) if k < d]] = known.cov
+    return Known(known.mu, np.concatenate([known.x, np.zeros((more, *known.mu.shape))]), cov)
+
+
+def _forget(bank: Bank, space: StateSpace) -> None:
+    """Let a bank of :func:`_remembering` forget the phases that it knows, in all lanes."""
+    lost = {*space.keeps, *range(space.size, bank.table.size)}
+    bank.x[sorted(lost)] = 0.0
+    for n, pair in enumerate(bank.pairs):
+        if lost & set(pair):
+            bank.cov[n] = bank.start[n]
 
 
 def _remembering(space: StateSpace) -> StateSpace:

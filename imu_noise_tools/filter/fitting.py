@@ -52,6 +52,12 @@ class Likelihood:
         self._known.update(zip(models, map(finite, found.sum(1))))
         return found
 
+    def exactly(self, models: list[Model]) -> list[float]:
+        """Return the log-likelihood of each of models that jump, begun each with its own."""
+        found = [finite(x) for x in self.chunks.passed(models)]
+        self._known = dict(zip(models, found))
+        return found
+
     def about(self, model: Model, last: bool = False) -> float:
         """
         Return the log-likelihood of a model; from now on it is right of those near it.
@@ -130,17 +136,21 @@ def kept(model: Model, fixed: Any, evaluate: Likelihood) -> Model:
     for effect in model.of(FilterEffect):
         if not effect.keeps or effect.label in fixed:
             continue
-        p, best = effect.parameter(effect.keeps), evaluate.about(model, last=True)
-        for factor in (10 ** 0.5, 10 ** -0.5):
-            value, moved = factor * model[effect.label][p.name], False
-            while p.lower <= value <= p.upper:
-                trial = model.with_effect(model[effect.label].with_values(**{p.name: value}))
-                log_l = evaluate.about(trial, last=True)
-                if log_l <= best:
-                    break
-                model, best, value, moved = trial, log_l, factor * value, True
-            if moved:
-                break
+        p, first = effect.parameter(effect.keeps), model[effect.label]
+        times = {k: first[p.name] * 10 ** (0.5 * k) for k in range(-12, 13)}
+        able = [k for k, v in times.items() if p.lower <= v <= p.upper]
+        value: dict[int, float] = {}
+        wanted = [k for k in able if -1 <= k <= 2]
+        while wanted:
+            last = wanted
+            value.update(zip(wanted, evaluate.exactly([
+                model.with_effect(first.with_values(**{p.name: times[k]})) for k in wanted])))
+            best = max(value, key=lambda k: value[k])
+            new = [k for k in able if k not in value and abs(k - best) <= 2]
+            wanted = new if any(abs(k - best) == 1 for k in new) else []
+        model = model.with_effect(first.with_values(**{p.name: times[best]}))
+        if best not in last:        # chunks begin with what the best of the last knows
+            evaluate.about(model, last=True)
     return model
 
 

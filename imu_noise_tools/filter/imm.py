@@ -61,6 +61,7 @@ class Coefficients:
         mixture = [axis[0].outliers for axis in choices[0].spaces]
         self.outliers = np.array(mixture).T if all(mixture) else None
         self.slope = self._slopes(choices)
+        self.grows = self._growing(choices)
 
     @staticmethod
     def _stack(choices, name):
@@ -83,6 +84,17 @@ class Coefficients:
                              for s in axis] for axis in c.spaces] for c in choices])
         return np.moveaxis(change.swapaxes(1, 2), -1, 0)
 
+    @staticmethod
+    def _growing(choices):
+        """Return what the acceleration's square adds to Q, {(i, k): (choices, modes, axes)}."""
+        spaces = [s for c in choices for axis in c.spaces for s in axis]
+        if all(s.grows is None for s in spaces):
+            return None
+        none = np.zeros((2, 2))
+        each = np.array([[[none if s.grows is None else s.grows for s in axis]
+                          for axis in c.spaces] for c in choices]).swapaxes(1, 2)
+        return {(i, k): each[..., i, k] for i in range(2) for k in range(i, 2)}
+
     def at(self, which: Any) -> Entries:
         """
         Return the entries for lanes, chunk after chunk with all axes each.
@@ -103,7 +115,9 @@ class Coefficients:
             stay = np.repeat(self.stay[which], self.axes)
         return Entries({k: 1.0 if np.all(v == 1.0) else lanes(v) for k, v in self.phi.items()},
                        {k: lanes(v) for k, v in self.q.items()}, lanes(self.r), prior, stay,
-                       None if self.slope is None else [lanes(v) for v in self.slope])
+                       None if self.slope is None else [lanes(v) for v in self.slope],
+                       None if self.grows is None else
+                       {k: lanes(v) for k, v in self.grows.items()})
 
 
 @dataclass(frozen=True)
@@ -116,6 +130,7 @@ class Entries:
     prior: np.ndarray
     stay: float | np.ndarray
     slope: list | None = None
+    grows: dict | None = None
 
     @cached_property
     def fresh(self) -> np.ndarray:
@@ -133,6 +148,7 @@ class Entries:
             self.prior,
             self.stay,
             None if self.slope is None else [lanes(v) for v in self.slope],
+            None if self.grows is None else {k: lanes(v) for k, v in self.grows.items()},
         )
 
 
@@ -236,6 +252,7 @@ class Bank:
             mean = _sum(a * v for a, v in zip(e.slope, x))
             self.jitter = mean ** 2 + _sum(e.slope[i] * e.slope[j] * cov[place[i, j]]
                                            for i in self.rows for j in self.rows)
+        square = None if e.grows is None else x[1] ** 2 + cov[place[1, 1]]
         for i, row in self.rows.items():
             _combine([(phi[i, k], x[k]) for k in row], new_x[i], spare)
         parts = {(i, m): _combined([(phi[i, k], cov[place[k, m]]) for k in self.rows[i]],
@@ -248,6 +265,8 @@ class Bank:
                 np.add(v, e.q[i, j], out=new[n])
             elif v is not new[n]:
                 new[n] = v
+        for pair, grows in (e.grows or {}).items():
+            new[place[pair]] += grows * square
         self.x, self._x, self.cov, self._cov = new_x, x, new, cov
 
     def noise(self, e: Entries) -> np.ndarray:

@@ -63,7 +63,15 @@ def _wandering(space: StateSpace, q: float) -> StateSpace:
 def _accelerating(space: StateSpace, density: float) -> StateSpace:
     q = space.q.copy()
     q[:2, :2] *= density
-    return replace(space, q=q)
+    if not space.law:
+        return replace(space, q=q)
+    share, decay, spring = space.law
+    phi, s = space.phi.copy(), 0.5 * decay
+    w = np.sqrt(spring - s * s + 0j)
+    c, one = np.cos(w * space.dt).real, space.dt * np.sinc(w * space.dt / np.pi).real
+    phi[:2, :2] = np.exp(-s * space.dt) * np.array([[c + s * one, one],
+                                                    [-spring * one, c - s * one]])
+    return replace(space, phi=phi, q=q, grows=share * space.q[:2, :2])
 
 
 def modes_of(models: list[Model], dt: float) -> Modes:

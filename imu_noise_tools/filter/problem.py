@@ -18,6 +18,7 @@ from .evaluate import omnibus, score_of
 from .fitting import estimates, kept, Likelihood, maximise, start
 from .held import REMEDY
 from .predict import predict, Prediction
+from .rival import Beside
 from .statespace import DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, white_of
 from ..core.clock import median_rate
 from ..core.errors import InputError
@@ -125,7 +126,6 @@ class FilterProblem(Problem):
             begin, evaluate = self._begun(model)        # by phases that are known now
             if self.whole is None:
                 begin = kept(begin, self.stated, evaluate)
-                evaluate.about(begin, last=True)
         best, log_l = maximise(begin, self.stated, evaluate, hope)
         if self.whole is None and log_l >= hope:
             best = self._with_measured(best)
@@ -187,6 +187,7 @@ class FilterProblem(Problem):
                 begun.append((ahead, name, effect, more, penalty, (first, evaluate)))
         out: list[Finding] = []
         best = -WORTH
+        beside: Beside | None = None
         for _, name, effect, more, penalty, first in sorted(begun, key=lambda b: -b[0]):
             after = self._fits.get(more) or self._fit(
                 more, fit.log_likelihood + penalty + max(-WORTH, best - BEHIND), first)
@@ -195,8 +196,12 @@ class FilterProblem(Problem):
             gain = after.log_likelihood - fit.log_likelihood
             if not np.isfinite(gain):
                 continue
-            best = max(best, gain - penalty)
             new = next(e for e in after.model if e.label not in fit.model)
+            if gain - penalty > max(0, best - BEHIND) and covers(fit.model):
+                beside = beside or Beside(fit.model, self.stated, self.look, Likelihood(
+                    self.z, self.dt, self.alpha, self.chunks))
+                gain = beside.gain(after.model, new, gain, penalty)
+            best = max(best, gain - penalty)
             heals = effect.heals
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):
                 heals = ''  # most is explained: what is left is another effect's

@@ -55,6 +55,8 @@ class Block:
     variance factor), ``step`` (probability, variance) of a jump of the rate within one interval,
     ``jitter`` the standard deviation, s, of when a sample is taken.
     ``switching``: its second state is the acceleration, and q is for a density of one.
+    ``law`` (share 1/s, decay 1/s, spring 1/s^2) is what such modes do not know of the motion: the
+    density grows by ``share`` times the square of the acceleration a; a' = -decay a - spring x.
     ``keeps``: its states keep a phase, for the whole record perhaps.
 
     """
@@ -70,6 +72,7 @@ class Block:
     step: tuple[float, float] | None = None
     switching: Switching | None = None
     jitter: float = 0.0
+    law: tuple[float, float, float] | None = None
     keeps: bool = False
 
 
@@ -79,8 +82,10 @@ class StateSpace:
     The sum of blocks over one interval dt.
 
     ``phi``, ``q``, ``p0`` (d, d); ``h`` (d,) what is measured; ``rate`` (d,) what of it is motion;
-    ``r`` the variance of the white part; ``outliers``, ``step``, ``switching`` and ``jitter`` as
-    in :class:`Block`; ``keeps`` the states that keep a phase.
+    ``r`` the variance of the white part; ``outliers``, ``step``, ``switching``, ``jitter`` and
+    ``law`` as in :class:`Block`; ``keeps`` the states that keep a phase. ``grows`` (2, 2), of a
+    mode, is what the square of the acceleration (state 1) adds to Q of the first two states; None
+    where nothing does.
 
     """
 
@@ -96,6 +101,8 @@ class StateSpace:
     switching: Switching | None = None
     jitter: float = 0.0
     keeps: tuple[int, ...] = ()
+    law: tuple[float, float, float] | None = None
+    grows: np.ndarray | None = None
 
     @property
     def size(self) -> int:
@@ -284,6 +291,7 @@ def state_space(model: Model, dt: float) -> StateSpace:
         _switching([b for _, b in blocks]),
         float(np.sqrt(sum(b.jitter ** 2 for b in noises))),
         tuple(np.flatnonzero(np.concatenate([np.full(len(b.h), b.keeps) for b in everything]))),
+        next((b.law for b in motions if b.law), None),
     )
 
 

@@ -32,6 +32,7 @@ PIECE = 1 << 15  # of an array as long as the record: what is worked on at a tim
 NEAR = 32  # coefficients on either side from which a line is measured
 CROWD = 12  # coefficients within which lines are neighbours
 ROUNDS = 3  # of the search, each with the level as it is without the lines found before
+RESOLVED = 2.0  # coefficients, one cycle in the record, by which two lines are apart at least
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
 CLEAN = 0.98  # share that two lines side by side must take
@@ -137,8 +138,8 @@ class _Search:
         for i in range(0, self.n - 1, PIECE):
             self._look(i, min(i + PIECE, self.n - 1))
 
-    def _look(self, begin: int, end: int) -> None:
-        """Work out anew the heights of the coefficients 1 + [begin, end) above their level."""
+    def _four(self, begin: int, end: int) -> np.ndarray:
+        """Return the heights of the coefficients 1 + [begin, end) above their level."""
         i, j = max(0, begin - 2), min(self.n - 1, end + 2)
         ratio = 2 * self.dt * self.c[i + 1:j + 1] ** 2 / self.reference[i:j]
         four = np.convolve(ratio, np.ones(4), mode='same')[begin - i:begin - i + end - begin]
@@ -146,8 +147,11 @@ class _Search:
         # near both ends the level around a coefficient is known from a few dozen of them only
         reach = _reach(k, self.n).astype(float)
         reach[:max(0, CURVED - begin)] = 1.5 * k[:max(0, CURVED - begin)]
-        four /= 1 + 25 / (2 * reach + 1)
-        self.window[begin:end] = four
+        return four / (1 + 25 / (2 * reach + 1))
+
+    def _look(self, begin: int, end: int) -> None:
+        """Work those heights out anew, where something may be looked for."""
+        self.window[begin:end] = self._four(begin, end)
         for low, high in self.blocked:
             if low < end and high > begin:
                 self.window[max(low, begin):min(high, end)] = 0
@@ -236,7 +240,49 @@ class _Search:
             self.reference = reference_spectrum(self.c, self.dt)
             for i in range(0, self.n - 1, PIECE):
                 self._look(i, min(i + PIECE, self.n - 1))
+        self._beside_one(found)
         return found[:MOST_LINES]
+
+    def _beside_one(self, found: list[_Spot]) -> None:
+        """
+        Add lines that stand beside a line found, where the two of them leave nothing.
+
+        A strong line lifts the level from which its neighbour is to stand out, and what is near a
+        line is not looked at again: what an unsteady one leaves is no line.
+
+        """
+        for i, spot in enumerate(list(found)):
+            low, high = self._around([spot])
+            if len(self._near(found, spot)) > 1 or low < 16 or high > self.n - 16:
+                continue
+            four = self._four(low - 1, high - 1)
+            k = low + int(np.argmax(four))
+            if four[k - low] < self.threshold:
+                continue
+            pair = self._pair(spot, _Spot(*self._measured(k), float(four[k - low])))
+            alone = self._power([spot])[0]
+            self._add(spot, 1.0)
+            for s in pair:
+                self._add(s, -1.0)
+            left, scatter = self._power([spot])
+            apart = 2 * self.n * self.dt * abs(pair[0].frequency - pair[1].frequency)
+            if apart > RESOLVED and left < 3 * scatter and alone - left > self.threshold:
+                found[i] = pair[0]
+                found.append(pair[1])
+                self._block(pair)
+            else:
+                for s in pair:
+                    self._add(s, 1.0)
+                self._add(spot, -1.0)
+
+    def _pair(self, spot: _Spot, other: _Spot) -> list[_Spot]:
+        """Return a line that was taken out and one beside it, measured together."""
+        self._add(spot, 1.0)
+        both = np.array([[s.frequency, s.a, s.b] for s in (spot, other)])
+        both = _jointly(both, self.c, self.reference, self.dt)
+        self._add(spot, -1.0)
+        return [_Spot(float(f), float(a), float(b), s.height)
+                for (f, a, b), s in zip(both, (spot, other))]
 
     def family(self, found: list[_Spot]) -> list[_Spot]:
         """
