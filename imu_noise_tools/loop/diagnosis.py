@@ -140,6 +140,7 @@ class _Search:
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
+        self._beside: dict[str, frozenset[str]] = {}  # what was doubted, beside which others
         self._places: dict[frozenset[str], _Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
@@ -334,10 +335,20 @@ class _Search:
                 break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
+            self._acquit(self.model_of(chain), refuted)
         # each held beside the others when it was last looked at
         self.refuted = {**{k: f for k, f in self._aside.items() if k not in self.labels_of(chain)},
                         **self.refuted}
         return chain
+
+    def _acquit(self, model: Model, refuted: Collection[str]) -> None:
+        """Take back what was doubted only beside what is refuted now: of two that do the same."""
+        for k, others in self._beside.items():
+            if k in self.refuted and not others.isdisjoint(refuted):
+                f = self.refuted[k]
+                more = model.plus(_new(f))
+                if not self._unconfirmed(more, more.labels[-1], f)[1]:
+                    del self.refuted[k]
 
     def backward(self, chain: list[Finding], last: bool = True) -> dict[str, Finding]:
         """
@@ -359,6 +370,7 @@ class _Search:
                 worst = min(doubted, key=lambda k: (said[k][0], _certain(members[k])))
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
+                self._beside[worst] = frozenset(members)
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
         for k, f in members.items():
