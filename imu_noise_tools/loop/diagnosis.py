@@ -247,7 +247,7 @@ class _Search:
             if g is None:
                 continue
             after = between.model.plus(_new(g))
-            both = replace(f, gain=f.gain + g.gain)
+            both = _both(f, g)
             if not self._unhealed(before, after, both) and not self._unlowered(
                     before, after, both)[1]:
                 return [f, g]
@@ -406,21 +406,30 @@ class _Search:
         return fall, f'it raises the held-out deviance by {-fall:.1f}'
 
     def _unhealed(self, before_it: Model, after_it: Model, finding: Finding) -> str:
-        """Say that the view a member claims to heal does not gain at its place what it claims."""
+        """
+        Say that the view a member claims to heal does not gain at its place what it claims.
+
+        Nor do all views together in which it is judged: what one of them shows of a member may be
+        little beside what something else leaves there.
+
+        """
         assert finding.effect is not None
         without = self.tests(before_it)
         if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
         with_it = self.tests(after_it)
-        if finding.view not in {f.view for f in with_it}:
+        shown, said = {f.view for f in with_it}, ''
+        if finding.view not in shown:
             return f'it hides the view {finding.view} and does not heal it'
-        before, after = (sum(max(f.gain, 0.0) for f in tests if f.view == finding.view)
-                         for tests in (without, with_it))
-        claim = min(finding.gain, before)
-        if before - after >= rules.HEALED * claim:
-            return ''
-        return (f'it claims {claim:.0f} nats of what fails in {finding.view} and heals '
-                f'{max(before - after, 0):.0f}')
+        for views in ({finding.view}, {finding.view, *finding.effect.views} & shown):
+            before, after = (sum(max(f.gain, 0.0) for f in tests if f.view in views)
+                             for tests in (without, with_it))
+            claim = min(finding.gain - finding.elsewhere, before)
+            if before - after >= rules.HEALED * claim:
+                return ''
+            said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and '
+                            f'heals {max(before - after, 0):.0f}')
+        return said
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
@@ -429,7 +438,7 @@ class _Search:
         if against and finding.effect is not None and finding.effect.paired:
             for g in later:
                 if g.name == finding.name:
-                    both = replace(finding, gain=finding.gain + g.gain)
+                    both = _both(finding, g)
                     return self._unhealed(before, after.plus(_new(g)), both) and against
         return against
 
@@ -538,6 +547,11 @@ def _new(finding: Finding) -> Effect:
     """Return the effect of a finding, not fitted."""
     assert finding.effect is not None
     return type(finding.effect)()
+
+
+def _both(one: Finding, other: Finding) -> Finding:
+    """Return what two findings of one effect claim together."""
+    return replace(one, gain=one.gain + other.gain, elsewhere=one.elsewhere + other.elsewhere)
 
 
 def surplus(finding: Finding) -> float:

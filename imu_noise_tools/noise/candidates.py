@@ -136,6 +136,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where,
         against=_at_bound(evidence, more.model[label]),
         shapes=_shapes(effect, more.estimates[label]),
+        elsewhere=max(bonus, 0.0),
     )
     return Tried(finding) if isinstance(effect, Mean) else Tried(finding, whole, partly, peak)
 
