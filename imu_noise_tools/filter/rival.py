@@ -19,7 +19,6 @@ import numpy as np
 
 from .fitting import Likelihood, maximise
 from .motion import Law
-from .statespace import Look
 from ..loop.effect import Model
 
 SIZES = 0.5, 2.0
@@ -36,8 +35,8 @@ AGAIN = 3               # times that the bank may learn from the law beside a ca
 class Beside:
     """The gains of candidates beside a bank (``model``, with values) that may learn a law."""
 
-    def __init__(self, model: Model, stated: Mapping, look: Look, evaluate: Likelihood):
-        self.stated, self.look, self.evaluate = stated, look, evaluate
+    def __init__(self, model: Model, stated: Mapping, evaluate: Likelihood):
+        self.stated, self.evaluate = stated, evaluate
         law = Law(NONE, 'law')
         self.model, self.value = self._best(
             model + law, [{}, *({'size': v} for v in SIZES)])
@@ -46,9 +45,9 @@ class Beside:
         self.model, self.value = self._best(self.model, [{}, *({'size': v} for v in SIZES)])
         self._climbed = False
 
-    def gain(self, model: Model, new: Any, gain: float, penalty: float) -> float:
+    def gain(self, model: Model, gain: float, penalty: float) -> float:
         """
-        Return what ``new`` gains, nats, where ``model`` (with it, and values) gained ``gain``.
+        Return what a candidate gains, nats, where ``model`` (with it, and values) gained ``gain``.
 
         With a law of a few, the best without it; where the effect keeps less than most of its gain
         so, laws and values are climbed. The law beside the effect may serve the bank alone, too:
@@ -63,14 +62,13 @@ class Beside:
             self._climb(law.with_values(**{k: max(v, law[k]) for k, v in SEEN.items()}))
             self._climbed = True
         known = model.with_values({e.label: e.values for e in self.model}) + self.model['law']
-        others = [type(new)(dict(g.values), new.label) for g in type(new).guesses(self.look)]
-        begun += [known, *(known.with_effect(g) for g in others)]
+        begun.append(known)     # its own values: far from them it is something else
         best = begun[int(np.argmax(self.evaluate(begun)))]
         best, value = maximise(best, self.stated, self.evaluate, self.value + penalty)
         for _ in range(AGAIN):
             if value - self.value <= penalty or not self._climb(best['law']):
                 break
-        return min(gain, value - self.value)
+        return float(np.clip(value - self.value, 0.0, gain))
 
     def _climb(self, law: Any) -> bool:
         """Let the bank learn from a law on; tell whether that is better than what it knew."""
