@@ -6,18 +6,20 @@ Disturbed stretches: how many are found, and how often a clean record is called 
 
 Clean records have every kind of noise a sensor makes by itself or a bench makes all the time; the
 others have knocks, steps of people, a motor that runs for a while, a step, or clipping on top. Run
-as ``python bench/disturbed.py [--records 200] [--seed 1]``.
+as ``python bench/disturbed.py [--records 200] [--seed 1] [--ends]``.
 
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 
 import numpy as np
 from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.stillness import handled_ends
 from imu_noise_tools.health import prepare
 
 GRADES = {'tactical': (3e-5, 5e-4), 'industrial': (1e-4, 1e-3), 'MEMS': (3e-4, 3e-3),
@@ -224,14 +226,59 @@ def disturbed(count, seed):
         print(f'| {event.__name__} | {all_of} | {listed} | {aside} | {other} |', flush=True)
 
 
+def rock(rng, x, rate):
+    """Add a swing of 0.3 to 2 Hz, gone after 3 to 15 s, at one end or both; return where."""
+    where = int(rng.integers(1, 4))
+    out = [0.0, 0.0]
+    for end in (0, 1):
+        if where & (1 << end):
+            seconds = rng.uniform(3, 15)
+            t = np.arange(int(seconds * rate)) / rate
+            wave = np.sin(2 * np.pi * rng.uniform(0.3, 2) * t + rng.uniform(0, 6))
+            size = 10 ** rng.uniform(0, 1.5) * rng.uniform(0.3, 1, 6)
+            piece = slice(0, len(t)) if end == 0 else slice(len(x) - len(t), None)
+            x[piece] += np.outer(wave * rng.uniform(0.7, 1.3, len(t)), size)
+            out[end] = seconds
+    return out
+
+
+def ends(count, seed):
+    """Print how often an end that is rocked is cut off, and one that is not."""
+    print('| record | ends | cut off | of them more than 5 s too much | CPU s a record |')
+    print('|---|---|---|---|---|')
+    kinds = [(noise, False) for noise in CLEAN] + [(noise, True) for noise in CLEAN[:3]]
+    for k, (noise, rocked) in enumerate(kinds):
+        many, cut, far, cpu = 0, 0, 0, 0.0
+        draws = max(1, count // len(CLEAN))
+        for i in range(draws):
+            rng = np.random.default_rng([seed, 2, k, i])
+            x, rate, grade = draw(rng, noise)
+            true = rock(rng, x, rate) if rocked else [0.0, 0.0]
+            begun = time.process_time()
+            begin, end = handled_ends(record(x, rate, grade))
+            cpu += time.process_time() - begun
+            for said, there in zip((begin, len(x) - end), true):
+                if bool(there) == rocked:
+                    many += 1
+                    cut += said > 0
+                    far += said / rate > there + 5
+        name = f'{noise.__name__}, rocked by 1 to 30 standard deviations' if rocked \
+            else noise.__name__
+        print(f'| {name} | {many} | {cut} | {far} | {cpu / draws:.2f} |', flush=True)
+
+
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--records', type=int, default=200)
     parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--ends', action='store_true', help='of the ends of records alone')
     args = parser.parse_args()
-    clean(args.records, args.seed)
-    disturbed(args.records, args.seed)
+    if args.ends:
+        ends(args.records, args.seed)
+    else:
+        clean(args.records, args.seed)
+        disturbed(args.records, args.seed)
 
 
 if __name__ == '__main__':

@@ -538,7 +538,7 @@ def make_low_pass(rng, bed, form=None):
     # The electronics behind the filter hiss a little: no null of a spectrum is empty.
     params['pedestal'] = extra['pedestal'] = _between(rng, .02, .12)
     return Hidden('low_pass', form, 'filter', {'cutoff': fc, **params}, extra=extra,
-                  gains=_spread(rng, 1))
+                  accept={'notch'} if form == 'notch' else set(), gains=_spread(rng, 1))
 
 
 def make_spikes(rng, bed, form=None):

@@ -292,6 +292,21 @@ def test_what_axes_hear_together_is_each_ones_share():
     assert not shared.heard_together({k: rng.standard_normal(n) for k in 'abc'}, 0.01)
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_a_narrow_source_is_heard_through_axes_that_hide_it(seed):
+    """A quarter of each axis's noise where it is, in one part of sixty of their band."""
+    rng, n = np.random.default_rng([seed, 34]), 40_000
+    f = np.fft.rfftfreq(n, 0.01)
+    source = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * (np.abs(f - 31.0) < 0.4), n)
+    heard = shared.heard_together(
+        {k: g * source + rng.standard_normal(n) for k, g in
+         (('gyro_x', 0.5), ('gyro_y', -0.5), ('gyro_z', 0.5), ('accel_x', 0.0),
+          ('accel_y', 0.0), ('accel_z', 0.0))}, 0.01)
+    f, share = heard['gyro_x']
+    inside = np.abs(f - 31.0) < 0.4
+    assert 0.06 < np.mean(share[inside]) < 0.3 and np.mean(share[np.abs(f - 31.0) > 3]) < 0.005
+
+
 @pytest.mark.thorough
 def test_a_shared_relaxation_is_no_noise_of_each_axis():
     """At a tenth of the rate the axes hear one source, above that each only itself."""

@@ -14,6 +14,8 @@ from params import daily
 import pytest
 
 import hidden
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.health import Selection
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -110,6 +112,19 @@ def test_adding_what_is_not_there_does_not_lower_the_error():
         (step,) = study.add([name], [AXIS])
         assert step.fall < FALL and step.verdict == 'does not fall', step
         study.remove(name, [AXIS])
+
+
+@pytest.mark.thorough
+def test_of_two_that_do_the_same_one_is_left_when_the_other_falls(shared_data):
+    """A shock does no more beside spikes; where nothing speaks for spikes it is there again."""
+    with np.load(shared_data / 'records' / 'vn100_desk_756s.npz') as kept:
+        gyro = kept['gyro'].astype(float)
+    record = ImuRecord(gyro, None, np.arange(len(gyro)) / 40, 40.0)
+    study = analyse_record(record, axes=(AXIS,), keep_motion=True, selection=Selection(
+        screen=False))
+    found = study.diagnose([AXIS])[AXIS]
+    shock = next(f for f in found.found if f.name == 'shock')     # its note: one at 742 s
+    assert shock.gain > 1000 and 'spikes' not in [f.name for f in found.found]
 
 
 @pytest.mark.thorough

@@ -15,16 +15,20 @@ from dataclasses import replace
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import chirp, lfilter
+from scipy.signal import chirp, iirnotch, lfilter
 from scipy.stats import kurtosistest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
+from imu_noise_tools.loop.diagnosis import _Search
 from imu_noise_tools.loop.effect import Finding, model_of, registry
+from imu_noise_tools.noise import flexible
 from imu_noise_tools.noise.candidates import by_one_measure, Tried
+from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
+from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -62,6 +66,18 @@ def coloured(rng, power):
     spectrum[0] = 0.0
     x = np.fft.irfft(spectrum)[3 * N:4 * N]
     return x / np.std(x)
+
+
+def test_a_weak_relaxation_is_not_called_popcorn_noise():
+    """Its spectrum is that of both, and the samples tell neither: what chance reaches is equal."""
+    rng = np.random.default_rng(14)
+    x = SIZE * rng.standard_normal(N)
+    x += lfilter([0.003 * SIZE], [1, -0.99], rng.standard_normal(N + 2000))[2000:]
+    problem = NoiseProblem(gather(ImuRecord(x[:, None] * [1, 0, 0] + SIZE * rng.standard_normal(
+        (N, 3)) * [0, 1, 1], None, T, 1 / DT), ['gyro_x'])['gyro_x'])
+    found = {f.name: f for f in problem.candidates(problem.point(model_of('noise', ('white',))))}
+    assert found['rts'].penalty == found['gauss_markov'].penalty
+    assert abs(found['rts'].gain - found['gauss_markov'].gain) < 3
 
 
 def test_noise_that_axes_share_is_named():
@@ -211,3 +227,67 @@ def test_a_peak_is_ranked_by_the_measure_of_a_rival_that_explains_more():
                         (tried('rival', 5.0, 300.0), 234.0)):
         found = {f.name: f.gain for f in by_one_measure([peak, rival, Tried(None)])}
         assert found == {'peak': gain, 'rival': rival.whole}
+
+
+# --- several at once -----------------------------------------------------------------------------
+
+def test_what_is_set_aside_keeps_its_power_beside_a_mean():
+    """Or no band that was once set aside could agree again with an effect on the mean beside."""
+    rng = np.random.default_rng(21)
+    record = ImuRecord(np.column_stack(axes_with(SIZE * T / T[-1], rng)), None, T, 1 / DT)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    bins, model = evidence.whole.bins, model_of('noise', ['white', 'ramp']).with_values(
+        {'white': {'N': SIZE * np.sqrt(DT)}, 'ramp': {'R': 0.0}})
+    aside = (bins.f > 5) & (bins.f < 20)
+    basis = Explained(bins.f, np.where(aside, 0.0, 1.0))
+    some, all_of_it = (Likelihood(evidence, 'whole', model, explained=b) for b in (basis, None))
+    v, _ = some.spectra(model)
+    left, whole = (x.solve_linear(model, v).power for x in (some, all_of_it))
+    assert left[aside] == pytest.approx(whole[aside], rel=0.01)
+    assert left[~aside] == pytest.approx(whole[~aside], rel=0.5)
+
+
+def test_a_peak_over_several_bins_asks_for_something(monkeypatch):
+    """Each of them is within chance; together they are not."""
+    x, w = np.ones(256), np.full(256, 50.0)
+    said = []
+    for bins in (0, 1, 6):
+        x[100:100 + bins] = 1.5     # 2.3 standard deviations
+        monkeypatch.setattr(flexible, 'spectrum_left', lambda *_: (np.arange(1.0, 257), x, w))
+        said.append(flexible.asks_nothing(None, None))
+    assert said == [True, True, False]
+
+
+@pytest.mark.thorough
+def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
+    rng = np.random.default_rng(22)
+    b, a = iirnotch(30, 5, 1 / DT)
+    gyro = [lfilter(b, a, SIZE * rng.standard_normal(N)) + 0.05 * SIZE * rng.standard_normal(N)
+            + 30 * SIZE * np.exp(-T / 80) for _ in range(3)]
+    names, said = found_in(gyro)
+    assert set(names) == {'notch', 'transient'}, said
+    assert said.remaining is None, said
+
+
+def test_a_claim_is_counted_in_the_view_that_shows_it():
+    """Beside something else that fails there; or in all views in which an effect is judged."""
+    def found(name, view, gain, elsewhere=0.0):
+        effect = registry('noise')[name]()
+        return Finding(name, gain, effect, view=view, elsewhere=elsewhere)
+
+    def unhealed(finding, before, after):
+        search = object.__new__(_Search)
+        search.tests = lambda some: [Finding(k, x, view=k, p_value=0.0) for k, x in some.items()]
+        return search._unhealed(before, after, finding)
+
+    alone = found('rts', 'frequency', 1600.0)
+    beside = found('rts', 'frequency', 1600.0, elsewhere=1400.0)    # the samples say so much of it
+    assert unhealed(alone, {'frequency': 1150.0}, {'frequency': 730.0})
+    assert not unhealed(beside, {'frequency': 1150.0}, {'frequency': 730.0})
+    assert unhealed(beside, {'frequency': 1150.0}, {'frequency': 1100.0})
+    shock = found('shock', 'distribution', 1400.0)
+    assert unhealed(shock, {'distribution': 15.0}, {'distribution': 10.0})
+    loud = {'distribution': 15.0, 'variance': 2000.0}
+    assert not unhealed(shock, loud, {'distribution': 10.0, 'variance': 100.0})
+    assert unhealed(shock, loud, {'distribution': 10.0, 'variance': 1990.0})
+    assert unhealed(shock, loud, {'distribution': 10.0}), 'a view that is hidden is not healed'

@@ -408,6 +408,31 @@ def test_swings_that_come_and_go_are_no_spikes():
     assert found.value == pytest.approx(robust.TRUTH['N'], rel=0.03)
 
 
+def test_an_n_that_is_not_the_curve_at_1_s_says_so():
+    """Swings about 0.5 Hz hold the curve there: N is below, and its note and exports tell it."""
+    y, rng = noise(43)
+    band = lfilter(*butter(2, (0.016, 0.024), 'band'), rng.standard_normal(N))
+    problem = NoiseProblem(axis_of(y + 5e-4 * band / band.std()))
+    said = problem.fit(model_of('noise', BASE)).estimates['white']['N']
+    c = problem.evidence.curve
+    assert np.interp(1, c.tau, c.dev) > 1.3 * said.value
+    assert 'times the model' in said.note
+    plain = NoiseProblem(axis_of(y)).fit(model_of('noise', BASE)).estimates['white']['N']
+    assert plain.note == ''
+
+
+def test_n_beside_a_changing_variance_says_which():
+    """That of the whole where all of it is louder for a while, whether the model knows or not."""
+    y, _ = noise(47)
+    y[N // 2:N // 2 + N // 5] *= 1.8
+    problem = NoiseProblem(axis_of(y))
+    for effects in (BASE, (*BASE, 'variance_change')):
+        n = problem.fit(model_of('noise', effects)).estimates['white']['N']
+        assert 'mean over the whole record' in n.note
+        assert n.value == pytest.approx(robust.TRUTH['N'] * (1 + 0.2 * (1.8**2 - 1)) ** 0.5,
+                                        rel=0.03)
+
+
 def test_what_is_switched_on_and_off_is_left_out_where_it_shows():
     """A machine that runs for a fifth of the time: N is that of the rest, B and K of it all."""
     y, rng = noise(41)
@@ -422,6 +447,7 @@ def test_what_is_switched_on_and_off_is_left_out_where_it_shows():
     assert n.ci95[0] < robust.TRUTH['N'] < n.ci95[1]
     assert n.ci95[1] / n.ci95[0] < 1.015 and np.isfinite(found.details.basis.quiet)
     assert f'{first:.4g} to {last:.4g} s' in ' '.join(found.flags)
+    assert 'quiet part' in NoiseProblem(evidence).fit(found.model).estimates['white']['N'].note
     # the whole record's power is what is stated as not explained, and the halves rest on theirs
     assert any(s.low < 8 < s.high and s.ratio > 1.5 for s in found.details.set_aside)
     for part in ('first', 'second'):

@@ -30,6 +30,14 @@ TURNING = 0.035         # a steady rate that differs so much from the rest's is 
 # a disturbance no longer than this, after which nothing has changed, is a knock
 KNOCK_S = 3.0
 SAME = {'gyro': 0.0087, 'accel': 0.15}
+# Who starts or stops a record rocks it: views at its ends swing by so many times what they usually
+# do, and go on with so many, on two axes of each sensor. The middle one of three independent axes
+# never comes near that; a vibration that is common to all and of random size comes to 4 times its
+# median once in 2^16.
+ROCKED, ROCKS = 4.0, 2.0
+PAUSE = 4               # views in which it may rest meanwhile
+MOST_ROCKED = 1 / 3     # share of the record; beyond it is no handling at its ends
+HANDLED_S = 600.0       # as far from either end is looked at
 SHAKEN_S = 3.0          # what shakes has gone round within this time
 TILT = 0.0175           # and has turned the sensor no further, rad
 
@@ -131,6 +139,57 @@ def longest_rest(record: ImuRecord) -> list[tuple[int, int]]:
     """
     groups = without_knocks(record, still_stretches(record))
     return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
+
+
+def handled_ends(record: ImuRecord) -> tuple[int, int]:
+    """
+    Return the sample range (begin, end) without what is rocked where a record begins and ends.
+
+    All of it where nothing is, or too much. A steady drift is no rocking.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        At rest, finite, without gaps.
+
+    """
+    unit = max(1, round(UNIT_S * record.rate_hz))
+    if record.n < 8 * VIEW * unit:
+        return 0, record.n
+    most = min(record.n, round(HANDLED_S * record.rate_hz))
+    first, last = (_swing(record, piece, unit) for piece in (
+        slice(None, most), slice(None, -most - 1, -1)))
+    begin, end = (min(_rocked(x) * (VIEW // 2) * unit, record.n) for x in (first, last))
+    if begin + end > MOST_ROCKED * record.n:
+        return 0, record.n
+    return begin, record.n - end
+
+
+def _swing(record: ImuRecord, piece: slice, unit: int) -> np.ndarray:
+    """Return how far the middle axis of each sensor swings in views, (n,), the less of both."""
+    line = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, VIEW), 2))[0]
+    swings = []
+    for data in (record.gyro, record.accel):
+        if data is None:
+            continue
+        size = []
+        for x in data[piece].T:
+            smooth = _smooth(x, unit, record.rate_hz)
+            views = np.lib.stride_tricks.sliding_window_view(smooth, VIEW)[::VIEW // 2]
+            left = np.sqrt(np.mean((views - views @ line @ line.T) ** 2, axis=1))
+            size.append(left / max(float(np.median(left)), 1e-300))
+        swings.append(np.sort(size, axis=0)[1])
+    return np.asarray(np.min(swings, axis=0))
+
+
+def _rocked(swing: np.ndarray) -> int:
+    """Return how many views (n,) are rocked from the first on, and what still moves after."""
+    hot = np.flatnonzero(swing > ROCKS)
+    if not len(hot) or hot[0] > PAUSE:
+        return 0
+    far = np.flatnonzero(np.diff(hot) > PAUSE)
+    last = int(hot[far[0]] if len(far) else hot[-1])
+    return last + 1 + PAUSE if np.max(swing[:last + 1]) > ROCKED else 0
 
 
 def quiet_level(spread: np.ndarray) -> np.ndarray:

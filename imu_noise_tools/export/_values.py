@@ -97,7 +97,10 @@ def _resolved(state: State, parameter: str) -> tuple[float | None, str]:
         added = f'{name} is not in the model; '
     e = estimates[name][parameter]
     if e.value is not None:
-        return e.value, f'{added}{parameter} fitted for this file' if added else ''
+        said = f'{added}{parameter} fitted for this file' if added else ''
+        if parameter == 'N' and e.note:     # of what it is the level, where that is not plain
+            said = f'{said}; {e.note}' if said else f'N: {e.note}'
+        return e.value, said
     return e.upper95, f'{added}{parameter} is not resolved, its 95 % upper limit is used'
 
 

@@ -24,7 +24,7 @@ from ..core.clock import fit_clock, SampleClock
 from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import AXES, Disturbance, ImuRecord, Memory, sensor_of
-from ..core.stillness import longest_rest
+from ..core.stillness import handled_ends, longest_rest
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
@@ -94,6 +94,8 @@ def prepare(
         memory.rest()
         if not keep_motion:
             record = _at_rest(record)
+            if screen:
+                record = _without_handling(record)
         memory.rest()
         _enough(record)
         record = _set_aside(record, screen, tuple(masks))
@@ -186,6 +188,21 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
         return part
     return part.warned(f'the IMU moves: the longest still stretch is analysed, {span:.4g} s from '
                        f'{part.t[0]:.4g} s on')
+
+
+def _without_handling(record: ImuRecord) -> ImuRecord:
+    """Return the record without what is rocked as it begins and ends, by whom started it."""
+    a, b = handled_ends(record)
+    if (a, b) == (0, record.n) or b - a < LEAST_SAMPLES:
+        return record
+    times = [(0, a), (b, record.n)]
+    said = ' and '.join(
+        f'{record.t[i]:.4g}-{record.t[j - 1]:.4g} s' for i, j in times if j > i)
+    kept = tuple(d for d in record.disturbances
+                 if d.begin > record.t[a] and d.end < record.t[b - 1])
+    return replace(record.part(a, b), disturbances=kept).warned(
+        f'rocked at its ends, {said}: {record.t[b - 1] - record.t[a]:.4g} s between are analysed '
+        '(--no-screen keeps them in)')
 
 
 def _set_aside(

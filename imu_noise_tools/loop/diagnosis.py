@@ -140,6 +140,7 @@ class _Search:
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
+        self._beside: dict[str, frozenset[str]] = {}  # what was doubted, beside which others
         self._places: dict[frozenset[str], _Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
@@ -246,7 +247,7 @@ class _Search:
             if g is None:
                 continue
             after = between.model.plus(_new(g))
-            both = replace(f, gain=f.gain + g.gain)
+            both = _both(f, g)
             if not self._unhealed(before, after, both) and not self._unlowered(
                     before, after, both)[1]:
                 return [f, g]
@@ -334,10 +335,20 @@ class _Search:
                 break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
+            self._acquit(self.model_of(chain), refuted)
         # each held beside the others when it was last looked at
         self.refuted = {**{k: f for k, f in self._aside.items() if k not in self.labels_of(chain)},
                         **self.refuted}
         return chain
+
+    def _acquit(self, model: Model, refuted: Collection[str]) -> None:
+        """Take back what was doubted only beside what is refuted now: of two that do the same."""
+        for k, others in self._beside.items():
+            if k in self.refuted and not others.isdisjoint(refuted):
+                f = self.refuted[k]
+                more = model.plus(_new(f))
+                if not self._unconfirmed(more, more.labels[-1], f)[1]:
+                    del self.refuted[k]
 
     def backward(self, chain: list[Finding], last: bool = True) -> dict[str, Finding]:
         """
@@ -359,6 +370,7 @@ class _Search:
                 worst = min(doubted, key=lambda k: (said[k][0], _certain(members[k])))
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
+                self._beside[worst] = frozenset(members)
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
         for k, f in members.items():
@@ -394,21 +406,30 @@ class _Search:
         return fall, f'it raises the held-out deviance by {-fall:.1f}'
 
     def _unhealed(self, before_it: Model, after_it: Model, finding: Finding) -> str:
-        """Say that the view a member claims to heal does not gain at its place what it claims."""
+        """
+        Say that the view a member claims to heal does not gain at its place what it claims.
+
+        Nor do all views together in which it is judged: what one of them shows of a member may be
+        little beside what something else leaves there.
+
+        """
         assert finding.effect is not None
         without = self.tests(before_it)
         if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
         with_it = self.tests(after_it)
-        if finding.view not in {f.view for f in with_it}:
+        shown, said = {f.view for f in with_it}, ''
+        if finding.view not in shown:
             return f'it hides the view {finding.view} and does not heal it'
-        before, after = (sum(max(f.gain, 0.0) for f in tests if f.view == finding.view)
-                         for tests in (without, with_it))
-        claim = min(finding.gain, before)
-        if before - after >= rules.HEALED * claim:
-            return ''
-        return (f'it claims {claim:.0f} nats of what fails in {finding.view} and heals '
-                f'{max(before - after, 0):.0f}')
+        for views in ({finding.view}, {finding.view, *finding.effect.views} & shown):
+            before, after = (sum(max(f.gain, 0.0) for f in tests if f.view in views)
+                             for tests in (without, with_it))
+            claim = min(finding.gain - finding.elsewhere, before)
+            if before - after >= rules.HEALED * claim:
+                return ''
+            said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and '
+                            f'heals {max(before - after, 0):.0f}')
+        return said
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
@@ -417,7 +438,7 @@ class _Search:
         if against and finding.effect is not None and finding.effect.paired:
             for g in later:
                 if g.name == finding.name:
-                    both = replace(finding, gain=finding.gain + g.gain)
+                    both = _both(finding, g)
                     return self._unhealed(before, after.plus(_new(g)), both) and against
         return against
 
@@ -526,6 +547,11 @@ def _new(finding: Finding) -> Effect:
     """Return the effect of a finding, not fitted."""
     assert finding.effect is not None
     return type(finding.effect)()
+
+
+def _both(one: Finding, other: Finding) -> Finding:
+    """Return what two findings of one effect claim together."""
+    return replace(one, gain=one.gain + other.gain, elsewhere=one.elsewhere + other.elsewhere)
 
 
 def surplus(finding: Finding) -> float:

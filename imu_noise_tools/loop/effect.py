@@ -581,7 +581,8 @@ class Finding:
     ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
     give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
     against it, empty where nothing does. ``shapes`` counts the parameters besides one that the
-    penalty does not price.
+    penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show:
+    what the samples themselves say.
 
     """
 
@@ -597,3 +598,4 @@ class Finding:
     explains: float | None = None
     against: str = ''
     shapes: int = 0
+    elsewhere: float = 0.0

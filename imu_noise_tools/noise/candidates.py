@@ -131,13 +131,26 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         float(partly if peak else whole) + bonus,
         more.model[label],
         more.estimates[label],
-        penalty(effect.name) + _unlikely(more),
+        _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
         against=_at_bound(evidence, more.model[label]),
         shapes=_shapes(effect, more.estimates[label]),
+        elsewhere=max(bonus, 0.0),
     )
     return Tried(finding) if isinstance(effect, Mean) else Tried(finding, whole, partly, peak)
+
+
+def _penalty(effect: NoiseEffect) -> float:
+    """
+    Return what chance reaches of an effect, nats, and no less than of those of its spectrum.
+
+    What the spectrum alone says would otherwise name the one whose own chance is less.
+
+    """
+    known = cast('dict[str, type[NoiseEffect]]', registry('noise'))
+    alike = [name for name, cls in known.items() if effect.alike and cls.alike == effect.alike]
+    return max(penalty(name) for name in (effect.name, *alike))
 
 
 def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:

@@ -30,7 +30,7 @@ from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 
 KNOTS = 8  # free levels of the smooth form
 QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
-QUIET_PULL = 4.0  # of a single bin, for narrow ones
+QUIET_PULL = 4.0  # of bins side by side, for narrow ones
 ENOUGH = 4.0  # coefficients for each gain that is free in a band
 FEWEST = 64  # differences of block means that tell a kurtosis
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
@@ -103,11 +103,24 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
 
 
 def asks_nothing(evidence: Evidence, fit: Fit) -> bool:
-    """Tell whether neither a smooth form nor a single bin of the spectrum asks for more."""
+    """
+    Tell whether neither a smooth form nor a few bins of the spectrum ask for more.
+
+    One, two, four ... side by side: a peak that is wider than one stands out of them together.
+
+    """
     f, x, w = spectrum_left(evidence, fit)
     some = w > 0
-    return smooth_gain(x, w, np.log(f)) < QUIET_GAIN and float(
-        np.max(np.abs(views.gamma_pull(x[some], w[some])))) < QUIET_PULL
+    x, w, width = x[some], w[some], 1
+    if smooth_gain(x, w, np.log(f[some])) >= QUIET_GAIN:
+        return False
+    power, count = (np.concatenate([[0.0], np.cumsum(z)]) for z in (x * w, w))
+    while width <= len(x) // KNOTS:
+        total, size = power[width:] - power[:-width], count[width:] - count[:-width]
+        if np.max(np.abs(views.gamma_pull(total / size, size))) >= QUIET_PULL:
+            return False
+        width *= 2
+    return True
 
 
 def _where(f, x, w):

@@ -113,6 +113,8 @@ class NoiseEffect(Effect):
     broad: ClassVar[bool] = False
     #: parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()
+    #: a word for its spectrum where others have it too: only the samples tell them apart then
+    alike: ClassVar[str] = ''
     #: what a record must hold for it to apply
     needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals

@@ -215,6 +215,13 @@ class Likelihood:
         i = self._inside
         return np.add.reduceat(slow[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
 
+    def _taken(self, leverage):
+        """Return what slow coefficients (q,) that were solved for take from the bins (b,)."""
+        out = np.zeros(len(self.power))
+        if self._inside:
+            out[:self._inside] = self._summed(leverage)
+        return out
+
     def _replaced(self, power, before, after):
         """Return the bins' power with slow coefficients (q,) replaced by others."""
         i = self._inside
@@ -285,13 +292,10 @@ class Likelihood:
             beta = (vt.T @ ((u.T @ cw) / s)) / scale
             covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
             leverage = np.sum(u**2, axis=1)
-            total = self._replaced(power, slow, slow - x @ beta) * weight
-            weight = weight.copy()
-            i = self._inside
-            if i:
-                weight[:i] -= self._summed(leverage)
-            weight = np.maximum(weight, 1e-9)
-            power = np.maximum(total, 1e-300) / weight
+            left = self._replaced(power, slow, slow - x @ beta)
+            counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
+            # what is set aside takes no part in that, and may agree all the same
+            power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
             # scaled by the white level, so that it does not depend on units
             log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
             betas.append(beta)

@@ -17,6 +17,7 @@ from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
 from .kinds import Coupling, Defect, Mean, NoiseEffect, Response, Spectrum
+from .level import with_level_notes
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from .sweep import test_of
@@ -156,8 +157,13 @@ class NoiseProblem(Problem):
         return found
 
     def _planned(self, fit):
-        """Say how long a record would show each spectral amplitude that is not observable."""
-        out = {k: dict(v) for k, v in fit.estimates.items()}
+        """
+        Say what the level is that of, where the curve shows another.
+
+        And how long a record would show each spectral amplitude that is not observable.
+
+        """
+        out = with_level_notes(self.evidence, fit)
         if not self.matters(fit).sufficient:
             return out  # a model that does not hold plans no record
         for e in fit.model.of(Spectrum):

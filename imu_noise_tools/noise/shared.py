@@ -17,20 +17,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import dct, dst, idct
 from scipy.optimize import nnls
-from scipy.special import digamma
+from scipy.special import chdtri, digamma
 
 from ..core.spectrum import Bins
+
+#: two axes, by their numbers, the lower first
+Pair: TypeAlias = tuple[int, int]
 
 LATER, SHAKEN = '^', '~'
 HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is not its own noise
 LOOKED_AT = 1 << 17     # samples in which axes are compared
-GROUPS, LEAST = 60, 16  # of coefficients, and the least in one
-SURE = 6.0              # standard errors from which two axes hear something together
-TOGETHER, CLEAR = 5, 3.0    # neighbouring groups that tell a coherence, its standard errors
+GROUPS, LEAST = 240, 16     # of coefficients, and the least in one
+CHANCE = 1e-3           # records in which noise seems to be heard together
+WINDOWS, CLEAR = (1, 3, 5, 9, 19), 8.0  # groups that tell a coherence, its standard errors
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
@@ -82,47 +86,86 @@ def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
     q = [later(x) for x in c]
     count = np.diff(np.append(edges, n))
     level = [np.maximum(np.add.reduceat(x * x, edges), 1e-300) for x in c]
-    sure, square = set(), np.zeros((len(c), len(c), len(edges)))
+    square = {}
     for a, b in combinations(range(len(c)), 2):
         both = sum(np.add.reduceat(c[a] * x[b], edges) ** 2 for x in (c, q))
-        square[a, b] = square[b, a] = both / (level[a] * level[b]) * count - 2
-        # of so many groups from the slow end on, or of one alone
-        m = np.arange(1, len(edges) + 1)
-        together = np.cumsum(square[a, b]) / (2 * np.sqrt(m))
-        if max(np.max(together), np.sqrt(np.max(square[a, b] + 2))) > SURE:
-            sure |= {a, b}
+        square[a, b] = both / (level[a] * level[b]) * count - 2
+    found = _one_source(_coherence(square, _sets(list(columns)), count))
     f = (edges + 0.5 * count) / (2 * n * dt)
-    found = _one_source(square, count)
-    return {k: (f, found[i]) for i, k in enumerate(columns) if i in sure}
+    return {k: (f, found[i]) for i, k in enumerate(columns) if np.any(found[i] > 0)}
 
 
-def _one_source(square: np.ndarray, count: np.ndarray) -> np.ndarray:
+def _sets(axes: list[str]) -> list[list[Pair]]:
+    """Return what is looked at together: each pair of axes, and those of each sensor."""
+    pairs = list(combinations(range(len(axes)), 2))
+    of = [a.rpartition('_')[0] for a in axes]
+    sensors = [[(a, b) for a, b in pairs if of[a] == of[b] == x] for x in sorted(set(of))]
+    return [[pair] for pair in pairs] + [some for some in sensors if len(some) > 1]
+
+
+def _coherence(square: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
+               count: np.ndarray) -> np.ndarray:
     """
-    Return what share (axes, g) of each axis's power is of one source that all hear.
+    Return the coherence (axes, axes, g) of axes that hear something together, 0 of others.
 
-    The coherence of two axes is then the root of the product of their shares: of three or more
-    axes the shares that come nearest to all pairs (one factor by least residuals, Harman and
-    Jones, Psychometrika 31, 1966); two are taken for alike.
+    It is that of the fewest neighbouring groups that tell it.
 
     Parameters
     ----------
-    square : ndarray (axes, axes, g)
-        Coherence squared times ``count`` in groups of coefficients, its mean by chance, 2, taken
-        off; 0 of an axis with itself.
+    square : dict of ndarray (g,)
+        Coherence squared of pairs of axes, times ``count`` in groups of coefficients, its mean by
+        chance, 2, taken off.
+    sets : list of lists of pairs
+        What is looked at together.
     count : ndarray (g,)
         Coefficients in each group.
 
     """
-    near = np.minimum(len(count), TOGETHER)
-    window = np.ones(near)
+    axes, groups = 1 + max(b for _, b in square), len(count)
+    both, stretches = np.zeros((axes, axes, groups)), list(_stretches(groups))
+    level = CHANCE / (len(sets) * sum(len(at) for _, at in stretches))
+    for some in sets:
+        total = np.sum([square[pair] for pair in some], axis=0)
+        heard = _together(total, len(some), level, stretches)
+        for width in WINDOWS if np.any(heard) else ():
+            window = np.ones(min(width, groups))
+            near = np.convolve(np.ones(groups), window, 'same')
+            clear = np.convolve(total, window, 'same') > CLEAR * 2 * np.sqrt(len(some) * near)
+            for a, b in some:
+                new = heard & clear & (both[a, b] == 0)
+                share = np.convolve(square[a, b], window, 'same') / np.convolve(
+                    count - 2.0, window, 'same')
+                both[a, b, new] = both[b, a, new] = np.sqrt(np.clip(share, 0.0, 1.0))[new]
+    return both
 
-    def around(x):
-        return np.apply_along_axis(np.convolve, -1, x, window, 'same')
 
-    total = around(square)
-    groups = around(np.ones(len(count)))
-    both = np.sqrt(np.clip(np.where(total > CLEAR * 2 * np.sqrt(groups), total, 0.0)
-                           / around(count - 2.0), 0.0, 1.0))
+def _stretches(groups: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield (m, where they begin) of stretches of m groups, each width twice the one before."""
+    m = 1
+    while m <= groups:
+        yield m, np.arange(0, groups - m + 1, max(1, m // 4))
+        m *= 2
+
+
+def _together(total: np.ndarray, pairs: int, level: float, stretches) -> np.ndarray:
+    """Return which groups (g,) lie in a stretch that noise makes as coherent at a ``level``."""
+    until = np.append(0.0, np.cumsum(total + 2 * pairs))
+    out = np.zeros(len(total), bool)
+    for m, at in stretches:
+        for begin in at[until[at + m] - until[at] > chdtri(2 * pairs * m, level)]:
+            out[begin:begin + m] = True
+    return out
+
+
+def _one_source(both: np.ndarray) -> np.ndarray:
+    """
+    Return what share (axes, g) of each axis's power is of one source that all hear.
+
+    The coherence ``both`` (axes, axes, g) of two axes is then the root of the product of their
+    shares: of three or more axes the shares that come nearest to all pairs (one factor by least
+    residuals, Harman and Jones, Psychometrika 31, 1966); two are taken for alike.
+
+    """
     root = np.sqrt(np.max(both, axis=1))
     for _ in range(STEPS):
         for i in range(len(root)):

@@ -34,6 +34,7 @@ class GaussMarkov(Spectrum):
     normal = True
     broad = True
     decide = 'record ten times longer than its correlation time takes to show, on another supply'
+    alike = 'relaxation'
     parameters = (
         Parameter('sigma', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
         Parameter('tc', 's', 1e-4, 1e6, title='correlation time'),

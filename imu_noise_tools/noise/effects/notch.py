@@ -9,6 +9,8 @@ from ..evidence import Evidence
 from ..kinds import Parameter, Response
 from ...loop.effect import Effect
 
+BEHIND = 0.002  # share of the white noise behind it from which a fit starts
+
 
 class Notch(Response):
     """Power dips to nothing around one frequency."""
@@ -17,8 +19,8 @@ class Notch(Response):
     symbol = 'f0, width'
     title = "the sensor's own notch filter"
     equation = (
-        'gain^2 = (x^2 - x0^2)^2/((x^2 - x0^2)^2 + (x w)^2), x = tan(pi f dt), x0 = '
-        'tan(pi f0 dt), w = tan(pi width dt) (1 + x0^2)'
+        'gain^2 = (g + behind)/(1 + behind), g = (x^2 - x0^2)^2/((x^2 - x0^2)^2 + (x w)^2), x = '
+        'tan(pi f dt), x0 = tan(pi f0 dt), w = tan(pi width dt) (1 + x0^2)'
     )
     signature = 'a dip in the PSD, of one frequency, with the level as it was on both sides'
     hint = (
@@ -32,14 +34,18 @@ class Notch(Response):
     parameters = (
         Parameter('frequency', 'Hz', 1e-4, 1e5, title='centre'),
         Parameter('width', 'Hz', 1e-6, 1e5, title='width between the -3 dB points'),
+        Parameter('behind', '1', 0.0, 0.02, log=False,
+                  title='share of the white noise that arises behind it'),
     )
+    neutral = {'behind': 0.0}
+    optional = ('behind',)
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at the deepest dips."""
         if self.fitted:
             return [self]
         dips = evidence.bumps(2, -1)
-        return [self.with_values(frequency=f, width=width) for f, width, _ in dips]
+        return [self.with_values(frequency=f, width=width, behind=BEHIND) for f, width, _ in dips]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay near the dip that the start is at."""
@@ -58,9 +64,11 @@ class Notch(Response):
         x = np.tan(np.pi * np.minimum(np.asarray(f, float) * dt, 0.49999))
         x0 = np.tan(np.pi * min(self['frequency'] * dt, 0.499))
         w = np.tan(np.pi * min(self['width'] * dt, 0.49)) * (1 + x0**2)
-        return np.maximum((x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2), 1e-9)
+        behind = self.values.get('behind', 0.0)
+        g = (x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2)
+        return np.maximum((g + behind) / (1 + behind), 1e-9)
 
     @classmethod
     def example(cls) -> Effect:
         """Return a notch at 9 Hz, 2 Hz wide."""
-        return cls({'frequency': 9.0, 'width': 2.0})
+        return cls({'frequency': 9.0, 'width': 2.0, 'behind': 0.0})

@@ -49,6 +49,7 @@ class Rts(Spectrum):
     views = ('frequency', 'time')
     # whitened, a switch is a knock: samples with strong ones are neither normal nor steady
     mutes = ('distribution', 'variance')
+    alike = 'relaxation'
     decide = 'record longer, so that dozens of switches are in it'
     parameters = (
         Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='distance of the levels'),

@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+What the level of white noise is that of, where it is not plainly what the curve shows at 1 s.
+
+N is read by others as the Allan deviation at 1 s. It is another where something that the model
+does not explain holds the curve there, or where the level changes in time.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .curve import model_curve
+from .evidence import Evidence
+from .kinds import Modulation, Spectrum
+from ..loop.effect import Estimate, Fit
+
+APART = 1.25  # ratio of curve and model at 1 s from which it is said
+NEAR = 1.2  # s: an averaging time within this factor of 1 s stands for it
+
+
+def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
+    """Return what there is to say of the level of a fit to a whole record: mostly nothing."""
+    out = []
+    if fit.model.of(Modulation):
+        out.append('the mean over the whole record, whose level changes in time')
+    elif np.isfinite(fit.details.hint.quiet):
+        out.append(f'the level from {fit.details.hint.quiet:.3g} Hz on is that of the quiet part '
+                   'of the record')
+    elif len(evidence.loud):
+        out.append('the mean over the whole record, parts of which are louder')
+    c = evidence.curve
+    at = int(np.argmin(np.abs(np.log(c.tau))))
+    if c.deviation in ('oadev', 'adev') and 1 / NEAR < c.tau[at] < NEAR:
+        model = float(np.sqrt(model_curve(evidence, fit.model, c.m[at:at + 1])[0]))
+        ratio = c.dev[at] / model
+        if ratio > APART and c.lo[at] > model:
+            out.append(f'the curve at 1 s is {ratio:.2g} times the model: the level is that '
+                       'beneath what is not explained')
+        elif ratio < 1 / APART and c.hi[at] < model:
+            out.append(f'the model at 1 s is {1 / ratio:.2g} times the curve: what is not '
+                       'explained bends it')
+    return out
+
+
+def with_level_notes(evidence: Evidence, fit: Fit) -> dict[str, dict[str, Estimate]]:
+    """Return the estimates of a fit, what every sensor has with what there is to say of it."""
+    out = {k: dict(v) for k, v in fit.estimates.items()}
+    said = level_notes(evidence, fit)
+    for e in fit.model.of(Spectrum):
+        for p in e.parameters if said and e.in_every_sensor else ():
+            estimate = out[e.label][p.name]
+            notes = [estimate.note, *said] if estimate.note else said
+            out[e.label][p.name] = replace(estimate, note='; '.join(notes))
+    return out
