@@ -5,7 +5,7 @@
 Figures of the calibration: coverage, bias by tilt, hidden effects, real records.
 
     OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200] [--seed N]
-        [coverage|tilts|turns|hidden|session|flaws|real ...]
+        [coverage|tilts|turns|hidden|session|flaws|six|real ...]
 
 Sessions are made by test/calibration_sessions.py, which shares no code with the package.
 
@@ -29,6 +29,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 import calibration_sessions as sim  # noqa: E402,I100,I201
 
 from imu_noise_tools import calibration as core  # noqa: E402,I201
+from imu_noise_tools.calibration import faces  # noqa: E402
+from imu_noise_tools.calibration.poses import DIRECTIONS  # noqa: E402
 from imu_noise_tools.calibration.problem import CalibrationProblem  # noqa: E402
 from imu_noise_tools.core.errors import InputError  # noqa: E402
 from imu_noise_tools.core.record import ImuRecord  # noqa: E402
@@ -395,15 +397,52 @@ def hidden(n, seed=2):
     print()
 
 
+def record(name, rate=None):
+    """Return a real record, at a rate other than its label where that is given."""
+    with np.load(DATA / 'records' / f'{name}.npz') as d:
+        gyro, accel = d['gyro'].astype(float), d['accel'].astype(float)
+        rate = rate or float(d['rate_hz'])
+        t = d['t'] - d['t'][0] if 't' in d.files else np.arange(len(accel)) / rate
+    return ImuRecord(gyro, accel, t, rate, path=name)
+
+
+def six(n, seed=7):
+    """Print the skew of real axes, and what six poses near the faces say against all poses."""
+    print(f'### Six of the poses of a real record, {n} draws each\n')
+    for name, g, rate in (
+            ('xsens_mti_multipos', 9.81744, None), ('mpu9150_0_multipos', 9.81, None),
+            ('mpu9150_1_multipos', 9.81, None), ('imucal_ferraris', 9.81, 102.4)):
+        c = tasks.calibrate_records([record(name, rate)], gravity=g,
+                                    **({'seconds': 1.0} if rate else {})).calibration
+        k, _ = faces.polar(c.S)
+        skew = [600 * k[i, j] / np.trace(k) for i, j in ((0, 1), (0, 2), (1, 2))]
+        print(f'{name}: axes off orthogonal by {np.round(skew, 2).tolist()} %')
+        u = np.linalg.solve(c.S, c.poses.outputs - c.bias[:, None])
+        u /= np.linalg.norm(u, axis=0)
+        near = {f: np.flatnonzero(u.T @ np.array(d) > np.cos(25 * DEG))
+                for f, d in DIRECTIONS.items()}
+        if not all(map(len, near.values())):
+            continue
+        kept = faces.CROSS
+        for cross in (0.01, 0.02):
+            faces.CROSS, rng, hits = cross / np.sqrt(3), np.random.default_rng(seed), []
+            for _ in range(n):
+                pick = [int(rng.choice(v)) for v in near.values()]
+                poses = core.Poses.of('accel', c.poses.outputs[:, pick], c.poses.std[:, pick], g,
+                                      names=list(near))
+                fit = core.fit(core.base_model(), poses, 'faces')
+                hits.append(list(inside(fit, sim.Device(c.S, c.bias)).values()))
+            h = np.array(hits)
+            print(f'  prior of {100 * cross:.0f} %: inside the 95 % interval: scale '
+                  f'{np.round(100 * h[:, :3].mean(0))}, cross-axis '
+                  f'{100 * h[:, 3:9].mean():.0f} %, bias '
+                  f'{np.round(100 * h[:, 9:].mean(0))}, all {100 * h.mean():.0f} %')
+        faces.CROSS = kept
+    print()
+
+
 def real():
     """Print real records beside their references."""
-    def record(name, rate=None):
-        with np.load(DATA / 'records' / f'{name}.npz') as d:
-            gyro, accel = d['gyro'].astype(float), d['accel'].astype(float)
-            rate = rate or float(d['rate_hz'])
-            t = d['t'] - d['t'][0] if 't' in d.files else np.arange(len(accel)) / rate
-        return ImuRecord(gyro, accel, t, rate, path=name)
-
     print('### Real records\n')
     c = tasks.calibrate_records([record('xsens_mti_multipos')], gravity=9.81744).calibration
     std_s, std_b = c.std
@@ -482,7 +521,7 @@ def main():
     args = parser.parse_args()
     begin = time.process_time()
     drawn = {} if args.seed is None else {'seed': args.seed}
-    for run in (coverage, tilts, turns, session, flaws, hidden):
+    for run in (coverage, tilts, turns, session, flaws, hidden, six):
         if run.__name__ in args.what:
             run(args.sessions, **drawn)
     if 'real' in args.what:

@@ -467,7 +467,7 @@ def test_default_bank_holds_the_acceleration_still_in_the_wandering_modes():
 
 def test_a_law_of_the_motion_brings_back_and_drives_more():
     """Phi is the exponential of the law; Q grows by the mean square of the acceleration."""
-    dt, law = 0.02, Law({'share': 3.0, 'decay': 20.0, 'spring': 350.0}, 'law')
+    dt, law = 0.02, Law({'size': 1.5, 'share': 3.0, 'decay': 20.0, 'spring': 350.0}, 'law')
     modes = modes_of([AnyMotion() + White({'R': 1e-4}) + law], dt).spaces[0]
     plain = modes_of([AnyMotion() + White({'R': 1e-4})], dt).spaces[0]
     bank = Bank(Coefficients([modes_of([AnyMotion() + White({'R': 1e-4}) + law], dt)]), 1)
@@ -480,7 +480,7 @@ def test_a_law_of_the_motion_brings_back_and_drives_more():
         if space.grows is not None:
             phi = linalg.expm(dt * np.array([[0.0, 1.0], [-350.0, -20.0]]))
             unit = np.array([[dt ** 3 / 3, dt ** 2 / 2], [dt ** 2 / 2, dt]])
-            q = base.q + 3.0 * (x[1] ** 2 + cov[1, 1]) * unit
+            q = 1.5 * base.q + 3.0 * (x[1] ** 2 + cov[1, 1]) * unit
         assert np.allclose(bank.x[:, k, 0], phi @ x)
         assert np.allclose(bank.cov[:, k, 0], (phi @ cov @ phi.T + q)[[0, 0, 1], [0, 1, 1]])
     assert sum(space.grows is not None for space in modes) == 12

@@ -65,7 +65,8 @@ def _accelerating(space: StateSpace, density: float) -> StateSpace:
     q[:2, :2] *= density
     if not space.law:
         return replace(space, q=q)
-    share, decay, spring = space.law
+    size, share, decay, spring = space.law
+    q[:2, :2] *= size
     phi, s = space.phi.copy(), 0.5 * decay
     w = np.sqrt(spring - s * s + 0j)
     c, one = np.cos(w * space.dt).real, space.dt * np.sinc(w * space.dt / np.pi).real

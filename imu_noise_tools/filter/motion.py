@@ -188,14 +188,16 @@ class Law(Motion):
     """
     What a bank of random walks does not know of a motion: a rival of effects, not one by itself.
 
-    Its acceleration dies out, the rate comes back to zero, and what drives them grows with them.
-    What a bank loses by that grows with motion, as what it loses by samples off their time does.
+    Its density lies between those of the bank, its acceleration dies out, the rate comes back to
+    zero, and what drives them grows with them. What a bank loses by that grows with motion, as
+    what it loses by samples off their time does.
 
     """
 
     jumps = True
     title = 'a law of the motion'
     parameters = (
+        Parameter('size', '1', 0.3, 3.3, title='of the densities, over those of the bank'),
         Parameter('share', '1/s', 1e-3, 1e3, title='by which the density grows with a^2'),
         Parameter('decay', '1/s', 1e-3, 1e3, title='of the acceleration'),
         Parameter('spring', '1/s^2', 1e-3, 1e5, title='that brings the rate back to zero'),
@@ -203,7 +205,7 @@ class Law(Motion):
 
     def block(self, dt: float) -> Block:
         """Return what the modes of a bank make of it."""
-        return nothing(law=(self['share'], self['decay'], self['spring']))
+        return nothing(law=tuple(self[p.name] for p in self.parameters))
 
 
 class StopAndGo(Switched):

@@ -198,9 +198,9 @@ class FilterProblem(Problem):
                 continue
             new = next(e for e in after.model if e.label not in fit.model)
             if gain - penalty > max(0, best - BEHIND) and covers(fit.model):
-                beside = beside or Beside(fit.model, self.stated, self.look, Likelihood(
+                beside = beside or Beside(fit.model, self.stated, Likelihood(
                     self.z, self.dt, self.alpha, self.chunks))
-                gain = beside.gain(after.model, new, gain, penalty)
+                gain = beside.gain(after.model, gain, penalty)
             best = max(best, gain - penalty)
             heals = effect.heals
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):

@@ -19,47 +19,68 @@ import numpy as np
 
 from .fitting import Likelihood, maximise
 from .motion import Law
-from .statespace import Look
 from ..loop.effect import Model
 
-SHARES = 1e-3, 4.0, 32.0        # 1/s
-# (decay 1/s, spring 1/s^2): none, of the acceleration alone, and as motion below some Hz has them
-RETURNS = (1e-3, 1e-3), (5.0, 1e-3), (25.0, 1e-3), (8.0, 30.0), (25.0, 300.0)
-MOST = 0.5  # share of its gain that a candidate keeps where laws need not be climbed
+SIZES = 0.5, 2.0
+NONE = {'size': 1.0, 'share': 1e-3, 'decay': 1e-3, 'spring': 1e-3}
+LAWS = ({'decay': 5.0}, {'decay': 25.0}, {'decay': 25.0, 'spring': 300.0})
+SHARES = 4.0, 32.0
+SEEN = {'share': 0.3, 'decay': 1.0, 'spring': 10.0}     # from which on a climb feels them
+# what a candidate keeps of its gain, nats and share, where laws need not be climbed
+SURE = 100.0
+MOST = 0.5
+AGAIN = 3               # times that the bank may learn from the law beside a candidate
 
 
 class Beside:
     """The gains of candidates beside a bank (``model``, with values) that may learn a law."""
 
-    def __init__(self, model: Model, stated: Mapping, look: Look, evaluate: Likelihood):
-        self.stated, self.look, self.evaluate = stated, look, evaluate
-        self.model, self.coarse = self._start(model)
-        self._fine: float | None = None
+    def __init__(self, model: Model, stated: Mapping, evaluate: Likelihood):
+        self.stated, self.evaluate = stated, evaluate
+        law = Law(NONE, 'law')
+        self.model, self.value = self._best(
+            model + law, [{}, *({'size': v} for v in SIZES)])
+        self.model, self.value = self._best(self.model, [
+            {}, *LAWS, *({'share': v, **some} for v in SHARES for some in ({}, *LAWS))])
+        self.model, self.value = self._best(self.model, [{}, *({'size': v} for v in SIZES)])
+        self._climbed = False
 
-    def gain(self, model: Model, new: Any, gain: float, penalty: float) -> float:
+    def gain(self, model: Model, gain: float, penalty: float) -> float:
         """
-        Return what ``new`` gains, nats, where ``model`` (with it, and values) gained ``gain``.
+        Return what a candidate gains, nats, where ``model`` (with it, and values) gained ``gain``.
 
-        From a few laws, those of either best; where the effect keeps less than most of its gain
-        so, laws and values are climbed.
+        With a law of a few, the best without it; where the effect keeps less than most of its gain
+        so, laws and values are climbed. The law beside the effect may serve the bank alone, too:
+        that is climbed from there as well.
 
         """
-        after, value = self._start(model)
-        if value - self.coarse > max(penalty, MOST * gain):
+        begun = [model + self.model['law']]
+        if float(self.evaluate(begun)[0]) - self.value > max(SURE, MOST * gain):
             return gain
-        if self._fine is None:
-            self.model, self._fine = maximise(self.model, self.stated, self.evaluate)
-        known = after.with_values({e.label: e.values for e in self.model})
-        begun = [after, known, *(known.with_effect(type(new)(dict(g.values), new.label))
-                                 for g in type(new).guesses(self.look))]
+        if not self._climbed:
+            law = self.model['law']
+            self._climb(law.with_values(**{k: max(v, law[k]) for k, v in SEEN.items()}))
+            self._climbed = True
+        known = model.with_values({e.label: e.values for e in self.model}) + self.model['law']
+        begun.append(known)     # its own values: far from them it is something else
         best = begun[int(np.argmax(self.evaluate(begun)))]
-        hope = self._fine + penalty
-        return min(gain, maximise(best, self.stated, self.evaluate, hope)[1] - self._fine)
+        best, value = maximise(best, self.stated, self.evaluate, self.value + penalty)
+        for _ in range(AGAIN):
+            if value - self.value <= penalty or not self._climb(best['law']):
+                break
+        return float(np.clip(value - self.value, 0.0, gain))
 
-    def _start(self, model: Model) -> tuple[Model, float]:
+    def _climb(self, law: Any) -> bool:
+        """Let the bank learn from a law on; tell whether that is better than what it knew."""
+        model, value = maximise(self.model.with_effect(law), self.stated, self.evaluate)
+        better = value > self.value + 1.0
+        if value > self.value:
+            self.model, self.value = model, value
+        return better
+
+    def _best(self, model: Model, laws: list[dict[str, float]]) -> tuple[Model, float]:
         """Return a model with the best of a few laws, and its log-likelihood."""
-        tried = [model + Law({'share': s, 'decay': d, 'spring': k}, 'law')
-                 for s in SHARES for d, k in RETURNS]
+        tried = [model.with_effect(model['law'].with_values(**some)) for some in laws]
         value = self.evaluate(tried)
         best = int(np.argmax(value))
         return tried[best], float(value[best])

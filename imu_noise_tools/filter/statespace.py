@@ -55,8 +55,9 @@ class Block:
     variance factor), ``step`` (probability, variance) of a jump of the rate within one interval,
     ``jitter`` the standard deviation, s, of when a sample is taken.
     ``switching``: its second state is the acceleration, and q is for a density of one.
-    ``law`` (share 1/s, decay 1/s, spring 1/s^2) is what such modes do not know of the motion: the
-    density grows by ``share`` times the square of the acceleration a; a' = -decay a - spring x.
+    ``law`` (size, share 1/s, decay 1/s, spring 1/s^2) is what such modes do not know of the
+    motion: ``size`` times the density, grown by ``share`` times the square of the acceleration a,
+    drives it, and a' = -decay a - spring x.
     ``keeps``: its states keep a phase, for the whole record perhaps.
 
     """
@@ -72,7 +73,7 @@ class Block:
     step: tuple[float, float] | None = None
     switching: Switching | None = None
     jitter: float = 0.0
-    law: tuple[float, float, float] | None = None
+    law: tuple[float, ...] | None = None
     keeps: bool = False
 
 
@@ -101,7 +102,7 @@ class StateSpace:
     switching: Switching | None = None
     jitter: float = 0.0
     keeps: tuple[int, ...] = ()
-    law: tuple[float, float, float] | None = None
+    law: tuple[float, ...] | None = None
     grows: np.ndarray | None = None
 
     @property
