@@ -29,6 +29,7 @@ SEEN = {'share': 0.3, 'decay': 1.0, 'spring': 10.0}     # from which on a climb 
 # what a candidate keeps of its gain, nats and share, where laws need not be climbed
 SURE = 100.0
 MOST = 0.5
+FAR = 500.0             # nats; a climb of laws gained up to 210 over the best of a few
 AGAIN = 3               # times that the bank may learn from the law beside a candidate
 
 
@@ -55,7 +56,7 @@ class Beside:
 
         """
         begun = [model + self.model['law']]
-        if float(self.evaluate(begun)[0]) - self.value > max(SURE, MOST * gain):
+        if self.evaluate(begun)[0] - self.value > min(max(SURE, MOST * gain), FAR):
             return gain
         if not self._climbed:
             law = self.model['law']
