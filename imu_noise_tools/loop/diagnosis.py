@@ -140,7 +140,7 @@ class _Search:
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
-        self._beside: dict[str, frozenset[str]] = {}  # what was doubted, beside which others
+        self._beside: dict[str, frozenset[str]] = {}  # what is certain but doubted, beside what
         self._places: dict[frozenset[str], _Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
@@ -342,7 +342,12 @@ class _Search:
         return chain
 
     def _acquit(self, model: Model, refuted: Collection[str]) -> None:
-        """Take back what was doubted only beside what is refuted now: of two that do the same."""
+        """
+        Take back what nothing else could imitate, and was doubted beside what is refuted now.
+
+        Of two that do the same the one that was kept has fallen, for another reason.
+
+        """
         for k, others in self._beside.items():
             if k in self.refuted and not others.isdisjoint(refuted):
                 f = self.refuted[k]
@@ -370,7 +375,8 @@ class _Search:
                 worst = min(doubted, key=lambda k: (said[k][0], _certain(members[k])))
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
-                self._beside[worst] = frozenset(members)
+                if _certain(out[worst]):
+                    self._beside[worst] = frozenset(members)
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
         for k, f in members.items():
