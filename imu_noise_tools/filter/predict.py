@@ -90,7 +90,7 @@ def predict(
     if jumps(model):
         each, scores = (chunks or Chunks(z, dt, alpha)).densities([model], (0.0, *ends))
         u, *sides = (x[0] for x in scores)
-        return Prediction(finite(each.sum()), u, within_step(*sides) if step else u)
+        return Prediction(finite(float(np.sum(each))), u, within_step(*sides) if step else u)
     space = state_space(model, dt)
     steady = kalman.steady_state(space, alpha)
     start = float(np.mean(z[:32]))

@@ -131,7 +131,7 @@ class Population:
         out: dict[str, Any] = {
             'unit': units.si(self.template, self.sensor), 'template': self.template,
             'units': len(self.units), 'records': len(s.y), 'limits': int(s.limit.sum()),
-            'largest_limit': float(np.exp(s.y[s.limit].max())) if s.limit.any() else None,
+            'largest_limit': float(np.exp(np.max(s.y[s.limit]))) if s.limit.any() else None,
             'spread': self._strip()}
         if f is None:
             return {**out, 'axes': {}, 'covers95': None}

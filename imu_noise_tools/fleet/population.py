@@ -94,7 +94,7 @@ class Sample:
     @property
     def units(self) -> int:
         """Number of units."""
-        return int(self.unit.max()) + 1
+        return int(np.max(self.unit)) + 1
 
     def part(self, some: NDArray[np.bool_]) -> Sample:
         """Return the records of some units, numbered anew."""
@@ -507,4 +507,4 @@ def upper(found: Fit, axes: Sequence[int], share: float = 0.95) -> float:
         return float(weights @ np.prod(inside, axis=1)) - share
 
     reach = 12 * (tau + omega) + 1e-6
-    return float(optimize.brentq(short, mean.min() - reach, mean.max() + reach))
+    return float(optimize.brentq(short, np.min(mean) - reach, np.max(mean) + reach))

@@ -108,7 +108,7 @@ def _by_variance(x: np.ndarray, rate: float) -> tuple[str, str] | None:
     share[:32] = share[-8:] = 0.0           # the window, and rates too close to this one
     at = int(np.argmax(share))
     near = np.r_[share[at - 16:at - 4], share[at + 5:at + 17]]
-    if shaken.max() > 0 or share[at] < _beyond(parts * x.shape[1], n) or np.median(near) > BROAD:
+    if np.max(shaken) > 0 or share[at] < _beyond(parts * x.shape[1], n) or np.median(near) > BROAD:
         return None
     depth = 2 * np.sqrt(np.maximum(squares[at] - level[at], 0.0) * parts) / mean
     if depth.min() < SHALLOW or depth.max() > min(DEEP, 2 * depth.min()):
@@ -138,7 +138,7 @@ def _beyond_chance(flags: np.ndarray) -> bool:
     """Tell whether flags (n, axes) come on all axes at once, and often."""
     together, alone = flags.all(axis=1).mean(), flags.mean(axis=0)
     chance = np.prod(alone)
-    return bool(together > LEAST and together - chance > TOGETHER * (alone.min() - chance))
+    return bool(together > LEAST and together - chance > TOGETHER * (np.min(alone) - chance))
 
 
 def _runs(flags: np.ndarray) -> int:

@@ -90,7 +90,7 @@ class Duplicates(Defect, Response):
             out['regular'] = np.array(float(
                 longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
                 and np.mean(runs < shorter) < 0.02))
-            out['run'] = np.array(float(min(int(np.bincount(more).argmax()), LONGEST)))
+            out['run'] = np.array(float(min(int(np.argmax(np.bincount(more))), LONGEST)))
         return out
 
     @classmethod

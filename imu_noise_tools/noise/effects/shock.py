@@ -248,7 +248,7 @@ def _loudness(y: np.ndarray, dt: float):
     edges = np.linspace(0, count, groups + 1).astype(int)
     usual = np.array([np.median(power[i:j]) for i, j in zip(edges, edges[1:])])
     # a shock is shorter than that, and where the loudness changes the louder counts
-    usual = np.maximum.reduce([np.roll(usual, k) for k in (-1, 0, 1)]) if groups > 2 else usual
+    usual = np.max([np.roll(usual, k) for k in (-1, 0, 1)], axis=0) if groups > 2 else usual
     if not np.all(usual > 0):
         return None
     level = np.interp(np.arange(count), 0.5 * (edges[1:] + edges[:-1]), usual)
