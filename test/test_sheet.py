@@ -146,6 +146,12 @@ def test_the_command_says_which_axes_meet(tmp_path):
     assert [r['verdict'] for r in found] == ['does not meet'] * 3
 
 
+def test_a_checkout_near_the_root_has_its_sheets(monkeypatch):
+    """As in a container: ``/ws/imu_noise_tools`` has few folders above it."""
+    monkeypatch.setattr(tasks, '__file__', '/ws/imu_noise_tools/tasks/sheet.py')
+    assert set(tasks.known()) <= {p.stem for p in SHEETS}
+
+
 def test_ten_common_sensors_come_along():
     assert len(SHEETS) >= 10
     out, _ = run('sheet', '--list')

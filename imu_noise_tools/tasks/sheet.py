@@ -20,9 +20,10 @@ MEETS, MISSES, OPEN = 'meets', 'does not meet', 'cannot tell'
 def known() -> dict[str, Path]:
     """Return the sheets that come with the package, by name."""
     here = Path(__file__).resolve()
-    source, prefix = here.parents[2], here.parents[5]
-    for folder in (source / 'config', *(p / 'share' / here.parents[1].name / 'config'
-                                        for p in (prefix, Path(sys.prefix)))):
+    package = here.parents[1]
+    # in a checkout; else above lib/pythonX.Y/site-packages, which a checkout near / has not above it
+    for folder in (package.parent / 'config', *(p / 'share' / package.name / 'config'
+                                                for p in (*here.parents[5:6], Path(sys.prefix)))):
         found = sorted((folder / 'sheets').glob('*.yaml'))
         if found:
             return {p.stem: p for p in found}
