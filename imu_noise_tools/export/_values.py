@@ -21,6 +21,7 @@ from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
 from ..loop.study import Study
 from ..noise.curve import model_curve
+from ..noise.level import at_one_second
 from ..noise.problem import NoiseProblem
 
 HORIZON = (0.1, 100.0)  # s: over which what is written for a model that fails is not too small
@@ -156,10 +157,9 @@ def _stretch(low: float, high: float) -> str:
 def _at_one_second(state: State) -> str:
     """Say how the model's deviation at 1 s compares with the curve's."""
     evidence = cast(NoiseProblem, state.problem).evidence
-    c = evidence.curve
-    i = int(np.argmin(np.abs(np.log(c.tau))))
-    ratio = np.sqrt(model_curve(evidence, state.model, c.m[i:i + 1])[0]) / c.dev[i]
-    at = f'{c.tau[i]:.2g} s'
+    i, model = at_one_second(evidence, state.model)
+    ratio = model / evidence.curve.dev[i]
+    at = f'{evidence.curve.tau[i]:.2g} s'
     if abs(ratio - 1) < 0.1:
         return f'N agrees with the curve at {at} within {max(100 * abs(ratio - 1), 1):.0f} %'
     return f'the model is {ratio:.2g} times the curve at {at}'

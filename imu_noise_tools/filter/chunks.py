@@ -147,7 +147,7 @@ class Chunks:
         bank, e = self._bank(models, len(begin), _remembering if joins else None)
         if before is not None:
             before = Known(*(np.roll(a, k, -1) for a in before.parts))
-            bank.load(*(_with_memory(before, spaces[0]) if joins else before).parts)
+            bank.load(*(_with_memory(before, bank, spaces[0]) if joins else before).parts)
         known = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
         for step in range(int(np.max(end - begin))):
             at = begin + step
@@ -209,13 +209,12 @@ class Chunks:
                 replace(table.at(0).tiled(chunks), prior=prior, stay=stay))
 
 
-def _with_memory(known: Known, space: StateSpace) -> Known:
-    """Return what is known with states of :func:`_remembering`, of which nothing is."""
-    d, more = space.size, len(space.keeps)
-    pairs = [(i, k) for i in range(d + more) for k in range(i, d + more)]
-    cov = np.zeros((len(pairs), *known.mu.shape))
-    cov[[n for n, (_, k) in enumerate(pairs) if k < d]] = known.cov
-    return Known(known.mu, np.concatenate([known.x, np.zeros((more, *known.mu.shape))]), cov)
+def _with_memory(known: Known, bank: Bank, space: StateSpace) -> Known:
+    """Return what is known for a bank of :func:`_remembering`: nothing of its further states."""
+    x, cov = np.zeros_like(bank.x), np.zeros_like(bank.cov)
+    x[:space.size] = known.x
+    cov[[n for n, (_, k) in enumerate(bank.pairs) if k < space.size]] = known.cov
+    return Known(known.mu, x, cov)
 
 
 def _forget(bank: Bank, space: StateSpace) -> None:

@@ -347,8 +347,7 @@ def problem_of(
     longest = int(np.argmax(np.diff(cut)))
     first, last = int(cut[longest]), int(min(cut[longest + 1], cut[longest] + 2 * LONGEST))
     if share and last - first < LEAST:
-        raise InputError(f'{target}: {share:.0%} of the samples repeat the one before',
-                         REMEDY)
+        raise InputError(f'{target}: {share:.0%} of the samples repeat the one before', REMEDY)
     problem = FilterProblem(z[first:last], 1 / rate_hz, target, stated, alpha)
     where = np.append(np.flatnonzero(good), len(good))
     problem.part = int(where[first]), int(where[last])

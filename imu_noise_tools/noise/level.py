@@ -18,10 +18,17 @@ import numpy as np
 from .curve import model_curve
 from .evidence import Evidence
 from .kinds import Modulation, Spectrum
-from ..loop.effect import Estimate, Fit
+from ..loop.effect import Estimate, Fit, Model
 
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
 NEAR = 1.2  # s: an averaging time within this factor of 1 s stands for it
+
+
+def at_one_second(evidence: Evidence, model: Model) -> tuple[int, float]:
+    """Return where a curve comes nearest to 1 s, and the deviation of a fitted model there."""
+    c = evidence.curve
+    i = int(np.argmin(np.abs(np.log(c.tau))))
+    return i, float(np.sqrt(model_curve(evidence, model, c.m[i:i + 1])[0]))
 
 
 def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
@@ -35,9 +42,8 @@ def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
     elif len(evidence.loud):
         out.append('the mean over the whole record, parts of which are louder')
     c = evidence.curve
-    at = int(np.argmin(np.abs(np.log(c.tau))))
+    at, model = at_one_second(evidence, fit.model)
     if c.deviation in ('oadev', 'adev') and 1 / NEAR < c.tau[at] < NEAR:
-        model = float(np.sqrt(model_curve(evidence, fit.model, c.m[at:at + 1])[0]))
         ratio = c.dev[at] / model
         if ratio > APART and c.lo[at] > model:
             out.append(f'the curve at 1 s is {ratio:.2g} times the model: the level is that '
