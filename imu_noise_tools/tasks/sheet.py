@@ -21,7 +21,7 @@ def known() -> dict[str, Path]:
     """Return the sheets that come with the package, by name."""
     here = Path(__file__).resolve()
     package = here.parents[1]
-    # in a checkout; else above lib/pythonX.Y/site-packages, which a checkout near / has not above it
+    # in a checkout, else above lib/pythonX.Y/site-packages; a checkout may lie near the root
     for folder in (package.parent / 'config', *(p / 'share' / package.name / 'config'
                                                 for p in (*here.parents[5:6], Path(sys.prefix)))):
         found = sorted((folder / 'sheets').glob('*.yaml'))
