@@ -13,7 +13,7 @@ from scipy.special import binom, chdtri, digamma, polygamma
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
-from ..ringing import find_rings, Rings
+from ..ringing import find_rings, NONE, Rings
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
@@ -57,7 +57,7 @@ class Shock(Defect):
     reference = 'Harris and Piersol, Shock and Vibration Handbook, 2002'
     views = ('distribution', 'variance', 'moments')
     first = True
-    certain = True      # loud for half a block at a time: no spike and no spectrum does that
+    certain = True      # loud or ringing for a moment: no spike and no spectrum does that
     decide = 'record again with nobody near'
     parameters = (
         Parameter('rate', 'Hz', 1e-9, 1e2, amplitude=True, title='shocks a second'),
@@ -76,7 +76,8 @@ class Shock(Defect):
         What is still loud where it rings is a part of that, and worth nothing by itself.
 
         """
-        rings = find_rings(y, inputs.dt, RINGS)
+        # of samples that are held each a spike is a swing of the frequencies that holding removes
+        rings = NONE if repeats(y).held else find_rings(y, inputs.dt, RINGS)
         out = _loud(rings.out_of(y) if len(rings.begin) else y, inputs.dt)
         if len(rings.begin):
             some = _as_kept(rings, inputs.dt)
