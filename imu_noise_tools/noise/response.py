@@ -54,7 +54,7 @@ class Order(NamedTuple):
 
     @property
     def rivals(self) -> list[Order]:
-        """What else it may be: something added with as many zeros and poles, or one of them less."""
+        """What else it may be: something added with as many zeros and poles, or one less."""
         if not self.tied and not self.alone and self.terms > 1:
             less = [self._replace(zeros=self.zeros - 1), self._replace(poles=self.poles - 1)]
         else:
