@@ -25,7 +25,7 @@ from scipy.special import digamma
 
 from .kinds import Defect, Inputs, Line, measured, Modulation
 from .shared import derived, own_noise, SHAKEN
-from .thermal import Course, COURSE, course_of, TEMPERATURE
+from .thermal import COURSE, Course, course_of, TEMPERATURE
 from ..core import allan
 from ..core.record import AXES, sensor_of
 from ..core.spectrum import Bins, bins_of, folded

@@ -13,7 +13,7 @@ an axis follows it. Below that what axes have in common is the temperature's, no
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +22,10 @@ from scipy.special import betainc
 
 TEMPERATURE, COURSE = 'temperature', 'course'    # the covariate, and what axes tell of it
 LEADS, LAGS = 12, 20    # starts of either sign
-SMOOTHED = (1, 2, 4, 8, 16)     # parts of a lead by which a thermometer is smoothed to be read ahead
+SMOOTHED = (1, 2, 4, 8, 16)     # parts of a lead by which a thermometer is smoothed for it
 POWERS = 3
 BLOCKS = 4096           # block means in which axes are compared with the thermometer
-FEWEST = 16             # coefficients that tell whether an axis follows it
+FEWEST, MOST = 16, 256  # coefficients that tell whether an axis follows it
 CHANCE = 1e-3           # records in which an axis seems to
 NEAR = 0.2              # of a frequency, and coefficients, over which a level is read
 FEW = 8
@@ -117,11 +117,8 @@ def course_of(slow: Mapping[str, np.ndarray], t: np.ndarray,
     """
     Return what axes tell of the temperature; None where none follows it by more than chance.
 
-    An axis follows it where its slow coefficients go with those of the temperature and its powers,
-    read late or ahead, further than noise does (F test) and than a smooth trend would. What such
-    axes share is told by the direction, of as many dimensions as there are axes, in which the
-    thermometer moves them and little else does (Capon, Proc. IEEE 57, 1969, eq. 8); that is the
-    temperature from the slow end on to where it sinks into their noise.
+    What those that follow it share is the temperature from the slow end on to where it sinks into
+    their noise.
 
     Parameters
     ----------
@@ -137,64 +134,105 @@ def course_of(slow: Mapping[str, np.ndarray], t: np.ndarray,
     temperature = slow.get(TEMPERATURE)
     if temperature is None or not own or np.ptp(temperature) == 0:
         return None
-    per = max(1, len(t) // BLOCKS)
-
-    def coarse(x):
-        return x[:len(x) // per * per].reshape(-1, per).mean(axis=1)
-
-    times, warmth = coarse(t), coarse(temperature)
+    times, warmth = _coarse(t), _coarse(temperature)
     count = min(len(times) // 4, *(len(x) for x in own.values()))
     if count < FEWEST:
         return None
-    noise = np.column_stack([x[:count] for x in own.values()])
-    root = np.exp(0.5 * np.mean(np.log(noise), axis=1))[:, None]
-
-    def whitened(x):
-        return _coefficients(x, count) / root
-
-    c = whitened(np.column_stack([coarse(slow[a]) for a in own]))
-    trend = whitened((times / times[-1])[:, None] ** np.arange(1, POWERS + 1))
-    tried = [(reading, whitened(powers(moved(warmth, times, *reading))))
-             for reading in readings(float(times[-1]), float(t[1] - t[0]))]
-    spans = [count >> i for i in range(int(np.log2(count / FEWEST)) + 1)]
-    # what is left of axes where each reading is taken out of so many coefficients
-    found = [(n, reading, x, _left(c[:n], x[:n], trend[:n])) for reading, x in tried
-             for n in spans]
-    n, (lag, smoothing), x, left = max(found, key=lambda f: -f[0] * np.sum(np.log(f[3])))
-    chance = betainc((n - 2 * POWERS) / 2, POWERS / 2, left)
-    follow = chance < CHANCE / (len(found) * len(left))
+    c = _coefficients(np.column_stack([_coarse(slow[a]) for a in own]), count)
+    trend = _coefficients((times / times[-1])[:, None] ** np.arange(1, POWERS + 1), count)
+    tried = readings(float(times[-1]), float(t[1] - t[0]))
+    columns = [_coefficients(powers(moved(warmth, times, *r))[:, :POWERS], count) for r in tried]
+    best, follow = _followed(c, trend, columns)
     if not np.any(follow):
         return None
-    c, both = c[:, follow], np.column_stack([x, trend])
-    told = x @ np.linalg.lstsq(both[:n], c[:n], rcond=None)[0][:POWERS]
-    rest = (c - told).T @ (c - told) + np.diag(np.sum((noise / root**2)[:, follow], axis=0))
-    way = np.linalg.solve(rest, np.linalg.svd(told[:n], full_matrices=False)[2][0])
-    shown = c @ way
-    level = _level(shown**2)
-    floor = np.min(level)
-    end = int(np.argmin(np.append(level > ABOVE * floor, False)))
-    if end == 0:
+    noise = np.column_stack([x[:count] for x in own.values()])[:, follow]
+    way, shown = _shared(c[:, follow], trend, columns[best], noise)
+    share = _share(shown)
+    if not len(share):
         return None
-    # what is slow to change falls with the fourth power of the frequency further on
-    share = 1 - floor / level[:end]
-    share = np.append(share, 1 / (1 + (np.arange(end, int(BEYOND * end)) / end) ** 4))
     whole = np.column_stack([slow[a] for a, f in zip(own, follow) if f]) @ way
     out = np.zeros(len(t))
     out[1:len(share) + 1] = share * _coefficients(whole, len(share))
     values = idct(out, type=2, norm='ortho')
-    return Course(values / np.sqrt(np.mean(values**2)),
-                  (len(share) + 0.5) / (2 * len(t) * (t[1] - t[0])), lag, smoothing)
+    edge = (len(share) + 0.5) / (2 * len(t) * float(t[1] - t[0]))
+    return Course(values / np.sqrt(np.mean(values**2)), edge, *tried[best])
 
 
-def _left(c: np.ndarray, x: np.ndarray, trend: np.ndarray) -> np.ndarray:
-    """Return what share (p,) of c (k, p), less a trend (k, q), columns x (k, r) leave."""
-    trend = np.linalg.qr(trend)[0]
-    c, x = (y - trend @ (trend.T @ y) for y in (c, x))
-    x = x / np.maximum(np.sqrt(np.sum(x**2, axis=0)), 1e-300)
-    q, r = np.linalg.qr(x)
-    along = q[:, np.abs(np.diag(r)) > 1e-6].T @ c
-    return np.clip(1 - np.sum(along**2, axis=0) / np.maximum(np.sum(c**2, axis=0), 1e-300),
-                   1e-12, 1.0)
+def _followed(c: np.ndarray, trend: np.ndarray,
+              columns: Sequence[np.ndarray]) -> tuple[int, np.ndarray]:
+    """
+    Return which reading comes nearest, and which axes (p,) follow it by more than chance.
+
+    An axis does where its coefficients (k, p), each over the level around it, go with those of the
+    temperature and its powers further than noise of its spectrum (F test), a smooth trend apart.
+    What a line or a step puts into few of them counts as so many as it is spread over.
+
+    """
+    spans = [n for n in len(c) >> np.arange(16) if FEWEST <= n <= MOST]
+    chances = np.ones((len(columns), len(spans), c.shape[1]))
+    for j, y in enumerate(c.T):
+        root = np.sqrt(np.maximum(_level(y**2), 1e-300))[:, None]
+        for i, n in enumerate(spans):
+            drift = np.linalg.qr((trend / root)[:n])[0]
+            z = _less((y[:, None] / root)[:n], drift)[:, 0]
+            # of normal coefficients the fourth power is three times the square of the second
+            free = min(n, 3 * (z @ z) ** 2 / max(np.sum(z**4), 1e-300)) - 2 * POWERS
+            for k, x in enumerate(columns if free > 0 else ()):
+                x = _less((x / root)[:n], drift)
+                q, r = np.linalg.qr(x / np.maximum(np.sqrt(np.sum(x**2, axis=0)), 1e-300))
+                along = q[:, np.abs(np.diag(r)) > 1e-6].T @ z
+                left = np.clip(1 - (along @ along) / (z @ z), 0.0, 1.0)
+                chances[k, i, j] = betainc(free / 2, POWERS / 2, left)
+    least = np.min(chances, axis=1)
+    best = int(np.argmin(np.sum(np.log(np.maximum(least, 1e-300)), axis=1)))
+    if not np.any(least[best] < CHANCE / chances.size):
+        return best, np.zeros(c.shape[1], bool)
+    # where one does, that is how the temperature is to be read: others need not be told from all
+    return best, least[best] < CHANCE / len(spans)
+
+
+def _shared(c: np.ndarray, trend: np.ndarray, x: np.ndarray,
+            noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return (weights of axes (p,), what they show so, whitened (k,)).
+
+    Of as many dimensions as there are axes that is the direction in which the thermometer, x
+    (k, 3), moves their coefficients c (k, p), and in which little else does (Capon, Proc. IEEE 57,
+    1969); ``noise`` (k, p) is what they are known to have.
+
+    """
+    root = np.exp(0.5 * np.mean(np.log(noise), axis=1))[:, None]
+    c, both = c / root, np.column_stack([x, trend]) / root
+    # one weight for all axes: what the thermometer gets wrong is then wrong in all alike
+    told = both[:, :POWERS] @ np.linalg.lstsq(both, c, rcond=None)[0][:POWERS]
+    rest = (c - told).T @ (c - told) + np.diag(np.sum(noise / root**2, axis=0))
+    way = np.linalg.solve(rest, np.linalg.svd(told, full_matrices=False)[2][0])
+    return way, c @ way
+
+
+def _share(shown: np.ndarray) -> np.ndarray:
+    """
+    Return what share of coefficients (k,) is more than noise, from the slow end to where none is.
+
+    A little further on: what is slow to change falls with the fourth power of the frequency.
+
+    """
+    level = _level(shown**2)
+    floor = np.min(level)
+    end = int(np.argmin(np.append(level > ABOVE * floor, False)))
+    further = np.arange(end, int(BEYOND * end))
+    return np.append(1 - floor / level[:end], 1 / (1 + (further / max(end, 1)) ** 4))
+
+
+def _coarse(x: np.ndarray) -> np.ndarray:
+    """Return means of neighbours, at least BLOCKS where there are as many."""
+    per = max(1, len(x) // BLOCKS)
+    return x[:len(x) // per * per].reshape(-1, per).mean(axis=1)
+
+
+def _less(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return columns x (k, p) less what an orthonormal basis (k, q) holds of them."""
+    return x - basis @ (basis.T @ x)
 
 
 def _coefficients(x: np.ndarray, count: int) -> np.ndarray:

@@ -111,4 +111,3 @@ class Temperature(Mean):
     def example(cls) -> Effect:
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
         return cls({p.name: 0.0 for p in cls.parameters} | {'slope': 1.7e-4})
-
