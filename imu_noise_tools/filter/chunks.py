@@ -50,6 +50,11 @@ class Known:
         """Return it for k models each."""
         return Known(*(np.repeat(a, k, -1) for a in self.parts))
 
+    def take(self, bank: Bank, lanes: np.ndarray, ahead: int = 0) -> None:
+        """Take over what a bank knows in some lanes (mask), for those so many ``ahead``."""
+        for into, now in zip(self.parts, (bank.mu, bank.x, bank.cov)):
+            into[..., np.flatnonzero(lanes) + ahead] = now[..., lanes]
+
     def of(self, i: int, k: int) -> Known:
         """Return what the i-th of k models knows."""
         return Known(*(a[..., i::k].copy() for a in self.parts))
@@ -70,20 +75,22 @@ class Chunks:
         self.stop = np.minimum(self.first + size, len(z))
         self._known: dict[tuple[str, ...], Known] = {}
         self._alike: dict[tuple, Known] = {}
+        self._ended: dict[Model, Known] = {}
 
     def densities(
-        self, models: list[Model], at_off: tuple[float, ...] = ()
+        self, models: list[Model], at_off: tuple[float, ...] = (), share: float = 1.0
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """
         Return log-likelihoods of each sample by k models of one structure, and lists of scores.
 
-        (k, n - settle) each. There are scores of the samples off by each of ``at_off``.
+        (k, n - settle) each. There are scores of the samples off by each of ``at_off``. Of each
+        chunk no more than ``share`` is passed, from its beginning; the rest is left at zero.
 
         """
         key = tuple(models[0].labels)
         if key not in self._known:
             self.begin(models[0])
-        return self._parts(models, at_off, self._known[key])
+        return self._parts(models, at_off, self._known[key], share)
 
     def passed(self, models: list[Model]) -> np.ndarray:
         """
@@ -108,8 +115,9 @@ class Chunks:
         some = max(1, LANES // len(self.first))
         return [models[i:i + some] for i in range(0, len(models), some)]
 
-    def _parts(self, models, at_off, known):
-        parts = [self._run(some, at_off, known.repeated(len(some)))
+    def _parts(self, models, at_off, known, share):
+        self._ended = {}
+        parts = [self._run(some, at_off, known.repeated(len(some)), share)
                  for some in self._groups(models)]
         return (np.concatenate([part[0] for part in parts]),
                 [np.concatenate(u) for u in zip(*(part[1] for part in parts))])
@@ -118,14 +126,16 @@ class Chunks:
         """
         Let all chunks of models of this structure begin with what this model knows there.
 
-        Each goes on from where the one before it begins; if that is not known to this structure,
-        nor to another of the same states, all come from far. ``anew``: phases are learnt again,
-        and what of them was seen before is added (:func:`_joined`).
+        Each goes on from where the one before it begins: as it did, if this model was among the
+        last to be passed. If that is not known to this structure, nor to another of the same
+        states, all come from far. ``anew``: phases are learnt again, and what of them was seen
+        before is added (:func:`_joined`).
 
         """
         key, states = tuple(model.labels), self._states(model)
         before = self._known.get(key, self._alike.get(states))
-        self._known[key] = self._from([model], before, anew)
+        ended = None if anew else self._ended.get(model)
+        self._known[key] = ended or self._from([model], before, anew)
         self._alike.setdefault(states, self._known[key])
 
     def _states(self, model):
@@ -160,35 +170,40 @@ class Chunks:
                 bank.restart(np.repeat(begin == 0, k))
             bank.update(np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k), e)
             if (at == end - 1).any():
-                there = np.repeat(at == end - 1, k)
-                for into, now in zip(known.parts, (bank.mu, bank.x, bank.cov)):
-                    into[..., there] = now[..., there]
+                known.take(bank, np.repeat(at == end - 1, k))
         if not joins:
             return known
         each = [_joined(known.of(i, k), begin, end, space, self.alpha).parts
                 for i, space in enumerate(spaces)]
         return Known(*(np.stack(a, -1).reshape(*a[0].shape[:-1], -1) for a in zip(*each)))
 
-    def _run(self, models, at_off, known):
+    def _run(self, models, at_off, known, share=1.0):
         n, k, settle = len(self.z), len(models), settle_of(len(self.z))
+        stop = np.minimum(self.stop, self.first + int(np.ceil(share * self.stop[0])))
         bank, e = self._bank(models, len(self.first))
         bank.load(known.mu, known.x, known.cov)
         new = np.repeat(self.first < NEAR, k)       # there is nothing before
         begin = np.maximum(self.first - NEAR, 0)
-        each, *scores = np.empty((1 + len(at_off), k, n))
-        for step in range(int(np.max(self.stop - begin))):
+        each, *scores = np.zeros((1 + len(at_off), k, n))
+        next_begin = np.append(begin[1:], 0)
+        ended = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
+        for step in range(int(np.max(stop - begin))):
             at = begin + step
-            live = (at >= self.first) & (at < self.stop)
+            live = (at >= self.first) & (at < stop)
             bank.mix(e)
             bank.predict(e)
             if not step:
                 bank.restart(new)
             nu, s, density = bank.update(np.repeat(self.z[np.minimum(at, n - 1)], k), e)
+            if (at == next_begin - 1).any():
+                ended.take(bank, np.repeat(at == next_begin - 1, k), k)
             if not live.any():
                 continue
             each[:, at[live]] = log_density(density).reshape(-1, k)[live].T
             for u, off in zip(scores, at_off):
                 u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
+        if share == 1.0:
+            self._ended.update((m, ended.of(i, k)) for i, m in enumerate(models))
         return each[:, settle:], [u[:, settle:] for u in scores]
 
     def _bank(self, models, chunks, changed=None):
