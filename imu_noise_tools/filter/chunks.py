@@ -75,7 +75,7 @@ class Chunks:
         self.stop = np.minimum(self.first + size, len(z))
         self._known: dict[tuple[str, ...], Known] = {}
         self._alike: dict[tuple, Known] = {}
-        self._ended: dict[Model, Known] = {}
+        self._ended: dict[tuple[str, ...], dict[Model, Known]] = {}
 
     def densities(
         self, models: list[Model], at_off: tuple[float, ...] = (), share: float = 1.0
@@ -116,7 +116,8 @@ class Chunks:
         return [models[i:i + some] for i in range(0, len(models), some)]
 
     def _parts(self, models, at_off, known, share):
-        self._ended = {}
+        if share == 1.0:
+            self._ended[tuple(models[0].labels)] = {}
         parts = [self._run(some, at_off, known.repeated(len(some)), share)
                  for some in self._groups(models)]
         return (np.concatenate([part[0] for part in parts]),
@@ -134,7 +135,7 @@ class Chunks:
         """
         key, states = tuple(model.labels), self._states(model)
         before = self._known.get(key, self._alike.get(states))
-        ended = None if anew else self._ended.get(model)
+        ended = None if anew else self._ended.get(key, {}).get(model)
         self._known[key] = ended or self._from([model], before, anew)
         self._alike.setdefault(states, self._known[key])
 
@@ -159,7 +160,10 @@ class Chunks:
             before = Known(*(np.roll(a, k, -1) for a in before.parts))
             bank.load(*(_with_memory(before, bank, spaces[0]) if joins else before).parts)
         known = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
-        for step in range(int(np.max(end - begin))):
+        steps = int(np.max(end - begin))
+        z = np.repeat(self.z[np.minimum(begin + np.arange(steps)[:, None], len(self.z) - 1)], k,
+                      axis=1)
+        for step in range(steps):
             at = begin + step
             if step or before is not None:
                 bank.mix(e)
@@ -168,7 +172,7 @@ class Chunks:
                 if before is not None and joins:
                     _forget(bank, spaces[0])
                 bank.restart(np.repeat(begin == 0, k))
-            bank.update(np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k), e)
+            bank.update(z[step], e)
             if (at == end - 1).any():
                 known.take(bank, np.repeat(at == end - 1, k))
         if not joins:
@@ -185,25 +189,30 @@ class Chunks:
         new = np.repeat(self.first < NEAR, k)       # there is nothing before
         begin = np.maximum(self.first - NEAR, 0)
         each, *scores = np.zeros((1 + len(at_off), k, n))
-        next_begin = np.append(begin[1:], 0)
+        at = begin + np.arange(np.max(stop - begin))[:, None]
+        live = (at >= self.first) & (at < stop)
+        z = np.repeat(self.z[np.minimum(at, n - 1)], k, axis=1)
+        found = np.empty((1 + len(at_off), *z.shape))
+        ends = at == np.append(begin[1:], 0) - 1
         ended = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
-        for step in range(int(np.max(stop - begin))):
-            at = begin + step
-            live = (at >= self.first) & (at < stop)
+        some, last = live.any(1), ends.any(1)
+        for step in range(len(at)):
             bank.mix(e)
             bank.predict(e)
             if not step:
                 bank.restart(new)
-            nu, s, density = bank.update(np.repeat(self.z[np.minimum(at, n - 1)], k), e)
-            if (at == next_begin - 1).any():
-                ended.take(bank, np.repeat(at == next_begin - 1, k), k)
-            if not live.any():
-                continue
-            each[:, at[live]] = log_density(density).reshape(-1, k)[live].T
-            for u, off in zip(scores, at_off):
-                u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
+            nu, s, found[0, step] = bank.update(z[step], e)
+            if last[step]:
+                ended.take(bank, np.repeat(ends[step], k), k)
+            if some[step]:
+                for u, off in zip(found[1:], at_off):
+                    u[step] = bank.transform(nu + off, s, e)
+        for into, one in zip((each, *scores), found):
+            into[:, at[live]] = one.reshape(*at.shape, k)[live].T
+        each[:, at[live]] = log_density(each[:, at[live]])
         if share == 1.0:
-            self._ended.update((m, ended.of(i, k)) for i, m in enumerate(models))
+            self._ended.setdefault(tuple(models[0].labels), {}).update(
+                (m, ended.of(i, k)) for i, m in enumerate(models))
         return each[:, settle:], [u[:, settle:] for u in scores]
 
     def _bank(self, models, chunks, changed=None):

@@ -196,8 +196,10 @@ def start(
             if not guesses:
                 return None
             tried = [Model([*held, g]) for g in guesses]
-            able = _complete(tried[0])
-            best = int(np.argmax(evaluate(tried))) if able and len(guesses) > 1 else 0
+            if not _complete(tried[0]):
+                tried = tried[:1]
+            rough = evaluate if oscillates(tried[0]) else evaluate.parts()
+            best = int(np.argmax(rough(tried))) if len(tried) > 1 else 0
             held.append(guesses[best])
     by_label = {e.label: e for e in held}
     begin = Model(by_label[e.label] for e in model)
@@ -254,30 +256,38 @@ def _climb(free: Free, x, evaluate, hope: float, enough: float):
 
     """
     best = evaluate.about(free.at(x))
+    wider = WIDER
     if not oscillates(free.model):      # a phase is not learnt from parts
         parts = evaluate.parts()
-        first = float(parts([free.at(x)])[0])
-        way, _ = _rounds(free, x, first, parts, first + hope - best, PLAIN)
-        there = float(evaluate([free.at(way)])[0])
-        if there > best:
-            x, best = way, evaluate.about(free.at(way))
-    return _rounds(free, x, best, evaluate, hope, enough)
+        way, _, able = _rounds(free, x, float(parts([free.at(x)])[0]), parts, hope - best, PLAIN)
+        gained = float(evaluate([free.at(way)])[0]) - best
+        if gained > 0:
+            x, best, wider = way, evaluate.about(free.at(way)), 1.0
+        if not able and best + 3 * max(gained, 0.0) + DOUBT < hope:
+            return x, best
+    return _rounds(free, x, best, evaluate, hope - best, enough, wider)[:2]
 
 
-def _rounds(free, x, best, evaluate, hope, enough, most=9):
-    """Return where rounds of a climb come to, and how high that is."""
-    whole = evaluate.share == 1.0
+def _rounds(free, x, best, evaluate, wanted, enough, wider=WIDER, most=9):
+    """
+    Return where rounds of a climb come to, how high that is, and if ``wanted`` may be gained.
+
+    What parts of a series promise is doubted the more the less they are.
+
+    """
+    share = evaluate.share
+    hope = best + wanted
     scale = free.scale(evaluate.span)
     least = STENCIL * scale
-    step = WIDER * least
+    step = wider * least
     for done in range(most):
         around = np.concatenate([x + np.diag(step), x - np.diag(step)])
         models = [free.at(v) for v in around]
-        each = evaluate.each(models) * evaluate.share ** -0.5
+        each = evaluate.each(models) * share ** -0.5
         value = evaluate(models)
         newton, gain = _newton(each, value, best, REACH * scale / step)
-        if best + (gain if whole and done > 1 else 3 * gain + DOUBT) < hope:
-            break
+        if best + (gain if share == 1 and done > 1 else 3 * gain + DOUBT / share) < hope:
+            return x, best, False
         tried = [*around, x + newton * step, x + 0.5 * newton * step]
         if gain > enough:
             value = np.append(value, evaluate([free.at(v) for v in tried[-2:]]))
@@ -285,13 +295,13 @@ def _rounds(free, x, best, evaluate, hope, enough, most=9):
         gained = value[top] - best
         if gained > 0:
             x = tried[top]
-            best = (evaluate.about(free.at(x)) if whole and gained > FURTHER
+            best = (evaluate.about(free.at(x)) if share == 1 and gained > FURTHER
                     else float(value[top]))
         small = np.all(step < 1.01 * least)
         if small and gained <= enough:
             break
-        step = least if gained <= 20 * enough or not whole else step
-    return x, best
+        step = least if gained <= 20 * enough or share < 1 else step
+    return x, best, True
 
 
 def _newton(

@@ -83,6 +83,5 @@ class Beside:
     def _best(self, model: Model, laws: list[dict[str, float]]) -> tuple[Model, float]:
         """Return a model with the best of a few laws, and its log-likelihood."""
         tried = [model.with_effect(model['law'].with_values(**some)) for some in laws]
-        value = self.evaluate(tried)
-        best = int(np.argmax(value))
-        return tried[best], float(value[best])
+        best = tried[int(np.argmax(self.evaluate.parts()(tried)))]
+        return best, float(self.evaluate([best])[0])
