@@ -193,9 +193,9 @@ class Chunks:
         live = (at >= self.first) & (at < stop)
         z = np.repeat(self.z[np.minimum(at, n - 1)], k, axis=1)
         found = np.empty((1 + len(at_off), *z.shape))
-        ends = at == np.append(begin[1:], 0) - 1
+        ends = np.equal(at, np.append(begin[1:], 0) - 1)
         ended = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
-        some, last = live.any(1), ends.any(1)
+        some, last = np.sum(live, axis=1) > 0, np.sum(ends, axis=1) > 0
         for step in range(len(at)):
             bank.mix(e)
             bank.predict(e)

@@ -53,7 +53,7 @@ class Beside:
         With a law of a few, the best without it; where the effect keeps less than most of its gain
         so, laws and values are climbed: without the effect as long as it may fall to chance
         (``penalty``) so, with it as long as it may come near what a ``rival`` has beyond chance.
-        The law beside the effect may serve the bank alone, too: that is climbed from there as well.
+        The law beside the effect may serve the bank alone, too: climbed from there as well.
 
         """
         begun = [model + self.model['law']]
