@@ -182,16 +182,14 @@ class Chunks:
         return Known(*(np.stack(a, -1).reshape(*a[0].shape[:-1], -1) for a in zip(*each)))
 
     def _run(self, models, at_off, known, share=1.0):
-        n, k, settle = len(self.z), len(models), settle_of(len(self.z))
+        k = len(models)
         stop = np.minimum(self.stop, self.first + int(np.ceil(share * self.stop[0])))
         bank, e = self._bank(models, len(self.first))
         bank.load(known.mu, known.x, known.cov)
-        new = np.repeat(self.first < NEAR, k)       # there is nothing before
         begin = np.maximum(self.first - NEAR, 0)
-        each, *scores = np.zeros((1 + len(at_off), k, n))
         at = begin + np.arange(np.max(stop - begin))[:, None]
         live = (at >= self.first) & (at < stop)
-        z = np.repeat(self.z[np.minimum(at, n - 1)], k, axis=1)
+        z = np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k, axis=1)
         found = np.empty((1 + len(at_off), *z.shape))
         ends = np.equal(at, np.append(begin[1:], 0) - 1)
         ended = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
@@ -200,20 +198,25 @@ class Chunks:
             bank.mix(e)
             bank.predict(e)
             if not step:
-                bank.restart(new)
+                bank.restart(np.repeat(self.first < NEAR, k))   # there is nothing before
             nu, s, found[0, step] = bank.update(z[step], e)
             if last[step]:
                 ended.take(bank, np.repeat(ends[step], k), k)
             if some[step]:
                 for u, off in zip(found[1:], at_off):
                     u[step] = bank.transform(nu + off, s, e)
-        for into, one in zip((each, *scores), found):
-            into[:, at[live]] = one.reshape(*at.shape, k)[live].T
-        each[:, at[live]] = log_density(each[:, at[live]])
         if share == 1.0:
             self._ended.setdefault(tuple(models[0].labels), {}).update(
                 (m, ended.of(i, k)) for i, m in enumerate(models))
-        return each[:, settle:], [u[:, settle:] for u in scores]
+        found[0] = log_density(found[0])
+        each, *scores = self._in_order(found.reshape(*found.shape[:2], -1, k), at, live)
+        return each, scores
+
+    def _in_order(self, found, at, live):
+        """Return (..., k, n - settle) of what was found, (..., steps, chunks, k), where live."""
+        out = np.zeros((len(found), found.shape[-1], len(self.z)))
+        out[:, :, at[live]] = np.moveaxis(found[:, live], -1, 1)
+        return out[:, :, settle_of(len(self.z)):]
 
     def _bank(self, models, chunks, changed=None):
         """
