@@ -43,6 +43,19 @@ def calm(y, dt, left_out):
     return np.where(some, middle, y)
 
 
+def without_gaps(t, axes, left_out):
+    """Return stamps, axes and what was left out with lost samples interpolated: time goes on."""
+    d = np.diff(t)
+    usual = np.mean(d[d < 1.5 * np.median(d)])
+    lost = np.maximum(np.round(d / usual), 1)
+    if not np.any(lost > 1) or np.mean(lost > 1) > 0.01:  # bursts of stamps are no losses
+        return t, axes, left_out
+    at = np.append(0.0, np.cumsum(lost))
+    k = np.arange(int(at[-1]) + 1)
+    return (np.interp(k, at, t), {a: np.interp(k, at, y) for a, y in axes.items()},
+            np.interp(k, at, left_out) > 0.5)
+
+
 # --- spectra -------------------------------------------------------------------------------------
 
 def cells(y, dt):
@@ -273,6 +286,7 @@ def check(one, t, axes, axis, before=(), left_out=False):
     tells which samples the analysis left out.
     """
     v = {k: p.get('value') for k, p in one.get('parameters', {}).items()}
+    t, axes, left_out = without_gaps(t, axes, np.broadcast_to(left_out, len(t)))
     dt, name, raw = (t[-1] - t[0]) / (len(t) - 1), one['effect'], axes[axis]
     axes = {k: calm(x, dt, np.broadcast_to(left_out, len(t))) for k, x in axes.items()}
     y, sensor = axes[axis], axis.partition('_')[0]

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 from params import daily
 import pytest
@@ -57,6 +59,32 @@ def test_twenty_lines_at_once_each_at_its_bound(seed):
         pulls.append((found[i, 0] - f) / (np.sqrt(6 / N) * sigma / size / (np.pi * SPAN)))
     # flicker raises the level around the slowest of them a little
     assert np.max(np.abs(pulls)) < 6 and np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
+def test_what_is_not_as_strong_throughout_is_no_line():
+    """A sway that dies out, and one of a frequency that wanders by a cycle; a steady one is."""
+    rng = np.random.default_rng(11)
+    sigma, f = 0.1, rng.uniform(2, 20)
+    turns = f * T + rng.uniform(0, 1)
+    noise = sigma * rng.standard_normal(N)
+    size = 20 * sigma / np.sqrt(N)
+    assert len(table(noise + size * np.sin(2 * np.pi * turns))) == 1
+    for y in (2 * np.exp(-5 * T / SPAN) * np.sin(2 * np.pi * turns),
+              np.sin(2 * np.pi * (turns + 0.4 * np.sin(2 * np.pi * T / SPAN)))):
+        assert not len(table(noise + size * y))
+
+
+def test_two_lines_a_cycle_apart_are_not_told_from_one_that_fades():
+    y = sum(np.sin(2 * np.pi * (7 + k / SPAN) * T) for k in (0, 1.2))
+    assert len(table(0.1 * np.random.default_rng(5).standard_normal(N) + 0.01 * y)) < 2
+
+
+def test_a_line_that_is_sure_in_company_alone_is_no_sinusoid():
+    rows = [[3.1, 1e-4, 0.0, 8.0], [6.2, 5e-5, 0.0, 4.0]]
+    evidence = SimpleNamespace(line_table=np.array(rows), n=N, duration=SPAN)
+    line = find_effect('noise', 'sinusoid')()
+    assert line.rows(evidence, [0, 1]) == [0] and line.rows(evidence, [1]) == []
+    assert line.with_values(frequency=6.2).rows(evidence, [1]) == [1]
 
 
 @pytest.mark.parametrize('seed', range(2))

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Spectrum
+from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
 from ..loop.effect import Fit, Model
@@ -134,6 +134,38 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
         ranked += [(place, *z) for place, z in enumerate(some)]
     ranked.sort(key=lambda z: z[:2])
     return [(likelihood, x0) for _, _, likelihood, x0 in ranked[:most]]
+
+
+def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likelihood, np.ndarray]]:
+    """
+    Return (likelihood, start) of responses begun anew, all else as it was found at x (p,).
+
+    A form is chosen where all begin, and a narrow peak that no start meets decides there: beside
+    one it is asked again where the peak has been met, the same form too, for it may have ended at
+    the bound of what is optional. Of each form the best start, of these the
+    best ``most``; none where the model has no such peak, or neither of them is new in it.
+
+    """
+    here, out = found.with_search(x), []
+    peaks = {e.label for e in here.of(Spectrum) if e.centre is not None}
+    if not peaks or here.labels[-1] not in peaks | {e.label for e in here.of(Response)}:
+        return []
+    known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
+    for e in here.of(Response):
+        choices = [p.name for p in e.parameters if p.choices]
+        best: dict[tuple, tuple] = {}
+        for o in type(e)({}, e.label).starts(found.evidence) if choices else ():
+            form = tuple(o[c] for c in choices)
+            other = Likelihood(found.evidence, found.part_name, found.model.with_effect(o),
+                               found.mean, found.explained)
+            x0 = np.array([
+                known[s.label, s.parameter.name] if s.label != e.label
+                else s.to_search(o[s.parameter.name]) for s in other.slots])
+            value = other.value(x0)[0]
+            if value < best.get(form, (np.inf,))[0]:
+                best[form] = value, other, x0
+        out += sorted(best.values(), key=lambda z: z[0])[:most]
+    return [(other, x0) for _, other, x0 in out]
 
 
 def _carried(plain: Likelihood, x0: np.ndarray, likelihood: Likelihood) -> np.ndarray:

@@ -50,12 +50,13 @@ def unsteady(lines: np.ndarray, c: np.ndarray, reference: np.ndarray, dt: float,
     for i, line in enumerate(lines):
         k = np.arange(max(1, int(at[i]) - near), min(n, int(at[i]) + near + 1))
         root = np.sqrt(2 * dt / reference[k - 1])
-        rest = c[k] - sum(line_coefficients(*x, k, n, dt) for x in lines)
+        waves = [line_coefficients(f, a, b, k, n, dt) for f, a, b in lines]
+        rest = c[k] - np.sum(waves, axis=0)
         beside = _columns(lines[np.abs(at - at[i]) < 2 * near], k, n, dt)
         own = [line_basis(line[0], k, n, dt, *ends[j:j + 2]) for j in range(STRETCHES - 1)]
         free = [x for wave in own for x in (wave.real, wave.imag)]
         gain = 0.5 * (_left(beside, rest, root) - _left([*beside, *free], rest, root))
-        claim = 0.5 * float(np.sum((root * line_coefficients(*line, k, n, dt)) ** 2))
+        claim = 0.5 * float(np.sum((root * waves[i]) ** 2))
         out[i] = gain > max(FLEXIBLE, most * claim)
     return out
 
