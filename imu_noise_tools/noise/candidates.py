@@ -138,7 +138,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=max(bonus, 0.0),
     )
-    return Tried(finding) if isinstance(effect, Mean) else Tried(finding, whole, partly, peak)
+    return Tried(finding, whole, partly, peak)
 
 
 def _penalty(effect: NoiseEffect) -> float:
@@ -203,12 +203,10 @@ def _shared(evidence: Evidence, fit: Fit, count: int) -> float:
 
 def _shapes(effect: NoiseEffect, estimates) -> int:
     """Return how many parameters besides one are priced; optional ones where they are clear."""
-    priced = 0
-    for p in effect.parameters:
-        e = estimates[p.name]
-        null = p.name in effect.optional and abs(e.point or 0.0) <= OPTIONAL * (e.std or 0.0)
-        priced += not p.discrete and not null
-    return min(priced - 1, MOST_SHAPES)
+    priced = sum(not p.discrete and p.name not in effect.optional for p in effect.parameters)
+    clear = sum(abs(estimates[name].point or 0.0) > OPTIONAL * (estimates[name].std or 0.0)
+                for name in effect.optional)
+    return min(priced - 1, MOST_SHAPES) + clear
 
 
 def _at_bound(evidence: Evidence, effect) -> str:

@@ -116,7 +116,7 @@ class _Search:
         best, least = None, np.inf
         for likelihood, x0 in most_promising(plain, proposed, self.mean, most or self.most):
             found = self.from_point(likelihood, x0)
-            cost = found.nll + PRICE * len(found.x)
+            cost = found.nll + PRICE * len(found.x) + found.likelihood.value(found.x)[1].form
             if np.isfinite(cost) and cost < least - 1e-9:
                 best, least = found, cost
         return best

@@ -259,16 +259,23 @@ class Mean(NoiseEffect):
     """
 
     views: ClassVar[tuple[str, ...]] = ('time',)
+    #: parameters that a fit chooses anew where the others are known: beside more, more is seen
+    anew: ClassVar[tuple[str, ...]] = ()
 
     def columns(self, inputs: Inputs, *_: Any, **nonlinear: Any) -> np.ndarray:
-        """Return (n, p), slowly varying."""
+        """Return (n, p), slowly varying; zero where a parameter is no part of a form."""
         raise NotImplementedError
+
+    def finer(self, evidence: Evidence) -> list[Effect]:
+        """Return what to compare with it where it is among the best of its ``starts``."""
+        return []
 
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
         linear = [p.name for p in self.parameters if p.linear]
         rest = {k: v for k, v in self.values.items() if k not in linear}
-        return self.columns(inputs, **rest) @ np.array([self.values[k] for k in linear])
+        some = {**self.neutral, **self.values}
+        return self.columns(inputs, **rest) @ np.array([some[k] for k in linear])
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return what it adds to the Allan variance, where that has a closed form; else zero."""
