@@ -13,10 +13,11 @@ from scipy.signal import lfilter
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.diagnosis import diagnose
-from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
+from imu_noise_tools.noise.candidates import clear_of_less
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
@@ -63,6 +64,15 @@ def test_a_swing_has_the_harmonics_that_it_shows_and_they_are_no_second_one(skew
     assert fit.model['slow_periodic']['period'] == pytest.approx(0.37 * t[-1], rel=0.02)
     second = problem.point(model_of('noise', (*BASE, 'slow_periodic', 'slow_periodic')))
     assert second.details.ml - fit.details.ml < penalty('slow_periodic')
+
+
+@pytest.mark.parametrize('more, holds', [(2.4, False), (7.0, True)])
+def test_a_drift_is_named_where_it_is_clear_of_a_ramp(more, holds):
+    ramp, drift = (find_effect('noise', name).example() for name in ('ramp', 'drift'))
+    some = [Finding('ramp', 95.0, ramp, penalty=6.4),
+            Finding('drift', 95.0 + more, drift, penalty=7.5)]
+    assert [not f.against for f in clear_of_less(some)] == [True, holds]
+    assert not any(f.against for f in clear_of_less(some[1:]))
 
 
 def test_the_likelihood_of_a_mean_falls_as_its_derivatives_say():

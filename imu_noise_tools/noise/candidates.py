@@ -26,7 +26,7 @@ from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
-from ..loop.verdict import PRICE
+from ..loop.verdict import DIRECTED, PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -87,8 +87,8 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
             problem.tried[key] = _one(problem, fit, cls())
         tried.append(problem.tried[key])
     # what a view hides nothing could confirm
-    return sorted((f for f in by_one_measure(tried) if not views.hidden_by(fit, f.view)),
-                  key=lambda f: f.penalty - f.gain)
+    some = [f for f in by_one_measure(tried) if not views.hidden_by(fit, f.view)]
+    return sorted(clear_of_less(some), key=lambda f: f.penalty - f.gain)
 
 
 def by_one_measure(tried: list[Tried]) -> list[Finding]:
@@ -106,6 +106,31 @@ def by_one_measure(tried: list[Tried]) -> list[Finding]:
     most = max((worth for t, f, worth in some if not t.peak and f.gain > f.penalty),
                default=-np.inf)
     return [replace(f, gain=t.whole) if t.peak and worth < most else f for t, f, worth in some]
+
+
+def clear_of_less(findings: list[Finding]) -> list[Finding]:
+    """
+    Return the findings, with what speaks against those that are another one and no more.
+
+    An effect that holds all that another one explains stands for what it explains beyond, by which
+    it must gain more than one free parameter does by chance. Between the two there is no choice
+    that a better record would have to make: what both hold is there.
+
+    """
+    def holds(f, g):
+        one, other = (set(x.effect.explains) if isinstance(x.effect, NoiseEffect) else set()
+                      for x in (f, g))
+        return bool(other) and other < one
+
+    out = []
+    for f in findings:
+        less = max((g for g in findings if holds(f, g) and not g.against),
+                   key=lambda g: g.gain, default=None)
+        if less is not None and less.gain > less.penalty and f.gain - less.gain <= DIRECTED:
+            f = replace(f, against=f.against or (
+                f'it gains {f.gain - less.gain:.1f} nats more than the {less.name} that it holds'))
+        out.append(f)
+    return out
 
 
 def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:

@@ -303,23 +303,13 @@ class Likelihood:
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             x = self.design(model)
             root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
-            xw, cw = x * root[:, None], slow * root
-            scale = np.sqrt(np.sum(xw**2, axis=0))
-            some = np.flatnonzero(scale)    # a column may be nothing in this record, or form
-            xw, scale = xw[:, some], scale[some]
-            u, s, vt = np.linalg.svd(xw / scale, full_matrices=False)
-            keep = s > 1e-10 * np.max(s, initial=0.0)
-            u, s, vt = u[:, keep], s[keep], vt[keep]
-            beta, covariance = np.zeros(x.shape[1]), np.zeros((x.shape[1],) * 2)
-            beta[some] = (vt.T @ ((u.T @ cw) / s)) / scale
-            covariance[np.ix_(some, some)] = (vt.T / s**2) @ vt / np.outer(scale, scale)
-            leverage = np.sum(u**2, axis=1)
+            beta, covariance, leverage, log_det = least_squares(x * root[:, None], slow * root)
             left = self._replaced(power, slow, slow - x @ beta)
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            solved = (2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale))),
-                      float(leverage @ np.log(self._fine(v))), len(s))
+            solved = (log_det, float(leverage @ np.log(self._fine(v))),
+                      int(np.round(np.sum(leverage))))
             betas.append(beta)
             covariances.append(covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)
@@ -616,6 +606,27 @@ class Likelihood:
 
     def _mean_slots(self):
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
+
+
+def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
+        np.ndarray, np.ndarray, np.ndarray, float]:
+    """
+    Return what fits x (q, p) beta to white y (q,): beta, its covariance, and the leverage (q,).
+
+    And ln |x' x| of the columns that are anything: one may be nothing in a record, or in a form.
+
+    """
+    scale = np.sqrt(np.sum(x**2, axis=0))
+    some = np.flatnonzero(scale)
+    x, scale, beta = x[:, some], scale[some], np.zeros(len(scale))
+    covariance = np.zeros((len(beta), len(beta)))
+    u, s, vt = np.linalg.svd(x / scale, full_matrices=False)
+    keep = s > 1e-10 * np.max(s, initial=0.0)
+    u, s, vt = u[:, keep], s[keep], vt[keep]
+    beta[some] = (vt.T @ ((u.T @ y) / s)) / scale
+    covariance[np.ix_(some, some)] = (vt.T / s**2) @ vt / np.outer(scale, scale)
+    log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
+    return beta, covariance, np.sum(u**2, axis=1), log_det
 
 
 def inverse(gram: np.ndarray) -> np.ndarray:
