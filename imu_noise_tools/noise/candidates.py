@@ -284,6 +284,7 @@ def _refitted(evidence, fit, effect):
     if isinstance(effect, Response):    # what was left open must not do its work
         hint = replace(hint, order=Order(), values=())
     slow = evidence.whole.bins.last <= SLOW
+    slow[:evidence.thermal('whole')] = True
     if isinstance(effect, Mean) and np.all(hint.on(evidence.whole.bins)[slow] > 0):
         # it moves nothing but the slow end, which the fit rests on already
         return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)

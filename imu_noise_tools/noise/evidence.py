@@ -15,16 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.fft import dct, idct
 from scipy.ndimage import median_filter
 from scipy.special import digamma
 
 from .kinds import Defect, Inputs, Line, measured, Modulation
-from .shared import derived, SHAKEN
+from .shared import derived, own_noise, SHAKEN
+from .thermal import COURSE, Course, course_of, TEMPERATURE
 from ..core import allan
-from ..core.record import sensor_of
+from ..core.record import AXES, sensor_of
 from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Estimate, Finding, Model
 
@@ -181,7 +184,22 @@ class Evidence:
     @property
     def slow_inputs(self) -> Inputs:
         """What an effect on the mean may depend on, at the blocks."""
-        return Inputs(self.slow_t, self.dt, self.slow_others)
+        # as large as the axis itself sways: what is solved for is then near 1 in any unit
+        more = {} if self.course is None else {
+            COURSE: np.std(self.slow_y) * self.course.values}
+        return Inputs(self.slow_t, self.dt, {**self.slow_others, **more})
+
+    @cached_property
+    def course(self) -> Course | None:
+        """What other axes tell of the temperature; None where none follows it."""
+        axes = [a for a in self.channels if a in AXES]
+        if TEMPERATURE not in self.channels or not axes:
+            return None
+        bins = self.whole.bins
+        f = np.arange(1, len(self.common.low[axes[0], 'whole']) + 1) / (2 * bins.n * self.dt)
+        own = {a: own_noise(bins, self.common.pair(a, a, 'whole'))[2] for a in axes}
+        return course_of(self.common.slow, self.slow_t, {
+            a: np.interp(np.log(f), np.log(bins.f), x) for a, x in own.items()})
 
     @property
     def sensor(self) -> str:
@@ -209,6 +227,37 @@ class Evidence:
     def cross(self, channel: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of this axis with another channel."""
         return self.common.pair(self.axis, channel, part)
+
+    def thermal(self, part: str) -> int:
+        """Return how many bins of a part there are in which axes follow the temperature."""
+        if self.course is None:
+            return 0
+        return int(np.searchsorted(self.part(part).bins.f, self.course.edge))
+
+    def coupled(self, a: str, b: str, part: str) -> np.ndarray:
+        """
+        Return the cross-power (b,) of two signals as couplings hear them.
+
+        Where axes follow the temperature what they share is no coupling.
+
+        """
+        out, end = self.common.pair(a, b, part), self.thermal(part)
+        return np.append(np.zeros(end), out[end:]) if end else out
+
+    def coupled_first(self, channel: str, part: str) -> np.ndarray:
+        """Return the first coefficients (k,) of a channel as couplings hear it."""
+        out, end = self.common.first(channel, part).copy(), self.thermal(part)
+        out[:self.part(part).bins.first[end] - 1] = 0.0
+        return out
+
+    def coupled_blocks(self, channel: str) -> np.ndarray:
+        """Return the block means (s,) of a channel as couplings hear it."""
+        out, end = self.common.blocks(channel), self.thermal('whole')
+        if end:
+            c = dct(out, type=2, norm='ortho')
+            c[:self.whole.bins.first[end]] = 0.0
+            out = idct(c, type=2, norm='ortho')
+        return out
 
     def line(self, row: int) -> MeasuredLine:
         """Return a row of the line table with its errors, which are the Cramer-Rao bound."""

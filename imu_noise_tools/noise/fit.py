@@ -52,6 +52,7 @@ _ORDERS = tuple(Order(*order) for order in (
     (4, 4), (4, 4, True)))
 _BENT = Order(1, 0)  # of one that is too little to be seen
 _TERM = 4.0  # nats that a term of the response must be worth
+_NEAR = 12.0  # nats behind the best, to which an order with fewer terms is fitted in full as well
 _MORE = 2  # terms more than those that explain every band that are tried as well
 _BAND = 12.0  # nats that a band left to levels of its own costs beside such terms
 _FLAT, _FLATNESS = 0.02, 0.1  # share of Nyquist up to which ln gain^2 must stay so near to zero
@@ -260,9 +261,9 @@ def _wider(found: _Found) -> np.ndarray:
     """
     Return by how much intervals (p,) of what is searched are wider behind an open response.
 
-    Its form is believed where another of as many zeros and poles does no better. The spread about
-    the point is that over all of them, each weighed by its likelihood less what its terms cost
-    (Hoeting et al. 1999, Bayesian model averaging, eq. 3).
+    Its form is believed where another of as many zeros and poles, or one less, does no better. The
+    spread about the point is that over all of them, each weighed by its likelihood less what its
+    terms cost (Hoeting et al. 1999, Bayesian model averaging, eq. 3).
 
     """
     likelihood, basis = found.likelihood, found.likelihood.explained
@@ -278,7 +279,7 @@ def _wider(found: _Found) -> np.ndarray:
     chances, spreads = [1.0], [own]
     for order in basis.order.rivals:
         tried = Rational(left, likelihood.weight, likelihood.bins, order).fit(
-            [(basis.order, x[-terms:])])
+            [(basis.order, x[-terms:])] if basis.order.within(order) else [])
         if tried is None:
             continue
         values = tried[0]
@@ -376,17 +377,18 @@ def _resting_on_what_it_explains(search: _Search, plain: _Found, hint: Explained
     held = [found for found, _ in ended]
     if not held or ended[0][1] < _CREDIBLE * bands.count and not _lacks(plain):
         return plain
-    best = _score(bands, held[0])
-    for basis, x in _behind_responses(bands, held[0], hint):
-        more = _settled(search, bands, held[0], basis, [], x)
+    without, best = held[0], _score(bands, held[0])
+    for basis, x in _behind_responses(bands, without, hint):
+        more = _settled(search, bands, without, basis, [], x)
         if more is None or not (_flat(more[0]) and _joined(bands, more[0])) \
                 or _score(bands, more[0]) <= best + 1e-6:
             continue
         # what is added in the middle leaves the level to holes as well: they may tell it better
         vague = _VAGUE if _flat(more[0], strict=True) else 1.0
         if not basis.order.tied or _spread(more[0]) < vague * _spread(
-                _on_the_safe_side(thorough, bands, held[0])):
+                _on_the_safe_side(thorough, bands, without)):
             held.insert(0, more[0])
+            best = _score(bands, more[0])
     first = None
     for found in held:  # a fit that leaves no white noise holds only where every one does
         found = _on_the_safe_side(thorough, bands, found)
@@ -498,15 +500,21 @@ def _band(bands: Bands, x: np.ndarray, w: np.ndarray, dt: float):
 
 
 def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
-    """Yield (basis, start) with a response left open that does more than the model alone."""
+    """
+    Yield (basis, start) with a response left open that does more than the model alone.
+
+    First what does most, then what does nearly as much with fewer terms: they are found beside
+    the drift as it was fitted without them, and what that misses by looks like one term more.
+
+    """
     if hint is not None:
         if hint.order.terms:
             yield replace(hint, quiet=_quiet(found)), np.append(found.x, hint.values)
         return
     bins = found.likelihood.bins
     x, w = _ratio(found)
-    best = supported_by(bands, x, w, np.ones(len(x)), _BAND)
-    chosen = None
+    best = bare = supported_by(bands, x, w, np.ones(len(x)), _BAND)
+    chosen: list[tuple[float, Order, np.ndarray, np.ndarray]] = []
     begun = _band(bands, x, w, bins.dt)
     known: dict[Order, np.ndarray] = {}
     enough = np.inf
@@ -525,18 +533,22 @@ def _behind_responses(bands: Bands, found: _Found, hint: Explained | None):
                 break
             known[order] = values
             score = supported_by(bands, x, w, v, _BAND) - _TERM * order.terms
+            if score > bare:
+                chosen.append((score, order, weight, values))
             if score > best:
-                best, chosen = score, (order, weight, values)
+                best = score
                 if np.all(judge(bands, x / v, w, 0.0).kept):
                     enough = order.terms + _MORE
             now = judge(bands, x / v, w, 0.0).weight * (v > DEEP * level)
             if np.array_equal(now, weight) or np.sum(now > 0) < 8:
                 break
             weight = now
-    if chosen is not None:
-        order, weight, values = chosen
-        basis = Explained(bins.f, weight, order, tuple(values), _quiet(found))
-        yield basis, np.append(found.x, values)
+    fewer = np.inf
+    for score, order, weight, values in sorted(chosen, key=lambda c: -c[0]):
+        if score > best - _NEAR and order.terms < fewer:
+            fewer = order.terms
+            basis = Explained(bins.f, weight, order, tuple(values), _quiet(found))
+            yield basis, np.append(found.x, values)
 
 
 def _on_the_safe_side(search: _Search, bands: Bands, found: _Found) -> _Found:

@@ -274,8 +274,8 @@ class Mean(NoiseEffect):
         """Return what it adds, (n,)."""
         linear = [p.name for p in self.parameters if p.linear]
         rest = {k: v for k, v in self.values.items() if k not in linear}
-        some = {**self.neutral, **self.values}
-        return self.columns(inputs, **rest) @ np.array([some[k] for k in linear])
+        # a study of before an effect had a parameter does without
+        return self.columns(inputs, **rest) @ np.array([self.values.get(k, 0.0) for k in linear])
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return what it adds to the Allan variance, where that has a closed form; else zero."""

@@ -164,7 +164,7 @@ class Likelihood:
             self.weight = self.weight * explained.on(self.bins)
         self._names: dict[tuple, tuple[str, ...]] = {}
         self._spreads = {
-            n: spread(partial(evidence.common.pair, part=part), n)
+            n: spread(partial(evidence.coupled, part=part), n)
             for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
         self._spreads = {k: v for k, v in self._spreads.items() if np.any(v)}
         self._slow: np.ndarray | None = None
@@ -260,7 +260,7 @@ class Likelihood:
         power = np.maximum(power, 1e-300)
         slow = self._slow
         if slow is not None:
-            first = self.evidence.common.first
+            first = self.evidence.coupled_first
             slow = slow - beta @ [first(name, self.part_name)[: len(slow)] for name in names]
             if self._known is not None:
                 power = self._less_known(power, slow)
@@ -345,7 +345,7 @@ class Likelihood:
 
     def _channels(self, model):
         """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
-        pair, here, names = self.evidence.common.pair, self.part_name, self._coupled_names(model)
+        pair, here, names = self.evidence.coupled, self.part_name, self._coupled_names(model)
         if tuple(names) not in self._pairs:
             self._pairs[tuple(names)] = (
                 names,
@@ -372,7 +372,7 @@ class Likelihood:
         Cross-powers (p, b), and the channels' own (p, p, b).
 
         """
-        pair, here = self.evidence.common.pair, self.part_name
+        pair, here = self.evidence.coupled, self.part_name
         cross = np.array([pair(self.evidence.axis, n, here) for n in names])
         for c in (model[c.label] for c in self.couplings):
             for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):

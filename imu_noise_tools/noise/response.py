@@ -54,13 +54,18 @@ class Order(NamedTuple):
 
     @property
     def rivals(self) -> list[Order]:
-        """What else something added may be that has as many zeros and poles."""
+        """What else it may be: something added with as many zeros and poles, or one less."""
+        if not self.tied and not self.alone and self.terms > 1:
+            less = [self._replace(zeros=self.zeros - 1), self._replace(poles=self.poles - 1)]
+        else:
+            less = []
+        less = [o for o in less if min(o.zeros, o.poles) >= 0]
         if self.zeros != self.poles or self.poles < 2:
-            return []
+            return less
         own = self._replace(tied=0, alone=False)
         some = [own._replace(tied=k) for k in range(3 if self.poles == 4 else 2)]
         some.append(own._replace(alone=True, middle=np.inf))
-        return [o for o in some if o != self]
+        return [*(o for o in some if o != self), *less]
 
     @property
     def terms(self) -> int:

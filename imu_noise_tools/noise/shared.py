@@ -194,8 +194,17 @@ def share(bins: Bins, power: np.ndarray,
 
 
 def _above_own(bins: Bins, power: np.ndarray) -> np.ndarray | None:
+    """Return what part, (b,), of the power is beyond the axis's own noise; None where none is."""
+    level, seen, own = own_noise(bins, power)
+    if not np.any((level > ABOVE * own) & (seen >= ENOUGH)):
+        return None
+    heard = level > (1 + 2 * np.sqrt(2 / seen)) * own
+    return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
+
+
+def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Return what part, (b,), of the power is beyond the axis's own noise; None where none is.
+    Return (level, coefficients that tell it, what of it is the axis's own noise), (b,) each.
 
     That is what white noise, flicker and a random walk can make at most of the spectrum without
     overshooting it.
@@ -215,11 +224,7 @@ def _above_own(bins: Bins, power: np.ndarray) -> np.ndarray | None:
     # relative to what is measured a peak counts once, however high, an overshoot without bound
     scaled = np.sqrt(w)[:, None] * basis / level[:, None]
     scale = np.max(scaled, axis=0)
-    own = basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
-    if not np.any((level > ABOVE * own) & (seen >= ENOUGH)):
-        return None
-    heard = level > (1 + 2 * np.sqrt(2 / seen)) * own
-    return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
+    return level, seen, basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
 
 
 def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray,

@@ -232,7 +232,7 @@ def slow_rest(evidence: Evidence, model: Model) -> np.ndarray:
     y, t = e.slow_y.astype(float), e.slow_t
     for c in model.of(Coupling):
         for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
-            y = y - c[p.name] * e.common.blocks(channel)
+            y = y - c[p.name] * e.coupled_blocks(channel)
     for i in claimed_lines(e, model):
         f, a, b, _ = e.line_table[i]
         w = 2 * np.pi * f
@@ -630,7 +630,7 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
             own, both = known.power, known.cross_less_known(channel)
         for e in fit.model.of(Coupling):
             for name, p in zip(e.channels(evidence), (p for p in e.parameters if p.linear)):
-                known = evidence.common.pair(name, channel, part)
+                known = evidence.coupled(name, channel, part)
                 both = both - e[p.name] * known
     # at least eight coefficients to a group: one alone may be next to nothing by chance
     edges = np.unique(8 * np.round(np.geomspace(1, bins.n / 8, 60)))

@@ -96,5 +96,5 @@ def _coherence(evidence, channel: str) -> float:
     bins = evidence.whole.bins
     level = evidence.whole.power * np.maximum(
         evidence.common.pair(channel, channel, 'whole'), 1e-300)
-    both = sum(evidence.cross(channel + k, 'whole') ** 2 for k in ('', LATER))
+    both = sum(evidence.coupled(evidence.axis, channel + k, 'whole') ** 2 for k in ('', LATER))
     return float(np.sum(bins.count * both / np.maximum(level, 1e-300)))

@@ -9,12 +9,12 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
+from ..thermal import COURSE, moved, powers, readings, TEMPERATURE
 from ..views import slow_mean, slow_rest
 from ...loop.effect import Effect, Fit
 
 
-LEADS, LAGS = 12, 20  # starts of either sign
-SMOOTHED = (1, 2, 4, 8, 16)  # parts of a lead by which a thermometer is smoothed to be read ahead
+READ = ('thermometer', 'axes')  # by what: alone, or beside the axes that follow it as well
 POINTS = 512  # of a picture
 
 
@@ -22,13 +22,14 @@ class Temperature(Mean):
     """The bias follows the temperature, its square and its cube, later or earlier."""
 
     name = 'temperature'
-    symbol = 'slope, curvature, cubed, lag, smoothing'
+    symbol = 'slope, curvature, cubed, course, lag, smoothing, read'
     title = 'temperature sensitivity of the bias'
     equation = (
         'mean = slope u + curvature [u^2] + cubed [u^3], u = T - mean T, [.] less the polynomial '
         'of lower order that comes nearest in the record; T behind a first-order time constant '
         'lag, or before it (lag < 0: T + |lag| dT/dt, a thermometer slower than the sensor; dT/dt '
-        'of T smoothed by the time constant smoothing, both ways)'
+        'of T smoothed by the time constant smoothing, both ways); + course r, r what other axes '
+        'that follow the temperature tell of it and the thermometer does not'
     )
     signature = (
         'the slow part of the record follows the temperature topic; slope +1/2 to +1 at the long '
@@ -52,6 +53,8 @@ class Temperature(Mean):
                 ('cubed', '{rate}/degC^3', 'change a degree cubed'),
             )
         ),
+        Parameter('course', '1', -1e3, 1e3, log=False, amplitude=True, linear=True,
+                  title='of a course that other axes tell, as large as this axis sways'),
         Parameter(
             'lag', 's', -1e6, 1e6, log=False, discrete=True, title='time constant of the lag'
         ),
@@ -59,43 +62,33 @@ class Temperature(Mean):
             'smoothing', 's', 0.0, 1e6, log=False, discrete=True,
             title='by which the temperature is smoothed before it is read ahead',
         ),
+        Parameter.choice('read', READ, title='by the thermometer, or by other axes as well'),
     )
     neutral = {'lag': 0.0, 'smoothing': 0.0}
-    optional = ('curvature', 'cubed')
+    optional = ('curvature', 'cubed', 'course')
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
-        Lags from none to a quarter of the record; nothing without a temperature that moves.
+        All ways to read the thermometer; nothing without a temperature that moves.
 
-        What a slow thermometer lost of a fast cycle is more than its noise, or less: so each lead
-        comes with several smoothings.
+        And the one that comes nearest to what other axes tell of it, beside that.
 
         """
-        t = evidence.slow_others.get('temperature')
+        t = evidence.slow_others.get(TEMPERATURE)
         if t is None or np.ptp(t) == 0:
             return []
-        least = max(evidence.duration / 2000, 2 * float(np.diff(evidence.slow_t[:2])[0]))
-        later = np.geomspace(least, evidence.duration / 4, LAGS)
-        earlier = np.geomspace(least, max(evidence.duration / 10, 2 * least), LEADS)
-        moved = [(0.0, 0.0), *((x, 0.0) for x in later),
-                 *((-x, x / q) for x in earlier for q in SMOOTHED)]
-        return [self.with_values(lag=float(x), smoothing=float(s)) for x, s in moved]
+        step = float(np.diff(evidence.slow_t[:2])[0])
+        tried = [(*some, 0) for some in readings(evidence.duration, step)]
+        if evidence.course is not None:
+            tried.append((evidence.course.lag, evidence.course.smoothing, 1))
+        return [self.with_values(lag=lag, smoothing=s, read=r) for lag, s, r in tried]
 
-    def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0) -> np.ndarray:
-        """Return u, [u^2] and [u^3], each without mean."""
-        u = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t, lag, smoothing)
-        u = u - np.mean(u)
-        scale = np.sqrt(np.mean(u * u)) or 1.0
-        u = u / scale
-        out = [u]
-        for power in (2, 3):        # Gram and Schmidt's steps, twice for the sake of rounding
-            x = u**power
-            for _ in range(2):
-                x = x - np.mean(x)
-                for y in out:
-                    x = x - y * (x @ y / max(y @ y, 1e-300))
-            out.append(x)
-        return np.column_stack(out) * scale ** np.arange(1, 4)
+    def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0,
+                read: float = 0.0) -> np.ndarray:
+        """Return u, [u^2], [u^3] and what axes tell beyond them, each without mean."""
+        u = moved(np.asarray(inputs.covariates[TEMPERATURE], float), inputs.t, lag, smoothing)
+        course = inputs.covariates.get(COURSE) if read else None
+        return powers(u, [np.zeros(len(u)) if course is None else course])
 
     def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
         """Return the rate against the temperature, less all else that moves the mean."""
@@ -105,8 +98,8 @@ class Temperature(Mean):
         inputs = evidence.slow_inputs
         others = slow_mean(evidence, fit.model.minus(self.label))
         y, mine = slow_rest(evidence, fit.model) - others, self.mean(inputs)
-        warmth = _moved(np.asarray(inputs.covariates['temperature'], float), inputs.t,
-                        self['lag'], self.values.get('smoothing', 0.0))
+        warmth = moved(np.asarray(inputs.covariates[TEMPERATURE], float), inputs.t,
+                       self['lag'], self.values.get('smoothing', 0.0))
         per = max(1, len(y) // POINTS)
         x, seen = (v[:len(v) // per * per].reshape(-1, per).mean(axis=1) for v in (warmth, y))
         order = np.argsort(warmth)[::per]
@@ -117,30 +110,4 @@ class Temperature(Mean):
     @classmethod
     def example(cls) -> Effect:
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
-        return cls({'slope': 1.7e-4, 'curvature': 0.0, 'cubed': 0.0, **cls.neutral})
-
-
-def _moved(temperature: np.ndarray, t: np.ndarray, lag: float, smoothing: float) -> np.ndarray:
-    """
-    Return a temperature behind a time constant, or what a thermometer with one is behind of.
-
-    ``smoothing`` is the time constant (s) by which its noise is taken out of its rate of change,
-    from both sides: 0 for none.
-
-    """
-    if not lag or len(t) < 3:
-        return temperature
-    from scipy.signal import lfilter  # half a second to load
-
-    step = t[1] - t[0]
-
-    def slow(x, tc):
-        a = np.exp(-step / tc)
-        return lfilter([1 - a], [1, -a], x, zi=[a * x[0]])[0]
-
-    if lag > 0:
-        return slow(temperature, lag)
-    smooth = temperature
-    if smoothing > 0:
-        smooth = slow(slow(temperature, smoothing)[::-1], smoothing)[::-1]
-    return temperature - lag * np.gradient(smooth, step)
+        return cls({p.name: 0.0 for p in cls.parameters} | {'slope': 1.7e-4})

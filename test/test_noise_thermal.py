@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Axes that follow the temperature tell it better than a coarse thermometer; noise tells none."""
+
+import numpy as np
+import pytest
+
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.noise.candidates import candidates
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.thermal import course_of
+
+RATE, N = 20.0, 12_000
+
+
+def heated(rng):
+    """Return a course with kinks, as of a heater and the weather, of 0 to 1."""
+    knots = np.cumsum(np.cumsum(rng.standard_normal(60)))
+    knots -= np.linspace(knots[0], knots[-1], 60)
+    course = np.interp(np.linspace(0, 59, N), np.arange(60), knots)
+    return (course - course.min()) / np.ptp(course)
+
+
+def read(course, rng, step):
+    """Return what a thermometer logs of it twice a second, in steps and through noise."""
+    ticks = course[::10] + 0.3 * step * rng.standard_normal(N // 10)
+    return np.repeat(step * np.round(ticks / step), 10)
+
+
+def evidence(mean, temperature, rng):
+    """Return the evidence of gyro_x, where all six axes hold a share of a mean."""
+    x = 1e-3 * (rng.standard_normal((N, 6)) + mean[:, None] * np.array([9, 5, -7, 20, 15, -18]))
+    record = ImuRecord(x[:, :3], x[:, 3:], np.arange(N) / RATE, RATE,
+                       covariates={'temperature': 30 + temperature})
+    return gather(record, ['gyro_x'])['gyro_x']
+
+
+def left(mean, *columns):
+    """Return the rms of what columns leave of a mean."""
+    x = np.column_stack([np.ones(len(mean)), *columns])
+    return np.std(mean - x @ np.linalg.lstsq(x, mean, rcond=None)[0])
+
+
+def warmed():
+    """Return a mean that bends with a temperature, and the evidence of axes that follow it."""
+    rng = np.random.default_rng(3)
+    course = heated(rng)
+    mean = course + 0.5 * course**2
+    return mean, evidence(mean, read(course, rng, 0.12), rng)
+
+
+def test_axes_tell_the_temperature_that_a_coarse_thermometer_misses():
+    mean, e = warmed()
+    t = e.common.slow['temperature']
+    mean = mean[:len(t) * e.common.slow_length].reshape(len(t), -1).mean(axis=1)
+    assert left(mean, e.course.values) < 0.3 * left(mean, t, t**2, t**3)
+    # what the axes share is the temperature's
+    assert not np.any(e.coupled('gyro_x', 'gyro_y', 'whole')[:e.thermal('whole')])
+    assert np.any(e.cross('gyro_y', 'whole')[:e.thermal('whole')])
+
+
+@pytest.mark.thorough
+def test_no_coupling_is_named_for_the_temperature():
+    problem = NoiseProblem(warmed()[1])
+    found = {f.name: f for f in candidates(
+        problem, problem.point(model_of('noise', ('white', 'flicker', 'random_walk'))))}
+    assert found['temperature'].gain > 100
+    assert all(found[k].gain < found[k].penalty for k in ('accel_coupling', 'shared_noise'))
+
+
+@pytest.mark.parametrize('kind', ['walk', 'transient', 'sine', 'step'])
+def test_what_sways_by_itself_follows_no_temperature(kind):
+    """Nor do axes that hold one smooth mean, each beside white noise and a random walk."""
+    rng, n = np.random.default_rng([7, len(kind)]), 4000
+    t, k = np.arange(float(n)), np.arange(1, 501)
+    mean = {'walk': 0.0, 'transient': np.exp(-t / 800), 'sine': np.sin(t / 300),
+            'step': t > 1500.0}[kind]
+    for _ in range(2):
+        slow = {a: rng.standard_normal(n) + 0.05 * np.cumsum(rng.standard_normal(n))
+                + rng.uniform(2, 20) * mean for a in ('gyro_y', 'gyro_z', 'accel_x')}
+        own = {a: 1 + (0.05 * n / (np.pi * k))**2 for a in slow}
+        slow['temperature'] = heated(rng)[::3]
+        assert course_of(slow, t, own) is None
