@@ -227,11 +227,18 @@ def _shared(evidence: Evidence, fit: Fit, count: int) -> float:
 
 
 def _shapes(effect: NoiseEffect, estimates) -> int:
-    """Return how many parameters besides one are priced; optional ones where they are clear."""
+    """
+    Return how many parameters besides one are priced; optional ones where they are clear.
+
+    Of the mean all of them, for they bend to anything together.
+
+    """
     priced = sum(not p.discrete and p.name not in effect.optional for p in effect.parameters)
     clear = sum(abs(estimates[name].point or 0.0) > OPTIONAL * (estimates[name].std or 0.0)
                 for name in effect.optional)
-    return min(priced - 1, MOST_SHAPES) + clear
+    if isinstance(effect, Mean):
+        return min(priced - 1, MOST_SHAPES) + clear
+    return min(priced - 1 + clear, MOST_SHAPES)
 
 
 def _at_bound(evidence: Evidence, effect) -> str:

@@ -93,4 +93,4 @@ class SlowPeriodic(Mean):
     def example(cls) -> Effect:
         """Return a skewed swing of 20.6 deg/h (1e-4 rad/s) to either side in ten minutes."""
         return cls({'cosine': 6e-5, 'sine': 8e-5, 'cosine_2': 2e-5, 'sine_2': -1e-5,
-                    'cosine_3': -3e-6, 'sine_3': 1e-6, 'period': 600.0, 'orders': 3.0})
+                    'cosine_3': -2e-5, 'sine_3': 1e-5, 'period': 600.0, 'orders': 3.0})
