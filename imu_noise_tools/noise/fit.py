@@ -127,7 +127,7 @@ class _Search:
         least = np.inf if best is None else best.nll + PRICE * len(best.x)
         for likelihood, x0 in begins:
             found = self.from_point(likelihood, x0)
-            cost = found.nll + PRICE * len(found.x)
+            cost = found.nll + PRICE * len(found.x) + found.likelihood.value(found.x)[1].form
             if np.isfinite(cost) and cost < least - 1e-9:
                 best, least = found, cost
         return best

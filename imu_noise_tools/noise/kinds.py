@@ -260,10 +260,16 @@ class Mean(NoiseEffect):
     """
 
     views: ClassVar[tuple[str, ...]] = ('time',)
+    #: parameters that a fit chooses anew where the others are known: beside more, more is seen
+    anew: ClassVar[tuple[str, ...]] = ()
 
     def columns(self, inputs: Inputs, *_: Any, **nonlinear: Any) -> np.ndarray:
-        """Return (n, p), slowly varying."""
+        """Return (n, p), slowly varying; zero where a parameter is no part of a form."""
         raise NotImplementedError
+
+    def finer(self, evidence: Evidence) -> list[Effect]:
+        """Return what to compare with it where it is among the best of its ``starts``."""
+        return []
 
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
