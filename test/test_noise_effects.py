@@ -34,7 +34,8 @@ from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 
 DT = 0.02
-VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence', 'repeats', 'grid'}
+VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence', 'repeats', 'grid',
+         'moments'}
 EFFECTS = dict(registry('noise'))
 # Where another value of one parameter asks for another value of a second one as well.
 # Noise of less than half a step is not white after rounding: there is no density to test.

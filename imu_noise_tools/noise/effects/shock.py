@@ -13,9 +13,10 @@ from scipy.special import binom, chdtri, digamma, polygamma
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
+from ..ringing import find_rings, NONE, Rings
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
-from ...loop.effect import Effect, Estimate, Finding
+from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
 SLOW_S = 1.0  # s: what is slower than that is not looked at
@@ -27,20 +28,26 @@ MOST = 0.05  # share of the record that shocks may fill
 LONGEST = 0.02  # share of the record that one may fill; what lasts longer is no shock
 SURE = 15.0  # nats that one is worth at least, the search for it paid
 AROUND = 1 << 14  # samples whose spectrum one is weighed against
+RINGS = 7.0  # nats beyond chance of knocks that ring alike: one record in a thousand has them
+FADED = 4.0  # time constants after which nothing of a ring is heard
+STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
 class Shock(Defect):
-    """Now and then all samples are far too large for a moment, then less and less."""
+    """Now and then the samples are far too large for a moment, or ring, and less and less."""
 
     name = 'shock'
-    symbol = 'rate, size, decay'
+    symbol = 'rate, size, decay, ring'
     title = 'shocks (knocks)'
-    equation = 'x + size e^(-t/decay) u, u ~ N(0, 1), t from each shock, of which there are rate T'
+    equation = (
+        'x + size e^(-t/decay) cos(2 pi ring t + phase), t from each shock, of which there are '
+        'rate T; where ring is 0, u ~ N(0, 1) in place of the cosine'
+    )
     signature = (
-        'stretches of a second or so in which the samples are many times as large as around them, '
-        'mostly on several axes at once'
+        'stretches of a second or so in which the samples are many times as large as around them '
+        'or swing at one frequency, mostly on several axes at once'
     )
     hint = (
         'Somebody knocked at the bench, shut a door, put something down. Look at what happened at '
@@ -48,102 +55,187 @@ class Shock(Defect):
         'without them.'
     )
     reference = 'Harris and Piersol, Shock and Vibration Handbook, 2002'
-    views = ('distribution', 'variance')
+    views = ('distribution', 'variance', 'moments')
     first = True
-    certain = True      # loud for half a block at a time: no spike and no spectrum does that
+    certain = True      # loud or ringing for a moment: no spike and no spectrum does that
     decide = 'record again with nobody near'
     parameters = (
         Parameter('rate', 'Hz', 1e-9, 1e2, amplitude=True, title='shocks a second'),
-        Parameter('size', '{rate}', 1e-12, 1e4, title='standard deviation at the beginning'),
+        Parameter('size', '{rate}', 1e-12, 1e4, title='amplitude at the beginning, of all '
+                  'frequencies its standard deviation'),
         Parameter('decay', 's', 1e-4, 1e4, title='time constant'),
+        Parameter('ring', 'Hz', 0, 1e5, log=False, title='frequency, 0 where it is all of them'),
     )
+    neutral = {'ring': 0.0}
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Keep begin, end, size, decay and worth in nats of each."""
-        loud = _loudness(y, inputs.dt)
-        if loud is None:
-            return {}
-        ratio, level, degrees, length, lasts = loud
-        beyond = ratio > chdtri(degrees, 1e-3 / len(ratio)) / degrees
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]]).astype(int)))
-        found = []
-        gap = max(2, int(0.5 / inputs.dt / length))
-        runs: list[list[int]] = []
-        for begin, end in edges.reshape(-1, 2):
-            if runs and begin - runs[-1][1] < gap:
-                runs[-1][1] = int(end)
-            else:
-                runs.append([int(begin), int(end)])
-        for begin, end in runs:
-            if np.sum(beyond[begin:end]) < lasts or end - begin > max(LONGEST * len(ratio), LASTS):
-                continue
-            begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
-            over = np.maximum(ratio[begin:end] - 1, 0)
-            worth = 0.5 * degrees * float(np.sum(over - np.log1p(over))) - 2 * np.log(len(ratio))
-            if worth < SURE:
-                continue
-            size, decay, error = _dying(over, degrees)
-            level_here = float(np.mean(level[begin:end]))
-            found.append((begin * length, end * length, size * np.sqrt(level_here),
-                          decay * length * inputs.dt, error, worth))
-        if not found or sum(e - b for b, e, *_ in found) > MOST * len(y):
-            return {}
-        out = _beyond_the_spectrum(y, dict(zip(
-            ('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T)), inputs.dt)
-        if not len(out['begin']):
+        """
+        Keep begin, end, size, decay and worth in nats of each; of one that rings its amplitudes.
+
+        What is still loud where it rings is a part of that, and worth nothing by itself.
+
+        """
+        # of samples that are held each a spike is a swing of the frequencies that holding removes
+        rings = NONE if repeats(y).held else find_rings(y, inputs.dt, RINGS)
+        out = _loud(rings.out_of(y) if len(rings.begin) else y, inputs.dt)
+        if len(rings.begin):
+            some = _as_kept(rings, inputs.dt)
+            if out:
+                begin, end = (out[k][:, None] for k in ('begin', 'end'))
+                same = (some['end'] > begin) & (some['begin'] < end)
+                out['worth'] = np.where(np.any(same, axis=1), 0.0, out['worth'])
+                some = {k: np.append(v, out.get(k, np.zeros(len(out['begin']))))
+                        for k, v in some.items()}
+            out = some
+        if not out:
             return {}
         return {**out, 'span': np.array(len(y) * inputs.dt), 'dt': np.array(inputs.dt)}
 
     @classmethod
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
-        """Put the noise before each shock, mirrored, in its place: the level stays as it is."""
-        return _mirrored(y, kept)
+        """
+        Take out what rings; of what is loud put the noise before it, mirrored, in its place.
+
+        So the level stays as it is.
+
+        """
+        rings = _ring(kept)
+        if np.any(rings):
+            y = _as_rings(kept, rings).out_of(y, grid_step(y)[0])
+        return _mirrored(y, {k: kept[k][~rings] for k in ('begin', 'end')})
+
+    @classmethod
+    def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
+        """Return what each stretch says of knocks that ring and that the model does not have."""
+        kept = evidence.kept(cls.name)
+        some = _ring(kept)
+        if not np.any(some):
+            return None
+        edges = np.linspace(0, evidence.n, 2 * STRETCHES + 1)
+        nats = np.histogram(np.minimum(kept['begin'][some], evidence.n - 1), edges,
+                            weights=np.maximum(kept['worth'][some], 0.0))[0]
+        here = {'first': slice(STRETCHES), 'second': slice(STRETCHES, None)}.get(
+            part, slice(None))
+        pull = np.sqrt(2 * nats[here]) * (not fit.model.of(cls))
+        t = (0.5 * (edges[1:] + edges[:-1]) * evidence.dt)[here]
+        return View('moments', t, pull, float(np.mean(pull**2)), float(np.sqrt(2 / len(t))), 's')
 
     def find(self, evidence: Evidence) -> Finding | None:
-        """Weigh the loud stretches against noise as loud as it is around them."""
+        """Weigh what rings, and what is loud, against noise as it is around them."""
         kept = evidence.kept(self.name)
         if not kept:
             return None
-        k, span = len(kept['begin']), float(kept['span'])
+        worth, span, rings = kept['worth'], float(kept['span']), _ring(kept)
+        whole = rings | (worth > 0)
+        k = int(np.sum(whole))
+        ringing = float(np.sum(worth[rings])) >= float(np.sum(worth[~rings]))
+        # of two sorts the values of that which is worth more
+        some = whole & (rings == ringing)
+        ring = kept.get('ring', np.zeros(len(worth)))[some]
         values = {
             'rate': k / span,
-            'size': float(np.sqrt(np.mean(kept['size'] ** 2))),
-            'decay': float(np.median(kept['decay'])),
+            'size': float(np.sqrt(np.mean(kept['size'][some] ** 2))),
+            'decay': float(np.median(kept['decay'][some])),
+            'ring': float(np.median(ring)),
         }
         spread = {
             'rate': np.sqrt(k) / span,
-            'size': values['size'] * _share(kept['size'], kept['error']),
-            'decay': values['decay'] * _share(kept['decay'], kept['error']),
+            'size': values['size'] * _share(kept['size'][some], kept['error'][some]),
+            'decay': values['decay'] * _share(kept['decay'][some], kept['error'][some]),
         }
-        times = ', '.join(f'{b * float(kept["dt"]):.1f}' for b in kept['begin'][:5])
+        estimates = {name: Estimate(values[name], float(s), interval(
+            values[name], float(s), positive=True)) for name, s in spread.items()}
+        # of a damped ring the bounds of frequency and of 1/(2 pi decay) are alike
+        wide = float(1 / (2 * np.pi * np.sqrt(2 * np.sum(worth[rings])))) if ringing else 0.0
+        wide /= values['decay']
+        estimates['ring'] = Estimate(values['ring'], wide, interval(
+            values['ring'], wide)) if ringing else Estimate(0.0, None, None)
+        times = ', '.join(
+            f'{t:.1f}' for t in np.sort(kept['begin'][whole])[:5] * float(kept['dt']))
+        said = f', ringing at {values["ring"]:.4g} Hz' if ringing else ''
         return Finding(
             self.name,
-            float(np.sum(kept['worth'])),
+            float(np.sum(worth)),
             self.with_values(**values),
-            {
-                name: Estimate(v, float(s), interval(v, float(s), positive=True))
-                for (name, v), s in zip(values.items(), spread.values())
-            },
-            view='distribution',
-            evidence=f'{k} shocks at {times}{" ..." if k > 5 else ""} s',
+            estimates,
+            view='moments' if ringing else 'distribution',
+            evidence=f'{k} shocks at {times}{" ..." if k > 5 else ""} s{said}',
         )
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
-        """Add decaying bursts of white noise at random times."""
+        """Add decaying rings, or bursts of white noise, at random times."""
         out = x.copy()
-        span = len(x) * inputs.dt
+        span, ring = len(x) * inputs.dt, self.values.get('ring', 0.0)
         for begin in rng.uniform(0, span, rng.poisson(self['rate'] * span)):
             i = int(begin / inputs.dt)
             t = np.arange(min(len(x) - i, int(8 * self['decay'] / inputs.dt) + 1)) * inputs.dt
-            out[i:i + len(t)] += self['size'] * np.exp(-t / self['decay']) \
-                * rng.standard_normal(len(t))
+            form = np.cos(2 * np.pi * (ring * t + rng.random())) if ring > 0 \
+                else rng.standard_normal(len(t))
+            out[i:i + len(t)] += self['size'] * np.exp(-t / self['decay']) * form
         return out
 
     @classmethod
     def example(cls) -> Effect:
         """Return one a minute (0.015 Hz), of 2.9 deg/s (0.05 rad/s), gone within a second."""
-        return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2})
+        return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2, 'ring': 0.0})
+
+
+def _ring(kept: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Tell which shocks ring at one frequency."""
+    return kept['ring'] > 0 if 'ring' in kept else np.zeros(len(kept.get('begin', ())), bool)
+
+
+def _as_kept(rings: Rings, dt: float) -> dict[str, np.ndarray]:
+    """Return what is kept of rings; the bound of a relative amplitude is (2 nats)^(-1/2)."""
+    return {
+        'begin': rings.begin, 'end': rings.begin + np.ceil(FADED * rings.tau),
+        'size': np.hypot(rings.cos, rings.sin), 'decay': rings.tau * dt,
+        'error': 1 / np.sqrt(2 * rings.nats), 'worth': rings.worth,
+        'ring': rings.omega / (2 * np.pi * dt), 'cos': rings.cos, 'sin': rings.sin,
+    }
+
+
+def _as_rings(kept: Mapping[str, np.ndarray], some: np.ndarray) -> Rings:
+    """Return some of what is kept as rings."""
+    dt, worth = float(kept['dt']), kept['worth'][some]
+    return Rings(kept['begin'][some], kept['cos'][some], kept['sin'][some],
+                 2 * np.pi * dt * kept['ring'][some], kept['decay'][some] / dt, worth, worth)
+
+
+def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
+    """Return begin, end, size, decay, its relative error and worth of what is loud; or nothing."""
+    loud = _loudness(y, dt)
+    if loud is None:
+        return {}
+    ratio, level, degrees, length, lasts = loud
+    beyond = ratio > chdtri(degrees, 1e-3 / len(ratio)) / degrees
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]]).astype(int)))
+    found = []
+    gap = max(2, int(0.5 / dt / length))
+    runs: list[list[int]] = []
+    for begin, end in edges.reshape(-1, 2):
+        if runs and begin - runs[-1][1] < gap:
+            runs[-1][1] = int(end)
+        else:
+            runs.append([int(begin), int(end)])
+    for begin, end in runs:
+        if np.sum(beyond[begin:end]) < lasts or end - begin > max(LONGEST * len(ratio), LASTS):
+            continue
+        begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
+        over = np.maximum(ratio[begin:end] - 1, 0)
+        worth = 0.5 * degrees * float(np.sum(over - np.log1p(over))) - 2 * np.log(len(ratio))
+        if worth < SURE:
+            continue
+        size, decay, error = _dying(over, degrees)
+        level_here = float(np.mean(level[begin:end]))
+        found.append((begin * length, end * length, size * np.sqrt(level_here),
+                      decay * length * dt, error, worth))
+    if not found or sum(e - b for b, e, *_ in found) > MOST * len(y):
+        return {}
+    out = _beyond_the_spectrum(y, dict(zip(
+        ('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T)), dt)
+    return out if len(out['begin']) else {}
 
 
 def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:

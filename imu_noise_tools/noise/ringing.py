@@ -1,0 +1,441 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Damped rings in the samples of an axis: e^(-t/tau) (a cos w t + b sin w t) from a moment on.
+
+Knocks at one mount ring at one frequency and die out alike: frequency and time constant are
+shared, moments and amplitudes are each one's own. In white noise of variance 1 the two columns of
+a ring gain 1/2 b' G^-1 b nats, b the sums over them and G their products, exponentially
+distributed where there is none (the matched filter: Turin, IRE Trans. IT-6, 1960); a filter of one
+pole gives b for all moments at once. Which frequencies and time constants are worth that, frames
+of several lengths say, each a factor of two apart.
+
+What is tried is paid for: with tau in samples, n/tau moments, pi tau frequencies and the number of
+lengths are told apart. A first knock pays for all of it, others for their moments.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.fft import dct, dst, idct, next_fast_len, rfft
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import minimize
+from scipy.signal import lfilter
+
+from .lines import reference_spectrum
+from ..core.spectrum import cosine_transform
+from ..core.statistics import median_sigma
+
+ROWS = 1 << 16  # samples of frames that are worked on at a time
+PIECE = 1 << 19  # samples that are whitened together
+LONG = 1 << 19  # samples of a record from which on frames do not overlap
+SHORTEST_S, LONGEST_S = 0.005, 1.0  # s: time constants that are looked for
+SHORTEST = 4  # samples
+FRAME = 3  # time constants in a frame, of which it then hears the most
+FRAMES = 64  # of a length, at least
+SWINGS = 0.5  # in a time constant at least: else nothing rings
+HIGHEST = 0.45  # of the rate: nearer to a half hardly more than every second swing is seen
+LOUDER = 1.25  # times as loud, from which a stretch is
+STRETCHES = 24  # of the record, in which the usual power of a frequency is looked at
+SEEDS = 5  # places from which a search begins
+FAINT = 5.0  # nats below what all cells of a length cost, down to which cells are looked at
+WIDER = float(np.log(2))  # by which ln tau may be off the length's that it is found with
+KNOWN = 8  # moments from which a frequency and a time constant are refined
+MOST = 0.05  # share of the record: what rings more of the time is no knock
+PASSES, MORE = 4, 1.1  # at most, as long as the knocks gain so many times more
+SINGLE = 4.0  # standard deviations from which a sample may be one that stands for itself
+FEW, NEARLY = 7, 0.9  # share of that of so many and more that a ring has: none has all of it
+MANY = 2.0  # times as much in single samples as in those of knocks: knocks may be chance
+KINDS = 3  # of knocks in a record
+BETWEEN = 3.0  # nats that are reached between what is told apart
+AGAIN = 3.0  # nats beyond its moments that each knock but the first must have
+APART = 3.0  # time constants between two knocks
+BEFORE, BEHIND = 3, 5  # time constants around a knock in which it has to explain what stands out
+EXPLAINS = 0.7  # share of it
+SWELLS = 2.0  # times as much as what swells before it
+
+
+class Rings(NamedTuple):
+    """
+    Knocks (k,) of an axis.
+
+    ``begin`` is the first sample of each, ``cos`` and ``sin`` are its amplitudes, ``nats`` its
+    gain and ``worth`` what of it is beyond chance; ``omega`` (rad) and ``tau`` are in samples.
+
+    """
+
+    begin: np.ndarray
+    cos: np.ndarray
+    sin: np.ndarray
+    omega: np.ndarray
+    tau: np.ndarray
+    nats: np.ndarray
+    worth: np.ndarray
+
+    def of(self, some: np.ndarray) -> Rings:
+        """Return those that are chosen."""
+        return Rings(*(x[some] for x in self))
+
+    def mean(self, n: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """Return where each of them is in n samples, and what it adds there."""
+        for begin, a, b, omega, tau in zip(self.begin.astype(int), *self[1:5]):
+            columns = _columns(min(n - begin, _length(tau)), omega, tau)
+            yield slice(begin, begin + len(columns)), columns @ (a, b)
+
+    def out_of(self, y: np.ndarray, step: float = 0.0) -> np.ndarray:
+        """Return samples (n,) without them; those of a grid stay on it where it has a step."""
+        y = np.array(y, float)
+        for at, mean in self.mean(len(y)):
+            y[at] -= step * np.round(mean / step) if step > 0 else mean
+        return y
+
+
+NONE = Rings(*np.zeros((7, 0)))
+
+
+def find_rings(y: np.ndarray, dt: float, least: float) -> Rings:
+    """
+    Return the knocks in samples y (n,), of which those that ring alike are worth ``least`` nats.
+
+    Looked for again where there are any: the spectrum by which samples are whitened must not hold
+    them, and strong ones are in it until they are out of it.
+
+    """
+    found, total = NONE, 0.0
+    for _ in range(PASSES):
+        white = _White.of(y, found.out_of(y) if len(found.begin) else y)
+        found = _found(white, dt, least, judged=False)
+        if float(np.sum(found.nats)) <= MORE * total:
+            break
+        total = float(np.sum(found.nats))
+    if not len(found.begin):
+        return NONE
+    return _found(_White.of(y, found.out_of(y)), dt, least)
+
+
+class _White(NamedTuple):
+    """
+    Whitened samples (n,) and what of: pieces of a length, the root of the spectrum of one.
+
+    ``loud`` are the factors by which stretches of the record were divided beyond that.
+
+    """
+
+    w: np.ndarray
+    length: int
+    spectrum: np.ndarray
+    loud: np.ndarray
+    known: dict[int, tuple[np.ndarray, np.ndarray]]     # of pieces, sums and products of steps
+
+    @classmethod
+    def of(cls, y: np.ndarray, reference: np.ndarray) -> _White:
+        """
+        Whiten samples by the spectrum of others, in pieces as long as a transform likes.
+
+        The spectrum is that of the piece in the middle; where it is louder the samples tell.
+
+        """
+        length = len(y) // -(-len(y) // PIECE)
+        while next_fast_len(length, real=True) > length:
+            length -= 1
+        count = len(y) // length
+        middle = slice(count // 2 * length, (count // 2 + 1) * length)
+        # in samples: variance over 2 dt of a one-sided density
+        root = np.sqrt(reference_spectrum(cosine_transform(reference[middle]), 0.5))
+        w = np.empty(count * length, np.float32)
+        for i in range(0, len(w), length):
+            c = cosine_transform(y[i:i + length])
+            c[0] = 0.0
+            c[1:] /= root
+            w[i:i + length] = idct(c, type=2, norm='ortho', overwrite_x=True)
+        parts = np.array_split(w, STRETCHES)
+        loud = np.array([median_sigma(x[::len(x) // 2048 + 1]) for x in parts])
+        loud /= np.median(loud[count // 2 * STRETCHES // count:][:-(-STRETCHES // count)])
+        loud = np.max([loud, np.roll(loud, 1), np.roll(loud, -1)], axis=0)
+        loud[loud < LOUDER] = 1.0
+        for part, factor in zip(parts, loud):
+            part /= factor
+        return cls(w, length, root, loud, {})
+
+    def root(self, i: int, omega: float) -> float:
+        """Return by what the samples around i were divided at a frequency."""
+        k = min(int(omega / np.pi * self.length), len(self.spectrum)) - 1
+        return float(self.spectrum[k] * self.loud[i * STRETCHES // len(self.w)])
+
+    def steps(self, begin: int, tau: float) -> float:
+        """
+        Return the nats of the best pair of steps, the first of them near a moment.
+
+        A step is whitened by what its cosines are divided by: from sample t on it has coefficients
+        -a_k sin(pi k t/n), a_k = (2 n)^(-1/2)/sin(pi k/2n), and two of them have the product
+        1/2 sum a_k^2 (cos(pi k (t - s)/n) - cos(pi k (t + s)/n)).
+
+        """
+        n, piece = self.length, min(begin, len(self.w) - 1) // self.length
+        if piece not in self.known:
+            k = np.arange(1, n)
+            a = np.sqrt(0.5 / n) / np.sin(0.5 * np.pi * k / n) / self.spectrum
+            c = cosine_transform(np.array(self.w[piece * n:(piece + 1) * n], float))[1:]
+            self.known[piece] = (np.append(0.0, 0.5 * dst(-a * c, type=1)),
+                                 0.5 * dct(np.concatenate([[0.0], a * a, [0.0]]), type=1))
+        sums, products = self.known[piece]
+
+        def grid(first: float, last: float, most: int) -> np.ndarray:
+            some = np.linspace(first, last, min(most, int(last - first) + 1))
+            at = np.unique(np.round(begin - piece * n + some).astype(int))
+            return at[(at > 0) & (at < n)]
+
+        def product(t, s):
+            both = t + s
+            return 0.5 * (products[np.abs(t - s)] - products[np.minimum(both, 2 * n - both)])
+
+        t, s = grid(-tau, 2 * tau, 96), grid(-tau, BEHIND * tau, 192)
+        if not len(t):
+            return 0.0
+        tt, ss, ts = product(t, t)[:, None], product(s, s), product(t[:, None], s)
+        x, z = sums[t][:, None], sums[s]
+        det = tt * ss - ts**2
+        two = np.where(det > 1e-3 * tt * ss, ss * x**2 - 2 * ts * x * z + tt * z**2, 0.0) \
+            / np.maximum(det, 1e-3 * tt * ss)
+        return 0.5 * float(max(np.max(two), np.max(x**2 / tt)))
+
+
+def _length(tau: float) -> int:
+    """Return how many samples a ring of a time constant is followed."""
+    return int(8 * tau) + 4
+
+
+def _columns(length: int, omega: float, tau: float) -> np.ndarray:
+    """Return what a ring adds for each of its amplitudes, (length, 2)."""
+    t = np.arange(length)
+    return np.exp(-t / tau)[:, None] * np.column_stack([np.cos(omega * t), np.sin(omega * t)])
+
+
+def _both(z: np.ndarray, q: float, p: np.ndarray | complex) -> np.ndarray:
+    """
+    Return the nats of both columns, z = sum w e^(-t/tau - i omega t).
+
+    With q = sum e^(-2t/tau) and p = sum e^(-2t/tau - 2 i omega t) this is 1/2 b' G^-1 b.
+
+    """
+    cross = p.real * (z.real**2 - z.imag**2) + 2 * p.imag * z.real * z.imag
+    return (q * (z.real**2 + z.imag**2) - cross) / (q * q - np.abs(p) ** 2)
+
+
+def _lengths(n: int, dt: float) -> list[int]:
+    """Return the frames (samples) in which rings are looked for."""
+    shortest = FRAME * max(SHORTEST, SHORTEST_S / dt)
+    longest = min(FRAME * LONGEST_S / dt, n / FRAMES)
+    powers = range(int(np.ceil(np.log2(shortest))), int(np.log2(max(longest, 1.0)) + 0.5) + 1)
+    return [1 << j for j in powers]
+
+
+def _cost(n: int, tau: float, lengths: list[int]) -> tuple[float, float]:
+    """Return the nats that a moment costs, and a frequency and a time constant."""
+    return float(np.log(n / tau)), float(np.log(len(lengths) * np.pi * tau)) + BETWEEN
+
+
+def _usual(power: np.ndarray, step: int = 1) -> np.ndarray:
+    """
+    Return the usual power (stretches, ...) of moments (m, ...), in what noise has on average.
+
+    The louder of neighbours where it changes, and never less than that of white noise.
+
+    """
+    parts = np.array_split(power, int(np.clip(len(power) // step // 64, 1, STRETCHES)))
+    out = np.array([np.median(x[::max(step, len(x) // 256)], axis=0) for x in parts]) / np.log(2)
+    if len(out) > 2:
+        out = np.max([out, np.roll(out, 1, axis=0), np.roll(out, -1, axis=0)], axis=0)
+    return np.maximum(out, 1.0)
+
+
+def _over_usual(power: np.ndarray, step: int = 1) -> np.ndarray:
+    """Divide the power of moments (m, ...) by what is usual, in place."""
+    usual = _usual(power, step)
+    for part, level in zip(np.array_split(power, len(usual)), usual):
+        part /= level
+    return power
+
+
+def _power(w: np.ndarray, length: int) -> tuple[np.ndarray, int, int]:
+    """
+    Return the nats (frames, frequencies) of swings in frames, their distance, the first frequency.
+
+    In units of 1/length; a frequency that the frame holds whole times has columns that are
+    orthogonal.
+
+    """
+    first, last = int(np.ceil(SWINGS * FRAME)), int(HIGHEST * length)
+    hop = length if len(w) > LONG else length // 2
+    frames = sliding_window_view(w, length)[::hop]
+    out, rows = np.empty((len(frames), last + 1 - first), np.float32), max(1, ROWS // length)
+    for i in range(0, len(frames), rows):
+        z = rfft(frames[i:i + rows], axis=1)[:, first:last + 1]
+        np.square(z.real, out=out[i:i + rows])
+        out[i:i + rows] += np.square(z.imag)
+    out /= length
+    return out, hop, first
+
+
+class _Seed(NamedTuple):
+    """Where a search begins: nats, time constant, frequency (in samples), and first samples."""
+
+    nats: float
+    tau: float
+    omega: float
+    at: np.ndarray
+
+
+def _seeds(w: np.ndarray, lengths: list[int]) -> list[_Seed]:
+    """Return the places that stand out most, each as a frequency at several moments."""
+    found = []
+    for length in lengths:
+        tau = length / FRAME
+        power, hop, first = _power(w, length)
+        power = _over_usual(power)
+        row, k = np.nonzero(power > max(6.0, np.log(power.size) - FAINT))
+        nats = power[row, k]
+        best = np.argsort(-nats)
+        row, k, nats = row[best], k[best], nats[best]
+        # what all moments of a frequency have together
+        over = np.maximum(nats - np.log(len(w) / tau), 0.0)
+        together = np.bincount(k, over, minlength=power.shape[1])
+        loud = [int(j) for j in np.argsort(-together)[:2] if together[j] > 0]
+        for j, size in [*zip(k[:SEEDS], nats), *((j, together[j] + np.log(len(w) / tau))
+                                                 for j in loud)]:
+            at: list[int] = []
+            for i in row[np.abs(k - j) <= 1][:KNOWN**2] * hop:
+                if len(at) < KNOWN and all(abs(i - other) > 2 * APART * tau for other in at):
+                    at.append(int(i))
+            omega = 2 * np.pi * (j + first) / length
+            found.append(_Seed(float(size), tau, omega, np.array(at)))
+    out: list[_Seed] = []
+    for s in sorted(found, key=lambda s: -s.nats):
+        if all(abs(s.omega - o.omega) * min(s.tau, o.tau) > 0.7
+               or max(s.tau, o.tau) > 2.1 * min(s.tau, o.tau) for o in out):
+            out.append(s)
+    return out[:SEEDS]
+
+
+def _nats(w: np.ndarray, omega: float, tau: float) -> np.ndarray:
+    """Return the nats of rings that begin at each sample of w (..., n)."""
+    pole = np.exp(-1 / tau - 1j * omega)
+    z = lfilter([1.0], [1.0, -pole], w[..., ::-1].astype(complex), axis=-1)[..., ::-1]
+    return _both(z, 1 / (1 - np.exp(-2 / tau)), 1 / (1 - pole * pole))
+
+
+def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, float, float]:
+    """Return (worth in nats, frequency, time constant), the best near a seed."""
+    # a ring may begin half a frame before it, or in it
+    begins, length = int(1.5 * FRAME * seed.tau) + 1, int((1.5 * FRAME + BEHIND) * seed.tau) + 8
+    begin = np.clip(seed.at - int(0.5 * FRAME * seed.tau), 0, max(0, len(w) - length))
+    some = np.array([w[i:i + length] for i in begin])
+    low, high = max(SHORTEST, lengths[0] / FRAME / 1.5), 1.5 * lengths[-1] / FRAME
+
+    def at(x):
+        return seed.omega + x[0] / seed.tau, seed.tau * np.exp(np.clip(x[1], -WIDER, WIDER))
+
+    def lost(x):
+        omega, tau = at(x)
+        rings = omega * tau > 0.99 * 2 * np.pi * SWINGS and omega < 2 * np.pi * HIGHEST
+        if not rings or not low <= tau <= high:
+            return 0.0
+        nats = np.sort(np.max(_nats(some, omega, tau)[:, :begins], axis=1))
+        moment, form = _cost(len(w), tau, lengths)
+        return form + moment - nats[-1] - np.sum(np.maximum(nats[:-1] - moment - AGAIN, 0.0))
+
+    best = minimize(lost, [0.0, 0.0], method='Nelder-Mead', options={
+        'initial_simplex': [[0, 0], [0.6, 0], [0, 0.5]], 'maxfev': 40, 'xatol': 0.02,
+        'fatol': 0.02})
+    return (-float(best.fun), *at(best.x))
+
+
+def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> np.ndarray:
+    """Return the samples at which a ring begins that gains so much, the clearest first."""
+    halo, found, step = _length(tau), [], max(1, int(tau / 2))
+    for i in range(0, len(w), PIECE):
+        nats = _over_usual(_nats(w[i:i + PIECE + halo], omega, tau)[:PIECE], step)
+        top = nats == maximum_filter1d(nats, 2 * int(APART * tau) + 1)
+        k = np.flatnonzero(top & (nats > least))
+        found.append(np.stack([nats[k], k + i]))
+    nats, at = np.concatenate(found, axis=1)
+    return at[np.argsort(-nats)].astype(int)
+
+
+def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings:
+    """
+    Return the knocks in whitened samples, in units of the samples that they were.
+
+    Where they are not ``judged``, whatever rings is one, unless it does so too long or too often.
+
+    """
+    w, lengths = white.w.copy(), _lengths(len(white.w), dt)
+    out = NONE
+    for _ in range(KINDS if lengths else 0):
+        worth, omega, tau = max((_refined(w, seed, lengths) for seed in _seeds(w, lengths)),
+                                default=(0.0, 0.0, 0.0))
+        if worth < least:
+            break
+        moment, form = _cost(len(w), tau, lengths)
+        some, single, moments = [], [], _moments(w, omega, tau, moment + AGAIN)
+        lasts = tau * dt > LONGEST_S or len(moments) * APART * tau > MOST * len(w)
+        for i in moments:
+            columns = _columns(min(len(w) - i, _length(tau)), omega, tau)
+            size, nats = _fitted(columns, w[i:i + len(columns)])
+            first, last = max(0, i - int(BEFORE * tau)), i + int(BEHIND * tau) + 1
+            alone = _single(w[first:last])
+            if not lasts and not (judged and nats < max(
+                    np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY),
+                    _rivals(white, w, i, tau, columns, nats))):
+                single.append(float(np.sum(alone)))
+                some.append((i, *(size * white.root(i, omega)), omega, tau, nats,
+                             nats - moment - AGAIN))
+                w[i:i + len(columns)] -= columns @ size
+            else:
+                w[first:last] = 0.0
+        if not some:
+            continue
+        rings = Rings(*np.array(some).T)
+        if judged and float(np.sum(_single(white.w))) > MANY * np.sum(single):
+            # among so many single samples some look like anything
+            rings = rings.of(np.array(single) < rings.nats / MANY)
+        if not len(rings.begin):
+            continue
+        rings.worth[np.argmax(rings.nats)] += AGAIN - form
+        if np.sum(rings.worth) >= least:
+            out = Rings(*(np.concatenate(x) for x in zip(out, rings)))
+    return out.of(np.argsort(out.begin))
+
+
+def _single(w: np.ndarray) -> np.ndarray:
+    """Return the nats of whitened samples that may each stand for itself."""
+    return 0.5 * w[np.abs(w) > SINGLE] ** 2 - AGAIN
+
+
+def _fitted(columns: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the amplitudes (2,) of columns (m, 2) in whitened samples, and what they gain."""
+    size = np.linalg.lstsq(columns, w, rcond=None)[0]
+    return size, 0.5 * float(size @ columns.T @ w)
+
+
+def _rivals(white: _White, w: np.ndarray, begin: int, tau: float, columns: np.ndarray,
+            nats: float) -> float:
+    """
+    Return the nats that a ring must have to be the best name for what stands out there.
+
+    Most of what stands out around it, in samples w; more than what swells before it as it fades
+    behind it, as of a line that passes; and more than two steps have, as of what switches.
+
+    """
+    some = w[max(0, begin - int(BEFORE * tau)):begin + int(BEHIND * tau) + 1]
+    stands = 0.5 * float(np.sum(some**2 - 1)) - 2 * np.sqrt(len(some) / 2)
+    before = w[max(0, begin - len(columns)):begin][::-1]
+    swells = _fitted(columns[:len(before)], before)[1] if len(before) > SHORTEST else 0.0
+    least = max(EXPLAINS * stands, SWELLS * swells)
+    return max(least, white.steps(begin, tau)) if nats > least else least

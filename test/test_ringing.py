@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Knocks that ring: found at their moments, and nothing that only looks like them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hidden
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.diagnosis import diagnose
+from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.prediction import State
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.kinds import Inputs
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.ringing import find_rings
+
+DT, LEAST = 0.01, 7.0
+
+
+def knocked(y, times, frequency, decay, nats, dt=DT, rng=None):
+    """Return samples of noise of variance 1 with rings that are worth so much each."""
+    y = y.copy()
+    size = np.sqrt(8 * nats * dt / decay)
+    for k, at in enumerate(times):
+        i = int(at / dt)
+        t = np.arange(min(len(y) - i, int(10 * decay / dt))) * dt
+        phase = 0.7 * k if rng is None else rng.uniform(0, 2 * np.pi)
+        y[i:i + len(t)] += size * np.exp(-t / decay) * np.cos(2 * np.pi * frequency * t + phase)
+    return y
+
+
+def test_knocks_that_ring_alike_are_found_and_taken_out():
+    """Three of 30 nats each, which no block of samples shows."""
+    rng, times = np.random.default_rng(3), (20.0, 71.3, 150.2)
+    noise = rng.standard_normal(20_000)
+    y = knocked(noise, times, 12.0, 0.2, 30.0)
+    found = find_rings(y, DT, LEAST)
+    assert np.allclose(found.begin * DT, times, atol=0.06)
+    assert np.allclose(found.omega / (2 * np.pi * DT), 12.0, atol=0.5)
+    assert np.all((found.tau * DT > 0.1) & (found.tau * DT < 0.4))
+    left = found.out_of(y) - noise
+    assert np.sum(left**2) < 0.2 * np.sum((y - noise) ** 2)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', range(2))
+def test_what_only_looks_like_a_knock_is_none(seed):
+    """Noise, spikes alone and in bursts, steps, popcorn, a line that is on for a minute."""
+    rng, n = np.random.default_rng(seed), 12_000
+    noise = rng.standard_normal(n)
+    at = rng.integers(0, n - 5, 40)
+    spikes = np.zeros(n)
+    spikes[at] = 15 * rng.standard_normal(len(at))
+    bursts = np.zeros(n)
+    bursts[(at[:, None] + np.arange(4)).ravel()] = 15 * rng.standard_normal(4 * len(at))
+    t = np.arange(n)
+    popcorn = 4 * (np.searchsorted(np.sort(rng.uniform(0, n, 100)), t) % 2)
+    line = np.sin(0.8 * t) * ((t > 3000) & (t < 9000))
+    for y in (0, spikes, bursts, 5 * (t > 7000), popcorn, line):
+        assert not len(find_rings(noise + y, DT, LEAST).begin)
+
+
+@pytest.mark.thorough
+def test_weak_knocks_are_named_and_nothing_remains():
+    """Two of 25 nats, in a record of a sensor with drift."""
+    rng, n, dt = np.random.default_rng(6), 30_000, 0.02
+    sensor = hidden.draw_sensor(rng)
+    y = np.column_stack([hidden.base_noise(n, dt, sensor, rng) for _ in range(3)])
+    sigma = np.std(np.diff(y[:, 0])) / np.sqrt(2)
+    y[:, 0] += sigma * knocked(np.zeros(n), (101.0, 377.0), 9.0, 0.3, 25.0, dt)
+    problem = NoiseProblem(gather(ImuRecord(y, None, np.arange(n) * dt, 1 / dt), ['gyro_x'])
+                           ['gyro_x'])
+    fit = problem.fit(model_of('noise', ('white', 'flicker', 'random_walk')))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['shock'] and found.remaining is None
+    assert found.found[0].effect['ring'] == pytest.approx(9.0, abs=0.5)
+
+
+def test_what_is_put_in_is_found_with_its_values():
+    """Its own simulation: rate, size, decay and frequency of a ring."""
+    shock = find_effect('noise', 'shock')({'rate': 0.02, 'size': 8.0, 'decay': 0.2, 'ring': 12.0})
+    rng, n = np.random.default_rng(1), 40_000
+    inputs = Inputs(np.arange(n) * DT, DT)
+    y = shock.apply(rng.standard_normal(n), inputs, rng)
+    kept = shock.statistics(y, inputs)
+    assert np.median(kept['ring']) == pytest.approx(12.0, rel=0.02)
+    assert np.median(kept['size']) == pytest.approx(8.0, rel=0.1)
+    assert np.median(kept['decay']) == pytest.approx(0.2, rel=0.15)
+    assert np.std(shock.screen(y, kept, inputs)) < 1.03
