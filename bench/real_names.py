@@ -13,9 +13,9 @@ Lines: Hann's periodogram, the highest of five cells over the median of 5 % (200
 around. Narrow bands: the mean over the width against that median. Filters: Welch's level in the
 upper half of what the cutoff leaves. What is shared: gain to the other axis in each of 64 blocks,
 of differenced samples less those of the axes of the same sensor that were named before, the median
-over its own scatter. Shocks: the largest of 0.3 s around each time that is told, over the median
-absolute deviation of 30 s around. What moves the mean: least squares on 200 block means, Newey and
-West's error (lag n^(1/3)), beside a straight line where that is not itself the question.
+over its own scatter. Shocks: the squares of differences over 0.4 s at each time that is told,
+among all such stretches of the record. What moves the mean: least squares on 200 block means,
+Newey and West's error (lag n^(1/3)), beside a straight line where that is not itself the question.
 """
 
 from __future__ import annotations
@@ -41,6 +41,19 @@ def calm(y, dt, left_out):
         loud = left_out | ~np.isfinite(y)
     some = np.convolve(loud, np.ones(1 + 2 * int(0.5 / dt)), 'same') > 0.5
     return np.where(some, middle, y)
+
+
+def without_gaps(t, axes, left_out):
+    """Return stamps, axes and what was left out with lost samples interpolated: time goes on."""
+    d = np.diff(t)
+    usual = np.mean(d[d < 1.5 * np.median(d)])
+    lost = np.maximum(np.round(d / usual), 1)
+    if not np.any(lost > 1) or np.mean(lost > 1) > 0.01:  # bursts of stamps are no losses
+        return t, axes, left_out
+    at = np.append(0.0, np.cumsum(lost))
+    k = np.arange(int(at[-1]) + 1)
+    return (np.interp(k, at, t), {a: np.interp(k, at, y) for a, y in axes.items()},
+            np.interp(k, at, left_out) > 0.5)
 
 
 # --- spectra -------------------------------------------------------------------------------------
@@ -189,20 +202,28 @@ def foretold(y, others, known):
 # --- samples -------------------------------------------------------------------------------------
 
 def shocks(y, t, evidence):
-    """Tell how far out the samples are at the times that a finding tells."""
+    """
+    Tell how loud the record is at the times that a finding tells, beside all of it.
+
+    By the squares of differences over 0.4 s: over the median of all such stretches, and how many
+    of them are as loud. What a single sample reaches chance reaches as well in a million of them.
+
+    """
     times = [float(x) for x in re.findall(r'(?<![\w.])\d+(?:\.\d+)?(?=[, ])', evidence
                                           .partition(' at ')[2])]
-    out = []
+    dt, d = (t[-1] - t[0]) / (len(t) - 1), np.diff(y, prepend=y[0])
+    d, width = (d - np.median(d)) ** 2, max(4, round(0.4 / dt))
+    all_ = np.add.reduceat(d, np.arange(0, len(d) - width, width))[:-1] / width
+    running, out = np.convolve(d, np.ones(width) / width, 'same'), []
     for at in times:
-        near = np.abs(t - t[0] - at) < 15
-        inside = np.abs(t - t[0] - at) < 0.3
-        if not inside.any():
-            continue
-        middle = np.median(y[near])
-        sigma = 1.4826 * np.median(np.abs(y[near] - middle))
-        out.append(float(np.max(np.abs(y[inside] - middle)) / sigma))
-    told = ', '.join(f'{x:.0f}' for x in out)
-    return bool(out) and np.median(out) > 5.5, f'{told} robust standard deviations'
+        inside = np.abs(t - t[0] - at) < 1
+        if inside.any():
+            top = float(np.max(running[inside]))
+            out.append((top / np.median(all_), int(np.sum(all_ >= top))))
+    told = ', '.join(f'x{x:.1f} ({k} of {len(all_)} as loud)' for x, k in out)
+    # a shock fills a few stretches itself, and there may be others
+    return bool(out) and np.median([x for x, _ in out]) > 2 and np.median(
+        [k for _, k in out]) < 5 + 0.001 * len(all_) + 3 * len(out), told
 
 
 def grid(y):
@@ -265,6 +286,7 @@ def check(one, t, axes, axis, before=(), left_out=False):
     tells which samples the analysis left out.
     """
     v = {k: p.get('value') for k, p in one.get('parameters', {}).items()}
+    t, axes, left_out = without_gaps(t, axes, np.broadcast_to(left_out, len(t)))
     dt, name, raw = (t[-1] - t[0]) / (len(t) - 1), one['effect'], axes[axis]
     axes = {k: calm(x, dt, np.broadcast_to(left_out, len(t))) for k, x in axes.items()}
     y, sensor = axes[axis], axis.partition('_')[0]

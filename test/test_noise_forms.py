@@ -13,11 +13,14 @@ from scipy.signal import lfilter
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.diagnosis import diagnose
-from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
+from imu_noise_tools.noise.candidates import clear_of_less
 from imu_noise_tools.noise.gather import gather, unrounded
+from imu_noise_tools.noise.likelihood import Likelihood
+from imu_noise_tools.noise.measured import penalty
 from imu_noise_tools.noise.problem import NoiseProblem
 
 BASE = ('white', 'flicker', 'random_walk')
@@ -46,6 +49,43 @@ def test_what_is_not_there_is_null_or_small(name):
         e = fit.estimates[name][p.name]
         if p.amplitude and e.value is not None:
             assert e.std and abs(e.value) < 4.5 * e.std, p.name
+
+
+@pytest.mark.parametrize('skew, orders', [(0.0, {1.0}), (0.5, {2.0, 3.0})])
+def test_a_swing_has_the_harmonics_that_it_shows_and_they_are_no_second_one(skew, orders):
+    rng, n, dt = np.random.default_rng(5), 20_000, 0.05
+    t = dt * np.arange(n)
+    turn = 2 * np.pi * t / (0.37 * t[-1]) + 1
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    gyro[:, 0] += 3e-4 * np.cos(turn + skew * np.sin(turn))
+    problem = NoiseProblem(gather(ImuRecord(gyro, None, t, 1 / dt), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', (*BASE, 'slow_periodic')))
+    assert fit.model['slow_periodic']['orders'] in orders
+    assert fit.model['slow_periodic']['period'] == pytest.approx(0.37 * t[-1], rel=0.02)
+    second = problem.point(model_of('noise', (*BASE, 'slow_periodic', 'slow_periodic')))
+    assert second.details.ml - fit.details.ml < penalty('slow_periodic')
+
+
+@pytest.mark.parametrize('more, holds', [(2.4, False), (7.0, True)])
+def test_a_drift_is_named_where_it_is_clear_of_a_ramp(more, holds):
+    ramp, drift = (find_effect('noise', name).example() for name in ('ramp', 'drift'))
+    some = [Finding('ramp', 95.0, ramp, penalty=6.4),
+            Finding('drift', 95.0 + more, drift, penalty=7.5)]
+    assert [not f.against for f in clear_of_less(some)] == [True, holds]
+    assert not any(f.against for f in clear_of_less(some[1:]))
+
+
+def test_the_likelihood_of_a_mean_falls_as_its_derivatives_say():
+    problem, _ = problem_of(['slow_periodic'])
+    model = problem.point(model_of('noise', (*BASE, 'slow_periodic'))).model
+    likelihood = Likelihood(problem.evidence, 'whole', model)
+    x = np.array([s.to_search(model[s.label][s.parameter.name]) for s in likelihood.slots]) + 0.3
+    _, linear, v, each = likelihood.value(x)
+    gradient, _ = likelihood._derivatives(x, linear, v, each, 0.0, None)
+    for j, expected in enumerate(gradient):
+        step = 1e-3 * (np.arange(len(x)) == j)
+        change = likelihood.value(x + step)[0] - likelihood.value(x - step)[0]
+        assert change / 2e-3 == pytest.approx(expected, rel=0.02, abs=0.02)
 
 
 @pytest.mark.thorough

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 from params import daily
 import pytest
@@ -57,6 +59,32 @@ def test_twenty_lines_at_once_each_at_its_bound(seed):
         pulls.append((found[i, 0] - f) / (np.sqrt(6 / N) * sigma / size / (np.pi * SPAN)))
     # flicker raises the level around the slowest of them a little
     assert np.max(np.abs(pulls)) < 6 and np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
+def test_what_is_not_as_strong_throughout_is_no_line():
+    """A sway that dies out, and one of a frequency that wanders by a cycle; a steady one is."""
+    rng = np.random.default_rng(11)
+    sigma, f = 0.1, rng.uniform(2, 20)
+    turns = f * T + rng.uniform(0, 1)
+    noise = sigma * rng.standard_normal(N)
+    size = 20 * sigma / np.sqrt(N)
+    assert len(table(noise + size * np.sin(2 * np.pi * turns))) == 1
+    for y in (2 * np.exp(-5 * T / SPAN) * np.sin(2 * np.pi * turns),
+              np.sin(2 * np.pi * (turns + 0.4 * np.sin(2 * np.pi * T / SPAN)))):
+        assert not len(table(noise + size * y))
+
+
+def test_two_lines_a_cycle_apart_are_not_told_from_one_that_fades():
+    y = sum(np.sin(2 * np.pi * (7 + k / SPAN) * T) for k in (0, 1.2))
+    assert len(table(0.1 * np.random.default_rng(5).standard_normal(N) + 0.01 * y)) < 2
+
+
+def test_a_line_that_is_sure_in_company_alone_is_no_sinusoid():
+    rows = [[3.1, 1e-4, 0.0, 8.0], [6.2, 5e-5, 0.0, 4.0]]
+    evidence = SimpleNamespace(line_table=np.array(rows), n=N, duration=SPAN)
+    line = find_effect('noise', 'sinusoid')()
+    assert line.rows(evidence, [0, 1]) == [0] and line.rows(evidence, [1]) == []
+    assert line.with_values(frequency=6.2).rows(evidence, [1]) == [1]
 
 
 @pytest.mark.parametrize('seed', range(2))
@@ -229,7 +257,7 @@ def test_faint_orders_of_one_machine_are_found_together(size):
 
 
 def test_a_line_of_forty_nats_is_borne_out_by_each_half():
-    """In a bin of thousands it would not show; a half that it is not in speaks against it."""
+    """In a bin of thousands it would not show; of one that is on for a half none is made."""
     rng, n, dt = np.random.default_rng(41), 60_000, 0.01
     t, size = dt * np.arange(n), 2 * np.sqrt(40 / n)
     sides = []
@@ -237,9 +265,10 @@ def test_a_line_of_forty_nats_is_borne_out_by_each_half():
         y = rng.standard_normal(n) + on * size * np.sin(2 * np.pi * 31.7 * t)
         x = np.column_stack([y, y[::-1], rng.permutation(y)])
         problem = NoiseProblem(gather(ImuRecord(1e-3 * x, None, t, 1 / dt), ['gyro_x'])['gyro_x'])
+        assert len(problem.evidence.line_table) == np.isscalar(on)
         base, line = model_of('noise', ('white',)), find_effect('noise', 'sinusoid')()
         fits = [problem.point(m) for m in (base, base.plus(line))]
         sides.append([views.frequency(problem.evidence, part, fits[0]).deviance
                       - views.frequency(problem.evidence, part, fits[1]).deviance
                       for part in ('first', 'second')])
-    assert min(sides[0]) > 10 and sides[1][0] > 10 and sides[1][1] < -10, sides
+    assert min(sides[0]) > 10 and sides[1] == [0.0, 0.0], sides

@@ -237,24 +237,29 @@ def folded(f: Any, dt: float) -> Any:
     return abs((f * dt + 0.5) % 1 - 0.5) / dt
 
 
-def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float) -> np.ndarray:
+def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float,
+               begin: int = 0, end: int | None = None) -> np.ndarray:
     """
     Return the coefficients c_k (k >= 1) of cos(w t) + i sin(w t), t = j dt, w = 2 pi frequency.
 
     From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)),
-    theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency and k are broadcast.
+    theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency and k are broadcast; of a
+    line that is there in the samples [begin, end) alone, the sum over those.
 
     """
+    last = n if end is None else end
+    count, middle = last - begin, begin + last - 1
     alpha = 2 * np.pi * np.asarray(frequency, float) * dt
     theta = np.pi * np.asarray(k, float) / n
     total = 0
     for sign in (1, -1):
-        # sum_j e^{i (alpha + sign theta) j} = e^{i phi (n-1)/2} sin(n phi/2)/sin(phi/2)
+        # sum_j<n e^{i (alpha + sign theta) j} = e^{i phi (n-1)/2} sin(n phi/2)/sin(phi/2)
         half = 0.5 * (alpha + sign * theta)
         s = np.sin(half)
         small = np.abs(s) < 1e-12
-        kernel = np.where(small, n * np.cos(n * half), np.sin(n * half) / np.where(small, 1.0, s))
-        total = total + 0.5 * np.exp(1j * (half * (n - 1) + sign * 0.5 * theta)) * kernel
+        kernel = np.where(small, count * np.cos(count * half),
+                          np.sin(count * half) / np.where(small, 1.0, s))
+        total = total + 0.5 * np.exp(1j * (half * middle + sign * 0.5 * theta)) * kernel
     return np.sqrt(2 / n) * total
 
 

@@ -26,7 +26,7 @@ from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
-from ..loop.verdict import PRICE
+from ..loop.verdict import DIRECTED, PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -87,8 +87,8 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
             problem.tried[key] = _one(problem, fit, cls())
         tried.append(problem.tried[key])
     # what a view hides nothing could confirm
-    return sorted((f for f in by_one_measure(tried) if not views.hidden_by(fit, f.view)),
-                  key=lambda f: f.penalty - f.gain)
+    some = [f for f in by_one_measure(tried) if not views.hidden_by(fit, f.view)]
+    return sorted(clear_of_less(some), key=lambda f: f.penalty - f.gain)
 
 
 def by_one_measure(tried: list[Tried]) -> list[Finding]:
@@ -106,6 +106,31 @@ def by_one_measure(tried: list[Tried]) -> list[Finding]:
     most = max((worth for t, f, worth in some if not t.peak and f.gain > f.penalty),
                default=-np.inf)
     return [replace(f, gain=t.whole) if t.peak and worth < most else f for t, f, worth in some]
+
+
+def clear_of_less(findings: list[Finding]) -> list[Finding]:
+    """
+    Return the findings, with what speaks against those that are another one and no more.
+
+    An effect that holds all that another one explains stands for what it explains beyond, by which
+    it must gain more than one free parameter does by chance. Between the two there is no choice
+    that a better record would have to make: what both hold is there.
+
+    """
+    def holds(f, g):
+        one, other = (set(x.effect.explains) if isinstance(x.effect, NoiseEffect) else set()
+                      for x in (f, g))
+        return bool(other) and other < one
+
+    out = []
+    for f in findings:
+        less = max((g for g in findings if holds(f, g) and not g.against),
+                   key=lambda g: g.gain, default=None)
+        if less is not None and less.gain > less.penalty and f.gain - less.gain <= DIRECTED:
+            f = replace(f, against=f.against or (
+                f'it gains {f.gain - less.gain:.1f} nats more than the {less.name} that it holds'))
+        out.append(f)
+    return out
 
 
 def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
@@ -138,7 +163,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=max(bonus, 0.0),
     )
-    return Tried(finding) if isinstance(effect, Mean) else Tried(finding, whole, partly, peak)
+    return Tried(finding, whole, partly, peak)
 
 
 def _penalty(effect: NoiseEffect) -> float:
@@ -202,13 +227,18 @@ def _shared(evidence: Evidence, fit: Fit, count: int) -> float:
 
 
 def _shapes(effect: NoiseEffect, estimates) -> int:
-    """Return how many parameters besides one are priced; optional ones where they are clear."""
-    priced = 0
-    for p in effect.parameters:
-        e = estimates[p.name]
-        null = p.name in effect.optional and abs(e.point or 0.0) <= OPTIONAL * (e.std or 0.0)
-        priced += not p.discrete and not null
-    return min(priced - 1, MOST_SHAPES)
+    """
+    Return how many parameters besides one are priced; optional ones where they are clear.
+
+    Of the mean all of them, for they bend to anything together.
+
+    """
+    priced = sum(not p.discrete and p.name not in effect.optional for p in effect.parameters)
+    clear = sum(abs(estimates[name].point or 0.0) > OPTIONAL * (estimates[name].std or 0.0)
+                for name in effect.optional)
+    if isinstance(effect, Mean):
+        return min(priced - 1, MOST_SHAPES) + clear
+    return min(priced - 1 + clear, MOST_SHAPES)
 
 
 def _at_bound(evidence: Evidence, effect) -> str:

@@ -12,7 +12,7 @@ again on those that a fit explains (:mod:`~imu_noise_tools.noise.explained`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from .quiet import quiet_from
 from .response import (
     beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
 )
-from .starts import most_promising, reddest, Start, starts
+from .starts import begun_anew, most_promising, reddest, Start, starts
 from .uncertainty import (
     chosen_estimates, covariance_of, estimates, marginal, plain_estimates, widened, with_linear
 )
@@ -44,6 +44,7 @@ _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
           (0.7, 0.95))  # or all but these
 _OUT = 0.3  # of ln power by which a band stands out of those beside it
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
+_FORMS = 2  # forms of a response that are begun anew beside a narrow peak
 _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
 _ORDERS = tuple(Order(*order) for order in (
@@ -114,10 +115,19 @@ class _Search:
         A form with more parameters must be that much better.
 
         """
-        best, least = None, np.inf
-        for likelihood, x0 in most_promising(plain, proposed, self.mean, most or self.most):
+        return self._best(most_promising(plain, proposed, self.mean, most or self.most), None)
+
+    def with_responses_anew(self, found: _Found) -> _Found:
+        """Return the better of a minimum and what a response begun anew there reaches."""
+        return self._best(begun_anew(found.likelihood, found.x, _FORMS), found) or found
+
+    def _best(self, begins: Iterable[tuple[Likelihood, np.ndarray]],
+              best: _Found | None) -> _Found | None:
+        """Return the best of the minima reached from some starts, and of one that is known."""
+        least = np.inf if best is None else best.nll + PRICE * len(best.x)
+        for likelihood, x0 in begins:
             found = self.from_point(likelihood, x0)
-            cost = found.nll + PRICE * len(found.x)
+            cost = found.nll + PRICE * len(found.x) + found.likelihood.value(found.x)[1].form
             if np.isfinite(cost) and cost < least - 1e-9:
                 best, least = found, cost
         return best
@@ -207,6 +217,8 @@ def fit(
             'remove an effect, or look at the data',
         )
     if robust and basis is None and mean is None:
+        if start is None or not set(model.labels) <= set(start.labels):
+            found = search.with_responses_anew(found)
         found = _resting_on_what_it_explains(search, found, hint)
         found = _in_quiet(search, found, hint)
     return _fit_of(found, measured, flags, intervals)

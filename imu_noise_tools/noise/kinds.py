@@ -20,6 +20,7 @@ from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.fft import dct, idct
 
+from .lines import sure
 from .tails import Tails
 from ..core.spectrum import Bins, bins_of, expected, quadrature_avar
 from ..core.statistics import interval
@@ -259,10 +260,16 @@ class Mean(NoiseEffect):
     """
 
     views: ClassVar[tuple[str, ...]] = ('time',)
+    #: parameters that a fit chooses anew where the others are known: beside more, more is seen
+    anew: ClassVar[tuple[str, ...]] = ()
 
     def columns(self, inputs: Inputs, *_: Any, **nonlinear: Any) -> np.ndarray:
-        """Return (n, p), slowly varying."""
+        """Return (n, p), slowly varying; zero where a parameter is no part of a form."""
         raise NotImplementedError
+
+    def finer(self, evidence: Evidence) -> list[Effect]:
+        """Return what to compare with it where it is among the best of its ``starts``."""
+        return []
 
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
@@ -317,13 +324,13 @@ class Line(NoiseEffect):
         Return which of the free rows of the line table (strongest first) it would hold.
 
         None where there is nothing of the kind. Values that it has say which are meant: by default
-        the row near its frequency, else the strongest.
+        the row near its frequency, else the strongest of those that need no company to be sure.
 
         """
         wanted = self.values.get(self._frequency())
         width = max(2 / evidence.duration, 1e-3 * (wanted or 0))
         near = [i for i in free if wanted and abs(evidence.line_table[i, 0] - wanted) < width]
-        return (near or free)[:1]
+        return (near or [i for i in free if sure(evidence.line_table[i, 3], evidence.n)])[:1]
 
     def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
         """

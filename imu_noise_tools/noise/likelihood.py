@@ -37,6 +37,7 @@ from .response import OPEN, OpenResponse
 from .shared import spread
 from ..core.spectrum import asked, Bins, gathered, leaked
 from ..loop.effect import Fit, Model, Parameter
+from ..loop.verdict import PRICE
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,32 @@ class Slot:
 
 @dataclass(frozen=True)
 class Linear:
-    """Solved parameters: values (p,), their covariance (p, p), and what is left in the bins."""
+    """
+    Solved parameters: values (p,), their covariance (p, p), and what is left in the bins.
+
+    ``log_det`` is ln |X' V^-1 X| of the ``columns`` of the mean that were solved for, ``level``
+    the ln v of the degrees of freedom that they took, which the weight lacks: in the sum of both
+    no unit of v is left.
+
+    """
 
     beta: np.ndarray
     covariance: np.ndarray
     power: np.ndarray
     weight: np.ndarray
-    log_det: float
+    log_det: float = 0.0
+    level: float = 0.0
+    columns: int = 0
+
+    @property
+    def form(self) -> float:
+        """
+        What forms of the mean with more or fewer columns are compared by beside -ln L.
+
+        A price for each in place of what REML takes, which goes with the column's size.
+
+        """
+        return PRICE * self.columns - 0.5 * self.log_det
 
 
 def settled(effect: NoiseEffect, parameter: Parameter, evidence: Evidence) -> bool:
@@ -274,7 +294,7 @@ class Likelihood:
 
     def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
         """Solve for all linear parameters given the model's spectrum v (b,)."""
-        power, slow, weight, log_det = self.power, self._slow, self.weight, 0.0
+        power, slow, weight, solved = self.power, self._slow, self.weight, (0.0, 0.0, 0)
         betas, covariances = [], []
         if self.couplings:
             beta, covariance, power, slow = self._coupled(model, v)
@@ -283,21 +303,13 @@ class Likelihood:
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             x = self.design(model)
             root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
-            xw, cw = x * root[:, None], slow * root
-            scale = np.sqrt(np.sum(xw**2, axis=0))
-            scale[scale == 0] = 1.0
-            u, s, vt = np.linalg.svd(xw / scale, full_matrices=False)
-            keep = s > 1e-10 * s[0] if s[0] > 0 else np.zeros(len(s), bool)
-            u, s, vt = u[:, keep], s[keep], vt[keep]
-            beta = (vt.T @ ((u.T @ cw) / s)) / scale
-            covariance = (vt.T / s**2) @ vt / np.outer(scale, scale)
-            leverage = np.sum(u**2, axis=1)
+            beta, covariance, leverage, log_det = least_squares(x * root[:, None], slow * root)
             left = self._replaced(power, slow, slow - x @ beta)
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            # scaled by the white level, so that it does not depend on units
-            log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
+            solved = (log_det, float(leverage @ np.log(self._fine(v))),
+                      int(np.round(np.sum(leverage))))
             betas.append(beta)
             covariances.append(covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)
@@ -306,7 +318,7 @@ class Likelihood:
         for c in covariances:
             covariance[at:at + len(c), at:at + len(c)] = c
             at += len(c)
-        return Linear(beta, covariance, power, weight, log_det)
+        return Linear(beta, covariance, power, weight, *solved)
 
     def _counted(self):
         """Return the root of what each slow coefficient (q,) counts."""
@@ -468,7 +480,7 @@ class Likelihood:
         v = self._with_missed(total, model) if each else total
         if not np.isfinite(v).all():      # a step too far
             nothing = np.zeros(0)
-            return np.inf, Linear(nothing, nothing, self.power, self.weight, 0.0), v, each
+            return np.inf, Linear(nothing, nothing, self.power, self.weight), v, each
         linear = self.solve_linear(model, v)
         if self._spreads and each:  # what a shaken source is missed by goes with the gains
             v = self._with_missed(total, self._with_linear(model, linear))
@@ -481,7 +493,8 @@ class Likelihood:
     @staticmethod
     def _cost(linear, v):
         return 0.5 * float(
-            np.sum(linear.weight * (np.log(v) + linear.power / v))) + 0.5 * linear.log_det
+            np.sum(linear.weight * (np.log(v) + linear.power / v))) + 0.5 * (
+                linear.log_det + linear.level)
 
     def jacobian(self, x: np.ndarray, v: np.ndarray, each: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return d ln v / d x, (b, p)."""
@@ -583,8 +596,8 @@ class Likelihood:
             up[j] += h
             down[j] -= h
             # the spectrum stays where it is
-            a, b, c = (self._cost(self.solve_linear(self.with_search(z), v), v)
-                       for z in (down, x, up))
+            a, c = (self._cost(self.solve_linear(self.with_search(z), v), v) for z in (down, up))
+            b = self._cost(linear, v)
             gradient[j] = (c - a) / (2 * h)
             information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
         if penalty and reddest is not None:
@@ -593,6 +606,27 @@ class Likelihood:
 
     def _mean_slots(self):
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
+
+
+def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
+        np.ndarray, np.ndarray, np.ndarray, float]:
+    """
+    Return what fits x (q, p) beta to white y (q,): beta, its covariance, and the leverage (q,).
+
+    And ln |x' x| of the columns that are anything: one may be nothing in a record, or in a form.
+
+    """
+    scale = np.sqrt(np.sum(x**2, axis=0))
+    some = np.flatnonzero(scale)
+    x, scale, beta = x[:, some], scale[some], np.zeros(len(scale))
+    covariance = np.zeros((len(beta), len(beta)))
+    u, s, vt = np.linalg.svd(x / scale, full_matrices=False)
+    keep = s > 1e-10 * np.max(s, initial=0.0)
+    u, s, vt = u[:, keep], s[keep], vt[keep]
+    beta[some] = (vt.T @ ((u.T @ y) / s)) / scale
+    covariance[np.ix_(some, some)] = (vt.T / s**2) @ vt / np.outer(scale, scale)
+    log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
+    return beta, covariance, np.sum(u**2, axis=1), log_det
 
 
 def inverse(gram: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .steady import unsteady
 from ..core.spectrum import (
     Bins,
     cosine_transform,
@@ -31,8 +32,9 @@ MOST_RESOLVED = 16  # of all axes
 PIECE = 1 << 15  # of an array as long as the record: what is worked on at a time
 NEAR = 32  # coefficients on either side from which a line is measured
 CROWD = 12  # coefficients within which lines are neighbours
+BELOW = 2.0  # the level of the search is so much below that at which a line is believed
 ROUNDS = 3  # of the search, each with the level as it is without the lines found before
-RESOLVED = 2.0  # coefficients, one cycle in the record, by which two lines are apart at least
+RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fades does as well
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
 CLEAN = 0.98  # share that two lines side by side must take
@@ -114,6 +116,11 @@ def line_penalty(n: int) -> float:
     return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3)))
 
 
+def sure(z: float, n: int) -> bool:
+    """Tell whether a line of height z^2 stands out by itself, not in company alone."""
+    return z * z > 2 * line_penalty(n) - BELOW
+
+
 @dataclass(frozen=True)
 class _Spot:
     """A line as the search has it: frequency Hz, a, b, and the height of its peak."""
@@ -130,9 +137,8 @@ class _Search:
     def __init__(self, c: np.ndarray, reference: np.ndarray, dt: float):
         self.n, self.dt = len(c), dt
         self.whole, self.c, self.reference = c, c, reference
-        # four coefficients hold a line of any phase; the level is a little below that at which a
-        # line is believed
-        self.threshold = 2 * line_penalty(self.n) - 2
+        # four coefficients hold a line of any phase
+        self.threshold = 2 * line_penalty(self.n) - BELOW
         self.window = np.empty(self.n - 1)
         self.blocked = [(0, 16), (self.n - 17, self.n - 1)]
         for i in range(0, self.n - 1, PIECE):
@@ -206,7 +212,7 @@ class _Search:
             self._add(s, -1.0)
             left.append(self._power(spots)[0])
         alone = left[1] < (1 - DOMINANT) * left[0] + noise
-        both = len(some) > 1 and left[2] < noise + (
+        both = len(some) > 1 and self._apart(some) and left[2] < noise + (
             (1 - CLEAN) * left[0] if not alone else (1 - DOMINANT) * left[1])
         low, high = self._around(spots)
         count = 2 if both else 1 if alone else 0
@@ -241,7 +247,18 @@ class _Search:
             for i in range(0, self.n - 1, PIECE):
                 self._look(i, min(i + PIECE, self.n - 1))
         self._beside_one(found)
-        return found[:MOST_LINES]
+        return self._steady(found[:MOST_LINES])
+
+    def _steady(self, found: list[_Spot]) -> list[_Spot]:
+        """Return the lines that keep amplitude and phase; put back those that do not."""
+        if not found:
+            return found
+        lines = np.array([[s.frequency, s.a, s.b] for s in found])
+        lines = _jointly(lines, self.whole, self.reference, self.dt)
+        some = unsteady(lines, self.whole, self.reference, self.dt, NEAR, 1 - DOMINANT)
+        for s in (s for s, no in zip(found, some) if no):
+            self._add(s, 1.0)
+        return [s for s, no in zip(found, some) if not no]
 
     def _beside_one(self, found: list[_Spot]) -> None:
         """
@@ -265,8 +282,7 @@ class _Search:
             for s in pair:
                 self._add(s, -1.0)
             left, scatter = self._power([spot])
-            apart = 2 * self.n * self.dt * abs(pair[0].frequency - pair[1].frequency)
-            if apart > RESOLVED and left < 3 * scatter and alone - left > self.threshold:
+            if self._apart(pair) and left < 3 * scatter and alone - left > self.threshold:
                 found[i] = pair[0]
                 found.append(pair[1])
                 self._block(pair)
@@ -274,6 +290,10 @@ class _Search:
                 for s in pair:
                     self._add(s, 1.0)
                 self._add(spot, -1.0)
+
+    def _apart(self, pair: list[_Spot]) -> bool:
+        """Tell whether two lines are further apart than one that fades is broad."""
+        return 2 * self.n * self.dt * abs(pair[0].frequency - pair[1].frequency) > RESOLVED
 
     def _pair(self, spot: _Spot, other: _Spot) -> list[_Spot]:
         """Return a line that was taken out and one beside it, measured together."""

@@ -10,10 +10,11 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Spectrum
+from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
 from ..loop.effect import Fit, Model
+from ..loop.verdict import PRICE
 
 #: a model with the shapes of its effects, and where its searched parameters start
 Start: TypeAlias = tuple[Model, np.ndarray]
@@ -34,7 +35,11 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
             continue
         shapes = [p.name for p in e.parameters if not p.amplitude and not p.linear]
         known = given[e.label] if given is not None and e.label in given.labels else e
-        if shapes and all(s in known.values for s in shapes):
+        begun = bool(shapes) and all(s in known.values for s in shapes)
+        if begun and isinstance(e, Mean) and e.anew and not e.fitted:
+            options = e.with_values(
+                **{s: known[s] for s in shapes if s not in e.anew}).starts(likelihood.evidence)
+        elif begun:
             options = [e.with_values(**{s: known[s] for s in shapes})]
         else:
             options = e.starts(likelihood.evidence)
@@ -43,7 +48,7 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
                 )
         if isinstance(e, Mean) and len(options) > 2:
-            options = _best_columns(likelihood, grid[0], e, options)
+            options = _best_columns(likelihood, grid[0], e, options, finer=not begun)
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
@@ -65,12 +70,12 @@ def _with_given(likelihood, given, x0):
     return out
 
 
-def _best_columns(likelihood, model, effect, options, keep=2):
+def _best_columns(likelihood, model, effect, options, keep=2, finer=True):
     """
     Return the options whose columns explain most of the slow part.
 
     They are judged against the smoothed measured spectrum, beside what else acts on the mean: a
-    second step must not land on the first.
+    second step must not land on the first. A form of more columns must be that much better.
 
     """
     power = smooth(likelihood.power)
@@ -90,15 +95,19 @@ def _best_columns(likelihood, model, effect, options, keep=2):
         for x in proposed:
             x = x * root
             basis = _basis(x - before @ (before.T @ x), np.sum(x**2, axis=0))
-            gains.append(float(np.sum((basis.T @ y) ** 2)))
+            gains.append(float(np.sum((basis.T @ y) ** 2)) - 2 * PRICE * basis.shape[1])
         if again:
             break
         # a strong one is in that spectrum itself: what the best leaves tells them apart
-        x = np.column_stack([*known, proposed[int(np.argmax(gains))]]) * root
+        best = np.argsort(gains)[::-1]
+        more = [o for i in best[:keep] for o in options[i].finer(likelihood.evidence) if finer]
+        x = np.column_stack([*known, proposed[best[0]]]) * root
         basis = _basis(x)
         rest = (slow * root[:, 0] - basis @ (basis.T @ (slow * root[:, 0]))) / root[:, 0]
         power = smooth(np.maximum(
             likelihood._replaced(likelihood.power, likelihood._slow, rest), 1e-300))
+        options = [*options, *more]
+        proposed += [likelihood.slow_columns(o) for o in more]
     return [options[i] for i in np.argsort(gains)[::-1][:keep]]
 
 
@@ -125,7 +134,8 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
             else Likelihood(plain.evidence, plain.part_name, candidate, mean, plain.explained)
         )
         x0 = _carried(plain, x0, likelihood)
-        value = likelihood.value(x0)[0]
+        value, linear = likelihood.value(x0)[:2]
+        value += linear.form
         found.setdefault(candidate, []).append(
             (value if np.isfinite(value) else np.inf, likelihood, x0))
     ranked = []
@@ -134,6 +144,38 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
         ranked += [(place, *z) for place, z in enumerate(some)]
     ranked.sort(key=lambda z: z[:2])
     return [(likelihood, x0) for _, _, likelihood, x0 in ranked[:most]]
+
+
+def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likelihood, np.ndarray]]:
+    """
+    Return (likelihood, start) of responses begun anew, all else as it was found at x (p,).
+
+    A form is chosen where all begin, and a narrow peak that no start meets decides there: beside
+    one it is asked again where the peak has been met, the same form too, for it may have ended at
+    the bound of what is optional. Of each form the best start, of these the
+    best ``most``; none where the model has no such peak, or neither of them is new in it.
+
+    """
+    here, out = found.with_search(x), []
+    peaks = {e.label for e in here.of(Spectrum) if e.centre is not None}
+    if not peaks or here.labels[-1] not in peaks | {e.label for e in here.of(Response)}:
+        return []
+    known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
+    for e in here.of(Response):
+        choices = [p.name for p in e.parameters if p.choices]
+        best: dict[tuple, tuple] = {}
+        for o in type(e)({}, e.label).starts(found.evidence) if choices else ():
+            form = tuple(o[c] for c in choices)
+            other = Likelihood(found.evidence, found.part_name, found.model.with_effect(o),
+                               found.mean, found.explained)
+            x0 = np.array([
+                known[s.label, s.parameter.name] if s.label != e.label
+                else s.to_search(o[s.parameter.name]) for s in other.slots])
+            value = other.value(x0)[0]
+            if value < best.get(form, (np.inf,))[0]:
+                best[form] = value, other, x0
+        out += sorted(best.values(), key=lambda z: z[0])[:most]
+    return [(other, x0) for _, other, x0 in out]
 
 
 def _carried(plain: Likelihood, x0: np.ndarray, likelihood: Likelihood) -> np.ndarray:

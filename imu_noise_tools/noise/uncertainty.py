@@ -40,18 +40,19 @@ def with_linear(likelihood: Likelihood, model: Model, linear: Linear) -> Model:
 def chosen_estimates(likelihood: Likelihood) -> Estimates:
     """Return what was chosen among the proposed values, and what is no part of a choice."""
     evidence = likelihood.evidence
+
+    def chosen(e, p):
+        unit = units.si(p.unit, evidence.sensor)
+        if p.linear:
+            return Estimate(None, None, (0.0, 0.0), unit, upper95=0.0, point=0.0,
+                            note='no part of this form')
+        return Estimate(e[p.name], None, None, unit, point=e[p.name], note=(
+            'the best of the values tried' if p.discrete else 'no part of this form'))
+
     return {
         e.label: {
-            p.name: Estimate(
-                e[p.name],
-                None,
-                None,
-                units.si(p.unit, evidence.sensor),
-                point=e[p.name],
-                note='the best of the values tried' if p.discrete else 'no part of this form',
-            )
-            for p in e.parameters
-            if p.name in e.values and (p.discrete or not p.linear and settled(e, p, evidence))
+            p.name: chosen(e, p) for p in e.parameters
+            if (p.linear or p.name in e.values) and (p.discrete or settled(e, p, evidence))
         }
         for e in likelihood.model.of(NoiseEffect)
         if not isinstance(e, MEASURED)

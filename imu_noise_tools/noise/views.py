@@ -344,7 +344,7 @@ def predicted(
     solved = np.linalg.solve(c_kk, np.column_stack([c_wk.T, x_k, means.y[known]]))
     gain, kx, ky = solved[:, :len(c_wk)].T, solved[:, len(c_wk):-1], solved[:, -1]
     about = x_k.T @ kx
-    if np.linalg.matrix_rank(x_k) < x_k.shape[1]:
+    if np.linalg.matrix_rank(x_k) < np.count_nonzero(np.any(means.columns, axis=0)):
         # a step behind all that is known: nothing tells its size, which must not be taken for 0
         y = means.y - np.mean(means.y[known])
         means = replace(means, y=y)

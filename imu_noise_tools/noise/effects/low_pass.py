@@ -62,11 +62,12 @@ class LowPass(Response):
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
-        Return the two best cutoffs of each form.
+        Return the two best cutoffs of each form, the best form first.
 
         The best are those behind which the measured spectrum is flattest, coefficient by
         coefficient: far off the minimum a fit of the power itself goes astray, since a gain near
-        zero makes the smallest mismatch enormous.
+        zero makes the smallest mismatch enormous. Beside effects with many starts of their own
+        only the first of them are tried.
 
         """
         bins, dt = evidence.whole.bins, evidence.dt
@@ -94,7 +95,7 @@ class LowPass(Response):
                 some = [best.with_values(cutoff=best['cutoff'] * c) for c in FINER]
                 best = min(some, key=roughness)
             out += [best, second]
-        return out
+        return sorted(out, key=roughness)
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """

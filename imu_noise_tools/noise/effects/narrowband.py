@@ -11,7 +11,7 @@ from ...core import oscillator
 from ...core.spectrum import Bins
 from ...loop.effect import Effect
 
-SHARPEST = 0.25  # cells of 1/T: below, it is a line
+SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
 CLEAR = 5.0  # standard errors of one of those

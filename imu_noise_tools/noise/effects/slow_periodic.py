@@ -10,13 +10,20 @@ from ..kinds import Inputs, Mean, Parameter
 from ...loop.effect import Effect
 
 
+ORDERS = 3  # what a room, a day or a regulator has beyond is little
+CYCLES = np.linspace(0.5, 10, 24)  # in the record, that are started from
+
+
 class SlowPeriodic(Mean):
-    """A sine of a few periods in the record, or of part of one."""
+    """A swing of a few periods in the record: a sine, of part of one too, or with harmonics."""
 
     name = 'slow_periodic'
-    symbol = 'cosine, sine, period'
+    symbol = 'cosine, sine, ..., period'
     title = 'slow periodic change of the bias'
-    equation = 'mean = cosine cos(2 pi t/period) + sine sin(2 pi t/period)'
+    equation = (
+        'mean = cosine cos(2 pi t/period) + sine sin(2 pi t/period) + the same at 2 and 3 times '
+        'that frequency, up to orders'
+    )
     signature = (
         'the mean of the record swings with a period of T/10 to 2 T; slope +1 in the Allan '
         'deviation up to half of that period, then a dip'
@@ -32,31 +39,58 @@ class SlowPeriodic(Mean):
     parameters = (
         *(
             Parameter(
-                name, '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True, title=title
+                f'{name}{suffix}', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True,
+                title=title + of,
             )
+            for suffix, of in (('', ''), *((f'_{k}', f', order {k}')
+                                           for k in range(2, ORDERS + 1)))
             for name, title in (('cosine', 'part in phase with the beginning of the record'),
                                 ('sine', 'part a quarter of a period later'))
         ),
         Parameter('period', 's', 1e-2, 1e7, title='period'),
+        Parameter('orders', '1', 1, ORDERS, log=False, discrete=True,
+                  title='highest order of a swing that is no sine'),
     )
+    optional = tuple(f'{name}_{k}' for k in range(2, ORDERS + 1) for name in ('cosine', 'sine'))
+    anew = ('orders',)
+    neutral = {**dict.fromkeys(optional, 0.0), 'orders': 1.0}
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at periods from a tenth of the record to twice its length, 24 in all."""
         if 'period' in self.values:
-            return [self]
-        t = evidence.duration
-        return [self.with_values(period=float(p)) for p in 1 / np.linspace(0.5 / t, 10 / t, 24)]
+            return [self.with_values(orders=float(k)) for k in range(1, ORDERS + 1)
+                    if k == 1 or self['period'] <= evidence.duration]
+        return [self.with_values(period=evidence.duration / x, orders=1.0) for x in CYCLES]
+
+    def finer(self, evidence: Evidence) -> list[Effect]:
+        """Try harmonics or none, of periods so near that the highest stays in step."""
+        beside = (CYCLES[1] - CYCLES[0]) / ORDERS * np.array([-1, 0, 1])
+        cycles = evidence.duration / self['period'] + beside
+        return [self.with_values(period=evidence.duration / x, orders=float(k))
+                for x in cycles for k in range(1, ORDERS + 1) if k == 1 or x >= 1]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
-        """Below a tenth of the record it is a line, beyond twice its length a drift."""
-        return {'period': (0.09 * evidence.duration, 2.2 * evidence.duration)}
+        """
+        Below a tenth of the record it is a line, beyond twice its length a drift.
 
-    def columns(self, inputs: Inputs, period: float) -> np.ndarray:
-        """Return cosine and sine."""
+        With harmonics the record holds a period at least: of less there is no form.
+
+        """
+        orders = int(self.values.get('orders', ORDERS))
+        most = 2.2 if orders == 1 else 1.1
+        return {'period': (0.09 * evidence.duration, most * evidence.duration),
+                **{name: (0.0, 0.0) for name in self.optional[2 * orders - 2:]}}
+
+    def columns(self, inputs: Inputs, period: float, orders: float = 1.0) -> np.ndarray:
+        """Return cosine and sine of each order, zero beyond the highest."""
         angle = 2 * np.pi * inputs.t / period
-        return np.column_stack([np.cos(angle), np.sin(angle)])
+        out = np.zeros((len(angle), 2 * ORDERS))
+        for k in range(1, int(orders) + 1):
+            out[:, 2 * k - 2:2 * k] = np.column_stack([np.cos(k * angle), np.sin(k * angle)])
+        return out
 
     @classmethod
     def example(cls) -> Effect:
-        """Return a swing of 20.6 deg/h (1e-4 rad/s) to either side in ten minutes."""
-        return cls({'cosine': 6e-5, 'sine': 8e-5, 'period': 600.0})
+        """Return a skewed swing of 20.6 deg/h (1e-4 rad/s) to either side in ten minutes."""
+        return cls({'cosine': 6e-5, 'sine': 8e-5, 'cosine_2': 2e-5, 'sine_2': -1e-5,
+                    'cosine_3': -2e-5, 'sine_3': 1e-5, 'period': 600.0, 'orders': 3.0})
