@@ -50,6 +50,11 @@ class Known:
         """Return it for k models each."""
         return Known(*(np.repeat(a, k, -1) for a in self.parts))
 
+    def take(self, bank: Bank, lanes: np.ndarray, ahead: int = 0) -> None:
+        """Take over what a bank knows in some lanes (mask), for those so many ``ahead``."""
+        for into, now in zip(self.parts, (bank.mu, bank.x, bank.cov)):
+            into[..., np.flatnonzero(lanes) + ahead] = now[..., lanes]
+
     def of(self, i: int, k: int) -> Known:
         """Return what the i-th of k models knows."""
         return Known(*(a[..., i::k].copy() for a in self.parts))
@@ -70,20 +75,22 @@ class Chunks:
         self.stop = np.minimum(self.first + size, len(z))
         self._known: dict[tuple[str, ...], Known] = {}
         self._alike: dict[tuple, Known] = {}
+        self._ended: dict[tuple[str, ...], dict[Model, Known]] = {}
 
     def densities(
-        self, models: list[Model], at_off: tuple[float, ...] = ()
+        self, models: list[Model], at_off: tuple[float, ...] = (), share: float = 1.0
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """
         Return log-likelihoods of each sample by k models of one structure, and lists of scores.
 
-        (k, n - settle) each. There are scores of the samples off by each of ``at_off``.
+        (k, n - settle) each. There are scores of the samples off by each of ``at_off``. Of each
+        chunk no more than ``share`` is passed, from its beginning; the rest is left at zero.
 
         """
         key = tuple(models[0].labels)
         if key not in self._known:
             self.begin(models[0])
-        return self._parts(models, at_off, self._known[key])
+        return self._parts(models, at_off, self._known[key], share)
 
     def passed(self, models: list[Model]) -> np.ndarray:
         """
@@ -108,8 +115,10 @@ class Chunks:
         some = max(1, LANES // len(self.first))
         return [models[i:i + some] for i in range(0, len(models), some)]
 
-    def _parts(self, models, at_off, known):
-        parts = [self._run(some, at_off, known.repeated(len(some)))
+    def _parts(self, models, at_off, known, share):
+        if share == 1.0:
+            self._ended[tuple(models[0].labels)] = {}
+        parts = [self._run(some, at_off, known.repeated(len(some)), share)
                  for some in self._groups(models)]
         return (np.concatenate([part[0] for part in parts]),
                 [np.concatenate(u) for u in zip(*(part[1] for part in parts))])
@@ -118,14 +127,16 @@ class Chunks:
         """
         Let all chunks of models of this structure begin with what this model knows there.
 
-        Each goes on from where the one before it begins; if that is not known to this structure,
-        nor to another of the same states, all come from far. ``anew``: phases are learnt again,
-        and what of them was seen before is added (:func:`_joined`).
+        Each goes on from where the one before it begins: as it did, if this model was among the
+        last to be passed. If that is not known to this structure, nor to another of the same
+        states, all come from far. ``anew``: phases are learnt again, and what of them was seen
+        before is added (:func:`_joined`).
 
         """
         key, states = tuple(model.labels), self._states(model)
         before = self._known.get(key, self._alike.get(states))
-        self._known[key] = self._from([model], before, anew)
+        ended = None if anew else self._ended.get(key, {}).get(model)
+        self._known[key] = ended or self._from([model], before, anew)
         self._alike.setdefault(states, self._known[key])
 
     def _states(self, model):
@@ -149,7 +160,10 @@ class Chunks:
             before = Known(*(np.roll(a, k, -1) for a in before.parts))
             bank.load(*(_with_memory(before, bank, spaces[0]) if joins else before).parts)
         known = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
-        for step in range(int(np.max(end - begin))):
+        steps = int(np.max(end - begin))
+        z = np.repeat(self.z[np.minimum(begin + np.arange(steps)[:, None], len(self.z) - 1)], k,
+                      axis=1)
+        for step in range(steps):
             at = begin + step
             if step or before is not None:
                 bank.mix(e)
@@ -158,38 +172,51 @@ class Chunks:
                 if before is not None and joins:
                     _forget(bank, spaces[0])
                 bank.restart(np.repeat(begin == 0, k))
-            bank.update(np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k), e)
+            bank.update(z[step], e)
             if (at == end - 1).any():
-                there = np.repeat(at == end - 1, k)
-                for into, now in zip(known.parts, (bank.mu, bank.x, bank.cov)):
-                    into[..., there] = now[..., there]
+                known.take(bank, np.repeat(at == end - 1, k))
         if not joins:
             return known
         each = [_joined(known.of(i, k), begin, end, space, self.alpha).parts
                 for i, space in enumerate(spaces)]
         return Known(*(np.stack(a, -1).reshape(*a[0].shape[:-1], -1) for a in zip(*each)))
 
-    def _run(self, models, at_off, known):
-        n, k, settle = len(self.z), len(models), settle_of(len(self.z))
+    def _run(self, models, at_off, known, share=1.0):
+        k = len(models)
+        stop = np.minimum(self.stop, self.first + int(np.ceil(share * self.stop[0])))
         bank, e = self._bank(models, len(self.first))
         bank.load(known.mu, known.x, known.cov)
-        new = np.repeat(self.first < NEAR, k)       # there is nothing before
         begin = np.maximum(self.first - NEAR, 0)
-        each, *scores = np.empty((1 + len(at_off), k, n))
-        for step in range(int(np.max(self.stop - begin))):
-            at = begin + step
-            live = (at >= self.first) & (at < self.stop)
+        at = begin + np.arange(np.max(stop - begin))[:, None]
+        live = (at >= self.first) & (at < stop)
+        z = np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k, axis=1)
+        found = np.empty((1 + len(at_off), *z.shape))
+        ends = np.equal(at, np.append(begin[1:], 0) - 1)
+        ended = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
+        some, last = np.sum(live, axis=1) > 0, np.sum(ends, axis=1) > 0
+        for step in range(len(at)):
             bank.mix(e)
             bank.predict(e)
             if not step:
-                bank.restart(new)
-            nu, s, density = bank.update(np.repeat(self.z[np.minimum(at, n - 1)], k), e)
-            if not live.any():
-                continue
-            each[:, at[live]] = log_density(density).reshape(-1, k)[live].T
-            for u, off in zip(scores, at_off):
-                u[:, at[live]] = bank.transform(nu + off, s, e).reshape(-1, k)[live].T
-        return each[:, settle:], [u[:, settle:] for u in scores]
+                bank.restart(np.repeat(self.first < NEAR, k))   # there is nothing before
+            nu, s, found[0, step] = bank.update(z[step], e)
+            if last[step]:
+                ended.take(bank, np.repeat(ends[step], k), k)
+            if some[step]:
+                for u, off in zip(found[1:], at_off):
+                    u[step] = bank.transform(nu + off, s, e)
+        if share == 1.0:
+            self._ended.setdefault(tuple(models[0].labels), {}).update(
+                (m, ended.of(i, k)) for i, m in enumerate(models))
+        found[0] = log_density(found[0])
+        each, *scores = self._in_order(found.reshape(*found.shape[:2], -1, k), at, live)
+        return each, scores
+
+    def _in_order(self, found, at, live):
+        """Return (..., k, n - settle) of what was found, (..., steps, chunks, k), where live."""
+        out = np.zeros((len(found), found.shape[-1], len(self.z)))
+        out[:, :, at[live]] = np.moveaxis(found[:, live], -1, 1)
+        return out[:, :, settle_of(len(self.z)):]
 
     def _bank(self, models, chunks, changed=None):
         """

@@ -20,7 +20,11 @@ from ..loop.effect import Effect, Estimate, Model
 
 NULL = CHI2_95 / 2      # nats: an amplitude that loses less by going to zero is not observable
 LIMIT = CHI2_90 / 2     # nats, for a one-sided 95 % limit
+PARTS = 0.25            # of the series, where a climb is far from the top
 STENCIL = 0.3           # of the first move of a parameter: how far apart a curvature is read
+WIDER = 2.0             # times that, at first
+REACH = 3.0             # first moves that a step of a climb goes at most
+PLAIN = 1.0             # nats: where parts hope for less, the whole is climbed
 FURTHER = 1.0           # nats: a climb that gained more knows better where chunks begin
 ENOUGH = 0.05           # nats: a climb that hopes for less is at the top
 DOUBT = 10.0            # nats that a climb may gain beside three times what its steps promise
@@ -29,8 +33,9 @@ DOUBT = 10.0            # nats that a climb may gain beside three times what its
 class Likelihood:
     """The log-likelihoods of models of one structure on one series z (n,) at dt (s)."""
 
-    def __init__(self, z: np.ndarray, dt: float, alpha: float, chunks: Chunks | None = None):
-        self.z, self.dt, self.alpha = z, dt, alpha
+    def __init__(self, z: np.ndarray, dt: float, alpha: float, chunks: Chunks | None = None,
+                 share: float = 1.0):
+        self.z, self.dt, self.alpha, self.share = z, dt, alpha, share
         self.chunks = chunks or Chunks(z, dt, alpha)
         self.samples, self.span = len(z), len(z) * dt
         self._known: dict[Model, float] = {}
@@ -48,9 +53,13 @@ class Likelihood:
 
     def each(self, models: list[Model]) -> np.ndarray:
         """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
-        found = self.chunks.densities(models)[0]
-        self._known.update(zip(models, map(finite, found.sum(1))))
+        found = self.chunks.densities(models, share=self.share)[0]
+        self._known.update(zip(models, (finite(v) / self.share for v in found.sum(1))))
         return found
+
+    def parts(self) -> Likelihood:
+        """Return what models that jump are likely to have, from parts of the series."""
+        return Likelihood(self.z, self.dt, self.alpha, self.chunks, PARTS)
 
     def exactly(self, models: list[Model]) -> list[float]:
         """Return the log-likelihood of each of models that jump, begun each with its own."""
@@ -187,8 +196,10 @@ def start(
             if not guesses:
                 return None
             tried = [Model([*held, g]) for g in guesses]
-            able = _complete(tried[0])
-            best = int(np.argmax(evaluate(tried))) if able and len(guesses) > 1 else 0
+            if not _complete(tried[0]):
+                tried = tried[:1]
+            rough = evaluate if oscillates(tried[0]) else evaluate.parts()
+            best = int(np.argmax(rough(tried))) if len(tried) > 1 else 0
             held.append(guesses[best])
     by_label = {e.label: e for e in held}
     begin = Model(by_label[e.label] for e in model)
@@ -205,12 +216,13 @@ def _complete(model: Model) -> bool:
 
 
 def maximise(
-    model: Model, fixed: Any, evaluate: Likelihood, hope: float = -np.inf
+    model: Model, fixed: Any, evaluate: Likelihood, hope: float = -np.inf, enough: float = ENOUGH
 ) -> tuple[Model, float]:
     """
     Return the model at its largest likelihood, from its own values, and that log-likelihood.
 
-    A climb ends early where it does not see itself come to ``hope``.
+    A climb ends early where it does not see itself come to ``hope``; one that hopes for no more
+    than ``enough`` is at the top.
 
     """
     free = Free(model, fixed)
@@ -218,7 +230,7 @@ def maximise(
     if not len(x):
         return model, float(evaluate([model])[0])
     if jumps(model):
-        x, best = _climb(free, x, evaluate, hope)
+        x, best = _climb(free, x, evaluate, hope, enough)
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
     found = minimize(
@@ -234,52 +246,78 @@ def _finite(value):
     return float(value) if np.isfinite(value) else -1e300
 
 
-def _climb(free: Free, x, evaluate, hope: float, rounds: int = 9):
+def _climb(free: Free, x, evaluate, hope: float, enough: float):
     """
     Climb by Newton's steps, from the likelihood a little to either side along every coordinate.
 
     That gives slope and curvature; how coordinates go together is what the slopes have in common
     sample by sample (Berndt, Hall, Hall, Hausman 1974). Every step is tried at half its length
-    and beside the best of the points around.
+    and beside the best of the points around. Parts of the series show the way as far as they can.
 
     """
-    least = STENCIL * free.scale(evaluate.span)
-    step = 5 * least
     best = evaluate.about(free.at(x))
-    for done in range(rounds):
+    wider = WIDER
+    if not oscillates(free.model):      # a phase is not learnt from parts
+        parts = evaluate.parts()
+        way, _, able = _rounds(free, x, float(parts([free.at(x)])[0]), parts, hope - best, PLAIN)
+        gained = float(evaluate([free.at(way)])[0]) - best
+        if gained > 0:
+            x, best, wider = way, evaluate.about(free.at(way)), 1.0
+        if not able and best + 3 * max(gained, 0.0) + DOUBT < hope:
+            return x, best
+    return _rounds(free, x, best, evaluate, hope - best, enough, wider)[:2]
+
+
+def _rounds(free, x, best, evaluate, wanted, enough, wider=WIDER, most=9):
+    """
+    Return where rounds of a climb come to, how high that is, and if ``wanted`` may be gained.
+
+    What parts of a series promise is doubted the more the less they are.
+
+    """
+    share = evaluate.share
+    hope = best + wanted
+    scale = free.scale(evaluate.span)
+    least = STENCIL * scale
+    step = wider * least
+    for done in range(most):
         around = np.concatenate([x + np.diag(step), x - np.diag(step)])
         models = [free.at(v) for v in around]
-        each = evaluate.each(models)
+        each = evaluate.each(models) * share ** -0.5
         value = evaluate(models)
-        newton, gain = _newton(each, value, best)
-        if best + (gain if done > 1 else 3 * gain + DOUBT) < hope:
-            break
+        newton, gain = _newton(each, value, best, REACH * scale / step)
+        if best + (gain if share == 1 and done > 1 else 3 * gain + DOUBT / share) < hope:
+            return x, best, False
         tried = [*around, x + newton * step, x + 0.5 * newton * step]
-        if gain > ENOUGH:
+        if gain > enough:
             value = np.append(value, evaluate([free.at(v) for v in tried[-2:]]))
         top = int(np.argmax(value))
         gained = value[top] - best
         if gained > 0:
             x = tried[top]
-            best = evaluate.about(free.at(x)) if gained > FURTHER else float(value[top])
+            best = (evaluate.about(free.at(x)) if share == 1 and gained > FURTHER
+                    else float(value[top]))
         small = np.all(step < 1.01 * least)
-        step = np.maximum(step if gained > 20 * ENOUGH and not small else 0.2 * step, least)
-        if small and gained <= ENOUGH:
+        if small and gained <= enough:
             break
-    return x, best
+        step = least if gained <= 20 * enough or share < 1 else step
+    return x, best, True
 
 
-def _newton(each: np.ndarray, value: np.ndarray, best: float) -> tuple[np.ndarray, float]:
+def _newton(
+    each: np.ndarray, value: np.ndarray, best: float, reach: np.ndarray
+) -> tuple[np.ndarray, float]:
     """
     Return a step, (k,) in lengths to either side, and the gain to be hoped from it.
 
-    ``each`` (2 k, n) and ``value`` (2 k,) are at either side, ``best`` between.
+    ``each`` (2 k, n) and ``value`` (2 k,) are at either side, ``best`` between; no step goes
+    beyond ``reach`` (k,).
 
     """
     k = len(value) // 2
     up, down = value[:k], value[k:]
     if not np.isfinite(value).all():
-        return np.clip(np.nan_to_num(up - down, posinf=2.0, neginf=-2.0), -2.0, 2.0), np.inf
+        return np.clip(np.nan_to_num(up - down, posinf=2.0, neginf=-2.0), -reach, reach), np.inf
     slope = 0.5 * (up - down)
     common = 0.5 * (each[:k] - each[k:])
     common = common @ common.T
@@ -288,7 +326,7 @@ def _newton(each: np.ndarray, value: np.ndarray, best: float) -> tuple[np.ndarra
     both = 0.98 * common * np.outer(root, root)
     np.fill_diagonal(both, bend)
     step = np.linalg.solve(both, slope)
-    return np.clip(step, -2.0, 2.0), 0.5 * float(slope @ step)
+    return np.clip(step, -reach, reach), 0.5 * float(slope @ step)
 
 
 def estimates(

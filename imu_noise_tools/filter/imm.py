@@ -287,7 +287,7 @@ class Bank:
 
         """
         x, cov, work, r = self.x, self.cov, self._work, self.noise(e)
-        nu, s, log_l = self._nu, self._s, self._own
+        nu, s, power = self._nu, self._s, self._own
         ph = self._half[0]
         if self.seen == [(0, 1.0)]:
             ph = cov[self.row[0]]
@@ -299,25 +299,31 @@ class Bank:
         if self.mixture is None:
             shrink = np.divide(1.0, s, out=self._common)
             gain = np.multiply(nu, shrink, out=work[0])
-            np.multiply(nu, gain, out=log_l)
-            log_l += np.log(s)
-            log_l *= -0.5
+            np.multiply(nu, gain, out=power)
+            power *= -0.5
+            factor = np.sqrt(shrink)
         else:
-            gain, shrink, log_l = self._robust(nu, s, r)
+            gain, shrink, power, factor = self._robust(nu, s, r)
         x += np.multiply(gain, ph, out=self._off)
         scaled = np.multiply(shrink, ph, out=self._off)
         for i, row in enumerate(self.row):
             np.multiply(scaled[i], ph[i:], out=work[row])
         cov -= work
-        return nu, s, self._weigh(log_l)
+        return nu, s, self._weigh(power, factor)
 
-    def _weigh(self, log_l):
-        """Give the modes their probabilities; return the log-likelihood of all, (lanes,)."""
+    def _weigh(self, power, factor):
+        """
+        Give the modes their probabilities; return the log-likelihood of all, (lanes,).
+
+        That of each is ``factor`` exp(``power``): a root is had for less than a logarithm.
+
+        """
         if self.table.modes == 1:
-            return log_l[0]
-        top = log_l.max(0)
-        weight = np.subtract(log_l, top, out=self.mu)
+            return power[0] + np.log(factor[0])
+        top = power.max(0)
+        weight = np.subtract(power, top, out=self.mu)
         np.exp(weight, out=weight)
+        weight *= factor
         weight *= self.prior
         total = weight.sum(0)
         weight /= total
@@ -329,20 +335,20 @@ class Bank:
 
         Two moments are kept of what both say.
 
-        Return (K nu over P H, what shrinks the covariance, log-likelihood): P - Ph Ph^T shrink.
+        Return (K nu over P H, what shrinks the covariance, power and factor of the likelihood): P
+        - Ph Ph^T shrink.
 
         """
         assert self.mixture is not None
         fraction, factor = self.mixture
         wide = s + r * (factor - 1)
         a, b = nu / s, nu / wide
-        log_good = np.log1p(-fraction) - 0.5 * (nu * a + np.log(s))
-        log_bad = np.log(fraction) - 0.5 * (nu * b + np.log(wide))
-        top = np.maximum(log_good, log_bad)
-        good, bad = np.exp(log_good - top), np.exp(log_bad - top)
-        w = self.good = good / (good + bad)
+        power = -0.5 * nu * b           # of an outlier, which is the larger one
+        good = (1 - fraction) / np.sqrt(s) * np.exp(-0.5 * nu * a - power)
+        both = good + fraction / np.sqrt(wide)
+        w = self.good = good / both
         gain = w * a + (1 - w) * b
-        return gain, w / s + (1 - w) / wide - w * (1 - w) * (a - b) ** 2, top + np.log(good + bad)
+        return gain, w / s + (1 - w) / wide - w * (1 - w) * (a - b) ** 2, power, both
 
     def rate(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the rate and its variance, over all modes, (lanes,) each."""

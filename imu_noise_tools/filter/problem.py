@@ -200,7 +200,7 @@ class FilterProblem(Problem):
             if gain - penalty > max(0, best - BEHIND) and covers(fit.model):
                 beside = beside or Beside(fit.model, self.stated, Likelihood(
                     self.z, self.dt, self.alpha, self.chunks))
-                gain = beside.gain(after.model, gain, penalty)
+                gain = beside.gain(after.model, gain, penalty, max(0.0, best - BEHIND))
             best = max(best, gain - penalty)
             heals = effect.heals
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):

@@ -30,7 +30,7 @@ SEEN = {'share': 0.3, 'decay': 1.0, 'spring': 10.0}     # from which on a climb 
 SURE = 100.0
 MOST = 0.5
 FAR = 500.0             # nats; a climb of laws gained up to 210 over the best of a few
-AGAIN = 3               # times that the bank may learn from the law beside a candidate
+NEAR_TOP = 0.5          # nats to which its law is climbed
 
 
 class Beside:
@@ -44,44 +44,44 @@ class Beside:
         self.model, self.value = self._best(self.model, [
             {}, *LAWS, *({'share': v, **some} for v in SHARES for some in ({}, *LAWS))])
         self.model, self.value = self._best(self.model, [{}, *({'size': v} for v in SIZES)])
-        self._climbed = False
+        self._hoped = np.inf    # what was hoped for when the bank last learnt by itself
 
-    def gain(self, model: Model, gain: float, penalty: float) -> float:
+    def gain(self, model: Model, gain: float, penalty: float, rival: float = 0.0) -> float:
         """
         Return what a candidate gains, nats, where ``model`` (with it, and values) gained ``gain``.
 
         With a law of a few, the best without it; where the effect keeps less than most of its gain
-        so, laws and values are climbed. The law beside the effect may serve the bank alone, too:
-        that is climbed from there as well.
+        so, laws and values are climbed: without the effect as long as it may fall to chance
+        (``penalty``) so, with it as long as it may come near what a ``rival`` has beyond chance.
+        The law beside the effect may serve the bank alone, too: climbed from there as well.
 
         """
         begun = [model + self.model['law']]
         if self.evaluate(begun)[0] - self.value > min(max(SURE, MOST * gain), FAR):
             return gain
-        if not self._climbed:
-            law = self.model['law']
-            self._climb(law.with_values(**{k: max(v, law[k]) for k, v in SEEN.items()}))
-            self._climbed = True
-        known = model.with_values({e.label: e.values for e in self.model}) + self.model['law']
-        begun.append(known)     # its own values: far from them it is something else
+        own = model.with_values({e.label: e.values for e in self.model})
+        begun.append(own + self.model['law'])   # far from its own values it is something else
+        hope = float(np.max(self.evaluate(begun))) - penalty
+        if hope < self._hoped and self.value < self._hoped:
+            self._hoped, law = hope, self.model['law']
+            self._learn(law.with_values(**{k: max(v, law[k]) for k, v in SEEN.items()}), hope)
+            begun.append(own + self.model['law'])
         best = begun[int(np.argmax(self.evaluate(begun)))]
-        best, value = maximise(best, self.stated, self.evaluate, self.value + penalty)
-        for _ in range(AGAIN):
-            if value - self.value <= penalty or not self._climb(best['law']):
-                break
+        best, value = maximise(
+            best, self.stated, self.evaluate, self.value + penalty + rival, NEAR_TOP)
+        if value - self.value > penalty + rival:
+            self._learn(best['law'], value - penalty)
         return float(np.clip(value - self.value, 0.0, gain))
 
-    def _climb(self, law: Any) -> bool:
-        """Let the bank learn from a law on; tell whether that is better than what it knew."""
-        model, value = maximise(self.model.with_effect(law), self.stated, self.evaluate)
-        better = value > self.value + 1.0
+    def _learn(self, law: Any, hope: float) -> None:
+        """Let the bank learn from a law on, as long as it may come to what is hoped for."""
+        model, value = maximise(
+            self.model.with_effect(law), self.stated, self.evaluate, hope, NEAR_TOP)
         if value > self.value:
             self.model, self.value = model, value
-        return better
 
     def _best(self, model: Model, laws: list[dict[str, float]]) -> tuple[Model, float]:
         """Return a model with the best of a few laws, and its log-likelihood."""
         tried = [model.with_effect(model['law'].with_values(**some)) for some in laws]
-        value = self.evaluate(tried)
-        best = int(np.argmax(value))
-        return tried[best], float(value[best])
+        best = tried[int(np.argmax(self.evaluate.parts()(tried)))]
+        return best, float(self.evaluate([best])[0])

@@ -73,18 +73,22 @@ class Shock(Defect):
         """
         Keep begin, end, size, decay and worth in nats of each; of one that rings its amplitudes.
 
-        What is still loud where it rings is a part of that, and worth nothing by itself.
+        What is still loud where it rings is a part of that, and worth nothing by itself, unless it
+        is worth more.
 
         """
         # of samples that are held each a spike is a swing of the frequencies that holding removes
         rings = NONE if repeats(y).held else find_rings(y, inputs.dt, RINGS)
-        out = _loud(rings.out_of(y) if len(rings.begin) else y, inputs.dt)
+        out = _loud(y, inputs.dt)
+        if out and np.sum(out['worth']) > np.sum(rings.worth):
+            rings = NONE    # what rings is the less of it
         if len(rings.begin):
+            out = _loud(rings.out_of(y), inputs.dt)
             some = _as_kept(rings, inputs.dt)
             if out:
                 begin, end = (out[k][:, None] for k in ('begin', 'end'))
                 same = (some['end'] > begin) & (some['begin'] < end)
-                out['worth'] = np.where(np.any(same, axis=1), 0.0, out['worth'])
+                out['worth'] = np.where(same @ some['worth'] > out['worth'], 0.0, out['worth'])
                 some = {k: np.append(v, out.get(k, np.zeros(len(out['begin']))))
                         for k, v in some.items()}
             out = some
