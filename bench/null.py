@@ -51,8 +51,8 @@ LEVEL = 1e-3
 LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 # what gains are computed by
 SOURCES = ('candidates', 'evidence', 'explained', 'fit', 'gather', 'kinds', 'likelihood', 'lines',
-           'measured', 'problem', 'quiet', 'response', 'ringing', 'shared', 'starts', 'steady',
-           'tails', 'views', 'effects/*')
+           'measured', 'problem', 'quiet', 'response', 'ringing', 'robust', 'search', 'shared',
+           'starts', 'steady', 'tails', 'thermal', 'views', 'effects/*')
 
 
 def source_hash() -> str:

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The search for the minimum of the likelihood of one axis, from several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .likelihood import Likelihood
+from .starts import begun_anew, most_promising, reddest, Start
+from ..loop.effect import Fit
+from ..loop.verdict import PRICE
+
+_REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
+_FORMS = 2  # forms of a response that are begun anew beside a narrow peak
+
+
+@dataclass(frozen=True)
+class Search:
+    """How the searched parameters are looked for: cautiously or not, from how many starts."""
+
+    cautious: bool
+    mean: Fit | None
+    enough: float  # nats that end a search; a comparison needs no more than 1e-3
+
+    @property
+    def most(self) -> int:
+        """Starts that are tried."""
+        return 6 if self.cautious else 3
+
+    def from_starts(self, plain: Likelihood, proposed: list[Start],
+                    most: int | None = None) -> Found | None:
+        """
+        Return the best :class:`Found` of several starts; None where none is finite.
+
+        A form with more parameters must be that much better.
+
+        """
+        return self._best(most_promising(plain, proposed, self.mean, most or self.most), None)
+
+    def with_responses_anew(self, found: Found) -> Found:
+        """Return the better of a minimum and what a response begun anew there reaches."""
+        return self._best(begun_anew(found.likelihood, found.x, _FORMS), found) or found
+
+    def _best(self, begins: Iterable[tuple[Likelihood, np.ndarray]],
+              best: Found | None) -> Found | None:
+        """Return the best of the minima reached from some starts, and of one that is known."""
+        least = np.inf if best is None else best.nll + PRICE * len(best.x)
+        for likelihood, x0 in begins:
+            found = self.from_point(likelihood, x0)
+            cost = found.nll + PRICE * len(found.x) + found.likelihood.value(found.x)[1].form
+            if np.isfinite(cost) and cost < least - 1e-9:
+                best, least = found, cost
+        return best
+
+    def from_point(self, likelihood: Likelihood, x0: np.ndarray) -> Found:
+        """Return the minimum reached from one point."""
+        slowest = reddest(likelihood, x0) if self.cautious else None
+        found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
+        found = _revived(likelihood, found, slowest, self.enough)
+        x, nll, information = found
+        return Found(likelihood, x, nll, information, slowest)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A minimum: where, how deep, its information, and which amplitude was kept off zero."""
+
+    likelihood: Likelihood
+    x: np.ndarray
+    nll: float
+    information: np.ndarray
+    slowest: int | None
+
+
+def _revived(likelihood, found, reddest, enough):
+    """
+    Return the better of a minimum and what follows when dead amplitudes are revived.
+
+    These are the amplitudes that died on the way to the minimum.
+
+    """
+    x = found[0]
+    _, linear, v, each = likelihood.value(x)
+    asked_for = linear.weight * (linear.power / v - 1) / v
+    again = x.copy()
+    for j, slot in enumerate(likelihood.slots):
+        share = np.max(each[slot.label] / v) if slot.label in each else 1.0
+        # what is dead stays so where a little more of it would be worse
+        if slot.parameter.amplitude and slot.parameter.log and share < 1e-3 \
+                and asked_for @ each[slot.label] > 0:
+            again[j] += 0.5 * np.log(0.3 / max(share, 1e-300))
+    if np.array_equal(again, x):
+        return found
+    other = likelihood.minimise(again, penalty=_REDDEST, reddest=reddest, enough=enough)
+    return other if other[1] < found[1] - 1e-6 else found
