@@ -161,8 +161,9 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     if not peaks or here.labels[-1] not in peaks | {e.label for e in here.of(Response)}:
         return []
     known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
+    searched = {s.label for s in found.slots}      # of others the samples say which form they have
     for e in here.of(Response):
-        choices = [p.name for p in e.parameters if p.choices]
+        choices = [p.name for p in e.parameters if p.choices and e.label in searched]
         best: dict[tuple, tuple] = {}
         for o in type(e)({}, e.label).starts(found.evidence) if choices else ():
             form = tuple(o[c] for c in choices)
