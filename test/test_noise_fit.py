@@ -14,7 +14,7 @@ from params import daily
 import pytest
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import brentq
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 from scipy.stats import binom
 
 import hidden
@@ -427,6 +427,16 @@ def test_a_pole_whose_output_is_averaged(window):
         e = found.estimates['low_pass'][name]
         assert abs(e.value - true) < 4 * e.std and e.std < 0.2 * true, (name, e, true)
     assert found.estimates['white']['N'].value == pytest.approx(1e-3, rel=0.03)
+
+
+def test_a_filter_that_something_hisses_behind_is_no_other_filter():
+    """A form whose own floor, where it is folded, is as high would do but for its shape."""
+    y = lfilter(*butter(2, 0.176), np.random.default_rng(7).standard_normal(40_000))
+    y += 0.035 * np.random.default_rng(8).standard_normal(len(y))
+    first = find_effect('noise', 'low_pass')().starts(
+        gather(record_of(y), ['gyro_x'])['gyro_x'])[0]
+    assert first.chosen('form') == 'butterworth_2'
+    assert first['behind'] == pytest.approx(0.035**2, rel=0.4)
 
 
 def test_what_is_no_part_of_a_form_is_not_searched_for():

@@ -3,6 +3,8 @@
 
 """The sensor's own low-pass filter."""
 
+from itertools import product
+
 import numpy as np
 
 from ..evidence import Evidence
@@ -16,10 +18,11 @@ FORMS = (
     POLE, 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
     'butterworth_2_sampled', *DECIMATED, AVERAGED
 )
-BEHIND = (0.0, 3e-3)  # shares to start from
+# shares to start from: for one that is missed a form with a floor of its own makes up
+BEHIND = (0.0, *np.geomspace(1e-4, 1.6e-2, 12))
 SHARES = (0.3, 0.7)  # of an average, too
 LEAST = 1e-4  # of which: beside a pole less of it is lost in rounding
-FINER = np.geomspace(0.9, 1.1, 11)
+FINER, NEARER = np.geomspace(0.9, 1.1, 11), np.geomspace(0.8, 1.25, 5)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
 CASCADE = 0.319  # of two averages of one length, one behind the other
 
@@ -70,32 +73,37 @@ class LowPass(Response):
         only the first of them are tried.
 
         """
-        bins, dt = evidence.whole.bins, evidence.dt
-        log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
-        falls = np.geomspace(0.02, 1.6, 40) * 0.5 / dt
-        lengths = np.concatenate([np.arange(1.05, 4, 0.05), np.arange(4, 65)])
+        falls = np.geomspace(0.02, 1.6, 40) * 0.5 / evidence.dt
+        lengths = np.concatenate([np.arange(1.05, 4, 0.05), np.arange(4, 65)]) * evidence.dt
         tried = dict.fromkeys(FORMS, falls)
-        tried['moving_average'] = WINDOW / (lengths * dt)
-        tried['two_averages'] = CASCADE / (lengths * dt)  # shorter ones look like one average
-
-        def roughness(effect):
-            left = log_power - np.log(np.maximum(effect.gain2(bins.f, dt), 1e-12))
-            return np.average((left - np.average(left, weights=bins.count)) ** 2,
-                              weights=bins.count)
-
-        out: list[Effect] = []
+        tried['moving_average'] = WINDOW / lengths
+        tried['two_averages'] = CASCADE / lengths  # shorter ones look like one average
+        out: list[tuple[float, Effect]] = []
         for form in FORMS:
-            shapes: list[dict[str, float]] = [{'behind': share} for share in BEHIND]
-            if form in (POLE, AVERAGED):
-                shapes = [{'averaged': share} for share in SHARES] if form == AVERAGED else [{}]
-            some = [self.with_values(**{**self.neutral, **shape}, cutoff=float(c), form=form)
-                    for c in tried[form] for shape in shapes]
-            best, second = sorted(some, key=roughness)[:2]
-            if tried[form] is falls:    # forms differ by less than one step of the cutoff does
-                some = [best.with_values(cutoff=best['cutoff'] * c) for c in FINER]
-                best = min(some, key=roughness)
+            behind = (0.0,) if form in (POLE, AVERAGED) else BEHIND
+            averaged = SHARES if form == AVERAGED else (0.0,)
+            best, second = self._smoothest(evidence, form, tried[form], averaged, behind)[:2]
+            if tried[form] is falls:    # forms differ by less than one step of either does
+                e = best[1]
+                best = self._smoothest(evidence, form, e['cutoff'] * FINER, (e['averaged'],),
+                                       e['behind'] * NEARER)[0]
             out += [best, second]
-        return sorted(out, key=roughness)
+        return [e for _, e in sorted(out, key=lambda z: z[0])]
+
+    def _smoothest(self, evidence, form, cutoffs, averaged, behind):
+        """Return (roughness, start) of each cutoff and average, the best behind it, in order."""
+        bins, out = evidence.whole.bins, []
+        behind = np.asarray(behind)[:, None]
+        log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
+        weight = bins.count / np.sum(bins.count)
+        for c, share in product(cutoffs, averaged):
+            start = self.with_values(cutoff=float(c), form=form, averaged=share, behind=0.0)
+            gain2 = (start.gain2(bins.f, evidence.dt) + behind) / (1 + behind)
+            left = log_power - np.log(gain2)
+            rough = (left - (left @ weight)[:, None]) ** 2 @ weight
+            k = int(np.argmin(rough))
+            out.append((float(rough[k]), start.with_values(behind=float(behind[k, 0]))))
+        return sorted(out, key=lambda z: z[0])
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """
