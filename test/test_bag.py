@@ -638,6 +638,19 @@ def test_copy_of_what_is_whole(name, tmp_path):
 
 
 @pytest.mark.parametrize('suffix', ['.csv', '.npz'])
+def test_a_thermometer_that_is_read_less_often(suffix, tmp_path):
+    """Empty cells are interpolated; a column that is empty throughout is none."""
+    r = bad_input.still(5)
+    rarely = np.where(np.arange(r.n) % 50 == 10, 20 + 0.1 * r.t, np.nan)
+    path = write_bag(tmp_path / f'x{suffix}', replace(r, covariates={
+        'temperature': rarely, 'pressure': np.full(r.n, np.nan)}))
+    warm = open_record(path).covariates
+    assert set(warm) == {'temperature'}
+    at = np.flatnonzero(np.isfinite(rarely))
+    np.testing.assert_allclose(warm['temperature'], np.interp(np.arange(r.n), at, rarely[at]))
+
+
+@pytest.mark.parametrize('suffix', ['.csv', '.npz'])
 def test_copy_of_a_table(suffix, tmp_path):
     """A table keeps its columns and gets more."""
     source = write_bag(tmp_path / f'x{suffix}', bad_input.still(20))

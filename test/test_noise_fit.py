@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import functools
 
 from hypothesis import given, settings
@@ -23,6 +24,8 @@ from imu_noise_tools.loop.effect import Estimate, find_effect, Model, model_of
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
+from imu_noise_tools.noise.search import Search
+from imu_noise_tools.noise.starts import starts
 
 BASE = ('white', 'flicker', 'random_walk')
 MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5 deg/h
@@ -394,6 +397,17 @@ def test_a_model_of_the_mean_alone():
     y = 1e-4 * np.arange(5000) + np.random.default_rng(14).standard_normal(5000)
     e = fit_one(y, ('ramp',)).estimates['ramp']['R']
     assert abs(e.value - 1e-4 / 0.05) < 4.5 * e.std
+
+
+def test_a_minimum_that_is_known_is_not_left_for_a_worse_one(monkeypatch):
+    """Nor beside a mean, whose columns take likelihood that goes with their size."""
+    y = 1e-2 * np.arange(2000) + np.random.default_rng(15).standard_normal(2000)
+    e = gather(record_of(y), ['gyro_x'])['gyro_x']
+    search = Search(cautious=False, mean=None, enough=1e-3)
+    plain = Likelihood(e, 'whole', model_of('noise', ('white', 'ramp')))
+    found = search.from_starts(plain, starts(plain, None))
+    monkeypatch.setattr(Search, 'from_point', lambda *_: replace(found, nll=found.nll + 1))
+    assert search._best([(found.likelihood, found.x)], found) is found
 
 
 @pytest.mark.thorough

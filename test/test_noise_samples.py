@@ -16,6 +16,7 @@ from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, ro
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
+from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -232,6 +233,15 @@ def test_the_crests_of_swings_are_no_shocks(seed):
     y[90_000:90_100] += 40 * np.exp(-t / 0.3) * rng.standard_normal(100)
     kept = SHOCK.statistics(y, inputs)
     assert kept['begin'] == pytest.approx([90_000], abs=12)
+
+
+def test_a_shock_may_be_longer_than_what_is_usually_looked_at_around_it():
+    """Four seconds at 4 kHz, the end of which was weighed in place of all of it."""
+    rng, begin, length = np.random.default_rng(21), 30_000, (1 << 14) + 2
+    y = rng.standard_normal(80_000)
+    y[begin:begin + length] += 10 * np.exp(-np.arange(length) / 3000) * rng.standard_normal(length)
+    kept = {'begin': np.array([begin]), 'end': np.array([begin + length])}
+    assert len(_beyond_the_spectrum(y, kept, 1 / 4000)['begin'])
 
 
 @pytest.mark.parametrize('share', [0.001, 0.01, 0.03])

@@ -8,6 +8,7 @@ import pytest
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.noise import thermal
 from imu_noise_tools.noise.candidates import candidates
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -60,6 +61,25 @@ def test_axes_tell_the_temperature_that_a_coarse_thermometer_misses():
     # what the axes share is the temperature's
     assert not np.any(e.coupled('gyro_x', 'gyro_y', 'whole')[:e.thermal('whole')])
     assert np.any(e.cross('gyro_y', 'whole')[:e.thermal('whole')])
+
+
+def test_noise_is_known_in_the_unit_of_what_it_is_compared_with(monkeypatch):
+    """Of blocks of two samples, of which two more make one that is compared."""
+    given, rng, shared = {}, np.random.default_rng(4), thermal._shared
+
+    def seen(c, trend, x, noise):
+        given.update(c=c, noise=noise)
+        return shared(c, trend, x, noise)
+
+    monkeypatch.setattr(thermal, '_shared', seen)
+    course = np.repeat(heated(rng), 4)
+    x = 1e-3 * (rng.standard_normal((4 * N, 3)) + 20 * course[:, None])
+    record = ImuRecord(x, None, np.arange(4 * N) / RATE, RATE,
+                       covariates={'temperature': 30 + course})
+    e = gather(record, ['gyro_x'])['gyro_x']
+    assert e.course is not None and e.common.slow_length == 2
+    fast = slice(len(given['c']) // 2, None)
+    assert np.mean(given['c'][fast]**2) == pytest.approx(np.mean(given['noise'][fast]), rel=0.2)
 
 
 @pytest.mark.thorough

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,20 @@ def test_knocks_that_ring_alike_are_found_and_taken_out():
     assert np.all((found.tau * DT > 0.1) & (found.tau * DT < 0.4))
     left = found.out_of(y) - noise
     assert np.sum(left**2) < 0.2 * np.sum((y - noise) ** 2)
+
+
+def test_knocks_at_both_ends_are_found_whatever_the_length():
+    """As of a hand that starts and stops the logger; no transform likes 30 350 samples."""
+    times = (0.05, 302.5)
+    y = knocked(np.random.default_rng(5).standard_normal(30_350), times, 12.0, 0.1, 60.0)
+    assert np.allclose(find_rings(y, DT, LEAST).begin * DT, times, atol=0.06)
+
+
+def test_few_samples_and_a_silent_axis_are_no_knocks():
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        for y in (np.zeros(0), np.ones(1), np.arange(30.0), np.zeros(3000)):
+            assert not len(find_rings(y, DT, LEAST).begin)
 
 
 @pytest.mark.thorough

@@ -432,3 +432,12 @@ def test_what_stands_in_the_shadow_of_the_unknown_is_not_named():
     gain = with_shadow(0.0).ranked[0].gain
     assert with_shadow(0.5 * verdict.SHADOW * gain).verdict == 'missing'
     assert with_shadow(2.0 * verdict.SHADOW * gain).verdict == 'unknown'
+
+
+def test_rivals_that_share_alike_come_in_one_order():
+    """A set's own order differs from run to run; what is said of the same input must not."""
+    search = object.__new__(diagnosis._Search)
+    rivals = [f'rival_{k}' for k in range(8)]
+    search.scores = {frozenset(['chosen']): 1.0, frozenset(reversed(rivals)): 0.0}
+    probability, said = search._odds(Model(), 'chosen')
+    assert said == rivals[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))

@@ -14,6 +14,7 @@ import numpy as np
 from .container import Batch, Progress
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
 from .source import Bag
+from .tables import read_between
 from .topics import Choice, COVARIATES, covariates_of
 from ..core.clock import regular_rate
 from ..core.errors import InputError
@@ -299,12 +300,7 @@ def _temperature(arrays: dict[str, np.ndarray]) -> np.ndarray | None:
     """Return the temperature that the messages hold, interpolated where they do not say it."""
     if 'temperature' not in arrays or not _holds_anything(arrays['temperature']):
         return None
-    x = arrays['temperature'][:, 0]
-    unknown = np.isnan(x)
-    if unknown.any():
-        x[unknown] = np.interp(
-            np.flatnonzero(unknown), np.flatnonzero(~unknown), x[~unknown])
-    return x
+    return read_between(arrays['temperature'][:, 0])
 
 
 def _holds_anything(x: np.ndarray) -> bool:

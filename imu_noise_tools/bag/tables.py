@@ -80,6 +80,14 @@ def table_arrays(path: Path, said: list[str] | None = None) -> dict[str, np.ndar
     return arrays
 
 
+def read_between(x: np.ndarray) -> np.ndarray:
+    """Return a slow quantity (n,), interpolated where it was not read: it comes less often."""
+    known = np.isfinite(x)
+    if known.all():
+        return np.asarray(x, float)
+    return np.interp(np.arange(len(x)), np.flatnonzero(known), x[known])
+
+
 def _record(
     path: Path, arrays: dict[str, np.ndarray], rate_hz: float | None, said: list[str]
 ) -> ImuRecord:
@@ -113,8 +121,9 @@ def _record(
         t = np.arange(n) / rate
     else:
         start = float(t[np.isfinite(t)][0])
-    covariates = {k: np.array(x, float) for k, x in arrays.items()
-                  if x.ndim == 1 and len(x) == n and x.dtype.kind in 'fiu' and k not in AXES}
+    covariates = {k: read_between(x) for k, x in arrays.items()
+                  if x.ndim == 1 and len(x) == n and x.dtype.kind in 'fiu' and k not in AXES
+                  and np.any(np.isfinite(x))}
     return ImuRecord(
         gyro=data['gyro'],
         accel=data['accel'],

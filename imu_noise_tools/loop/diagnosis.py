@@ -497,7 +497,9 @@ class _Search:
             if name not in k:
                 for x in k:
                     others[x] = others.get(x, 0.0) + v
-        rivals = [x for x in sorted(others, key=lambda x: -others[x]) if others[x] > 0.02 * total]
+        # those that come together have the same: a set's own order differs from run to run
+        rivals = [x for x in sorted(others, key=lambda x: (-others[x], x))
+                  if others[x] > 0.02 * total]
         return with_it / total, rivals[:3]
 
     def remaining(self, model: Model) -> Remaining | None:

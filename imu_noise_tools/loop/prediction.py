@@ -57,9 +57,9 @@ def fall_of(before: Score, after: Score, effects: Iterable[Effect]) -> float:
     for score, sign in ((before, 1), (after, -1)):
         fall += sign * sum(
             max(score.views[k].excess, 0.0) * len(score.views[k].pull)
-            for k in set(score.views) & names - both
+            for k in score.views if k in names - both   # in an order that no run changes
         )
-    muted = set(before.muted) & set(after.muted) & named
+    muted = [k for k in before.muted if k in after.muted and k in named]
     return fall + sum(before.muted[k].deviance - after.muted[k].deviance for k in muted)
 
 

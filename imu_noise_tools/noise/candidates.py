@@ -21,10 +21,11 @@ from .explained import Bands, supported
 from .fit import fit as fit_part
 from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
-from .likelihood import inverse, Likelihood
+from .likelihood import Likelihood
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
+from ..core.linear import inverse
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 from ..loop.verdict import DIRECTED, PRICE
 

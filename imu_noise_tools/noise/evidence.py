@@ -198,8 +198,9 @@ class Evidence:
         bins = self.whole.bins
         f = np.arange(1, len(self.common.low[axes[0], 'whole']) + 1) / (2 * bins.n * self.dt)
         own = {a: own_noise(bins, self.common.pair(a, a, 'whole'))[2] for a in axes}
+        each = 2 * self.dt * self.common.slow_length    # from a one-sided density
         return course_of(self.common.slow, self.slow_t, {
-            a: np.interp(np.log(f), np.log(bins.f), x) for a, x in own.items()})
+            a: np.interp(np.log(f), np.log(bins.f), x) / each for a, x in own.items()})
 
     @property
     def sensor(self) -> str:

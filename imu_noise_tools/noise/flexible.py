@@ -23,7 +23,8 @@ from .explained import Bands, supported
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
-from .likelihood import inverse, Likelihood
+from .likelihood import Likelihood
+from ..core.linear import inverse
 from ..core.statistics import kurtosis_pull
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE

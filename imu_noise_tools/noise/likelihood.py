@@ -35,6 +35,7 @@ from .kinds import (
 )
 from .response import OPEN, OpenResponse
 from .shared import spread
+from ..core.linear import inverse, least_squares
 from ..core.spectrum import asked, Bins, gathered, leaked
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
@@ -606,38 +607,6 @@ class Likelihood:
 
     def _mean_slots(self):
         return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
-
-
-def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
-        np.ndarray, np.ndarray, np.ndarray, float]:
-    """
-    Return what fits x (q, p) beta to white y (q,): beta, its covariance, and the leverage (q,).
-
-    And ln |x' x| of the columns that are anything: one may be nothing in a record, or in a form.
-
-    """
-    scale = np.sqrt(np.sum(x**2, axis=0))
-    some = np.flatnonzero(scale)
-    x, scale, beta = x[:, some], scale[some], np.zeros(len(scale))
-    covariance = np.zeros((len(beta), len(beta)))
-    u, s, vt = np.linalg.svd(x / scale, full_matrices=False)
-    keep = s > 1e-10 * np.max(s, initial=0.0)
-    u, s, vt = u[:, keep], s[keep], vt[keep]
-    beta[some] = (vt.T @ ((u.T @ y) / s)) / scale
-    covariance[np.ix_(some, some)] = (vt.T / s**2) @ vt / np.outer(scale, scale)
-    log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
-    return beta, covariance, np.sum(u**2, axis=1), log_det
-
-
-def inverse(gram: np.ndarray) -> np.ndarray:
-    """Return the inverse of a Gram matrix (p, p), of what it says nothing about zero."""
-    power = np.maximum(np.diag(gram), 0.0)
-    # of a silent signal eigenvectors hold what rounding leaves, which no scale may enlarge
-    unit = np.where(power > 0, 1 / np.sqrt(np.where(power > 0, power, 1.0)), 0.0)
-    values, axes = np.linalg.eigh(gram * np.outer(unit, unit))
-    some = values > 1e-12 * max(values[-1], 1e-300)
-    axes = axes[:, some] * unit[:, None]
-    return (axes / values[some]) @ axes.T
 
 
 def _moves(x, able, gradient, information, damping, reach):

@@ -107,6 +107,8 @@ def find_rings(y: np.ndarray, dt: float, least: float) -> Rings:
     them, and strong ones are in it until they are out of it.
 
     """
+    if not _lengths(len(y), dt) or not np.ptp(y) > 0:
+        return NONE
     found, total = NONE, 0.0
     for _ in range(PASSES):
         white = _White.of(y, found.out_of(y) if len(found.begin) else y)
@@ -138,7 +140,8 @@ class _White(NamedTuple):
         """
         Whiten samples by the spectrum of others, in pieces as long as a transform likes.
 
-        The spectrum is that of the piece in the middle; where it is louder the samples tell.
+        The last overlaps the one before: knocks are likeliest at the ends of a record. The
+        spectrum is that of the piece in the middle; where it is louder the samples tell.
 
         """
         length = len(y) // -(-len(y) // PIECE)
@@ -148,8 +151,8 @@ class _White(NamedTuple):
         middle = slice(count // 2 * length, (count // 2 + 1) * length)
         # in samples: variance over 2 dt of a one-sided density
         root = np.sqrt(reference_spectrum(cosine_transform(reference[middle]), 0.5))
-        w = np.empty(count * length, np.float32)
-        for i in range(0, len(w), length):
+        w = np.empty(len(y), np.float32)
+        for i in np.minimum(np.arange(0, len(y), length), len(y) - length):
             c = cosine_transform(y[i:i + length])
             c[0] = 0.0
             c[1:] /= root
@@ -177,18 +180,19 @@ class _White(NamedTuple):
         1/2 sum a_k^2 (cos(pi k (t - s)/n) - cos(pi k (t + s)/n)).
 
         """
-        n, piece = self.length, min(begin, len(self.w) - 1) // self.length
+        n = self.length
+        piece = min(begin // n * n, len(self.w) - n)    # where it begins
         if piece not in self.known:
             k = np.arange(1, n)
             a = np.sqrt(0.5 / n) / np.sin(0.5 * np.pi * k / n) / self.spectrum
-            c = cosine_transform(np.array(self.w[piece * n:(piece + 1) * n], float))[1:]
+            c = cosine_transform(np.array(self.w[piece:piece + n], float))[1:]
             self.known[piece] = (np.append(0.0, 0.5 * dst(-a * c, type=1)),
                                  0.5 * dct(np.concatenate([[0.0], a * a, [0.0]]), type=1))
         sums, products = self.known[piece]
 
         def grid(first: float, last: float, most: int) -> np.ndarray:
             some = np.linspace(first, last, min(most, int(last - first) + 1))
-            at = np.unique(np.round(begin - piece * n + some).astype(int))
+            at = np.unique(np.round(begin - piece + some).astype(int))
             return at[(at > 0) & (at < n)]
 
         def product(t, s):
@@ -383,34 +387,52 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
         if worth < least:
             break
         moment, form = _cost(len(w), tau, lengths)
-        some, single, moments = [], [], _moments(w, omega, tau, moment + AGAIN)
-        lasts = tau * dt > LONGEST_S or len(moments) * APART * tau > MOST * len(w)
-        for i in moments:
-            columns = _columns(min(len(w) - i, _length(tau)), omega, tau)
-            size, nats = _fitted(columns, w[i:i + len(columns)])
-            first, last = max(0, i - int(BEFORE * tau)), i + int(BEHIND * tau) + 1
-            alone = _single(w[first:last])
-            if not lasts and not (judged and nats < max(
-                    np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY),
-                    _rivals(white, w, i, tau, columns, nats))):
-                single.append(float(np.sum(alone)))
-                some.append((i, *(size * white.root(i, omega)), omega, tau, nats,
-                             nats - moment - AGAIN))
-                w[i:i + len(columns)] -= columns @ size
-            else:
-                w[first:last] = 0.0
-        if not some:
+        moments = _moments(w, omega, tau, moment + AGAIN)
+        if tau * dt > LONGEST_S or len(moments) * APART * tau > MOST * len(w):
+            for i in moments:
+                w[_around(i, tau)] = 0.0
             continue
-        rings = Rings(*np.array(some).T)
+        rings, single = _knocks(white, w, omega, tau, moments, moment + AGAIN, judged)
         if judged and float(np.sum(_single(white.w))) > MANY * np.sum(single):
             # among so many single samples some look like anything
-            rings = rings.of(np.array(single) < rings.nats / MANY)
+            rings = rings.of(single < rings.nats / MANY)
         if not len(rings.begin):
             continue
         rings.worth[np.argmax(rings.nats)] += AGAIN - form
         if np.sum(rings.worth) >= least:
             out = Rings(*(np.concatenate(x) for x in zip(out, rings)))
     return out.of(np.argsort(out.begin))
+
+
+def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.ndarray,
+            least: float, judged: bool) -> tuple[Rings, np.ndarray]:
+    """
+    Take what rings at some moments out of whitened samples w, the clearest first.
+
+    Return those that are knocks (k,), worth what they gain beyond ``least``, and the nats of
+    single samples around each.
+
+    """
+    out, single = [], []
+    for i in moments:
+        columns = _columns(min(len(w) - i, _length(tau)), omega, tau)
+        size, nats = _fitted(columns, w[i:i + len(columns)])
+        if nats < least:    # it was part of one that is out by now
+            continue
+        alone = _single(w[_around(i, tau)])
+        beside = np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY)
+        if judged and (nats < beside or nats < _rivals(white, w, i, tau, columns, nats)):
+            w[_around(i, tau)] = 0.0
+            continue
+        out.append((i, *(size * white.root(i, omega)), omega, tau, nats, nats - least))
+        single.append(np.sum(alone))
+        w[i:i + len(columns)] -= columns @ size
+    return Rings(*np.reshape(out, (-1, 7)).T), np.array(single)
+
+
+def _around(begin: int, tau: float) -> slice:
+    """Return the samples around a moment in which a knock has to explain what stands out."""
+    return slice(max(0, begin - int(BEFORE * tau)), begin + int(BEHIND * tau) + 1)
 
 
 def _single(w: np.ndarray) -> np.ndarray:
@@ -433,7 +455,7 @@ def _rivals(white: _White, w: np.ndarray, begin: int, tau: float, columns: np.nd
     behind it, as of a line that passes; and more than two steps have, as of what switches.
 
     """
-    some = w[max(0, begin - int(BEFORE * tau)):begin + int(BEHIND * tau) + 1]
+    some = w[_around(begin, tau)]
     stands = 0.5 * float(np.sum(some**2 - 1)) - 2 * np.sqrt(len(some) / 2)
     before = w[max(0, begin - len(columns)):begin][::-1]
     swells = _fitted(columns[:len(before)], before)[1] if len(before) > SHORTEST else 0.0

@@ -49,10 +49,10 @@ class Search:
     def _best(self, begins: Iterable[tuple[Likelihood, np.ndarray]],
               best: Found | None) -> Found | None:
         """Return the best of the minima reached from some starts, and of one that is known."""
-        least = np.inf if best is None else best.nll + PRICE * len(best.x)
+        least = np.inf if best is None else best.cost
         for likelihood, x0 in begins:
             found = self.from_point(likelihood, x0)
-            cost = found.nll + PRICE * len(found.x) + found.likelihood.value(found.x)[1].form
+            cost = found.cost
             if np.isfinite(cost) and cost < least - 1e-9:
                 best, least = found, cost
         return best
@@ -75,6 +75,11 @@ class Found:
     nll: float
     information: np.ndarray
     slowest: int | None
+
+    @property
+    def cost(self) -> float:
+        """By what forms with more or fewer parameters are compared."""
+        return self.nll + PRICE * len(self.x) + self.likelihood.value(self.x)[1].form
 
 
 def _revived(likelihood, found, reddest, enough):

@@ -145,7 +145,7 @@ def course_of(slow: Mapping[str, np.ndarray], t: np.ndarray,
     best, follow = _followed(c, trend, columns)
     if not np.any(follow):
         return None
-    noise = np.column_stack([x[:count] for x in own.values()])[:, follow]
+    noise = np.column_stack([x[:count] for x in own.values()])[:, follow] * len(times) / len(t)
     way, shown = _shared(c[:, follow], trend, columns[best], noise)
     share = _share(shown)
     if not len(share):

@@ -27,7 +27,7 @@ CHANCE = 1e-2  # expected number of blocks so filled that is believed to be none
 MOST = 0.05  # share of the record that shocks may fill
 LONGEST = 0.02  # share of the record that one may fill; what lasts longer is no shock
 SURE = 15.0  # nats that one is worth at least, the search for it paid
-AROUND = 1 << 14  # samples whose spectrum one is weighed against
+AROUND = 1 << 14  # samples at least whose spectrum one is weighed against
 RINGS = 7.0  # nats beyond chance of knocks that ring alike: one record in a thousand has them
 FADED = 4.0  # time constants after which nothing of a ring is heard
 STRETCHES = 8  # of a half in which knocks that ring are counted
@@ -269,8 +269,9 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
     """
     clean, sure = _mirrored(y, kept), []
     for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
-        first = int(np.clip((begin + end - AROUND) // 2, 0, max(len(y) - AROUND, 0)))
-        piece = slice(first, first + AROUND)
+        wide = max(AROUND, 4 * (end - begin))
+        first = int(np.clip((begin + end - wide) // 2, 0, max(len(y) - wide, 0)))
+        piece = slice(first, first + wide)
         white = np.sqrt(reference_spectrum(cosine_transform(clean[piece]), dt))
         whole, around = (
             idct(np.append(0.0, cosine_transform(x[piece])[1:] / white), norm='ortho')
