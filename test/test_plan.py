@@ -69,7 +69,7 @@ def test_of_what_is_resolved_the_ends_are_those_of_its_interval():
 
 @pytest.mark.parametrize('least, most, said', [
     (None, None, 'more than 1000 h'), (7200.0, None, '2 h or far more'),
-    (7200.0, 7201.0, '2 h'), (3600.0, 82800.0, '60 min to 23 h')])
+    (7200.0, 7201.0, '2 h'), (3600.0, 82800.0, '60 min to 23 h'), (0.4, 25.2, '1 s to 25 s')])
 def test_ranges_in_words(least, most, said):
     assert range_in_words(least, most) == said
 

@@ -166,4 +166,6 @@ def range_in_words(least: float | None, most: float | None) -> str:
 
 def in_words(seconds: float) -> str:
     """Return a duration as a person would plan it."""
+    if seconds < 59.5:
+        return f'{max(seconds, 1):.0f} s'
     return f'{seconds / 60:.0f} min' if seconds < 5400 else f'{float(f"{seconds / 3600:.2g}"):g} h'
