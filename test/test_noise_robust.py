@@ -212,6 +212,26 @@ def test_what_is_left_out_leaves_no_swing_behind():
     assert np.mean(np.square(dips)) < 1.3 * 2 / (gap / 2)  # white noise itself, no more
 
 
+@pytest.mark.thorough
+def test_what_is_masked_is_seen_by_nothing():
+    """Neither curve nor view nor effect, of no axis; the fit alone leaves out what was found."""
+    rng, t = np.random.default_rng(5), np.arange(8000) * DT
+    quiet = rng.standard_normal((len(t), 3))
+    ring = (t > 50) * 80 * np.exp((50 - t) / 0.3) * np.sin(20 * t)
+    left = (49.0, 55.0)
+    shaken = ImuRecord(quiet + ring[:, None], None, t, 1 / DT)
+    seen, masked = (
+        gather(replace(shaken, left_out=((*left, why),)), ['gyro_x'])['gyro_x']
+        for why in ('shock', 'shock, masked'))
+    plain = gather(ImuRecord(quiet, None, t, 1 / DT), ['gyro_x'])['gyro_x']
+    assert 'shock' in seen.statistics and set(masked.statistics) == set(plain.statistics)
+    assert masked.curve.dev == pytest.approx(plain.curve.dev, rel=0.25)
+    assert np.max(seen.curve.dev / masked.curve.dev) > 1.5
+    assert len(masked.block_power) == 1
+    others = [np.mean(x.common.pair('gyro_y', 'gyro_y', 'whole')) for x in (masked, plain)]
+    assert others[0] == pytest.approx(others[1], rel=0.2)
+
+
 @pytest.mark.parametrize('middle, q, more', [(0.2, 8, 10.0), (0.4, 20, 60.0)])
 def test_the_slow_side_of_a_swing_belongs_to_the_level(middle, q, more):
     rng = np.random.default_rng([49, q])

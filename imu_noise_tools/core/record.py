@@ -15,6 +15,7 @@ from .errors import unknown, UsageError
 
 AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
 SENSORS = ('gyro', 'accel')
+MASKED = 'masked'  # why a stretch that a person named is left out
 
 
 def sensor_of(axis: str) -> str:
@@ -107,7 +108,7 @@ class ImuRecord:
         What is doubtful and what was done about it.
     left_out : tuple of (float, float, str)
         Stretches (from, to, why), s since ``start``, that the record holds but the noise fit does
-        not use.
+        not use. What a person left out (``why`` holds ``MASKED``) nothing looks at.
     disturbances : tuple of Disturbance
         Everything that was found disturbed, in order of time, set aside (then it is in
         ``left_out`` as well) or not.

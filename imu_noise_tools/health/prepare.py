@@ -23,7 +23,7 @@ from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, SampleClock
 from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
-from ..core.record import AXES, Disturbance, ImuRecord, Memory, sensor_of
+from ..core.record import AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of
 from ..core.stillness import handled_ends, longest_rest
 
 LEAST_SAMPLES = 100
@@ -230,7 +230,7 @@ def _set_aside(
     if screen and _length(lasting) <= most:
         chosen = lasting
     begin, end = float(record.t[0]), float(record.t[-1])
-    masked = [(max(a, begin), min(b, end), 'masked') for a, b in masks if a < end and b > begin]
+    masked = [(max(a, begin), min(b, end), MASKED) for a, b in masks if a < end and b > begin]
     outside = [f'{a:g}-{b:g}' for a, b in masks if not (a < end and b > begin)]
     if outside:
         record = record.warned(

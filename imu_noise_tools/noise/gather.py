@@ -13,6 +13,7 @@ time and kept where a :class:`~imu_noise_tools.core.record.Memory` says.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement
 from typing import cast
 
@@ -29,7 +30,7 @@ from .lines import (
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
 from ..core import allan
-from ..core.record import AXES, ImuRecord, Memory
+from ..core.record import AXES, ImuRecord, MASKED, Memory
 from ..core.spectrum import Bins, bins_of, cosine_transform
 from ..core.statistics import grid_step, sum_of_squares
 from ..loop.effect import registry
@@ -89,7 +90,8 @@ def gather(
         Where arrays as long as the record are kept.
 
     """
-    work = _Gathering(record, axes, progress, memory or Memory())
+    memory = memory or Memory()
+    work = _Gathering(_unmasked(record, memory), axes, progress, memory)
     for axis in axes:
         work.samples(axis, deviation=deviation, points=points, octaves=octaves)
     work.beside()
@@ -355,6 +357,31 @@ def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
         kept = cls.statistics(y, inputs)
         y = cls.screen(y, kept, inputs) if kept else y
     return y
+
+
+def _unmasked(record: ImuRecord, memory: Memory) -> ImuRecord:
+    """
+    Return the record with what a person left out bridged on every axis: it is no sensor's noise.
+
+    What was found disturbed and set aside by itself stays for curve, views and effects, so that
+    the loop can say what it was.
+
+    """
+    masked = replace(record, left_out=tuple(x for x in record.left_out if MASKED in x[2]))
+    found = tuple(x for x in record.left_out if x not in masked.left_out)
+    if not masked.left_out:
+        return record
+
+    def bridged(data: np.ndarray | None) -> np.ndarray | None:
+        if data is None:
+            return None
+        out = memory.columns(record.n)
+        for k, y in enumerate(data.T):
+            out[:, k] = _bridged(y, masked)
+            memory.rest()
+        return out
+
+    return replace(record, gyro=bridged(record.gyro), accel=bridged(record.accel), left_out=found)
 
 
 def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
