@@ -140,7 +140,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         return Tried(_line(evidence, fit, effect))
     if isinstance(effect, MEASURED):
         return Tried(_measured(evidence, fit, effect))
-    if not effect.starts(evidence):
+    if not evidence.starts(effect):
         return Tried(None)
     more = _refitted(evidence, fit, effect)
     problem.begin_from(more)

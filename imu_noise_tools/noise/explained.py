@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import digamma
@@ -127,6 +128,7 @@ class Bands:
     high: np.ndarray = field(repr=False)
 
     @classmethod
+    @lru_cache(maxsize=16)
     def on(cls, bins: Bins) -> Bands:
         """Return the bands of these bins."""
         number = np.floor(2 * np.log2(bins.f / bins.f[0]) + 1e-9).astype(int)
