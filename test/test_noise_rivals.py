@@ -81,7 +81,7 @@ def test_a_weak_relaxation_is_not_called_popcorn_noise():
 
 
 def test_what_a_fit_leaves_open_does_not_do_the_work_of_noise():
-    """Angle quantization and a relaxation: two zeros and a pole, free, do what they do together."""
+    """Angle quantization beside a relaxation: two zeros and a pole, free, do what they do."""
     rng, n = np.random.default_rng(81), 30_000
     x = SIZE * rng.standard_normal((n, 3))
     x[:, 0] += SIZE * np.diff(rng.standard_normal(n + 1))
