@@ -160,7 +160,9 @@ class _Gathering:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
         own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
         reference = reference_spectrum(c, self.dt)
-        lines = find_peaks(c, reference, self.dt)[0] if self.gaps.left_out else []
+        lines = np.zeros((0, 4))
+        if self.gaps.left_out:
+            lines = find_peaks(c, reference, self.dt)[0]
         if len(lines):  # broken off by what was left out, they would look like a narrow band
             self.clean[axis] = self.memory.keep(_bridged(self.clean[axis], self.gaps, lines))
             c = cosine_transform(self.clean[axis][:self.used])
