@@ -132,6 +132,22 @@ def test_up_and_down_again_is_two_steps(seed):
     assert [f.name for f in found.found] == ['step', 'step'] and found.remaining is None
 
 
+@pytest.mark.parametrize('form', ['displacement', 'velocity'])
+def test_a_broad_resonance_is_told_as_displacement_or_velocity(form):
+    """Near Nyquist they differ: of velocity nothing is left there."""
+    rng, rate, n, f0, width = np.random.default_rng(78), 100.0, 40_000, 41.8, 6.3
+    r = np.exp(-np.pi * width / rate)
+    ring = lfilter([1, 0, -1] if form == 'velocity' else [1],
+                   [1, -2 * r * np.cos(2 * np.pi * f0 / rate), r * r], rng.standard_normal(n))
+    x = 1e-3 * rng.standard_normal((n, 3))
+    x[:, 0] += 5e-4 * ring / np.std(ring)
+    evidence = gather(ImuRecord(x, None, np.arange(n) / rate, rate), ['gyro_x'])['gyro_x']
+    found = NoiseProblem(evidence).point(model_of('noise', ['white', 'narrowband']))
+    assert found.model['narrowband'].chosen('form') == form and not found.details.set_aside
+    assert found.model['narrowband']['frequency'] == pytest.approx(f0, rel=0.02)
+    assert found.model['narrowband']['rms'] == pytest.approx(5e-4, rel=0.1)
+
+
 @pytest.mark.parametrize(('share', 'size'), [(0.02, 29.0), (0.02, 8.0), (0.001, 12.0)])
 def test_many_spikes_have_their_rate_and_size(share, size):
     rng, rate, n = np.random.default_rng(6), 50.0, 60_000

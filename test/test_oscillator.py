@@ -13,47 +13,61 @@ from scipy.linalg import solve_discrete_lyapunov, toeplitz
 from imu_noise_tools.core import oscillator, spectrum
 
 N, DT, RMS = 600, 0.02, 2.0
-cases = pytest.mark.parametrize(
-    ('f0', 'width'), [(4.0, 0.4), (4.02, 0.05), (4.02, 0.5 / (N * DT)), (12.0, 3.0), (1.0, 0.3)])
+cases = pytest.mark.parametrize(('f0', 'width', 'velocity'), [
+    (4.0, 0.4, False), (4.02, 0.05, False), (4.02, 0.5 / (N * DT), False), (12.0, 3.0, False),
+    (1.0, 0.3, False), (4.0, 0.4, True), (21.0, 3.0, True), (4.02, 0.05, True)])
 
 
-def covariance(f0, width):
+def covariance(f0, width, velocity):
     """Return the covariance (n, n) of the recursion, from its state's stationary covariance."""
     r, theta = np.exp(-np.pi * width * DT), 2 * np.pi * f0 * DT
     phi = np.array([[2 * r * np.cos(theta), -r * r], [1.0, 0.0]])
-    q = np.diag([oscillator.innovation_variance(RMS, f0, width, DT), 0.0])
+    q = np.diag([oscillator.innovation_variance(RMS, f0, width, DT, velocity), 0.0])
     state, lags = solve_discrete_lyapunov(phi, q), []
-    for _ in range(N):
+    for _ in range(N + 2):
         lags.append(state[0, 0])
         state = phi @ state
-    return toeplitz(lags)
+    x = np.array(lags)
+    if velocity:
+        k = np.arange(N)
+        return toeplitz(2 * x[:N] - x[np.abs(k - 2)] - x[k + 2])
+    return toeplitz(x[:N])
 
 
 @cases
-def test_variance(f0, width):
-    assert covariance(f0, width)[0, 0] == pytest.approx(RMS**2, rel=1e-9)
+def test_variance(f0, width, velocity):
+    assert covariance(f0, width, velocity)[0, 0] == pytest.approx(RMS**2, rel=1e-9)
 
 
 @cases
-def test_power_in_bins_is_that_of_the_finite_record(f0, width):
+def test_power_in_bins_is_that_of_the_finite_record(f0, width, velocity):
     basis = dct(np.eye(N), type=2, norm='ortho', axis=0)
-    power = 2 * DT * np.sum((basis @ covariance(f0, width)) * basis, axis=1)
+    power = 2 * DT * np.sum((basis @ covariance(f0, width, velocity)) * basis, axis=1)
     bins = spectrum.bins_of(N, DT, (11.9, 12.4))
-    found, truth = oscillator.binned(bins, RMS, f0, width), bins.mean(power)
-    alone = bins.count == 1
-    np.testing.assert_allclose(found[alone], truth[alone], rtol=1e-9)
+    found, truth = oscillator.binned(bins, RMS, f0, width, velocity), bins.mean(power)
+    alone, atol = bins.count == 1, 1e-3 * np.max(truth) * velocity  # which has zeros
+    np.testing.assert_allclose(found[alone], truth[alone], rtol=1e-9, atol=1e-9 * np.max(truth))
     # what alternates between neighbours is left out: the last of an odd number is missing
-    np.testing.assert_allclose(found[~alone], truth[~alone], rtol=2e-3)
+    np.testing.assert_allclose(found[~alone], truth[~alone], rtol=2e-3, atol=atol)
     assert np.sum(found * bins.count) == pytest.approx(2 * DT * N * RMS**2, rel=0.05)
 
 
 @cases
-def test_allan_variance(f0, width):
-    c = covariance(f0, width)
+def test_allan_variance(f0, width, velocity):
+    c = covariance(f0, width, velocity)
     for m in (1, 2, 5, 20, 100):
         weight = np.repeat([-1.0, 1.0], m) / m
         truth = 0.5 * weight @ c[:2 * m, :2 * m] @ weight
-        assert oscillator.avar(m, RMS, f0, width, DT) == pytest.approx(truth, rel=1e-9)
+        assert oscillator.avar(m, RMS, f0, width, DT, velocity) == pytest.approx(truth, rel=1e-9)
+
+
+@cases
+def test_slopes_are_those_of_the_power(f0, width, velocity):
+    bins, h = spectrum.bins_of(N, DT), 1e-5
+    for slope, (a, b) in zip(oscillator.slopes(bins, RMS, f0, width, velocity), ((h, 0), (0, h))):
+        up, down = (oscillator.binned(bins, RMS, f0 * np.exp(s * a), width * np.exp(s * b),
+                                      velocity) for s in (1, -1))
+        np.testing.assert_allclose(slope, (up - down) / (2 * h), atol=1e-3 * np.max(up))
 
 
 def test_density_is_the_power_of_wide_bins():

@@ -9,6 +9,10 @@ the full width at half the height of a narrow peak, Hz. Its autocovariance is si
 (cos k theta + c sin |k| theta), c = (1 - r^2)/(1 + r^2) cot theta (Box and Jenkins, Time Series
 Analysis, section 3.2), so that all that follows are geometric sums of p = r e^{i theta}.
 
+A rate sensor hears how fast a mount swings, x_k - x_{k-2}: nothing at zero and at Nyquist. Of that
+the autocovariance at lag k > 0 is sigma^2 Re(A p^k), too, A = -a (p - 1/p)^2/(2 - 2 Re a p^2),
+a = 1 - i c, for a p^k solves the recursion at every k, and Re(a/p) = Re(a p).
+
 """
 
 from __future__ import annotations
@@ -28,23 +32,40 @@ def _pole(f0: float, width: float, dt: float) -> tuple[complex, complex]:
     return complex(r * np.exp(1j * theta)), complex(1, -c)
 
 
-def innovation_variance(sigma: float, f0: float, width: float, dt: float) -> float:
-    """Return the variance of w_k."""
+def _swing(f0: float, width: float, dt: float, velocity: bool) -> tuple[complex, complex]:
+    """Return (p, a) of what is heard: the autocovariance at lag k > 0 is sigma^2 Re(a p^k)."""
+    p, a = _pole(f0, width, dt)
+    return p, -a * (p - 1 / p) ** 2 / _difference(p, a) if velocity else a
+
+
+def _difference(p: complex, a: complex) -> float:
+    """Return the variance of x_k - x_{k-2} in that of x_k."""
+    return 2 - 2 * (a * p * p).real
+
+
+def innovation_variance(sigma: float, f0: float, width: float, dt: float,
+                        velocity: bool = False) -> float:
+    """Return the variance of w_k, ``sigma`` being that of x_k or of x_k - x_{k-2}."""
     theta, r2 = 2 * np.pi * f0 * dt, np.exp(-2 * np.pi * width * dt)
-    return float(sigma**2 * (1 - r2) / (1 + r2) * ((1 - r2) ** 2 + 4 * r2 * np.sin(theta) ** 2))
+    share = _difference(*_pole(f0, width, dt)) if velocity else 1.0
+    return float(sigma**2 / share * (1 - r2) / (1 + r2)
+                 * ((1 - r2) ** 2 + 4 * r2 * np.sin(theta) ** 2))
 
 
-def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:
+def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float,
+        velocity: bool = False) -> np.ndarray:
     """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
     p, _ = _pole(f0, width, dt)
     r, half = abs(p), np.pi * np.asarray(f, float) * dt
     both = np.ones(np.shape(f))
     for theta in (np.angle(p), -np.angle(p)):
         both = both * ((1 - r) ** 2 + 4 * r * np.sin(half - 0.5 * theta) ** 2)
-    return 2 * dt * innovation_variance(sigma, f0, width, dt) / both
+    heard = (2 * np.sin(2 * half)) ** 2 if velocity else 1.0
+    return 2 * dt * innovation_variance(sigma, f0, width, dt, velocity) * heard / both
 
 
-def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
+def binned(bins: Bins, sigma: float, f0: float, width: float,
+           velocity: bool = False) -> np.ndarray:
     """
     Return what the power of a record is expected to be in each bin, (b,): exactly.
 
@@ -53,12 +74,13 @@ def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
     bin with several coefficients the integral of that, less what alternates between neighbours.
 
     """
-    _, a = _pole(f0, width, bins.dt)
+    _, a = _swing(f0, width, bins.dt, velocity)
     unit = 1 + (a * _value(bins, f0, width)).real
     return 2 * bins.dt * sigma**2 * np.maximum(unit, 0.0)
 
 
-def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+def slopes(bins: Bins, sigma: float, f0: float, width: float,
+           velocity: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """
     Return d :func:`binned`/d ln f0 and d ln width, (b,) each.
 
@@ -70,10 +92,16 @@ def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarra
     p, a = _pole(f0, width, dt)
     theta, damping = 2 * np.pi * f0 * dt, np.pi * width * dt
     value, slope = _value(bins, f0, width), _sums(bins, p, True)
-    narrow = np.tanh(damping)
-    by_f0 = 1j * narrow * theta / np.sin(theta) ** 2 * value + a * 1j * theta * slope
-    by_width = -1j * (1 - narrow**2) * damping / np.tan(theta) * value - a * damping * slope
-    return 2 * dt * sigma**2 * by_f0.real, 2 * dt * sigma**2 * by_width.real
+    narrow, heard, out = np.tanh(damping), _swing(f0, width, dt, velocity)[1], []
+    for more, turn in ((1j * narrow * theta / np.sin(theta) ** 2, 1j * theta),
+                       (-1j * (1 - narrow**2) * damping / np.tan(theta), -damping)):
+        if velocity:
+            share = _difference(p, a)
+            less = -2 * (more * p**2 + 2 * a * p**2 * turn).real
+            more = -(more * (p - 1 / p) ** 2 + 2 * a * (p**2 - p**-2) * turn
+                     + heard * less) / share
+        out.append(2 * dt * sigma**2 * (more * value + heard * turn * slope).real)
+    return out[0], out[1]
 
 
 @lru_cache(maxsize=64)
@@ -133,11 +161,12 @@ def _angles(bins: Bins) -> tuple[Any, ...]:
             np.diff(edge))
 
 
-def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:
+def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float,
+         velocity: bool = False) -> np.ndarray:
     """Return the Allan variance at cluster sizes m: the variance of a mean less its covariance."""
     m = np.asarray(m, float)
-    p, a = _pole(f0, width, dt)
+    p, a = _swing(f0, width, dt, velocity)
     pm = np.exp(m * np.log(p))
-    within = m + 2 * (m * p / (1 - p) - p * (1 - pm) / (1 - p) ** 2)
+    within = 2 * (m * p / (1 - p) - p * (1 - pm) / (1 - p) ** 2)
     between = p * (1 - pm) ** 2 / (1 - p) ** 2
-    return sigma**2 / m**2 * (a * (within - between)).real
+    return sigma**2 / m**2 * (m + (a * (within - between)).real)

@@ -15,6 +15,8 @@ SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
 CLEAR = 5.0  # standard errors of one of those
+BLUNT = 30.0  # f0/width: above, both forms look alike
+FORMS = ('displacement', 'velocity')
 
 
 class Narrowband(Spectrum):
@@ -25,7 +27,7 @@ class Narrowband(Spectrum):
     title = 'narrow band of noise'
     equation = (
         'S(f) = 2 s^2 dt/|1 - 2 r cos(2 pi f0 dt) z^-1 + r^2 z^-2|^2 (one-sided), z = e^(i 2 pi f '
-        'dt), r = e^(-pi width dt), s by the rms'
+        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2'
     )
     signature = (
         'a peak in the PSD that is wider than the record resolves; a bump in the Allan deviation '
@@ -44,7 +46,9 @@ class Narrowband(Spectrum):
         Parameter('frequency', 'Hz', 1e-5, 1e5, title='centre'),
         Parameter('width', 'Hz', 1e-8, 1e4, title='full width at half height'),
         Parameter('rms', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
+        Parameter.choice('form', FORMS, title='what is heard of the swing'),
     )
+    neutral = {'form': 0.0}
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at the peaks that stand highest above the spectrum around them."""
@@ -55,7 +59,8 @@ class Narrowband(Spectrum):
         broad = [(f, width) for f, width, clear in bumps
                  if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
         some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
-        return [self.with_values(frequency=f, width=width) for f, width in some]
+        return [self.with_values(frequency=f, width=width, form=form) for f, width in some
+                for form in FORMS[:1 + (f < BLUNT * width)]]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
@@ -74,52 +79,62 @@ class Narrowband(Spectrum):
         """Its power is narrower than a grid of frequencies may resolve."""
         return self['frequency']
 
+    @property
+    def _velocity(self) -> bool:
+        return bool(self.values.get('form', 0.0))
+
+    @property
+    def _swing(self) -> tuple[float, float, float]:
+        return self['rms'], self['frequency'], self['width']
+
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(2) spectrum."""
-        return oscillator.psd(f, self['rms'], self['frequency'], self['width'], dt)
+        return oscillator.psd(f, *self._swing, dt, self._velocity)
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return its expected power in bins, however narrow it is."""
-        return oscillator.binned(bins, self['rms'], self['frequency'], self['width'])
+        return oscillator.binned(bins, *self._swing, self._velocity)
 
     def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
         """Return how that follows the centre and the width."""
-        found = oscillator.slopes(bins, self['rms'], self['frequency'], self['width'])
+        found = oscillator.slopes(bins, *self._swing, self._velocity)
         return dict(zip(('frequency', 'width'), found))
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the closed form of the sampled process."""
-        return oscillator.avar(m, self['rms'], self['frequency'], self['width'], dt)
+        return oscillator.avar(m, *self._swing, dt, self._velocity)
 
     def _coefficients(self, dt):
         r = np.exp(-np.pi * self['width'] * dt)
         return 2 * r * np.cos(2 * np.pi * self['frequency'] * dt), -r * r
 
     def state_space(self, dt: float) -> StateSpace | None:
-        """Two states: this sample and the last."""
+        """Two states, this sample of the swing and the last; of its velocity one more."""
         first, second = self._coefficients(dt)
-        q = oscillator.innovation_variance(
-            self['rms'], self['frequency'], self['width'], dt)
-        return (
-            np.array([[first, second], [1.0, 0.0]]),
-            np.array([[q, 0.0], [0.0, 0.0]]),
-            np.array([[1.0, 0.0]]),
-        )
+        q = oscillator.innovation_variance(*self._swing, dt, self._velocity)
+        many = 2 + self._velocity
+        step = np.eye(many, k=-1)
+        step[0, :2] = first, second
+        heard = [[1.0, 0.0, -1.0]] if self._velocity else [[1.0, 0.0]]
+        return step, np.diag([q] + [0.0] * (many - 1)), np.array(heard)
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the recursion, started stationary."""
         from scipy.signal import lfilter, lfiltic  # half a second to load
         first, second = self._coefficients(inputs.dt)
         rho = first / (1 - second)
-        last = self['rms'] * rng.standard_normal()
-        before = rho * last + self['rms'] * np.sqrt(1 - rho * rho) * rng.standard_normal()
-        q = oscillator.innovation_variance(
-            self['rms'], self['frequency'], self['width'], inputs.dt)
+        q = oscillator.innovation_variance(*self._swing, inputs.dt, self._velocity)
+        size = np.sqrt(q / ((1 + second) * ((1 - second) ** 2 - first**2) / (1 - second)))
+        last = size * rng.standard_normal()
+        before = rho * last + size * np.sqrt(1 - rho * rho) * rng.standard_normal()
         w = np.sqrt(q) * rng.standard_normal(len(x))
         a = [1.0, -first, -second]
-        return x + lfilter([1.0], a, w, zi=lfiltic([1.0], a, [last, before]))[0]
+        y = lfilter([1.0], a, w, zi=lfiltic([1.0], a, [last, before]))[0]
+        if self._velocity:
+            y = y - np.concatenate([[before, last], y])[:len(y)]
+        return x + y
 
     @classmethod
     def example(cls) -> Effect:
         """Return a resonance of Q 10 at 4 Hz, of 20.6 deg/h rms (1e-4 rad/s)."""
-        return cls({'frequency': 4.0, 'width': 0.4, 'rms': 1e-4})
+        return cls({'frequency': 4.0, 'width': 0.4, 'rms': 1e-4, 'form': 'displacement'})
