@@ -234,6 +234,20 @@ def test_what_is_left_out_leaves_no_swing_behind():
     assert np.mean(np.square(dips)) < 1.3 * 2 / (gap / 2)  # white noise itself, no more
 
 
+@pytest.mark.parametrize('why', ['shock', 'shock, masked'])
+def test_a_line_goes_on_through_what_is_left_out(why):
+    """Mirrored it has another phase there: a foot about it that is as wide as a gap is short."""
+    t, line = np.arange(20_000) * DT, 2.345
+    y = np.random.default_rng(9).standard_normal((len(t), 3))
+    y[:, 0] += 2 * np.sin(2 * np.pi * line * t)
+    record = ImuRecord(y, None, t, 1 / DT, left_out=tuple(
+        (at, at + 3.0, why) for at in (20.0, 71.0, 133.0)))
+    part = gather(record, ['gyro_x'])['gyro_x'].whole
+    near = np.abs(part.bins.f - line) < 0.3
+    foot = np.average(part.power[near], weights=part.bins.count[near])
+    assert foot == pytest.approx(2 * DT, rel=0.3)
+
+
 @pytest.mark.thorough
 def test_what_is_masked_is_seen_by_nothing():
     """Neither curve nor view nor effect, of no axis; the fit alone leaves out what was found."""

@@ -284,14 +284,22 @@ def _unlikely(fit: Fit) -> float:
 
 def _refitted(evidence, fit, effect):
     model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
-    if isinstance(effect, Response):    # what was left open must not do its work
-        hint = replace(hint, order=Order(), values=())
+    # what was left open must not do its work
+    bare = replace(hint, order=Order(), values=())
+    if isinstance(effect, Response):
+        hint = bare
     slow = evidence.whole.bins.last <= SLOW
     slow[:evidence.thermal('whole')] = True
     if isinstance(effect, Mean) and np.all(hint.on(evidence.whole.bins)[slow] > 0):
         # it moves nothing but the slow end, which the fit rests on already
         return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
-    return fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
+    more = fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
+    # nor that of noise beside which it is not needed; what is measured has nothing that is free
+    if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
+        other = fit_part(evidence, model, intervals=False, start=fit.model, hint=bare)
+        peak = other.model.of(Spectrum)[-1].centre is not None
+        more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))
+    return more
 
 
 def _line(evidence, fit, effect):
