@@ -208,7 +208,7 @@ def test_simulation_follows_density_and_variance(effect):
         power.append(spectrum.power(spectrum.cosine_transform(added), DT, b))
         avar.append(allan.overlapping_variance(added, m))
     for seen, truth, spread in (
-            (power, spectrum.expected(lambda f: effect.psd(f, DT), b), np.sqrt(2 / b.count)),
+            (power, effect.binned(b), np.sqrt(2 / b.count)),
             (avar, effect.avar(m, DT), np.zeros(len(m)))):
         ratio = np.array(seen) / truth
         if truth[-1] > 100 * truth[0]:
