@@ -50,9 +50,9 @@ BASES = (  # model, and what the sensor lacks
 LEVEL = 1e-3
 LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 # what gains are computed by
-SOURCES = ('candidates', 'evidence', 'explained', 'fit', 'gather', 'kinds', 'likelihood', 'lines',
-           'measured', 'problem', 'quiet', 'response', 'ringing', 'robust', 'search', 'shared',
-           'starts', 'steady', 'tails', 'thermal', 'views', 'effects/*')
+SOURCES = ('candidates', 'descent', 'evidence', 'explained', 'fit', 'gather', 'kinds',
+           'likelihood', 'lines', 'measured', 'problem', 'quiet', 'response', 'ringing', 'robust',
+           'search', 'shared', 'starts', 'steady', 'tails', 'thermal', 'views', 'effects/*')
 
 
 def source_hash() -> str:

@@ -17,9 +17,11 @@ from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import evaluate
+from imu_noise_tools.filter import problem as filter_problem
 from imu_noise_tools.filter.design import design
+from imu_noise_tools.filter.fitting import NULL
 from imu_noise_tools.filter.held import held_samples
-from imu_noise_tools.filter.output_noise import SamplingJitter
+from imu_noise_tools.filter.output_noise import NoiseLevel, SamplingJitter
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.loop.effect import model_of
@@ -446,6 +448,29 @@ def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n
     # a delay to and fro is looked for among those of chance: the prediction has half of it
     most = 2.0 if alternate else 1.4
     assert 0.7 * jitter < seen.value < most * jitter
+
+
+def test_what_a_bank_may_hide_is_weighed_beside_a_law(monkeypatch):
+    """Jitter of which the bank shows less than chance; then it has values and intervals."""
+    weighed = []
+
+    class Beside:
+        def __init__(self, *_):
+            pass
+
+        def gain(self, model, gain, penalty, rival):
+            weighed.append(gain)
+            assert 'sampling_jitter' in model and NULL < gain < penalty and not rival
+            return 50.0
+
+    monkeypatch.setattr(filter_problem, 'Beside', Beside)
+    monkeypatch.setattr(filter_problem, 'registry', lambda _: {
+        e.name: e for e in (SamplingJitter, NoiseLevel)})
+    problem = FilterProblem(shaken(500, 2e-4, seed=43), 1 / RATE, stated={
+        'white': {'R': (0.1 * DEG) ** 2}})
+    found = problem.candidates(problem.fit(model_of('filter', ('any_motion', 'white'))))[0]
+    assert len(weighed) == 1 and found.name == 'sampling_jitter' and found.gain == 50.0
+    assert found.estimates['jitter'].value > 0
 
 
 def moving(n, step, seed=12):

@@ -81,7 +81,7 @@ def test_the_likelihood_of_a_mean_falls_as_its_derivatives_say():
     likelihood = Likelihood(problem.evidence, 'whole', model)
     x = np.array([s.to_search(model[s.label][s.parameter.name]) for s in likelihood.slots]) + 0.3
     _, linear, v, each = likelihood.value(x)
-    gradient, _ = likelihood._derivatives(x, linear, v, each, 0.0, None)
+    gradient, _ = likelihood.derivatives(x, linear, v, each)
     for j, expected in enumerate(gradient):
         step = 1e-3 * (np.arange(len(x)) == j)
         change = likelihood.value(x + step)[0] - likelihood.value(x - step)[0]

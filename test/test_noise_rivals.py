@@ -22,9 +22,9 @@ import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.diagnosis import _Search
-from imu_noise_tools.loop.effect import Finding, model_of, registry
+from imu_noise_tools.loop.effect import find_effect, Finding, model_of, registry
 from imu_noise_tools.noise import flexible
-from imu_noise_tools.noise.candidates import by_one_measure, Tried
+from imu_noise_tools.noise.candidates import _one as tried, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
@@ -78,6 +78,20 @@ def test_a_weak_relaxation_is_not_called_popcorn_noise():
     found = {f.name: f for f in problem.candidates(problem.point(model_of('noise', ('white',))))}
     assert found['rts'].penalty == found['gauss_markov'].penalty
     assert abs(found['rts'].gain - found['gauss_markov'].gain) < 3
+
+
+def test_what_a_fit_leaves_open_does_not_do_the_work_of_noise():
+    """Angle quantization beside a relaxation: two zeros and a pole, free, do what they do."""
+    rng, n = np.random.default_rng(81), 30_000
+    x = SIZE * rng.standard_normal((n, 3))
+    x[:, 0] += SIZE * np.diff(rng.standard_normal(n + 1))
+    x[:, 0] += lfilter([0.12 * SIZE], [1, -0.9], rng.standard_normal(n + 500))[500:]
+    problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk')))
+    assert fit.details.hint.order.terms
+    found = tried(problem, fit, find_effect('noise', 'quantization')()).finding
+    assert found.gain > 50
+    assert found.effect['Q'] == pytest.approx(SIZE * DT, rel=0.1)
 
 
 def test_noise_that_axes_share_is_named():

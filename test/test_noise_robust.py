@@ -30,7 +30,8 @@ from imu_noise_tools.health import MOTION_KEPT
 from imu_noise_tools.loop.effect import Estimate, model_of
 from imu_noise_tools.noise.curve import bin_weights
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
-from imu_noise_tools.noise.explained import Bands, COST, Explained, judge, stretches, supported
+from imu_noise_tools.noise.explained import (
+    Bands, COST, Explained, gained, judge, stretches, supported)
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import _bridged, gather
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -63,6 +64,27 @@ def noise(seed):
 def record_of(y, dt=DT):
     """Return a record of three axes alike in kind."""
     return ImuRecord(np.column_stack(y), None, np.arange(len(y[0])) * dt, 1 / dt)
+
+
+# --- two fits are compared by what both count --------------------------------------------------
+
+@pytest.mark.parametrize('partly', [False, True])
+def test_what_a_fit_gains_over_another_has_no_unit(partly):
+    """Degrees of freedom that one of them took for a mean are worth a ln v, in some unit."""
+    rng, bins = np.random.default_rng(3), bins_of(4096, 0.01)
+    power = rng.chisquare(bins.count) / bins.count
+    taken = np.where(bins.f < 1, 0.1, 0.0)
+    weight = bins.count - taken
+    one = SimpleNamespace(power=power * bins.count / weight, weight=weight, v=np.ones(len(power)))
+    other = SimpleNamespace(power=power, weight=1.0 * bins.count, v=np.full(len(power), 1.01))
+
+    def said(unit):
+        fits = (SimpleNamespace(power=d.power * unit, weight=d.weight, v=d.v * unit)
+                for d in (one, other))
+        return gained(Bands.on(bins), *fits, partly=partly)
+
+    assert said(1e-12) == pytest.approx(said(1.0), abs=1e-6)
+    assert abs(said(1.0)) < 2
 
 
 # --- where nothing fails nothing changes ---------------------------------------------------------
@@ -210,6 +232,20 @@ def test_what_is_left_out_leaves_no_swing_behind():
         assert np.std(first) == pytest.approx(1, rel=0.1)
         dips.append(np.mean(first) - np.mean(second))
     assert np.mean(np.square(dips)) < 1.3 * 2 / (gap / 2)  # white noise itself, no more
+
+
+@pytest.mark.parametrize('why', ['shock', 'shock, masked'])
+def test_a_line_goes_on_through_what_is_left_out(why):
+    """Mirrored it has another phase there: a foot about it that is as wide as a gap is short."""
+    t, line = np.arange(20_000) * DT, 2.345
+    y = np.random.default_rng(9).standard_normal((len(t), 3))
+    y[:, 0] += 2 * np.sin(2 * np.pi * line * t)
+    record = ImuRecord(y, None, t, 1 / DT, left_out=tuple(
+        (at, at + 3.0, why) for at in (20.0, 71.0, 133.0)))
+    part = gather(record, ['gyro_x'])['gyro_x'].whole
+    near = np.abs(part.bins.f - line) < 0.3
+    foot = np.average(part.power[near], weights=part.bins.count[near])
+    assert foot == pytest.approx(2 * DT, rel=0.3)
 
 
 @pytest.mark.thorough

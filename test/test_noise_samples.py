@@ -190,6 +190,21 @@ def test_spikes_are_found_and_taken_out(background):
     assert np.array_equal(np.delete(clean, index), np.delete(spiked, index))
 
 
+@pytest.mark.parametrize('length', [1, 2, 4, 9])
+@pytest.mark.parametrize('bandwidth', [None, 0.27])
+def test_bursts_are_taken_out_and_not_what_is_beside_them(length, bandwidth):
+    """Behind a low-pass, noise is so even that what is beside a burst looks like a spike of it."""
+    rng, count = np.random.default_rng([4, length]), 20_000
+    y = noise(4, count)
+    y = lfilter(*butter(2, bandwidth), y) if bandwidth else y
+    hit = np.convolve(rng.random(count) < 0.015 / length, np.ones(length))[:count] > 0
+    spiked = y + hit * rng.choice([-1, 1], count) * rng.uniform(6.5, 20, count)
+    index, clean = found(spiked)
+    assert np.mean(np.isin(np.flatnonzero(hit), index)) > 0.95
+    assert np.mean(hit[index]) > 0.98
+    assert np.var(clean) == pytest.approx(np.var(y), rel=0.05)
+
+
 def test_a_spike_beside_a_spike():
     """Two of four neighbours that are spikes must not hide one, nor make one."""
     y = noise(10)

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from .chunks import Chunks
 from .design import quiet_variance
 from .evaluate import omnibus, score_of
-from .fitting import estimates, kept, Likelihood, maximise, start
+from .fitting import estimates, kept, Likelihood, maximise, NULL, start
 from .held import REMEDY
 from .predict import predict, Prediction
 from .rival import Beside
@@ -197,10 +197,16 @@ class FilterProblem(Problem):
             if not np.isfinite(gain):
                 continue
             new = next(e for e in after.model if e.label not in fit.model)
-            if gain - penalty > max(0, best - BEHIND) and covers(fit.model):
+            rival = max(0.0, best - BEHIND)
+            # a bank that is too wide for a motion hides what grows with it
+            least = NULL if effect.slopes and not rival else penalty + rival
+            if gain > least and covers(fit.model):
                 beside = beside or Beside(fit.model, self.stated, Likelihood(
                     self.z, self.dt, self.alpha, self.chunks))
-                gain = beside.gain(after.model, gain, penalty, max(0.0, best - BEHIND))
+                gain = beside.gain(after.model, gain, penalty, rival)
+                if gain > penalty and not after.estimates:
+                    after = self.fit(more)      # it was left early
+                    new = after.model[new.label]
             best = max(best, gain - penalty)
             heals = effect.heals
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):

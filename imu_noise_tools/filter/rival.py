@@ -53,11 +53,15 @@ class Beside:
         With a law of a few, the best without it; where the effect keeps less than most of its gain
         so, laws and values are climbed: without the effect as long as it may fall to chance
         (``penalty``) so, with it as long as it may come near what a ``rival`` has beyond chance.
-        The law beside the effect may serve the bank alone, too: climbed from there as well.
+        The law beside the effect may serve the bank alone, too: climbed from there as well. What
+        gained less than chance is weighed alike: a bank that claims too much for a motion leaves
+        no room for what grows with it.
 
         """
         begun = [model + self.model['law']]
-        if self.evaluate(begun)[0] - self.value > min(max(SURE, MOST * gain), FAR):
+        most = gain if gain > penalty else np.inf   # of what was hidden there may be more
+        if most == gain and (self.evaluate(begun)[0] - self.value
+                             > min(max(SURE, MOST * gain), FAR)):
             return gain
         own = model.with_values({e.label: e.values for e in self.model})
         begun.append(own + self.model['law'])   # far from its own values it is something else
@@ -71,7 +75,7 @@ class Beside:
             best, self.stated, self.evaluate, self.value + penalty + rival, NEAR_TOP)
         if value - self.value > penalty + rival:
             self._learn(best['law'], value - penalty)
-        return float(np.clip(value - self.value, 0.0, gain))
+        return float(np.clip(value - self.value, 0.0, most))
 
     def _learn(self, law: Any, hope: float) -> None:
         """Let the bank learn from a law on, as long as it may come to what is hoped for."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 import importlib.util
 from pathlib import Path
 import re
@@ -113,11 +112,6 @@ class Parameter:
         return self.choices[int(value)] if self.choices else value
 
 
-@lru_cache(maxsize=512)
-def _by_name(parameters: tuple[Parameter, ...]) -> dict[str, Parameter]:
-    return {p.name: p for p in parameters}
-
-
 @dataclass(frozen=True)
 class Effect:
     """
@@ -145,6 +139,8 @@ class Effect:
     # may it come and go again, so that one of it leaves the record worse than two?
     paired: ClassVar[bool] = False
 
+    _named: ClassVar[dict[str, Parameter]]
+
     values: Mapping[str, Any] = field(default_factory=dict)     # a choice by name or index
     label: str = ''
 
@@ -168,9 +164,16 @@ class Effect:
                 )
             known[cls.name] = cls
 
+    @classmethod
+    def _by_name(cls) -> dict[str, Parameter]:
+        # once a class: fits ask by the hundred thousand
+        if '_named' not in cls.__dict__:
+            cls._named = {p.name: p for p in cls.parameters}
+        return cls._named
+
     def __post_init__(self) -> None:
         """Check the names of the values and freeze them."""
-        known = _by_name(self.parameters)
+        known = self._by_name()
         if not self.values.keys() <= known.keys():
             unknown = sorted(set(self.values) - set(known))
             raise UsageError(
@@ -233,7 +236,7 @@ class Effect:
 
     def with_values(self: Same, **values: float | str) -> Same:
         """Return a copy with these values in place of, or beside, the old ones."""
-        known = _by_name(self.parameters)
+        known = self._by_name()
         if not known.keys() >= values.keys():
             return type(self)({**self.values, **values}, self.label)    # which says what is wrong
         # fits do this by the hundred thousand: what it has was looked at when it was made

@@ -17,7 +17,7 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence
-from .explained import Bands, supported
+from .explained import Bands, gained, supported
 from .fit import fit as fit_part
 from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
@@ -140,7 +140,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         return Tried(_line(evidence, fit, effect))
     if isinstance(effect, MEASURED):
         return Tried(_measured(evidence, fit, effect))
-    if not effect.starts(evidence):
+    if not evidence.starts(effect):
         return Tried(None)
     more = _refitted(evidence, fit, effect)
     problem.begin_from(more)
@@ -266,12 +266,7 @@ def _gained(evidence: Evidence, before: Fit, after: Fit, partly: bool = False) -
 
     """
     bands = Bands.on(evidence.whole.bins)
-    # what is solved for in the mean takes degrees of freedom: ln v counts with those of both
-    full = np.maximum(np.maximum(before.details.weight, after.details.weight), 1e-9)
-    one, other = (
-        supported(bands, d.power * d.weight / full, full, d.v, CAP, partly)
-        for d in (before.details, after.details))
-    return other - one
+    return gained(bands, before.details, after.details, CAP, partly)
 
 
 def _unlikely(fit: Fit) -> float:
@@ -289,14 +284,22 @@ def _unlikely(fit: Fit) -> float:
 
 def _refitted(evidence, fit, effect):
     model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
-    if isinstance(effect, Response):    # what was left open must not do its work
-        hint = replace(hint, order=Order(), values=())
+    # what was left open must not do its work
+    bare = replace(hint, order=Order(), values=())
+    if isinstance(effect, Response):
+        hint = bare
     slow = evidence.whole.bins.last <= SLOW
     slow[:evidence.thermal('whole')] = True
     if isinstance(effect, Mean) and np.all(hint.on(evidence.whole.bins)[slow] > 0):
         # it moves nothing but the slow end, which the fit rests on already
         return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
-    return fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
+    more = fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
+    # nor that of noise beside which it is not needed; what is measured has nothing that is free
+    if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
+        other = fit_part(evidence, model, intervals=False, start=fit.model, hint=bare)
+        peak = other.model.of(Spectrum)[-1].centre is not None
+        more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))
+    return more
 
 
 def _line(evidence, fit, effect):

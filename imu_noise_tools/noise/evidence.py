@@ -23,13 +23,13 @@ from scipy.fft import dct, idct
 from scipy.ndimage import median_filter
 from scipy.special import digamma
 
-from .kinds import Defect, Inputs, Line, measured, Modulation
+from .kinds import Defect, Inputs, Line, measured, Modulation, NoiseEffect
 from .shared import derived, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE
 from ..core import allan
 from ..core.record import AXES, sensor_of
 from ..core.spectrum import Bins, bins_of, folded
-from ..loop.effect import Estimate, Finding, Model
+from ..loop.effect import Effect, Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
 REMEMBERED = 1 << 21  # numbers (16 MB) of what is worked out again and again
@@ -165,6 +165,7 @@ class Evidence:
     _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    _begun: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def slow_t(self) -> np.ndarray:
@@ -345,6 +346,13 @@ class Evidence:
             found = effect.find(self) if isinstance(effect, Defect) else effect.measure(self)
             self._measured[key] = found
         return self._measured[key]
+
+    def starts(self, effect: NoiseEffect) -> list[Effect]:
+        """Return where a fit should start an effect from, worked out once."""
+        key = type(effect), effect.label, tuple(sorted(effect.values.items()))
+        if key not in self._begun:
+            self._begun[key] = effect.starts(self)
+        return list(self._begun[key])
 
     def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
         """

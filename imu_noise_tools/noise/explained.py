@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 from scipy.special import digamma
@@ -127,6 +129,7 @@ class Bands:
     high: np.ndarray = field(repr=False)
 
     @classmethod
+    @lru_cache(maxsize=16)
     def on(cls, bins: Bins) -> Bands:
         """Return the bands of these bins."""
         number = np.floor(2 * np.log2(bins.f / bins.f[0]) + 1e-9).astype(int)
@@ -242,6 +245,14 @@ def _islands(kept: np.ndarray) -> np.ndarray:
     return out
 
 
+class Explains(Protocol):
+    """What a fit makes of the bins: power (b,) that is measured, its weight, the model's power."""
+
+    power: np.ndarray
+    weight: np.ndarray
+    v: np.ndarray
+
+
 def supported(
     bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray, cost: float = COST,
     partly: bool = False,
@@ -280,6 +291,21 @@ def supported(
     lost = most - bands.sum(own)
     beyond = cost * np.log(np.maximum(lost / cost, 1.0)) if partly else 0.0
     return float(np.sum(most - np.minimum(lost, cost) - beyond))
+
+
+def gained(bands: Bands, before: Explains, after: Explains, cost: float = COST,
+           partly: bool = False) -> float:
+    """
+    Return by how much more one fit explains than another, nats, as :func:`supported` says.
+
+    Both count the same degrees of freedom in a bin, the more of the two: what is solved for in the
+    mean takes some of them, not alike in both, and each is worth a ln v, which has a unit.
+
+    """
+    full = np.maximum(np.maximum(before.weight, after.weight), 1e-9)
+    one, other = (supported(bands, d.power * d.weight / full, full, d.v, cost, partly)
+                  for d in (before, after))
+    return other - one
 
 
 def stretches(bands: Bands, explained: np.ndarray) -> Iterator[

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .descent import minimise
 from .evidence import Evidence
 from .explained import Bands, Explained, judge, set_aside, SetAside, supported as supported_by
 from .kinds import Mean
@@ -197,9 +198,9 @@ def _wider(found: Found) -> np.ndarray:
     if basis is None or not basis.order.rivals:
         return wide
     terms = basis.order.terms
-    x, nll, information = likelihood.minimise(found.x)
+    x, nll = minimise(likelihood, found.x)
     keep = range(len(x) - terms)
-    own = np.diag(covariance_of(marginal(information, keep)))
+    own = np.diag(covariance_of(marginal(likelihood.information(x), keep)))
     gain2 = likelihood.with_search(x).of(OpenResponse)[0].gain2(likelihood.bins.f, likelihood.dt)
     left = ratio_of(replace(found, x=x))[0] * gain2
     chances, spreads = [1.0], [own]
@@ -210,7 +211,7 @@ def _wider(found: Found) -> np.ndarray:
             continue
         values = tried[0]
         other = with_basis(likelihood, replace(basis, order=order, values=tuple(values)))
-        rival = Found(other, *other.minimise(np.append(x[:-terms], values)), None)
+        rival = Found(other, *minimise(other, np.append(x[:-terms], values)), None)
         if not np.isfinite(rival.nll) or not flat(rival) or lacks(rival):
             continue
         its = np.diag(covariance_of(marginal(rival.information, keep)))

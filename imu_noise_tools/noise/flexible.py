@@ -19,7 +19,7 @@ from scipy.special import chdtrc
 
 from . import views
 from .evidence import Evidence
-from .explained import Bands, supported
+from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
@@ -200,10 +200,10 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     rivals = [_with_a_knee(evidence, fit, some)
               for some in ((left, plain) if len(plain) < len(left) else (left,))]
     peak = isinstance(effect, Spectrum) and effect.centre is not None
-    own, most = _supported(evidence, fit, peak), sum(spent.values())
-    for rival in rivals:
-        better = _supported(evidence, rival, peak) - own
-        more = len(Knee.parameters) - most
+    bands = Bands.on(evidence.whole.bins)
+    for rival in rivals:    # a part of a peak counts as well
+        better = gained(bands, fit.details, rival.details, partly=peak)
+        more = len(Knee.parameters) - sum(spent.values())
         least = PRICE * more
         if more > 0:    # of a drift that the knee does without it has the parameters as well
             spared = max(0, _levels(fit, left) - _levels(rival, left))
@@ -230,12 +230,6 @@ def _with_a_knee(evidence: Evidence, fit: Fit, some: Iterable[Effect]) -> Fit:
     """Return the fit of some effects and a knee of any steepness, begun from a fit."""
     return fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
                     intervals=False, start=fit.model, hint=fit.details.hint)
-
-
-def _supported(evidence: Evidence, fit: Fit, partly: bool) -> float:
-    """Return ln L where bands may have levels of their own; a part of a peak counts as well."""
-    d = fit.details
-    return supported(Bands.on(evidence.whole.bins), d.power, d.weight, d.v, partly=partly)
 
 
 def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> str:

@@ -91,7 +91,7 @@ def gather(
 
     """
     memory = memory or Memory()
-    work = _Gathering(_unmasked(record, memory), axes, progress, memory)
+    work = _Gathering(record, axes, progress, memory)
     for axis in axes:
         work.samples(axis, deviation=deviation, points=points, octaves=octaves)
     work.beside()
@@ -109,6 +109,7 @@ class _Gathering:
     """What is gathered of all axes, step by step; what is long lies where ``memory`` says."""
 
     def __init__(self, record: ImuRecord, axes, progress, memory: Memory):
+        self.gaps, record = record, _unmasked(record, memory)
         self.record, self.axes, self.memory = record, axes, memory
         self.step = _Steps(progress, 4 * len(axes) + 2)
         self.dt, n = record.dt, record.n
@@ -159,6 +160,13 @@ class _Gathering:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
         own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
         reference = reference_spectrum(c, self.dt)
+        lines = np.zeros((0, 4))
+        if self.gaps.left_out:
+            lines = find_peaks(c, reference, self.dt)[0]
+        if len(lines):  # broken off by what was left out, they would look like a narrow band
+            self.clean[axis] = self.memory.keep(_bridged(self.clean[axis], self.gaps, lines))
+            c = cosine_transform(self.clean[axis][:self.used])
+            reference = reference_spectrum(c, self.dt)
         self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
         table, own['humps'] = find_peaks(c, reference, self.dt)
@@ -384,9 +392,10 @@ def _unmasked(record: ImuRecord, memory: Memory) -> ImuRecord:
     return replace(record, gyro=bridged(record.gyro), accel=bridged(record.accel), left_out=found)
 
 
-def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
+def _bridged(y: np.ndarray, record: ImuRecord,
+             lines: np.ndarray = np.zeros((0, 4))) -> np.ndarray:
     """
-    Return y with what is left out replaced by what is beside it.
+    Return y with what is left out replaced by what is beside it, lines (l, 4) going on through it.
 
     Mirrored, half from before and half from after, about a line between their means: so the
     spectrum keeps its level, which a bare line would lower. The means are of as much as is
@@ -399,17 +408,27 @@ def _bridged(y: np.ndarray, record: ImuRecord) -> np.ndarray:
     ranges = [np.searchsorted(record.t, (begin, end)) for begin, end, _ in record.left_out]
     starts = [int(i) for i, _ in ranges[1:]] + [len(y)]
     for (i, j), following in zip(ranges, starts):
-        before = y[max(0, i - max(50, j - i)):i]
-        after = y[j:max(j, min(j + max(50, j - i), following))]
+        first, last = max(0, i - max(50, j - i)), max(j, min(j + max(50, j - i), following))
+        waves = _waves(lines, np.arange(first, last) * record.dt)
+        before, after = y[first:i] - waves[:i - first], y[j:last] - waves[j - first:]
         half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
         near = max(50, half)
         means = [float(np.mean(x if len(x) else y)) for x in (before[-near:], after[:near])]
         mirrored = np.zeros(j - i)
-        first = (before[::-1] - means[0])[:j - i - half]
-        mirrored[:len(first)] = first
+        back = (before[::-1] - means[0])[:j - i - half]
+        mirrored[:len(back)] = back
         mirrored[j - i - half:] = (after[:half] - means[1])[::-1]
-        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored
+        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored + waves[i - first:j - first]
     return y
+
+
+def _waves(lines: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return the sum (n,) of lines (l, 4), a cos + b sin of a frequency each, at t (n,) s."""
+    out = np.zeros(len(t))
+    for frequency, a, b, _ in lines:
+        angle = 2 * np.pi * frequency * t
+        out += a * np.cos(angle) + b * np.sin(angle)
+    return out
 
 
 def _block_means(y, length):

@@ -501,15 +501,6 @@ def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.n
     return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
 
 
-def slopes_behind(effect: Spectrum, model: Model, bins: Bins) -> dict[str, np.ndarray]:
-    """Return :meth:`Spectrum.slopes` behind the responses acting on the effect."""
-    slopes = effect.slopes(bins)
-    if slopes:
-        gain = expected(lambda f: _gain2_on(effect, model, f, bins.dt), bins)
-        slopes = {name: slope * gain for name, slope in slopes.items()}
-    return slopes
-
-
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) of the model's responses that act on an effect."""
     return gain2_of((r for r in model.of(Response) if effect.filtered or r.last), f, dt)
@@ -518,6 +509,16 @@ def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.nd
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) of all the model's responses."""
     return gain2_of(model.of(Response), f, dt)
+
+
+def beside_unfiltered(gain2: np.ndarray, share: float | np.ndarray) -> np.ndarray:
+    """
+    Return a filter's squared gain where a share of the white noise arises behind it.
+
+    (g + s)/(1 + s): the total at full gain stays, and it never falls to nothing.
+
+    """
+    return np.maximum((gain2 + share) / (1 + share), 1e-9)
 
 
 def gain2_of(responses: Iterable[Response], f: np.ndarray, dt: float) -> np.ndarray:

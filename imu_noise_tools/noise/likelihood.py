@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import cached_property, partial, reduce
 
 import numpy as np
 from scipy.fft import dct
@@ -28,17 +28,17 @@ from .kinds import (
     MEASURED,
     model_crowd,
     NoiseEffect,
-    psd_behind,
     Response,
-    slopes_behind,
     Spectrum,
 )
-from .response import OPEN, OpenResponse
+from .response import OpenResponse
 from .shared import spread
 from ..core.linear import inverse, least_squares
 from ..core.spectrum import asked, Bins, gathered, leaked
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
+
+KEPT = 16  # points of a search at which the value is kept
 
 
 @dataclass(frozen=True)
@@ -173,6 +173,7 @@ class Likelihood:
         self._columns: dict[tuple, np.ndarray] = {}
         self._units: dict[tuple, np.ndarray] = {}
         self._pairs: dict[tuple, tuple] = {}
+        self._values: dict[bytes, tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]] = {}
         if self.means:
             self._prepare_slow(mean)
 
@@ -255,14 +256,13 @@ class Likelihood:
 
     def _decoupled(self, beta, channels):
         """Return the power (b,) and the slow coefficients (q,) less what the couplings add."""
-        names, cross, own = channels
+        _, cross, own, first = channels
         power = np.maximum(self.part.power, 1e-300)
         power = power - 2 * beta @ cross + beta @ (beta @ own)
         power = np.maximum(power, 1e-300)
         slow = self._slow
         if slow is not None:
-            first = self.evidence.coupled_first
-            slow = slow - beta @ [first(name, self.part_name)[: len(slow)] for name in names]
+            slow = slow - beta @ first
             if self._known is not None:
                 power = self._less_known(power, slow)
         return power, slow
@@ -270,7 +270,7 @@ class Likelihood:
     def _coupled(self, model, v):
         """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
         channels = self._channels(model)
-        _, cross, own = channels
+        _, cross, own, _ = channels
         covariance = inverse(own @ (self.weight / v))
         beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
@@ -345,13 +345,16 @@ class Likelihood:
         return [n for c in self.couplings for n in self._channels_of(model[c.label])]
 
     def _channels(self, model):
-        """Return (names (p), cross (p, b), own (p, p, b)) of the couplings."""
+        """Return (names (p), cross (p, b), own (p, p, b), slow (p, q)) of the couplings."""
         pair, here, names = self.evidence.coupled, self.part_name, self._coupled_names(model)
         if tuple(names) not in self._pairs:
+            slow = [] if self._slow is None else [
+                self.evidence.coupled_first(n, here)[:len(self._slow)] for n in names]
             self._pairs[tuple(names)] = (
                 names,
                 np.array([pair(self.evidence.axis, n, here) for n in names]),
                 np.array([[pair(a, b, here) for b in names] for a in names]),
+                np.array(slow),
             )
         return self._pairs[tuple(names)]
 
@@ -429,28 +432,55 @@ class Likelihood:
                     out = out + e.values.get(name, 0.0) ** 2 * self._spreads[channel]
         return out
 
-    def _spectrum(self, effect, model, turn=1.0):
+    def _spectrum(self, effect, model):
+        """Return what one effect puts into the bins, as expected behind the sensor's responses."""
+        behind = self._behind(effect, model)
+        if effect.centre is not None:
+            own = effect.binned(self.bins)
+            return own * gathered(self._gain2(behind), self.bins) if behind else own
+        square, key, one = self._unit(effect)
+        if behind:
+            return square * gathered(one * self._gain2(behind), self.bins)
+        if not key:
+            return gathered(one, self.bins)
+        return square * self._kept((*key, ''), lambda: gathered(one, self.bins))
+
+    def _unit(self, effect):
         """
-        Return what one effect puts into the bins, as expected behind the sensor's responses.
+        Return (square, key, PSD (g,)) of an effect before any response: the PSD is of amplitude 1.
 
         Power goes with the square of an amplitude: what else it depends on seldom moves, and is
-        kept. With ``turn`` (g,), a slope of ln gain^2, the slope of that.
+        kept by its key; without an amplitude there is none.
 
         """
         amplitude = [p.name for p in effect.parameters if p.amplitude]
         size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
-        behind = [e for e in model.of(Response) if effect.filtered or e.last]
-        if effect.centre is not None:
-            own = effect.binned(self.bins)
-            return own * gathered(self._gain2(behind) * turn, self.bins) if behind else own
         if not size > 0:
-            return gathered(psd_behind(effect, model, asked(self.bins), self.dt) * turn, self.bins)
-        shape = effect.label, *((k, v) for k, v in effect.values.items() if k != amplitude[0])
-        one = self._kept(shape, lambda: effect.with_values(**{amplitude[0]: 1.0}).psd(
-            asked(self.bins), self.dt))
-        if not behind:
-            return size**2 * self._kept((*shape, ''), lambda: gathered(one, self.bins))
-        return size**2 * gathered(one * self._gain2(behind) * turn, self.bins)
+            return 1.0, (), effect.psd(asked(self.bins), self.dt)
+        key = effect.label, *((k, v) for k, v in effect.values.items() if k != amplitude[0])
+        return size**2, key, self._kept(key, lambda: effect.with_values(
+            **{amplitude[0]: 1.0}).psd(asked(self.bins), self.dt))
+
+    def _turned(self, model, own, turn):
+        """Return the slope (b,) of what is behind a response; ``turn`` (g,) that of ln gain^2."""
+        out = np.zeros(len(self.power))
+        for filtered in (True, False) if own.last else (True,):
+            spectra = [e for e in model.of(Spectrum) if e.filtered == filtered]
+            if not spectra:
+                continue
+            turned = self._gain2(self._behind(spectra[0], model)) * turn
+            units = (self._unit(e) for e in spectra if e.centre is None)
+            smooth = sum((square * one for square, _, one in units), np.zeros(len(turned)))
+            out = out + gathered(smooth * turned, self.bins)
+            peaks = [e.binned(self.bins) for e in spectra if e.centre is not None]
+            if peaks:
+                out = out + sum(peaks) * gathered(turned, self.bins)
+        return out
+
+    @staticmethod
+    def _behind(effect, model):
+        """Return the model's responses that act on an effect."""
+        return [r for r in model.of(Response) if effect.filtered or r.last]
 
     def _gain2(self, responses):
         """Return the squared gain (g,) of responses where :func:`gathered` wants it."""
@@ -473,9 +503,17 @@ class Likelihood:
             values.setdefault(slot.label, {})[slot.parameter.name] = float(value)
         return model.with_values(values)
 
-    def value(self, x: np.ndarray, penalty: float = 0.0, reddest: int | None = None,
+    def value(self, x: np.ndarray,
               ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:
-        """Return (-ln L, Linear, v, each) at a point; penalised by the reddest amplitude."""
+        """Return (-ln L, Linear, v, each) at a point."""
+        key = np.asarray(x, float).tobytes()
+        if key not in self._values:     # where a search ends it is asked for again and again
+            while len(self._values) >= KEPT:
+                del self._values[next(iter(self._values))]
+            self._values[key] = self._value(x)
+        return self._values[key]
+
+    def _value(self, x):
         model = self.with_search(x)
         total, each = self._own(model)
         v = self._with_missed(total, model) if each else total
@@ -486,10 +524,7 @@ class Likelihood:
         if self._spreads and each:  # what a shaken source is missed by goes with the gains
             v = self._with_missed(total, self._with_linear(model, linear))
             linear = self.solve_linear(model, v)
-        nll = self._cost(linear, v)
-        if penalty and reddest is not None:
-            nll -= penalty * x[reddest]
-        return nll, linear, v, each
+        return self._cost(linear, v), linear, v, each
 
     @staticmethod
     def _cost(linear, v):
@@ -501,6 +536,7 @@ class Likelihood:
         """Return d ln v / d x, (b, p)."""
         out = np.zeros((len(v), len(x)))
         model = self.with_search(x)
+        closed = {e.label: self._slopes(e, model) for e in model.of(Spectrum)}
         for j, slot in enumerate(self.slots):
             effect, name = model[slot.label], slot.parameter.name
             if isinstance(effect, OpenResponse):
@@ -509,24 +545,30 @@ class Likelihood:
                     out[:, some] = effect.slopes(self.bins)
             elif isinstance(effect, Spectrum) and slot.parameter.amplitude and slot.parameter.log:
                 out[:, j] = 2 * each[slot.label] / v  # power goes with the square of an amplitude
-            elif isinstance(effect, Spectrum) and name in (
-                    known := slopes_behind(effect, model, self.bins)):
-                out[:, j] = known[name] / v
+            elif isinstance(effect, Spectrum) and name in closed[slot.label]:
+                out[:, j] = closed[slot.label][name] / v
             elif isinstance(effect, Spectrum):
-                out[:, j] = self._slope(x, j) / v
+                out[:, j] = self._slope(x, j, model) / v
             elif isinstance(effect, Response):
                 out[:, j] = self._response_slope(x, j, model, each) / v
         return out
 
-    def _slope(self, x, j, h: float = 1e-4) -> np.ndarray:
+    def _slopes(self, effect, model):
+        """Return d v/d x_j, (b,) each, of what a spectrum has in closed form, by name."""
+        slopes = effect.slopes(self.bins)
+        if slopes:
+            behind = self._behind(effect, model)
+            gain = gathered(
+                self._gain2(behind) if behind else np.ones_like(asked(self.bins)), self.bins)
+            slopes = {name: slope * gain for name, slope in slopes.items()}
+        return slopes
+
+    def _slope(self, x, j, model, h: float = 1e-4) -> np.ndarray:
         """Return d v/d x_j of a spectrum by central differences, (b,)."""
-        sides = []
-        for step in (h, -h):
-            moved = x.copy()
-            moved[j] += step
-            model = self.with_search(moved)
-            sides.append(self._spectrum(model[self.slots[j].label], model))
-        return (sides[0] - sides[1]) / (2 * h)
+        slot, own = self.slots[j], model[self.slots[j].label]
+        up, down = (self._spectrum(own.with_values(**{
+            slot.parameter.name: slot.from_search(x[j] + step)}), model) for step in (h, -h))
+        return (up - down) / (2 * h)
 
     def _response_slope(self, x, j, model, each, h: float = 1e-4) -> np.ndarray:
         """
@@ -540,58 +582,30 @@ class Likelihood:
             own.with_values(**{slot.parameter.name: slot.from_search(x[j] + step)}).gain2(
                 asked(self.bins), self.dt) for step in (h, -h))
         turn = (up - down) / (2 * h * self._gain2([own]))
-        out = sum((self._spectrum(e, model, turn) for e in model.of(Spectrum)
-                   if e.filtered or own.last), np.zeros(len(self.power)))
+        out = self._turned(model, own, turn)
         if any(r.leaks for r in model.of(Response)):
             out = out + leaked(self._rounded(sum(each.values())), self.bins, out)
         return out
 
-    def minimise(self, x0: np.ndarray, free: np.ndarray | None = None, penalty: float = 0.0,
-                 reddest: int | None = None, steps: int = 400, enough: float = 1e-7,
-                 ) -> tuple[np.ndarray, float, np.ndarray]:
-        """
-        Return (x, -ln L, information) from a start.
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends, (p,) each, on the search scale."""
+        ends = np.array([s.bounds for s in self.slots]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
 
-        ``free`` (p,) bool says which parameters move; a step that gains less than ``enough`` nats
-        is the last.
+    def information(self, x: np.ndarray) -> np.ndarray:
+        """Return the Fisher matrix (p, p) at a point."""
+        _, linear, v, each = self.value(x)
+        return self.derivatives(x, linear, v, each)[1]
 
-        """
-        x = np.array(x0, float)
-        p = len(x)
-        free = np.ones(p, bool) if free is None else free
-        lower, upper = (
-            (np.array([s.bounds[i] for s in self.slots]) for i in (0, 1)) if p else (x, x)
-        )
-        x = np.clip(x, lower, upper)
-        best, linear, v, each = self.value(x, penalty, reddest)
-        damping = 1e-3
-        reach = np.array([np.inf if s.label == OPEN else 2.0 for s in self.slots])
-        for _ in range(steps):
-            gradient, information = self._derivatives(x, linear, v, each, penalty, reddest)
-            # what a bound stops does not move, or it would bend the way of the others
-            able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
-            if not able.any():
-                break
-            for damping, moved in _moves(x, able, gradient, information, damping, reach):
-                trial = np.clip(moved, lower, upper)
-                result = self.value(trial, penalty, reddest)
-                if np.isfinite(result[0]) and result[0] <= best:
-                    break
-            else:
-                break
-            gain = best - result[0]
-            x, (best, linear, v, each) = trial, result
-            if gain < enough:
-                break
-            damping = min(max(damping / 10, 1e-9), 1.0)
-        return x, best, self._derivatives(x, linear, v, each, penalty, reddest)[1]
-
-    def _derivatives(self, x, linear, v, each, penalty, reddest):
+    def derivatives(self, x: np.ndarray, linear: Linear, v: np.ndarray,
+                    each: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gradient (p,) of -ln L and the information (p, p) where :meth:`value` is."""
         jac = self.jacobian(x, v, each)
         w = linear.weight
         gradient = 0.5 * jac.T @ (w * (1 - linear.power / v))
         information = 0.5 * (jac * w[:, None]).T @ jac
-        for j in self._mean_slots():
+        for j in (j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)):
             h = 1e-3
             up, down = x.copy(), x.copy()
             up[j] += h
@@ -601,26 +615,4 @@ class Likelihood:
             b = self._cost(linear, v)
             gradient[j] = (c - a) / (2 * h)
             information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
-        if penalty and reddest is not None:
-            gradient[reddest] -= penalty
         return gradient, information
-
-    def _mean_slots(self):
-        return [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
-
-
-def _moves(x, able, gradient, information, damping, reach):
-    """
-    Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move.
-
-    By no more than ``reach`` (p,) at once.
-
-    """
-    g, f = gradient[able], information[np.ix_(able, able)]
-    scale = np.maximum(np.diag(f), 1e-9)
-    while damping < 1e9:
-        step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
-        moved = x.copy()
-        moved[able] += np.clip(step, -reach[able], reach[able])
-        yield damping, moved
-        damping *= 10

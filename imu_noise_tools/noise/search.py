@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from .descent import minimise
 from .likelihood import Likelihood
 from .starts import begun_anew, most_promising, reddest, Start
 from ..loop.effect import Fit
@@ -60,21 +62,24 @@ class Search:
     def from_point(self, likelihood: Likelihood, x0: np.ndarray) -> Found:
         """Return the minimum reached from one point."""
         slowest = reddest(likelihood, x0) if self.cautious else None
-        found = likelihood.minimise(x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
-        found = _revived(likelihood, found, slowest, self.enough)
-        x, nll, information = found
-        return Found(likelihood, x, nll, information, slowest)
+        found = minimise(likelihood, x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
+        x, nll = _revived(likelihood, found, slowest, self.enough)
+        return Found(likelihood, x, nll, slowest)
 
 
 @dataclass(frozen=True)
 class Found:
-    """A minimum: where, how deep, its information, and which amplitude was kept off zero."""
+    """A minimum: where, how deep, and which amplitude was kept off zero."""
 
     likelihood: Likelihood
     x: np.ndarray
     nll: float
-    information: np.ndarray
     slowest: int | None
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """The Fisher matrix (p, p) there, which is wanted of few of those that are found."""
+        return self.likelihood.information(self.x)
 
     @property
     def cost(self) -> float:
@@ -101,5 +106,5 @@ def _revived(likelihood, found, reddest, enough):
             again[j] += 0.5 * np.log(0.3 / max(share, 1e-300))
     if np.array_equal(again, x):
         return found
-    other = likelihood.minimise(again, penalty=_REDDEST, reddest=reddest, enough=enough)
+    other = minimise(likelihood, again, penalty=_REDDEST, reddest=reddest, enough=enough)
     return other if other[1] < found[1] - 1e-6 else found

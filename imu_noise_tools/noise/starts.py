@@ -37,12 +37,12 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
         known = given[e.label] if given is not None and e.label in given.labels else e
         begun = bool(shapes) and all(s in known.values for s in shapes)
         if begun and isinstance(e, Mean) and e.anew and not e.fitted:
-            options = e.with_values(
-                **{s: known[s] for s in shapes if s not in e.anew}).starts(likelihood.evidence)
+            options = likelihood.evidence.starts(e.with_values(
+                **{s: known[s] for s in shapes if s not in e.anew}))
         elif begun:
             options = [e.with_values(**{s: known[s] for s in shapes})]
         else:
-            options = e.starts(likelihood.evidence)
+            options = likelihood.evidence.starts(e)
             if not options:
                 raise FitError(
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
@@ -52,7 +52,7 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
-        found = [_with_amplitudes(likelihood, candidate, share) for share in (0.02, 0.3)]
+        found = _with_amplitudes(likelihood, candidate, (0.02, 0.3))
         if given is not None:
             found.append(_with_given(likelihood, given, found[0]))
         out += [(candidate, x0) for x0 in found]
@@ -165,7 +165,7 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     for e in here.of(Response):
         choices = [p.name for p in e.parameters if p.choices and e.label in searched]
         best: dict[tuple, tuple] = {}
-        for o in type(e)({}, e.label).starts(found.evidence) if choices else ():
+        for o in found.evidence.starts(type(e)({}, e.label)) if choices else ():
             form = tuple(o[c] for c in choices)
             other = Likelihood(found.evidence, found.part_name, found.model.with_effect(o),
                                found.mean, found.explained)
@@ -189,11 +189,11 @@ def _carried(plain: Likelihood, x0: np.ndarray, likelihood: Likelihood) -> np.nd
         for s in likelihood.slots for key in [(s.label, s.parameter.name)]])
 
 
-def _with_amplitudes(likelihood, model, share):
+def _with_amplitudes(likelihood, model, shares):
     """
-    Return the search vector with amplitudes from the measured power.
+    Return search vectors with amplitudes from the measured power.
 
-    None below a share of where it matters most.
+    None below a share, one for each, of where it matters most.
 
     """
     spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)
@@ -213,35 +213,47 @@ def _with_amplitudes(likelihood, model, share):
             if p.name not in e.values
         }
         model = model.with_effect(model[e.label].with_values(**rest))
-    if spectra:
-        _, each = likelihood.spectra(model)
-        names = [e.label for e in spectra]
-        fixed = sum(
-            (v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power))
-        )
-        shape = np.array([each[k] for k in names]).T
-        power = likelihood.power
-        if likelihood.couplings:  # what another channel puts there is not the noise's
-            power = likelihood.solve_linear(model, smooth(power)).power
-        target = np.maximum(power - fixed, 0)
-        floor = np.maximum(smooth(power), 1e-300)
-        level = floor
-        # behind a filter only the band that passes says something of the amplitudes
-        gain = model_gain2(model, likelihood.bins.f, likelihood.dt)
-        passes = np.sqrt(likelihood.weight) * (gain > 0.2 * min(gain.max(), 1.0))
-        for _ in range(3):
-            w = passes / level
-            scale = np.max(shape * w[:, None], axis=0)
-            a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
-            level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
-        least = share / np.max(shape / level[:, None], axis=0)
-        for name, value in zip(names, np.maximum(a2, least)):
+    names, out = [e.label for e in spectra], []
+    squares, matters = _squares(likelihood, model, names)
+    for share in shares:
+        for name, value in zip(names, np.maximum(squares, share / matters)):
             e = model[name]
             amplitude = next(p.name for p in e.parameters if p.amplitude)
             model = model.with_effect(e.with_values(**{amplitude: float(np.sqrt(value))}))
-    return np.array(
-        [slot.to_search(model[slot.label][slot.parameter.name]) for slot in likelihood.slots]
+        out.append(np.array(
+            [slot.to_search(model[slot.label][slot.parameter.name]) for slot in likelihood.slots]))
+    return out
+
+
+def _squares(likelihood, model, names):
+    """
+    Return the squares of amplitudes (p,) of effects, by non-negative least squares.
+
+    And what an amplitude of 1 is where it matters most, as a share of the power there.
+
+    """
+    if not names:
+        return np.zeros(0), np.ones(0)
+    _, each = likelihood.spectra(model)
+    fixed = sum(
+        (v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power))
     )
+    shape = np.array([each[k] for k in names]).T
+    power = likelihood.power
+    if likelihood.couplings:  # what another channel puts there is not the noise's
+        power = likelihood.solve_linear(model, smooth(power)).power
+    target = np.maximum(power - fixed, 0)
+    floor = np.maximum(smooth(power), 1e-300)
+    level = floor
+    # behind a filter only the band that passes says something of the amplitudes
+    gain = model_gain2(model, likelihood.bins.f, likelihood.dt)
+    passes = np.sqrt(likelihood.weight) * (gain > 0.2 * min(gain.max(), 1.0))
+    for _ in range(3):
+        w = passes / level
+        scale = np.max(shape * w[:, None], axis=0)
+        a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
+        level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
+    return a2, np.max(shape / level[:, None], axis=0)
 
 
 def smooth(power: np.ndarray) -> np.ndarray:

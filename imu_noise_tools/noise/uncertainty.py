@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from .descent import minimise
 from .kinds import MEASURED, NoiseEffect, Spectrum
 from .likelihood import Likelihood, Linear, settled
 from .response import OPEN
@@ -138,7 +139,7 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
     if not len(x):
         return out, flags
     std = np.sqrt(np.maximum(np.diag(covariance_of(information)), 0))
-    top, least, _ = likelihood.minimise(x)  # unpenalised
+    top, least = minimise(likelihood, x)  # unpenalised
     profile = _Profile(likelihood, top, least)
     for j, slot in enumerate(likelihood.slots):
         if slot.label == OPEN:
@@ -236,7 +237,7 @@ class _Profile:
         free[j] = False
         x = warm.copy()
         x[j] = at
-        x, nll, _ = self.likelihood.minimise(x, free=free, steps=25)
+        x, nll = minimise(self.likelihood, x, free=free, steps=25)
         deviance = max(2 * (nll - self.least), 0.0)
         self.seen[j].append((at, deviance))
         return deviance, x

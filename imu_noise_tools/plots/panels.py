@@ -92,7 +92,10 @@ def allan(ax: Axes, state: State, found: Curves | None = None, title: str | None
         ax.plot(c.tau, np.sqrt(found.model) / factor, color=MODEL, linewidth=1.5)
         shown = [r for r in marks if r.sigma / factor > low and c.tau[0] <= r.tau <= c.tau[-1]]
         for r in shown:
-            below = r.sigma < 0.8 * np.sqrt(np.interp(r.tau, found.tau, found.model))
+            here = np.sqrt(np.interp(r.tau, found.tau, found.model))
+            own, later = np.sqrt(np.interp([r.tau, 2 * r.tau], found.tau, found.each[r.label]))
+            # its name stands to the right: above it only where its own line falls away from there
+            below = r.sigma < 0.8 * here or later > 0.85 * own
             _mark(ax, r.tau, r.sigma / factor, r.symbol, _colour(state, r.label), below)
         label_lines(ax, lines, [(c.tau, c.dev / factor),
                                 *(([r.tau], [r.sigma / factor]) for r in shown)])

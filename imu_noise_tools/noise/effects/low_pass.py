@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import Parameter, Response
+from ..kinds import beside_unfiltered, Parameter, Response
 from ...loop.effect import Effect
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
@@ -98,7 +98,7 @@ class LowPass(Response):
         weight = bins.count / np.sum(bins.count)
         for c, share in product(cutoffs, averaged):
             start = self.with_values(cutoff=float(c), form=form, averaged=share, behind=0.0)
-            gain2 = (start.gain2(bins.f, evidence.dt) + behind) / (1 + behind)
+            gain2 = beside_unfiltered(start.gain2(bins.f, evidence.dt), behind)
             left = log_power - np.log(gain2)
             rough = (left - (left @ weight)[:, None]) ** 2 @ weight
             k = int(np.argmin(rough))
@@ -128,7 +128,7 @@ class LowPass(Response):
         """Return the squared gain."""
         form = self.chosen('form')
         behind = self.values.get('behind', 0.0) if form not in (POLE, AVERAGED) else 0.0
-        return np.maximum((self._shape(form, f, dt) + behind) / (1 + behind), 1e-9)
+        return beside_unfiltered(self._shape(form, f, dt), behind)
 
     def _shape(self, form, f, dt):
         """Return that of a form, with nothing behind it."""

@@ -6,7 +6,7 @@
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import Parameter, Response
+from ..kinds import beside_unfiltered, Parameter, Response
 from ...loop.effect import Effect
 
 BEHIND = 0.002  # share of the white noise behind it from which a fit starts
@@ -66,7 +66,7 @@ class Notch(Response):
         w = np.tan(np.pi * min(self['width'] * dt, 0.49)) * (1 + x0**2)
         behind = self.values.get('behind', 0.0)
         g = (x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2)
-        return np.maximum((g + behind) / (1 + behind), 1e-9)
+        return beside_unfiltered(g, behind)
 
     @classmethod
     def example(cls) -> Effect:

@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
@@ -61,7 +62,7 @@ class Quantization(Spectrum):
         x0 = np.array([
             s.to_search(moved.model[s.label][s.parameter.name]) for s in moved.slots])
         free = np.array([s.label != self.label for s in moved.slots])
-        lost = fit.log_likelihood + moved.minimise(x0, free=free, enough=1e-3)[1]
+        lost = fit.log_likelihood + minimise(moved, x0, free=free, enough=1e-3)[1]
         return max(gain - lost, 0.0)
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:

@@ -23,12 +23,13 @@ from ...core.statistics import (
     row_medians,
 )
 from ...loop.effect import Effect, Estimate, Finding
-from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE
+from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, STRIKING
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
+BESIDE = 2  # samples on either side that are its neighbours
 AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
 SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
@@ -89,10 +90,10 @@ class Spikes(Defect):
         if repeats(y).held:
             fresh = np.flatnonzero(np.concatenate([[True], y[1:] != y[:-1]]))
         kept = _outliers(y, fresh, _against_neighbours, alone=True)
-        if kept and len(kept['size']) and kept['slow'] > 1 + MORE:
-            # in a burst the neighbours are outliers as well
+        if kept and len(kept['size']) and (kept['slow'] > 1 + MORE or _in_bursts(kept, fresh)):
+            # there the neighbours are outliers as well: what takes more of them away knows better
             around = _outliers(y, fresh, _against_around, alone=False)
-            kept = around if around['slow'] <= 1 + MORE else kept
+            kept = min(kept, around, key=lambda k: float(k.get('slow', np.inf)))
         if not kept:
             return {}
         return {**kept, 'n': np.array(n), 'dt': np.array(inputs.dt),
@@ -230,6 +231,13 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         'sigma': np.interp(at, blocks, sigma),
         'threshold': np.array(threshold),
     }
+
+
+def _in_bursts(kept, fresh) -> bool:
+    """Tell whether more outliers are among each other's neighbours than chance puts there."""
+    at = np.unique(np.searchsorted(fresh, kept['index'], 'right'))
+    chance = BESIDE * len(at) ** 2 / len(fresh)
+    return bool(np.sum(np.diff(at) <= BESIDE) > chance + STRIKING * np.sqrt(chance))
 
 
 def _gain(kept):

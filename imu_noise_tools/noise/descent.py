@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The way from a start down to a minimum of the likelihood of one axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .likelihood import Likelihood
+from .response import OPEN
+
+REACH = 2.0  # by how much a step may change what is searched on a log scale
+
+
+def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = None,
+             penalty: float = 0.0, reddest: int | None = None, steps: int = 400,
+             enough: float = 1e-7) -> tuple[np.ndarray, float]:
+    """
+    Return (x, -ln L) of the minimum below a start, by Levenberg's rule.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Of the axis and the model.
+    x0 : ndarray (p,)
+        Where to start, on the search scale.
+    free : ndarray (p,) of bool or None
+        Which parameters move; all for None.
+    penalty, reddest : float, int or None
+        Nats by which -ln L is less for each unit that a parameter of this index, the slowest
+        amplitude, is larger: it keeps that off zero, and is in what is returned.
+    steps : int
+        At most.
+    enough : float
+        A step that gains less, nats, is the last.
+
+    """
+    def value(x):
+        nll, linear, v, each = likelihood.value(x)
+        return nll if reddest is None else nll - penalty * x[reddest], linear, v, each
+
+    x = np.array(x0, float)
+    free = np.ones(len(x), bool) if free is None else free
+    lower, upper = likelihood.bounds
+    x = np.clip(x, lower, upper)
+    best, linear, v, each = value(x)
+    damping = 1e-3
+    reach = np.array([np.inf if s.label == OPEN else REACH for s in likelihood.slots])
+    for _ in range(steps):
+        gradient, information = likelihood.derivatives(x, linear, v, each)
+        if reddest is not None:
+            gradient[reddest] -= penalty
+        # what a bound stops does not move, or it would bend the way of the others
+        able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
+        if not able.any():
+            break
+        for damping, moved in _moves(x, able, gradient, information, damping, reach):
+            trial = np.clip(moved, lower, upper)
+            result = value(trial)
+            if np.isfinite(result[0]) and result[0] <= best:
+                break
+        else:
+            break
+        gain = best - result[0]
+        x, (best, linear, v, each) = trial, result
+        if gain < enough:
+            break
+        damping = min(max(damping / 10, 1e-9), 1.0)
+    return x, best
+
+
+def _moves(x, able, gradient, information, damping, reach):
+    """
+    Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move.
+
+    By no more than ``reach`` (p,) at once.
+
+    """
+    g, f = gradient[able], information[np.ix_(able, able)]
+    scale = np.maximum(np.diag(f), 1e-9)
+    while damping < 1e9:
+        step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
+        moved = x.copy()
+        moved[able] += np.clip(step, -reach[able], reach[able])
+        yield damping, moved
+        damping *= 10
