@@ -163,6 +163,24 @@ def test_a_line_that_is_on_for_a_stretch_is_a_narrow_band():
     assert bands and abs(bands[0].effect['frequency'] - 13.4) < 0.05, said
 
 
+def test_a_power_of_f_that_does_without_white_noise_and_flicker_is_no_low_pass():
+    """f^-0.7 alone, of few samples: what the knee spends, a level and a flicker spent as well."""
+    rng, n, dt = np.random.default_rng(2), 6000, 0.04
+    f = np.fft.rfftfreq(8 * n, dt)
+    spectrum = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
+    spectrum[1:] *= f[1:] ** -0.35
+    spectrum[0] = 0.0
+    x = np.fft.irfft(spectrum)[3 * n:4 * n]
+    x *= 0.01 / np.std(x)
+    record = ImuRecord(np.column_stack([x, *1e-4 * rng.standard_normal((2, n))]), None,
+                       np.arange(n) * dt, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    base = ('white', 'flicker', 'random_walk')
+    fit, after = (problem.point(model_of('noise', x)) for x in (base, (*base, 'low_pass')))
+    gain = after.details.ml - fit.details.ml
+    assert gain > 20 and 'steepness' in problem.shape(after, 'low_pass', gain)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('redder, holds, seed', [(True, False, 11), (False, True, 10)])
 def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_redder(

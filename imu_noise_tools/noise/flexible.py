@@ -200,19 +200,30 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     rivals = [_with_a_knee(evidence, fit, some)
               for some in ((left, plain) if len(plain) < len(left) else (left,))]
     peak = isinstance(effect, Spectrum) and effect.centre is not None
-    # a part of a peak counts as well
     bands = Bands.on(evidence.whole.bins)
-    better, rival = max(((gained(bands, fit.details, r.details, partly=peak), r) for r in rivals),
-                        key=lambda z: z[0])
-    more = len(Knee.parameters) - sum(spent.values())
-    least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim) if more > 0 \
-        else PRICE * more
-    if better <= least:
-        return ''
-    how = f'better by {better:.0f} nats' if better > 0 else \
-        f'as well, with {-more} parameter{"s" * (more < -1)} less'
-    return f'a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no name, ' \
-           f'fits {how}'
+    for rival in rivals:    # a part of a peak counts as well
+        better = gained(bands, fit.details, rival.details, partly=peak)
+        more = len(Knee.parameters) - sum(spent.values())
+        least = PRICE * more
+        if more > 0:    # of a drift that the knee does without it has the parameters as well
+            spared = max(0, _levels(fit, left) - _levels(rival, left))
+            more = max(0, more - spared)
+            least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
+        if better > least:
+            how = f'better by {better:.0f} nats' if better > 0 else \
+                f'as well, with {-more} parameter{"s" * (more < -1)} less'
+            steepness = rival.model['knee']['steepness']
+            return f'a knee of steepness {steepness:.2g}, which has no name, fits {how}'
+    return ''
+
+
+def _levels(fit: Fit, some: Iterable[Effect]) -> int:
+    """Return how many of some effects the spectrum needs: of a power beyond two deviations."""
+    labels = {e.label for e in some if isinstance(e, Spectrum)}
+    d = fit.details
+    each = np.stack([x / d.v for x in d.each.values()])
+    spread = np.sqrt(np.maximum(np.diag(inverse(0.5 * (each * d.weight) @ each.T)), 0.0))
+    return sum(k in labels and 0 < s < 0.5 for k, s in zip(d.each, spread))
 
 
 def _with_a_knee(evidence: Evidence, fit: Fit, some: Iterable[Effect]) -> Fit:

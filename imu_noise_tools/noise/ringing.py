@@ -27,6 +27,7 @@ from scipy.fft import dct, dst, idct, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
 from scipy.signal import lfilter
+from scipy.special import ndtr
 
 from .lines import reference_spectrum
 from ..core.spectrum import cosine_transform
@@ -393,7 +394,7 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
                 w[_around(i, tau)] = 0.0
             continue
         rings, single = _knocks(white, w, omega, tau, moments, moment + AGAIN, judged)
-        if judged and float(np.sum(_single(white.w))) > MANY * np.sum(single):
+        if judged and _scattered(white.w) > MANY * np.sum(single):
             # among so many single samples some look like anything
             rings = rings.of(single < rings.nats / MANY)
         if not len(rings.begin):
@@ -438,6 +439,20 @@ def _around(begin: int, tau: float) -> slice:
 def _single(w: np.ndarray) -> np.ndarray:
     """Return the nats of whitened samples that may each stand for itself."""
     return 0.5 * w[np.abs(w) > SINGLE] ** 2 - AGAIN
+
+
+def _scattered(w: np.ndarray) -> float:
+    """
+    Return the nats of single samples of a record, whitened, beyond what normal noise has.
+
+    Of n normal samples 2 Q(s) n are beyond s = SINGLE, and have (s phi(s) + Q(s) - 2 AGAIN Q(s)) n
+    nats: those of a long record have more than knocks. Each stretch counts by its own level.
+
+    """
+    parts = (x / max(float(median_sigma(x)), 1e-9) for x in np.array_split(w, STRETCHES))
+    beyond = float(ndtr(-SINGLE))
+    by_chance = SINGLE * np.exp(-0.5 * SINGLE**2) / np.sqrt(2 * np.pi) + (1 - 2 * AGAIN) * beyond
+    return float(sum(np.sum(_single(x)) for x in parts)) - by_chance * len(w)
 
 
 def _fitted(columns: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
