@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.core.spectrum import cosine_transform, folded
+from imu_noise_tools.core.spectrum import cosine_transform, folded, line_coefficients
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise import views
@@ -122,6 +122,28 @@ def test_a_resonance_is_no_line(cells, size):
 def test_noise_has_no_lines():
     rng = np.random.default_rng(3)
     assert sum(len(table(base(rng, hidden.draw_sensor(rng)))) for _ in range(40)) == 0
+
+
+def with_a_line(phase, around):
+    """Return white coefficients with a line of twenty nats, and so much of the level around it."""
+    n, k = 8000, np.arange(988, 1013)
+    c = cosine_transform(np.random.default_rng(12).standard_normal(n))
+    c[k] = np.where(np.abs(k - 1000) < 4, 0.0, np.sqrt(around)) * (-1.0) ** (k // 2)
+    middle = 2 * np.pi * 1000 / (2 * n) * 0.5 * (n - 1)
+    a, b = np.sqrt(80 / n) * np.array([np.cos(phase - middle), -np.sin(phase - middle)])
+    c[k] += line_coefficients(1000 / (2 * n * DT), a, b, k, n, DT)
+    return c
+
+
+@pytest.mark.parametrize('phase', [0.0, np.pi / 2])
+@pytest.mark.parametrize('around', [0.5, 1.8])
+def test_a_line_is_worth_its_nats_however_its_power_spreads(phase, around):
+    """Over one coefficient or over many, where the level around is more or less by chance."""
+    c = with_a_line(phase, around)
+    four = np.convolve(c[990:1011] ** 2, np.ones(4))
+    assert np.max(four) < (34 if phase else 42)
+    found = find_peaks(c, np.full(len(c) - 1, 2 * DT), DT)[0]
+    assert len(found) == 1 and found[0, 0] == pytest.approx(1000 / (16000 * DT), abs=1e-3)
 
 
 def record_with(added, rng):

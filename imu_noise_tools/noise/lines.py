@@ -12,7 +12,7 @@ goes) is no line, and stays in the spectrum.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ PIECE = 1 << 15  # of an array as long as the record: what is worked on at a tim
 NEAR = 32  # coefficients on either side from which a line is measured
 CROWD = 12  # coefficients within which lines are neighbours
 BELOW = 2.0  # the level of the search is so much below that at which a line is believed
+FAINT = 0.6  # of that: where four coefficients hold less, no line of that height is
+MOST_FAINT = 200  # of those that are measured
 ROUNDS = 3  # of the search, each with the level as it is without the lines found before
 RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fades does as well
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
@@ -123,7 +125,7 @@ def sure(z: float, n: int) -> bool:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A line as the search has it: frequency Hz, a, b, and the height of its peak."""
+    """A line as the search has it: frequency Hz, a, b, and twice the nats that it gains."""
 
     frequency: float
     a: float
@@ -149,11 +151,13 @@ class _Search:
         i, j = max(0, begin - 2), min(self.n - 1, end + 2)
         ratio = 2 * self.dt * self.c[i + 1:j + 1] ** 2 / self.reference[i:j]
         four = np.convolve(ratio, np.ones(4), mode='same')[begin - i:begin - i + end - begin]
-        k = np.arange(begin + 1, end + 1)
-        # near both ends the level around a coefficient is known from a few dozen of them only
-        reach = _reach(k, self.n).astype(float)
-        reach[:max(0, CURVED - begin)] = 1.5 * k[:max(0, CURVED - begin)]
-        return four / (1 + 25 / (2 * reach + 1))
+        return four / self._doubt(np.arange(begin + 1, end + 1))
+
+    def _doubt(self, k: np.ndarray) -> np.ndarray:
+        """Return by how much a height at k must be more for what is not known of its level."""
+        # near both ends it is known from a few dozen coefficients only
+        reach = np.where(k <= CURVED, 1.5 * k, _reach(k, self.n))
+        return 1 + 25 / (2 * reach + 1)
 
     def _look(self, begin: int, end: int) -> None:
         """Work those heights out anew, where something may be looked for."""
@@ -173,8 +177,8 @@ class _Search:
             spot.frequency, spot.a, spot.b, np.arange(low, high), self.n, self.dt)
         self._look(low - 1, high - 1)
 
-    def _measured(self, k: int) -> tuple[float, float, float]:
-        """Return (frequency, a, b) of the line nearest to a coefficient."""
+    def _measured(self, k: int) -> _Spot:
+        """Return the line nearest to a coefficient."""
         some = np.arange(max(1, k - NEAR), min(self.n, k + NEAR + 1))
         y = self.c[some]
         best, step = float(k), 0.1
@@ -184,7 +188,8 @@ class _Search:
             energy, a, b = _projected(wave, y)
             i = int(np.argmax(energy))
             best, step = float(at[i]), step / 10
-        return best / (2 * self.n * self.dt), float(a[i]), float(b[i])
+        height = 2 * self.dt * energy[i] / (self.reference[k - 1] * self._doubt(np.array(k)))
+        return _Spot(best / (2 * self.n * self.dt), float(a[i]), float(b[i]), float(height))
 
     def _power(self, spots: list[_Spot]) -> tuple[float, float]:
         """Return the power (over the level) beyond the noise around some lines, its scatter."""
@@ -206,8 +211,8 @@ class _Search:
         for s in spots:
             self._add(s, 1.0)
         some = sorted(spots, key=lambda s: -s.height)[:2]
-        left = [self._power(spots)[0]]
-        noise = 3 * self._power(spots)[1]
+        power, scatter = self._power(spots)
+        left, noise = [power], 3 * scatter
         for s in some:
             self._add(s, -1.0)
             left.append(self._power(spots)[0])
@@ -216,8 +221,8 @@ class _Search:
             (1 - CLEAN) * left[0] if not alone else (1 - DOMINANT) * left[1])
         low, high = self._around(spots)
         count = 2 if both else 1 if alone else 0
-        # and each must stand out of what is left around it
-        level = max(1.0, 1 + left[count] / (high - low))
+        # and each must stand out of what is left around it, where that is more than chance
+        level = 1 + left[count] / (high - low) if left[count] > 2 * scatter else 1.0
         kept = [s for s in some[:count] if s.height > self.threshold * level]
         for s in some:
             if s not in kept:
@@ -276,7 +281,7 @@ class _Search:
             k = low + int(np.argmax(four))
             if four[k - low] < self.threshold:
                 continue
-            pair = self._pair(spot, _Spot(*self._measured(k), float(four[k - low])))
+            pair = self._pair(spot, self._measured(k))
             alone = self._power([spot])[0]
             self._add(spot, 1.0)
             for s in pair:
@@ -334,8 +339,9 @@ class _Search:
             if window[k] < 0.5 * self.threshold:
                 break
             window[max(k - CROWD, 0):k + CROWD + 1] = 0
-            f, a, b = self._measured(k + 1)
-            out.append(_Spot(f, a, b, self._height(np.array([f]))[0][0]))
+            spot = self._measured(k + 1)
+            height = float(self._height(np.array([spot.frequency]))[0][0])
+            out.append(replace(spot, height=height))
         return out
 
     def _height(self, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -385,16 +391,19 @@ class _Search:
         found: list[_Spot] = []
         for _ in range(4 * MOST_LINES):
             k = int(np.argmax(self.window))
-            height = float(self.window[k])
-            if height < self.threshold or len(found) + len(settled) >= MOST_LINES:
+            if self.window[k] < self.threshold or len(found) + len(settled) >= MOST_LINES:
                 break
-            spot = _Spot(*self._measured(k + 1), height)
+            spot = self._measured(k + 1)
             near = self._near(found, spot)
             self._add(spot, -1.0)
             found.append(spot)
             if len(near) >= MOST_NEAR:
                 kept = self._settle([*near, spot])
                 found = [s for s in found if s in kept or (s not in near and s != spot)]
+        for spot in self._spread_out():
+            if len(found) + len(settled) < MOST_LINES and not self._near(found, spot):
+                self._add(spot, -1.0)
+                found.append(spot)
         while found:
             crowd = [found[0]]
             while len(more := [s for s in found if any(self._near([s], x) for x in crowd)]) \
@@ -402,6 +411,13 @@ class _Search:
                 crowd = more
             settled += self._settle(crowd)
             found = [s for s in found if s not in crowd]
+
+    def _spread_out(self) -> list[_Spot]:
+        """Return lines, highest first, of which four coefficients do not hold enough."""
+        some = np.flatnonzero(self.window > FAINT * self.threshold)
+        some = some[np.argsort(-self.window[some], kind='stable')][:MOST_FAINT]
+        spots = [self._measured(k + 1) for k in some.tolist()]
+        return sorted((s for s in spots if s.height > self.threshold), key=lambda s: -s.height)
 
     def _near(self, some: list[_Spot], spot: _Spot) -> list[_Spot]:
         width = CROWD / (2 * self.n * self.dt)
