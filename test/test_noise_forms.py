@@ -11,6 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 import hidden
+from imu_noise_tools.core.errors import FitError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, Finding, model_of
@@ -31,6 +32,11 @@ def problem_of(names, seed=3, strength=5.0):
     record, truth = hidden.draw(np.random.default_rng([seed, 11]), names, strength=strength,
                                 hours=0.5, rate_hz=20.0)
     return NoiseProblem(gather(record, ['gyro_x'])['gyro_x']), truth.hidden['gyro_x']
+
+
+def test_a_filter_of_nothing_is_refused():
+    with pytest.raises(FitError, match='no noise that low_pass could filter: add white'):
+        problem_of([])[0].fit(model_of('noise', ('low_pass', 'ramp')))
 
 
 @pytest.mark.parametrize('name', ['harmonics', 'narrowband', 'slow_periodic', 'shock'])

@@ -242,7 +242,10 @@ def test_a_line_goes_on_through_what_is_left_out(why):
     y[:, 0] += 2 * np.sin(2 * np.pi * line * t)
     record = ImuRecord(y, None, t, 1 / DT, left_out=tuple(
         (at, at + 3.0, why) for at in (20.0, 71.0, 133.0)))
-    part = gather(record, ['gyro_x'])['gyro_x'].whole
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    part = evidence.whole
+    assert len(evidence.block_power) == 1 + ('masked' not in why)
+    assert len(evidence.cells) == 1 + len(evidence.block_power)     # and without lines
     near = np.abs(part.bins.f - line) < 0.3
     foot = np.average(part.power[near], weights=part.bins.count[near])
     assert foot == pytest.approx(2 * DT, rel=0.3)

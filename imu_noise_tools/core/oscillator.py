@@ -43,12 +43,18 @@ def _difference(p: complex, a: complex) -> float:
     return 2 - 2 * (a * p * p).real
 
 
+def displacement(sigma: float, f0: float, width: float, dt: float,
+                 velocity: bool = False) -> float:
+    """Return the standard deviation of x_k, ``sigma`` being that of it or of x_k - x_{k-2}."""
+    return float(sigma / np.sqrt(_difference(*_pole(f0, width, dt)) if velocity else 1.0))
+
+
 def innovation_variance(sigma: float, f0: float, width: float, dt: float,
                         velocity: bool = False) -> float:
-    """Return the variance of w_k, ``sigma`` being that of x_k or of x_k - x_{k-2}."""
+    """Return the variance of w_k, ``sigma`` being the deviation of x_k or of x_k - x_{k-2}."""
     theta, r2 = 2 * np.pi * f0 * dt, np.exp(-2 * np.pi * width * dt)
-    share = _difference(*_pole(f0, width, dt)) if velocity else 1.0
-    return float(sigma**2 / share * (1 - r2) / (1 + r2)
+    size = displacement(sigma, f0, width, dt, velocity)
+    return float(size**2 * (1 - r2) / (1 + r2)
                  * ((1 - r2) ** 2 + 4 * r2 * np.sin(theta) ** 2))
 
 

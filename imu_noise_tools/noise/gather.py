@@ -164,7 +164,10 @@ class _Gathering:
         if self.gaps.left_out:
             lines = find_peaks(c, reference, self.dt)[0]
         if len(lines):  # broken off by what was left out, they would look like a narrow band
-            self.clean[axis] = self.memory.keep(_bridged(self.clean[axis], self.gaps, lines))
+            whole = self.memory.keep(_bridged(self.clean[axis], self.gaps, lines))
+            if self.clean[axis] is self.raw[axis]:  # without defects they are one
+                self.raw[axis] = whole
+            self.clean[axis] = whole
             c = cosine_transform(self.clean[axis][:self.used])
             reference = reference_spectrum(c, self.dt)
         self._whiten(axis, c, reference)
@@ -413,7 +416,8 @@ def _bridged(y: np.ndarray, record: ImuRecord,
         before, after = y[first:i] - waves[:i - first], y[j:last] - waves[j - first:]
         half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
         near = max(50, half)
-        means = [float(np.mean(x if len(x) else y)) for x in (before[-near:], after[:near])]
+        beside = [x for x in (before[-near:], after[:near]) if len(x)] or [y]
+        means = [float(np.mean(beside[0])), float(np.mean(beside[-1]))]
         mirrored = np.zeros(j - i)
         back = (before[::-1] - means[0])[:j - i - half]
         mirrored[:len(back)] = back

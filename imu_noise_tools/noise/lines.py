@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from .steady import unsteady
 from ..core.spectrum import (
@@ -34,7 +35,7 @@ NEAR = 32  # coefficients on either side from which a line is measured
 CROWD = 12  # coefficients within which lines are neighbours
 BELOW = 2.0  # the level of the search is so much below that at which a line is believed
 FAINT = 0.6  # of that: where four coefficients hold less, no line of that height is
-MOST_FAINT = 200  # of those that are measured
+MOST_FAINT = 200  # places where one is looked for
 ROUNDS = 3  # of the search, each with the level as it is without the lines found before
 RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fades does as well
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
@@ -125,7 +126,12 @@ def sure(z: float, n: int) -> bool:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A line as the search has it: frequency Hz, a, b, and twice the nats that it gains."""
+    """
+    A line as the search has it: frequency Hz, a, b, and twice the nats that it gains.
+
+    Less for what is not known of the level.
+
+    """
 
     frequency: float
     a: float
@@ -414,7 +420,8 @@ class _Search:
 
     def _spread_out(self) -> list[_Spot]:
         """Return lines, highest first, of which four coefficients do not hold enough."""
-        some = np.flatnonzero(self.window > FAINT * self.threshold)
+        near = maximum_filter1d(self.window, 2 * CROWD + 1)
+        some = np.flatnonzero((self.window == near) & (near > FAINT * self.threshold))
         some = some[np.argsort(-self.window[some], kind='stable')][:MOST_FAINT]
         spots = [self._measured(k + 1) for k in some.tolist()]
         return sorted((s for s in spots if s.height > self.threshold), key=lambda s: -s.height)

@@ -161,7 +161,7 @@ class _White(NamedTuple):
         parts = np.array_split(w, STRETCHES)
         loud = np.array([median_sigma(x[::len(x) // 2048 + 1]) for x in parts])
         loud /= np.median(loud[count // 2 * STRETCHES // count:][:-(-STRETCHES // count)])
-        loud = np.max([loud, np.roll(loud, 1), np.roll(loud, -1)], axis=0)
+        loud = _loudest(loud)
         loud[loud < LOUDER] = 1.0
         for part, factor in zip(parts, loud):
             part /= factor
@@ -446,13 +446,20 @@ def _scattered(w: np.ndarray) -> float:
     Return the nats of single samples of a record, whitened, beyond what normal noise has.
 
     Of n normal samples 2 Q(s) n are beyond s = SINGLE, and have (s phi(s) + Q(s) - 2 AGAIN Q(s)) n
-    nats: those of a long record have more than knocks. Each stretch counts by its own level.
+    nats: those of a long record have more than knocks. Each stretch counts by its level, or by
+    that of a louder one beside it, for it may begin there.
 
     """
-    parts = (x / max(float(median_sigma(x)), 1e-9) for x in np.array_split(w, STRETCHES))
+    parts = np.array_split(w, STRETCHES)
+    levels = np.maximum(_loudest(np.array([median_sigma(x) for x in parts])), 1 / LOUDER)
     beyond = float(ndtr(-SINGLE))
     by_chance = SINGLE * np.exp(-0.5 * SINGLE**2) / np.sqrt(2 * np.pi) + (1 - 2 * AGAIN) * beyond
-    return float(sum(np.sum(_single(x)) for x in parts)) - by_chance * len(w)
+    return float(sum(np.sum(_single(x / s)) for x, s in zip(parts, levels))) - by_chance * len(w)
+
+
+def _loudest(levels: np.ndarray) -> np.ndarray:
+    """Return of the levels (s,) of stretches the largest of each and of those beside it."""
+    return np.max([levels, np.roll(levels, 1), np.roll(levels, -1)], axis=0)
 
 
 def _fitted(columns: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:

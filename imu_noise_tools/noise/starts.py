@@ -29,6 +29,10 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
 
     """
     model = likelihood.model
+    filters = model.of(Response)
+    if filters and not model.of(Spectrum):
+        raise FitError(f'{likelihood.evidence.axis}: the model holds no noise that '
+                       f'{filters[0].name} could filter', 'add white')
     grid = [model]
     for e in model.of(NoiseEffect):
         if isinstance(e, MEASURED):

@@ -59,8 +59,10 @@ class Narrowband(Spectrum):
         broad = [(f, width) for f, width, clear in bumps
                  if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
         some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
-        return [self.with_values(frequency=f, width=width, form=form) for f, width in some
-                for form in FORMS[:1 + (f < BLUNT * width)]]
+        stated = self.chosen('form') if 'form' in self.values else ''
+        return [self.with_values(frequency=f, width=width, form=form) for form in FORMS
+                for f, width in some
+                if form == (stated or form) and (stated or form == FORMS[0] or f < BLUNT * width)]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
@@ -124,7 +126,7 @@ class Narrowband(Spectrum):
         first, second = self._coefficients(inputs.dt)
         rho = first / (1 - second)
         q = oscillator.innovation_variance(*self._swing, inputs.dt, self._velocity)
-        size = np.sqrt(q / ((1 + second) * ((1 - second) ** 2 - first**2) / (1 - second)))
+        size = oscillator.displacement(*self._swing, inputs.dt, self._velocity)
         last = size * rng.standard_normal()
         before = rho * last + size * np.sqrt(1 - rho * rho) * rng.standard_normal()
         w = np.sqrt(q) * rng.standard_normal(len(x))
