@@ -186,15 +186,16 @@ class _Search:
     def _measured(self, k: int) -> _Spot:
         """Return the line nearest to a coefficient."""
         some = np.arange(max(1, k - NEAR), min(self.n, k + NEAR + 1))
-        y = self.c[some]
+        root = np.sqrt(2 * self.dt / self.reference[some - 1])
+        y = root * self.c[some]
         best, step = float(k), 0.1
         for count in (21, 10, 10):
             at = best + step * np.arange(-count, count + 1)
             wave = line_basis(at[:, None] / (2 * self.n * self.dt), some, self.n, self.dt)
-            energy, a, b = _projected(wave, y)
+            energy, a, b = _projected(root * wave, y)
             i = int(np.argmax(energy))
             best, step = float(at[i]), step / 10
-        height = 2 * self.dt * energy[i] / (self.reference[k - 1] * self._doubt(np.array(k)))
+        height = energy[i] / self._doubt(np.array(k))
         return _Spot(best / (2 * self.n * self.dt), float(a[i]), float(b[i]), float(height))
 
     def _power(self, spots: list[_Spot]) -> tuple[float, float]:
