@@ -18,7 +18,7 @@ from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
-from imu_noise_tools.noise.candidates import clear_of_less
+from imu_noise_tools.noise.candidates import _at_bound, clear_of_less
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
@@ -108,6 +108,29 @@ def test_samples_held_in_runs_or_by_a_slower_clock_are_named_and_nothing_remains
     fit = problem.fit(model_of('noise', BASE))
     found = diagnose(State(problem, fit, problem.held_out(fit.model)))
     assert [f.name for f in found.found] == ['duplicates'] and found.remaining is None
+
+
+def test_runs_are_told_from_what_rounding_makes_equal():
+    rng, n = np.random.default_rng(4), 40_000
+    held = np.convolve(rng.random(n) < 0.018, np.ones(4))[:n] > 0
+    held[0] = False
+    y = np.round(14 * rng.standard_normal(n))[
+        np.maximum.accumulate(np.where(held, 0, np.arange(n)))]
+    kept = find_effect('noise', 'duplicates').statistics(y, None)
+    assert kept['expected'] > 0.018 and kept['run'] == 4 and not kept['regular']
+
+
+@pytest.mark.parametrize('share, named', [(0.46, True), (3.0, False)])
+def test_a_transient_near_its_bound_is_one_where_the_record_tells(share, named):
+    """It settles in nearly half of the record, or in what is no more than a ramp."""
+    n, dt = 8000, 0.1
+    t = np.arange(n) * dt
+    x = np.random.default_rng(2).standard_normal((n, 3))
+    x[:, 0] += 20 * np.exp(-t / (share * n * dt)) / min(share, 1)
+    evidence = gather(ImuRecord(x, None, t, 1 / dt), ['gyro_x'])['gyro_x']
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'transient')))
+    said = _at_bound(evidence, fit.model['transient'], fit.estimates['transient'])
+    assert said == ('' if named else 'its tc lies at its bound, 400 s')
 
 
 def test_a_second_step_lands_beside_the_first():

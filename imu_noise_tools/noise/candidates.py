@@ -160,7 +160,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
-        against=_at_bound(evidence, more.model[label]),
+        against=_at_bound(evidence, more.model[label], more.estimates[label]),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=max(bonus, 0.0),
     )
@@ -242,8 +242,13 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     return min(priced - 1 + clear, MOST_SHAPES)
 
 
-def _at_bound(evidence: Evidence, effect) -> str:
-    """Say that a shape lies at its bound: that is no estimate, another effect is meant."""
+def _at_bound(evidence: Evidence, effect, estimates) -> str:
+    """
+    Say that a shape lies at its bound: that is no estimate, another effect is meant.
+
+    At it, or so near that its estimate does not tell it from there.
+
+    """
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
         if p.amplitude or p.linear or p.discrete or p.name in effect.optional:
@@ -252,7 +257,9 @@ def _at_bound(evidence: Evidence, effect) -> str:
         low, high = max(low, p.lower), min(high, p.upper)
         slack = 0.01 * (np.log(high / low) if p.log else high - low)
         at = [np.log(effect[p.name] / x) if p.log else effect[p.name] - x for x in (low, high)]
-        if min(abs(x) for x in at) < slack:
+        std = estimates[p.name].std if p.name in estimates else None
+        told = np.inf if std is None else 2 * std / (effect[p.name] if p.log else 1.0)
+        if min(abs(x) for x in at) < min(slack, max(told, 0.1 * slack)):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
 

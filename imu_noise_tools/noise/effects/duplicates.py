@@ -90,7 +90,10 @@ class Duplicates(Defect, Response):
             out['regular'] = np.array(float(
                 longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
                 and np.mean(runs < shorter) < 0.02))
-            out['run'] = np.array(float(min(int(np.argmax(np.bincount(more))), LONGEST)))
+            # rounding makes some equal as well, mostly one at a time
+            often = np.bincount(more, minlength=2).astype(float)
+            often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))
+            out['run'] = np.array(float(min(int(np.argmax(often[1:])) + 1, LONGEST)))
         return out
 
     @classmethod
