@@ -437,7 +437,8 @@ def _projected(wave, y):
     p, q = wave.real, wave.imag
     pp, qq, pq = (np.sum(u * v, axis=1) for u, v in ((p, p), (q, q), (p, q)))
     py, qy = p @ y, q @ y
-    det = np.maximum(pp * qq - pq * pq, 1e-300)
+    # one coefficient of no level, of samples without noise, may weigh more than all others
+    det = np.maximum(pp * qq - pq * pq, 1e-12 * pp * qq + 1e-300)
     a, b = (qq * py - pq * qy) / det, (pp * qy - pq * py) / det
     return a * py + b * qy, a, b
 
