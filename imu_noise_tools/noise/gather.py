@@ -25,7 +25,7 @@ from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
-    also_in, find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out
+    also_in, find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out, waves
 )
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
@@ -412,8 +412,8 @@ def _bridged(y: np.ndarray, record: ImuRecord,
     starts = [int(i) for i, _ in ranges[1:]] + [len(y)]
     for (i, j), following in zip(ranges, starts):
         first, last = max(0, i - max(50, j - i)), max(j, min(j + max(50, j - i), following))
-        waves = _waves(lines, np.arange(first, last) * record.dt)
-        before, after = y[first:i] - waves[:i - first], y[j:last] - waves[j - first:]
+        through = waves(lines, np.arange(first, last) * record.dt, record.dt)
+        before, after = y[first:i] - through[:i - first], y[j:last] - through[j - first:]
         half = min(max((j - i + 1) // 2, j - i - len(before)), len(after))
         near = max(50, half)
         beside = [x for x in (before[-near:], after[:near]) if len(x)] or [y]
@@ -422,17 +422,8 @@ def _bridged(y: np.ndarray, record: ImuRecord,
         back = (before[::-1] - means[0])[:j - i - half]
         mirrored[:len(back)] = back
         mirrored[j - i - half:] = (after[:half] - means[1])[::-1]
-        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored + waves[i - first:j - first]
+        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored + through[i - first:j - first]
     return y
-
-
-def _waves(lines: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the sum (n,) of lines (l, 4), a cos + b sin of a frequency each, at t (n,) s."""
-    out = np.zeros(len(t))
-    for frequency, a, b, _ in lines:
-        angle = 2 * np.pi * frequency * t
-        out += a * np.cos(angle) + b * np.sin(angle)
-    return out
 
 
 def _block_means(y, length):

@@ -50,6 +50,7 @@ __all__ = [
     'model_psd',
     'model_tails',
     'psd_behind',
+    'responses_on',
 ]
 
 #: (Phi, Q, H)
@@ -503,7 +504,12 @@ def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.n
 
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) of the model's responses that act on an effect."""
-    return gain2_of((r for r in model.of(Response) if effect.filtered or r.last), f, dt)
+    return gain2_of(responses_on(effect, model), f, dt)
+
+
+def responses_on(effect: Spectrum, model: Model) -> list[Response]:
+    """Return the model's responses that act on an effect."""
+    return [r for r in model.of(Response) if effect.filtered or r.last]
 
 
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:

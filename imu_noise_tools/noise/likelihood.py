@@ -29,6 +29,7 @@ from .kinds import (
     model_crowd,
     NoiseEffect,
     Response,
+    responses_on,
     Spectrum,
 )
 from .response import OpenResponse
@@ -434,7 +435,7 @@ class Likelihood:
 
     def _spectrum(self, effect, model):
         """Return what one effect puts into the bins, as expected behind the sensor's responses."""
-        behind = self._behind(effect, model)
+        behind = responses_on(effect, model)
         if effect.centre is not None:
             own = effect.binned(self.bins)
             return own * gathered(self._gain2(behind), self.bins) if behind else own
@@ -468,7 +469,7 @@ class Likelihood:
             spectra = [e for e in model.of(Spectrum) if e.filtered == filtered]
             if not spectra:
                 continue
-            turned = self._gain2(self._behind(spectra[0], model)) * turn
+            turned = self._gain2(responses_on(spectra[0], model)) * turn
             units = (self._unit(e) for e in spectra if e.centre is None)
             smooth = sum((square * one for square, _, one in units), np.zeros(len(turned)))
             out = out + gathered(smooth * turned, self.bins)
@@ -476,11 +477,6 @@ class Likelihood:
             if peaks:
                 out = out + sum(peaks) * gathered(turned, self.bins)
         return out
-
-    @staticmethod
-    def _behind(effect, model):
-        """Return the model's responses that act on an effect."""
-        return [r for r in model.of(Response) if effect.filtered or r.last]
 
     def _gain2(self, responses):
         """Return the squared gain (g,) of responses where :func:`gathered` wants it."""
@@ -555,11 +551,9 @@ class Likelihood:
 
     def _slopes(self, effect, model):
         """Return d v/d x_j, (b,) each, of what a spectrum has in closed form, by name."""
-        slopes = effect.slopes(self.bins)
-        if slopes:
-            behind = self._behind(effect, model)
-            gain = gathered(
-                self._gain2(behind) if behind else np.ones_like(asked(self.bins)), self.bins)
+        slopes, behind = effect.slopes(self.bins), responses_on(effect, model)
+        if slopes and behind:
+            gain = gathered(self._gain2(behind), self.bins)
             slopes = {name: slope * gain for name, slope in slopes.items()}
         return slopes
 

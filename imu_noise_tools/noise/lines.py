@@ -610,6 +610,30 @@ def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.nda
     return out
 
 
+def waves(lines: np.ndarray, t: np.ndarray, dt: float, length: int = 1) -> np.ndarray:
+    """
+    Return the sum (n,) of lines in time, or in means of so many samples.
+
+    Parameters
+    ----------
+    lines : ndarray (l, 4)
+        Of a line table: frequency Hz, a, b of a cos + b sin, z.
+    t : ndarray (n,)
+        The middle of each mean, s.
+    dt : float
+        Interval of the samples, s.
+    length : int
+        Samples in a mean.
+
+    """
+    out = np.zeros(len(t))
+    for frequency, a, b, _ in lines:
+        angle, half = 2 * np.pi * frequency * t, np.pi * frequency * dt
+        gain = np.sin(half * length) / (length * np.sin(half))
+        out += gain * (a * np.cos(angle) + b * np.sin(angle))
+    return out
+
+
 def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,
                    bins: Bins) -> np.ndarray:
     """

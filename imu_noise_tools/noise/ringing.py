@@ -161,7 +161,7 @@ class _White(NamedTuple):
         parts = np.array_split(w, STRETCHES)
         loud = np.array([median_sigma(x[::len(x) // 2048 + 1]) for x in parts])
         loud /= np.median(loud[count // 2 * STRETCHES // count:][:-(-STRETCHES // count)])
-        loud = _loudest(loud)
+        loud = loudest(loud)
         loud[loud < LOUDER] = 1.0
         for part, factor in zip(parts, loud):
             part /= factor
@@ -256,7 +256,7 @@ def _usual(power: np.ndarray, step: int = 1) -> np.ndarray:
     parts = np.array_split(power, int(np.clip(len(power) // step // 64, 1, STRETCHES)))
     out = np.array([np.median(x[::max(step, len(x) // 256)], axis=0) for x in parts]) / np.log(2)
     if len(out) > 2:
-        out = np.max([out, np.roll(out, 1, axis=0), np.roll(out, -1, axis=0)], axis=0)
+        out = loudest(out)
     return np.maximum(out, 1.0)
 
 
@@ -451,15 +451,15 @@ def _scattered(w: np.ndarray) -> float:
 
     """
     parts = np.array_split(w, STRETCHES)
-    levels = np.maximum(_loudest(np.array([median_sigma(x) for x in parts])), 1 / LOUDER)
+    levels = np.maximum(loudest(np.array([median_sigma(x) for x in parts])), 1 / LOUDER)
     beyond = float(ndtr(-SINGLE))
     by_chance = SINGLE * np.exp(-0.5 * SINGLE**2) / np.sqrt(2 * np.pi) + (1 - 2 * AGAIN) * beyond
     return float(sum(np.sum(_single(x / s)) for x, s in zip(parts, levels))) - by_chance * len(w)
 
 
-def _loudest(levels: np.ndarray) -> np.ndarray:
-    """Return of the levels (s,) of stretches the largest of each and of those beside it."""
-    return np.max([levels, np.roll(levels, 1), np.roll(levels, -1)], axis=0)
+def loudest(levels: np.ndarray) -> np.ndarray:
+    """Return of the levels (s, ...) of stretches the largest of each and of those beside it."""
+    return np.max([levels, np.roll(levels, 1, axis=0), np.roll(levels, -1, axis=0)], axis=0)
 
 
 def _fitted(columns: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:

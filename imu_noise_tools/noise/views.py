@@ -33,6 +33,7 @@ from .kinds import (
     Spectrum,
 )
 from .likelihood import Likelihood
+from .lines import waves
 from ..core.spectrum import bins_of, expected
 from ..core.statistics import gamma_excess, gamma_pull
 from ..loop.effect import Fit, Model, registry, View
@@ -233,13 +234,8 @@ def slow_rest(evidence: Evidence, model: Model) -> np.ndarray:
     for c in model.of(Coupling):
         for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
             y = y - c[p.name] * e.coupled_blocks(channel)
-    for i in claimed_lines(e, model):
-        f, a, b, _ = e.line_table[i]
-        w = 2 * np.pi * f
-        half = 0.5 * w * e.dt
-        gain = np.sin(half * e.common.slow_length) / (e.common.slow_length * np.sin(half))
-        y = y - gain * (a * np.cos(w * t) + b * np.sin(w * t))
-    return y
+    lines = e.line_table[list(claimed_lines(e, model))]
+    return y - waves(lines, t, e.dt, e.common.slow_length)
 
 
 def slow_mean(evidence: Evidence, model: Model) -> np.ndarray:

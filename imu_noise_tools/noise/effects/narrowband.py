@@ -59,10 +59,9 @@ class Narrowband(Spectrum):
         broad = [(f, width) for f, width, clear in bumps
                  if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
         some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
-        stated = self.chosen('form') if 'form' in self.values else ''
-        return [self.with_values(frequency=f, width=width, form=form) for form in FORMS
-                for f, width in some
-                if form == (stated or form) and (stated or form == FORMS[0] or f < BLUNT * width)]
+        forms = (self.chosen('form'),) if 'form' in self.values else FORMS
+        return [self.with_values(frequency=f, width=width, form=form) for form in forms
+                for f, width in some if form == forms[0] or f < BLUNT * width]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""

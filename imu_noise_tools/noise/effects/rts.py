@@ -14,6 +14,7 @@ from ..evidence import claimed_lines, Evidence
 from ..kinds import (
     Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
 )
+from ..lines import waves
 from ..views import slow_mean, slow_rest
 from ...core import gauss_markov
 from ...loop.effect import Effect, Fit
@@ -155,11 +156,8 @@ class Rts(Spectrum):
         width = length * evidence.dt
         t = (int(kept[f'begin_{length}']) + 0.5 * (length - 1)) * evidence.dt \
             + width * np.arange(len(y))
-        for i in claimed_lines(evidence, fit.model):
-            f, a, b, _ = evidence.line_table[i]
-            w, half = 2 * np.pi * f, np.pi * f * evidence.dt
-            gain = np.sin(half * length) / (length * np.sin(half))
-            y = y - gain * (a * np.cos(w * t) + b * np.sin(w * t))
+        lines = evidence.line_table[list(claimed_lines(evidence, fit.model))]
+        y = y - waves(lines, t, evidence.dt, length)
         return self._shrunk(y, width, evidence, fit, 1 / (_BELOW * self['tau'])), t, width
 
     def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:

@@ -13,7 +13,7 @@ from scipy.special import binom, chdtri, digamma, polygamma
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
-from ..ringing import find_rings, NONE, Rings
+from ..ringing import find_rings, loudest, NONE, Rings
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
@@ -345,7 +345,7 @@ def _loudness(y: np.ndarray, dt: float):
     edges = np.linspace(0, count, groups + 1).astype(int)
     usual = np.array([np.median(power[i:j]) for i, j in zip(edges, edges[1:])])
     # a shock is shorter than that, and where the loudness changes the louder counts
-    usual = np.max([np.roll(usual, k) for k in (-1, 0, 1)], axis=0) if groups > 2 else usual
+    usual = loudest(usual) if groups > 2 else usual
     if not np.all(usual > 0):
         return None
     level = np.interp(np.arange(count), 0.5 * (edges[1:] + edges[:-1]), usual)
