@@ -92,6 +92,14 @@ def test_what_only_looks_like_a_knock_is_none(seed):
         assert not len(find_rings(noise + y, DT, LEAST).begin)
 
 
+@pytest.mark.parametrize('walk', [0.003, 0.01])
+def test_what_creeps_from_the_beginning_on_is_no_knock(walk):
+    """With the logarithm of time, beside noise that wanders: steepest where the record begins."""
+    rng, n, dt = np.random.default_rng(0), 150_000, 0.0005
+    y = rng.standard_normal(n) - 3 * np.log1p(np.arange(n) * dt / 0.03)
+    assert not len(find_rings(y + np.cumsum(walk * rng.standard_normal(n)), dt, LEAST).begin)
+
+
 @pytest.mark.thorough
 def test_weak_knocks_are_named_and_nothing_remains():
     """Two of 25 nats, in a record of a sensor with drift."""

@@ -422,7 +422,8 @@ def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.
             continue
         alone = _single(w[_around(i, tau)])
         beside = np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY)
-        if judged and (nats < beside or nats < _rivals(white, w, i, tau, columns, nats)):
+        if judged and (nats < beside or nats < _rivals(
+                white, w, i, omega, tau, columns, nats)):
             w[_around(i, tau)] = 0.0
             continue
         out.append((i, *(size * white.root(i, omega)), omega, tau, nats, nats - least))
@@ -468,15 +469,18 @@ def _fitted(columns: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
     return size, 0.5 * float(size @ columns.T @ w)
 
 
-def _rivals(white: _White, w: np.ndarray, begin: int, tau: float, columns: np.ndarray,
-            nats: float) -> float:
+def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
+            columns: np.ndarray, nats: float) -> float:
     """
     Return the nats that a ring must have to be the best name for what stands out there.
 
     Most of what stands out around it, in samples w; more than what swells before it as it fades
-    behind it, as of a line that passes; and more than two steps have, as of what switches.
+    behind it, as of a line that passes; and more than two steps have, as of what switches. What
+    hardly swings and is there from the beginning may as well creep: nothing is before it.
 
     """
+    if begin < tau and omega * tau < 2 * np.pi:
+        return np.inf
     some = w[_around(begin, tau)]
     stands = 0.5 * float(np.sum(some**2 - 1)) - 2 * np.sqrt(len(some) / 2)
     before = w[max(0, begin - len(columns)):begin][::-1]
