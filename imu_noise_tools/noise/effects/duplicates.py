@@ -13,6 +13,7 @@ from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 LONGEST = 50  # samples that are held at a time
 STRETCHES = 8  # of the record, in which repeats are counted
+PIECES = (1024, 256)  # samples in which a beat is looked for
 
 
 class Duplicates(Defect, Response):
@@ -89,7 +90,7 @@ class Duplicates(Defect, Response):
             merged = expected if shorter > 1 else 0.0
             out['regular'] = np.array(float(
                 longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
-                and np.mean(runs < shorter) < 0.02))
+                and np.mean(runs < shorter) < 0.02 or _beats(same, fraction, expected)))
             # rounding makes some equal as well, mostly one at a time
             often = np.bincount(more, minlength=2).astype(float)
             often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))
@@ -206,3 +207,28 @@ class Duplicates(Defect, Response):
     def example(cls) -> Effect:
         """Every fifth sample is a repeat."""
         return cls({'fraction': 0.2, 'pattern': 'random', 'run': 1.0})
+
+
+def _beats(same: np.ndarray, fraction: float, expected: float) -> bool:
+    """
+    Tell whether samples are held in the beat of two rates, whatever rounding makes equal beside.
+
+    A sensor that is read 1/(1-p) times as often as it measures is held at the frequency p of the
+    reading: the indicator has 2 (sin(pi p)/pi)^2 of its variance p (1 - p) there (the first
+    harmonic of a pulse train), held at random what is in so many bins.
+
+    """
+    length = next((n for n in PIECES if len(same) >= 8 * n), 0)
+    if not length:
+        return False
+    p = (fraction - expected) / (1 - expected)
+    rows = same[:len(same) // length * length].reshape(-1, length) - fraction
+    window = np.hanning(length + 1)[:length]
+    power = np.mean(np.abs(np.fft.rfft(rows * window, axis=1)) ** 2, axis=0)
+    # what rounding makes equal is known to a hundredth or so
+    at, reach = int(abs(p - round(p)) * length), length // 50
+    first = max(1, at - reach)
+    k = first + int(np.argmax(power[first:at + reach + 1]))
+    near = power[max(1, k - 2):k + 3]
+    beat = 2 * (np.sin(np.pi * p) / np.pi) ** 2 / (p * (1 - p))
+    return bool(np.sum(near) > (0.5 * beat + 4 * len(near) / length) * np.sum(power[1:]))
