@@ -176,6 +176,16 @@ def test_orders_of_one_machine_are_one_finding(orders):
     assert effect.rows(evidence, left) == []        # two lines of nothing in common
 
 
+@pytest.mark.parametrize(('f0', 'orders'), [(13.5873, (2, 3, 6)), (20.2877, (2, 3, 4, 5))])
+def test_orders_that_are_all_folded_are_those_of_one_machine(f0, orders):
+    rng = np.random.default_rng(6)
+    evidence = record_with(sum(np.sin(2 * np.pi * k * f0 * T + k) for k in orders), rng)
+    effect, free = find_effect('noise', 'harmonics')(), list(range(len(evidence.line_table)))
+    read = effect.read(evidence, effect.rows(evidence, free))
+    assert abs(read['frequency'].value - f0) < 5 * read['frequency'].std
+    assert {k for k in range(1, 13) if read[f'amplitude_{k}'].value is not None} == set(orders)
+
+
 @pytest.mark.thorough
 def test_unrelated_lines_are_no_family():
     rng, effect = np.random.default_rng(5), find_effect('noise', 'harmonics')()

@@ -76,17 +76,23 @@ class Harmonics(Line):
         f = evidence.line_table[free, 0]
         given = self.values.get('frequency')
         best: tuple[float, dict[int, int]] = 0.0, {}
-        for most in HIGHEST:
-            trials = [(x / k, k) for k in range(1, min(most, LOWEST) + 1) for x in f]
-            for f0, k in sorted(trials, reverse=True):
-                if given and abs(f0 - given) > max(1 / evidence.duration, 1e-3 * given):
-                    continue
-                found, chance = _at_orders(f, f0, k, most, evidence)
-                if len(found) <= max(len(best[1]), 1):
-                    continue
-                likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
-                if likely * len(trials) * len(HIGHEST) < CHANCE:
-                    best = f0, {order: free[i] for order, i in found.items()}
+        # then those of which no line is seen as it is, where they hold more
+        for turns in (range(1), range(1, LOWEST // 2 + 1)):
+            for most in HIGHEST:
+                trials = sorted({
+                    (abs(m / evidence.dt + side * x) / k, k) for m in turns for side in (1, -1)
+                    for k in range(max(1, 2 * m), min(most, LOWEST) + 1) for x in f}, reverse=True)
+                for f0, k in trials:
+                    if turns[0] and f0 * evidence.dt > 0.5:     # that of its mirror image
+                        continue
+                    if given and abs(f0 - given) > max(1 / evidence.duration, 1e-3 * given):
+                        continue
+                    found, chance = _at_orders(f, f0, k, most, evidence)
+                    if len(found) <= max(len(best[1]), 1):
+                        continue
+                    likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
+                    if likely * len(trials) * len(HIGHEST) < CHANCE:
+                        best = f0, {order: free[i] for order, i in found.items()}
         return best
 
     def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
