@@ -30,7 +30,7 @@ from .lines import (
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
 from ..core import allan
-from ..core.record import AXES, ImuRecord, MASKED, Memory
+from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform
 from ..core.statistics import grid_step, sum_of_squares
 from ..loop.effect import registry
@@ -244,9 +244,14 @@ class _Gathering:
             heard = shared.heard_together(
                 {a: (self.clean if a in self.clean else self.covariates)[a]
                  for a in self.record.axes if a in coefficients}, self.dt)
-            for a, common in sorted(heard.items()):
+            # what moves one accelerometer moves others, each perhaps too little to show by itself
+            some = {a for a in self.record.axes if a in coefficients and sensor_of(a) == 'accel'}
+            beside = some - set(heard) if some & set(heard) else set()
+            for a in sorted({*heard, *beside}):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
-                self.shaken[a] = bins.f, shared.share(bins, power, common)
+                above = shared.share(bins, power, heard.get(a))
+                if a in heard or above is not None:
+                    self.shaken[a] = bins.f, above
         length = max(1, self.used // SLOW)
         for a, (f, share) in self.shaken.items():
             for name, c in shared.signals(a, coefficients[a], self.dt, f, share):

@@ -34,10 +34,12 @@ HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is not i
 LOOKED_AT = 1 << 17     # samples in which axes are compared
 GROUPS, LEAST = 240, 16     # of coefficients, and the least in one
 CHANCE = 1e-3           # records in which noise seems to be heard together
-WINDOWS, CLEAR = (1, 3, 5, 9, 19), 8.0  # groups that tell a coherence, its standard errors
+WINDOWS = (1, 3, 5, 9, 19, 39, 79)      # groups that tell a coherence
+CLEAR = (8.0,) * 6 + (3.0,)     # its standard errors: of so many no fewer would tell it
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
+SURE = 5.0              # standard errors of its level beyond which it is
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9)
 
@@ -127,10 +129,10 @@ def _coherence(square: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
     for some in sets:
         total = np.sum([square[pair] for pair in some], axis=0)
         heard = _together(total, len(some), level, stretches)
-        for width in WINDOWS if np.any(heard) else ():
+        for width, least in zip(WINDOWS, CLEAR) if np.any(heard) else ():
             window = np.ones(min(width, groups))
             near = np.convolve(np.ones(groups), window, 'same')
-            clear = np.convolve(total, window, 'same') > CLEAR * 2 * np.sqrt(len(some) * near)
+            clear = np.convolve(total, window, 'same') > least * 2 * np.sqrt(len(some) * near)
             for a, b in some:
                 new = heard & clear & (both[a, b] == 0)
                 share = np.convolve(square[a, b], window, 'same') / np.convolve(
@@ -176,16 +178,18 @@ def _one_source(both: np.ndarray) -> np.ndarray:
 
 
 def share(bins: Bins, power: np.ndarray,
-          common: tuple[np.ndarray, np.ndarray]) -> np.ndarray | None:
+          common: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray | None:
     """
     Return what part, (b,), of the power in bins is not the axis's own noise.
 
     None where it is all its own, or alike everywhere. What stands above the spectrum that its own
-    noise can have is not, nor is what others hear too: ``common``, (f, share), of
+    noise can have is not, nor is what others hear too, if they do: ``common``, (f, share), of
     :func:`heard_together`. Each of them says the least.
 
     """
     above = _above_own(bins, power)
+    if common is None:
+        return above
     f, heard = common
     heard = np.interp(np.log(bins.f), np.log(f), heard)
     if above is None:
@@ -196,7 +200,7 @@ def share(bins: Bins, power: np.ndarray,
 def _above_own(bins: Bins, power: np.ndarray) -> np.ndarray | None:
     """Return what part, (b,), of the power is beyond the axis's own noise; None where none is."""
     level, seen, own = own_noise(bins, power)
-    if not np.any((level > ABOVE * own) & (seen >= ENOUGH)):
+    if not np.any(np.log(level / own) > np.maximum(np.log(ABOVE), SURE * np.sqrt(2 / seen))):
         return None
     heard = level > (1 + 2 * np.sqrt(2 / seen)) * own
     return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
