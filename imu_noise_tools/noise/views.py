@@ -382,6 +382,8 @@ _HANN_SKEW = 8 / 3 * 0.1315
 
 
 _FIRST = 3  # ordinate at which the lowest band of the power in time begins
+_PART = 0.1  # of its power, from which the mean is seen there
+_BESIDE = 4  # blocks on either side that tell the power of one
 
 
 def _hann_degrees(s: np.ndarray) -> float:
@@ -406,6 +408,8 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
 
     """
     p = evidence.block_power[-1] if model is None else evidence.block_power_of(model)
+    if model is not None and model.of(Mean):
+        p = _without_mean(evidence, model, p)
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
     level = np.mean(p, axis=0)
@@ -427,6 +431,33 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
         _hann_degrees(s[(band >= i[0]) & (band <= i[-1])])
         * np.sum((count * coarse)[i]) / np.sum((count * fine)[i]) for i in parts])
     return t, x, w
+
+
+def _without_mean(evidence: Evidence, model: Model, p: np.ndarray) -> np.ndarray:
+    """
+    Return the power in time (blocks, bands) as beside it where the model's mean is a part of it.
+
+    A step is no noise that is loud where it comes.
+
+    """
+    blocks = len(p)
+    mean = slow_mean(evidence, model)
+    per = len(mean) // blocks
+    if per <= 2 * _FIRST:
+        return p
+    window = np.hanning(per + 1)[:per]
+    pieces = mean[:blocks * per].reshape(blocks, per)
+    pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * window
+    own = np.abs(np.fft.rfft(pieces, axis=1)[:, _FIRST]) ** 2
+    own *= 2 * evidence.dt * evidence.common.slow_length / np.sum(window**2)
+    there = own > _PART * np.mean(p[:, 0])
+    if not np.any(there) or np.all(there):
+        return p
+    out, others = p.copy(), np.flatnonzero(~there)
+    for i in np.flatnonzero(there):
+        k = np.searchsorted(others, i)
+        out[i] = np.mean(p[others[max(0, k - _BESIDE):k + _BESIDE]], axis=0)
+    return out
 
 
 def _mean_power(evidence: Evidence, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
