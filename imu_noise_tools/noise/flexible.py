@@ -33,6 +33,7 @@ KNOTS = 8  # free levels of the smooth form
 QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
 QUIET_PULL = 4.0  # of bins side by side, for narrow ones
 ENOUGH = 4.0  # coefficients for each gain that is free in a band
+VALLEY = 0.8  # of the lower of two peaks: it shows where there is less between them
 FEWEST = 64  # differences of block means that tell a kurtosis
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
@@ -171,6 +172,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
         return _beside_a_knee(evidence, fit, label, claim)
+    if isinstance(effect, Spectrum) and _joined(fit, effect, evidence.dt):
+        return 'with another peak it draws one shape: there is no valley between the two'
     if effect.broad:
         against = _knee(evidence, fit, effect, claimed)
         if against:
@@ -180,6 +183,23 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
             return f'what it explains is not normal noise, by {gain:.0f} nats'
     return ''
+
+
+def _joined(fit: Fit, effect: Spectrum, dt: float) -> bool:
+    """
+    Tell whether a peak and another one leave no valley between them.
+
+    Two that stand apart may each be a machine; peaks that are joined bend to any hump.
+
+    """
+    peaks = [e for e in fit.model.of(Spectrum) if e.centre is not None]
+    for e in peaks:
+        if effect.centre is not None and e.centre is not None and e.label != effect.label:
+            f = np.linspace(effect.centre, e.centre, 65)
+            both = sum((p.psd(f, dt) for p in peaks), np.zeros(len(f)))
+            if np.min(both) > VALLEY * min(both[0], both[-1]):
+                return True
+    return False
 
 
 def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> str:
