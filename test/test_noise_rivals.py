@@ -11,19 +11,20 @@ package makes them.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import chirp, iirnotch, lfilter
+from scipy.signal import chirp, iirnotch, iirpeak, lfilter
 from scipy.stats import kurtosistest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.diagnosis import _Search
-from imu_noise_tools.loop.effect import find_effect, Finding, model_of, registry
-from imu_noise_tools.noise import flexible
+from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
+from imu_noise_tools.noise import flexible, views
 from imu_noise_tools.noise.candidates import _one as tried, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
@@ -225,6 +226,38 @@ def test_what_goes_off_to_one_side_is_no_shock(rings):
     assert bool(len(kept.get('begin', ()))) == rings
 
 
+def test_peaks_with_no_valley_between_them_are_one_shape():
+    cls = registry('noise')['narrowband']
+    for apart, joined in ((1.0, True), (3.0, False)):
+        peaks = [cls({'frequency': f, 'width': 0.5, 'form': 0.0, 'rms': 1e-5}, label)
+                 for label, f in (('one', 5.0), ('other', 5.0 + 0.5 * apart))]
+        fit = SimpleNamespace(model=Model(peaks))
+        assert all(flexible._joined(fit, e, DT) == joined for e in peaks)
+
+
+@pytest.mark.thorough
+def test_what_axes_hear_faintly_over_many_octaves_is_shared():
+    """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
+    rng = np.random.default_rng(46)
+    a = np.exp(-DT / 0.3)
+    relaxing = lfilter([1.0], [1.0, -a], np.sqrt(1 - a * a) * rng.standard_normal(N))
+    names, said = found_in(axes_with(0.1 * SIZE * relaxing, rng))
+    assert names == ['shared_noise'] and said.remaining is None, said
+
+
+def test_axes_of_an_accelerometer_that_sways_are_heard_together():
+    """Each with a part of what the gyroscope has of it; alone two of them would not show."""
+    rng = np.random.default_rng(47)
+    accel = np.column_stack([
+        1e-3 * rng.standard_normal(N) + 4e-3 * lfilter(
+            *iirpeak(f, 12, 1 / DT), 10 * rng.standard_normal(N)) for f in (0.12, 0.13, 0.14)])
+    gyro = SIZE * rng.standard_normal((N, 3))
+    gyro[:, 0] += accel @ [2e-2, 1e-3, 1e-3]
+    record = ImuRecord(gyro, accel, T, 1 / DT)
+    evidence = gather(record, axes=('gyro_x',))['gyro_x']
+    assert all(evidence.shaken(f'accel_{a}') for a in 'xyz')
+
+
 def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     rng = np.random.default_rng(33)
     y = axes_with(np.zeros(N), rng)
@@ -307,9 +340,11 @@ def test_a_claim_is_counted_in_the_view_that_shows_it():
         effect = registry('noise')[name]()
         return Finding(name, gain, effect, view=view, elsewhere=elsewhere)
 
-    def unhealed(finding, before, after):
+    def unhealed(finding, before, after, scores=None):
         search = object.__new__(_Search)
-        search.tests = lambda some: [Finding(k, x, view=k, p_value=0.0) for k, x in some.items()]
+        search.tests = lambda some: [
+            Finding(k, x, view=k, p_value=0.0, log_score=scores and scores[some is after])
+            for k, x in some.items()]
         return search._unhealed(before, after, finding)
 
     alone = found('rts', 'frequency', 1600.0)
@@ -323,3 +358,34 @@ def test_a_claim_is_counted_in_the_view_that_shows_it():
     assert not unhealed(shock, loud, {'distribution': 10.0, 'variance': 100.0})
     assert unhealed(shock, loud, {'distribution': 10.0, 'variance': 1990.0})
     assert unhealed(shock, loud, {'distribution': 10.0}), 'a view that is hidden is not healed'
+    # with less noise taken for it, what is left stands out as much; the data are likelier
+    step = found('step', 'time', 80.0)
+    assert unhealed(step, {'time': 300.0}, {'time': 310.0})
+    assert unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5060.0))
+    assert not unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5100.0))
+
+
+@pytest.mark.parametrize(('seed', 'size'), [(41, 2.3), (42, 2.6)])
+def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone(seed, size):
+    rng = np.random.default_rng(seed)
+    b = 0.05 * SIZE
+    gyro = [SIZE * rng.standard_normal(N) + hidden.flicker(N, DT, b, rng) for _ in range(3)]
+    gyro[0] = gyro[0] + 3 * size * b * ((T > 0.45 * T[-1]) & (T < 0.6 * T[-1]))
+    names, said = found_in(gyro)
+    assert names == ['step', 'step'], said
+    assert said.found[0].gain < said.found[0].penalty, 'it stands out alone'
+
+
+def test_a_step_is_no_noise_that_is_loud_where_it_comes():
+    """Its power in time is that of the mean, once the model has it."""
+    rng = np.random.default_rng(43)
+    gyro = axes_with(np.zeros(N), rng)
+    gyro[0] = gyro[0] + 20 * SIZE * (T > 0.7013 * T[-1])
+    record = ImuRecord(np.column_stack(gyro), None, T, 1 / DT)
+    problem = NoiseProblem(gather(record, axes=('gyro_x',))['gyro_x'])
+    first = model_of('noise', ('white', 'flicker', 'random_walk'))
+    without, with_it = (
+        views.variance(problem.evidence, problem.point(m))
+        for m in (first, first.plus(registry('noise')['step']())))
+    here = np.abs(without.x - 0.7013 * T[-1]) < 3
+    assert np.max(without.pull[here]) > 5 and np.max(np.abs(with_it.pull)) < 5

@@ -31,6 +31,7 @@ CHAINS = 2  # chains that are followed, rivals' included
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
 PLACES = 6  # places at which candidates are fitted; from then on none is begun
+HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
 ROUNDS = 4  # times the search begins anew without what was refuted
 LISTED = 8  # candidates that are listed
 
@@ -197,12 +198,13 @@ class _Search:
         return model
 
     def able(self, place: _Place) -> list[Finding]:
-        """Return what stands out at a place, best first, each labelled as it would be there."""
-        out = []
-        for f in place.candidates:
-            if f.gain > f.penalty and not f.against and label(place.model, f) not in self.refuted:
-                out.append(f)
-        return out
+        """Return what stands out at a place, best first."""
+        return [f for f in self.open_at(place) if f.gain > f.penalty]
+
+    def open_at(self, place: _Place) -> list[Finding]:
+        """Return the candidates at a place, best first, against which nothing speaks yet."""
+        return [f for f in place.candidates
+                if not f.against and label(place.model, f) not in self.refuted]
 
     # --- forward ----------------------------------------------------------------------------
 
@@ -233,18 +235,19 @@ class _Search:
         Return two of one effect that heal together, behind a chain, what one of them does not.
 
         One step of two, up and down again, leaves the other, which stands out the more where the
-        noise is no longer stretched over both.
+        noise is no longer stretched over both. The first may gain little by itself; then the
+        second must gain what it lacks.
 
         """
         before = self.model_of(members)
-        for f in self.able(place):
-            if f.effect is None or not f.effect.paired:
+        for f in self.open_at(place):
+            if f.effect is None or not f.effect.paired or f.gain < HINT * f.penalty:
                 continue
             between = self.place(before.plus(_new(f)))
             if between is None:
                 continue
             g = next((g for g in self.able(between) if g.name == f.name), None)
-            if g is None:
+            if g is None or surplus(f) + surplus(g) <= 0:
                 continue
             after = between.model.plus(_new(g))
             both = _both(f, g)
@@ -416,7 +419,9 @@ class _Search:
         Say that the view a member claims to heal does not gain at its place what it claims.
 
         Nor do all views together in which it is judged: what one of them shows of a member may be
-        little beside what something else leaves there.
+        little beside what something else leaves there. Of a view with a log score that counts as
+        well: where noise was taken for what several effects do, with one of them there is less of
+        it, and beside less noise the others stand out as much as both did.
 
         """
         assert finding.effect is not None
@@ -431,10 +436,11 @@ class _Search:
             before, after = (sum(max(f.gain, 0.0) for f in tests if f.view in views)
                              for tests in (without, with_it))
             claim = min(finding.gain - finding.elsewhere, before)
-            if before - after >= rules.HEALED * claim:
+            healed = max(before - after, _likelier(without, views) - _likelier(with_it, views))
+            if healed >= rules.HEALED * claim:
                 return ''
             said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and '
-                            f'heals {max(before - after, 0):.0f}')
+                            f'heals {max(healed, 0):.0f}')
         return said
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
@@ -555,6 +561,11 @@ def _new(finding: Finding) -> Effect:
     """Return the effect of a finding, not fitted."""
     assert finding.effect is not None
     return type(finding.effect)()
+
+
+def _likelier(tests: Iterable[Finding], views: Collection[str]) -> float:
+    """Return -ln p of what tests look at in some views, nats, as far as they say it."""
+    return sum(0.5 * f.log_score for f in tests if f.view in views and f.log_score is not None)
 
 
 def _both(one: Finding, other: Finding) -> Finding:

@@ -585,7 +585,7 @@ class Finding:
     give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
     against it, empty where nothing does. ``shapes`` counts the parameters besides one that the
     penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show:
-    what the samples themselves say.
+    what the samples themselves say. ``log_score`` is that of a test's view.
 
     """
 
@@ -602,3 +602,4 @@ class Finding:
     against: str = ''
     shapes: int = 0
     elsewhere: float = 0.0
+    log_score: float | None = None

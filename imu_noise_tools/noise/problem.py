@@ -233,6 +233,7 @@ class NoiseProblem(Problem):
                         p_value=views.p_value(view),
                         evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull '
                         f'{view.pull[worst]:.1f}',
+                        log_score=view.log_score,
                     )
                 )
         return out
