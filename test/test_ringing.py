@@ -9,6 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
@@ -98,6 +99,18 @@ def test_what_creeps_from_the_beginning_on_is_no_knock(walk):
     rng, n, dt = np.random.default_rng(0), 150_000, 0.0005
     y = rng.standard_normal(n) - 3 * np.log1p(np.arange(n) * dt / 0.03)
     assert not len(find_rings(y + np.cumsum(walk * rng.standard_normal(n)), dt, LEAST).begin)
+
+
+@pytest.mark.parametrize(('seed', 'q'), [(0, 5.0), (1, 10.0), (2, 5.0)])
+def test_a_band_whose_level_wanders_is_no_knocks(seed, q):
+    """It goes beyond any threshold, a little and again and again."""
+    rng, n = np.random.default_rng(seed), 400_000
+    r = np.exp(-np.pi * 25.0 / q * DT)
+    band = lfilter([1.0], [1.0, -2 * r * np.cos(2 * np.pi * 25.0 * DT), r * r],
+                   rng.standard_normal(n))
+    level = lfilter([1.0], [1.0, -np.exp(-DT / 20)], rng.standard_normal(n)) * np.sqrt(2 * DT / 20)
+    y = rng.standard_normal(n) + np.exp(0.5 * level) * band / np.std(band)
+    assert not len(find_rings(y, DT, LEAST).begin)
 
 
 @pytest.mark.thorough

@@ -56,6 +56,7 @@ MANY = 2.0  # times as much in single samples as in those of knocks: knocks may 
 KINDS = 3  # of knocks in a record
 BETWEEN = 3.0  # nats that are reached between what is told apart
 AGAIN = 3.0  # nats beyond its moments that each knock but the first must have
+UNEVEN, TOLD = 3.0, 20  # nats beyond which a tail is looked at, in so many moments
 APART = 3.0  # time constants between two knocks
 BEFORE, BEHIND = 3, 5  # time constants around a knock in which it has to explain what stands out
 EXPLAINS = 0.7  # share of it
@@ -397,12 +398,39 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
         if judged and _scattered(white.w) > MANY * np.sum(single):
             # among so many single samples some look like anything
             rings = rings.of(single < rings.nats / MANY)
+        if judged and len(rings.begin):
+            rings = _beyond(rings, _tail(w, omega, tau))
         if not len(rings.begin):
             continue
         rings.worth[np.argmax(rings.nats)] += AGAIN - form
         if np.sum(rings.worth) >= least:
             out = Rings(*(np.concatenate(x) for x in zip(out, rings)))
     return out.of(np.argsort(out.begin))
+
+
+def _tail(w: np.ndarray, omega: float, tau: float) -> float:
+    """
+    Return the mean by which rings of whitened noise go beyond a threshold, nats, 1 at least.
+
+    It is 1 of noise that is normal throughout (the tail of chi-squared with two degrees of
+    freedom) and more of noise whose level in that band wanders: that goes beyond any threshold.
+
+    """
+    halo, step = _length(tau), max(1, int(tau))
+    nats = np.concatenate([
+        _over_usual(_nats(w[i:i + PIECE + halo], omega, tau)[:PIECE], max(1, step // 2))[::step]
+        for i in range(0, len(w), PIECE)])
+    some = nats[nats > UNEVEN] - UNEVEN
+    if len(some) < TOLD or np.mean(some) < 1 + 2 / np.sqrt(len(some)):
+        return 1.0
+    return float(np.mean(some))
+
+
+def _beyond(rings: Rings, tail: float) -> Rings:
+    """Return the rings that are worth something beside noise of a longer tail, and what."""
+    less = (rings.nats - UNEVEN) * (1 - 1 / tail)
+    rings = rings._replace(worth=rings.worth - less)
+    return rings.of(rings.worth > 0)
 
 
 def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.ndarray,
@@ -479,7 +507,7 @@ def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
     hardly swings and is there from the beginning may as well creep: nothing is before it.
 
     """
-    if begin < tau and omega * tau < 2 * np.pi:
+    if begin < max(SHORTEST, 0.1 * tau) and omega * tau < 2 * np.pi:
         return np.inf
     some = w[_around(begin, tau)]
     stands = 0.5 * float(np.sum(some**2 - 1)) - 2 * np.sqrt(len(some) / 2)
