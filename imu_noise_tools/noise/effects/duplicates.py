@@ -215,20 +215,23 @@ def _beats(same: np.ndarray, fraction: float, expected: float) -> bool:
 
     A sensor that is read 1/(1-p) times as often as it measures is held at the frequency p of the
     reading: the indicator has 2 (sin(pi p)/pi)^2 of its variance p (1 - p) there (the first
-    harmonic of a pulse train), held at random what is in so many bins.
+    harmonic of a pulse train), held at random or in runs what is around there as well.
 
     """
     length = next((n for n in PIECES if len(same) >= 8 * n), 0)
     if not length:
         return False
     p = (fraction - expected) / (1 - expected)
-    rows = same[:len(same) // length * length].reshape(-1, length) - fraction
+    rows = same[:len(same) // length * length].reshape(-1, length)
+    rows = rows - rows.mean(axis=1, keepdims=True)
     window = np.hanning(length + 1)[:length]
     power = np.mean(np.abs(np.fft.rfft(rows * window, axis=1)) ** 2, axis=0)
     # what rounding makes equal is known to a hundredth or so
     at, reach = int(abs(p - round(p)) * length), length // 50
-    first = max(1, at - reach)
-    k = first + int(np.argmax(power[first:at + reach + 1]))
+    if at <= reach:     # slower than what comes in bursts
+        return False
+    k = at - reach + int(np.argmax(power[at - reach:at + reach + 1]))
     near = power[max(1, k - 2):k + 3]
+    around = np.median(power[max(1, k - length // 32):k + length // 32])
     beat = 2 * (np.sin(np.pi * p) / np.pi) ** 2 / (p * (1 - p))
-    return bool(np.sum(near) > (0.5 * beat + 4 * len(near) / length) * np.sum(power[1:]))
+    return bool(np.sum(near - 2 * around) > 0.5 * beat * np.sum(power[1:]))
