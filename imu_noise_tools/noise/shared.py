@@ -39,7 +39,7 @@ CLEAR = (8.0,) * 6 + (3.0,)     # its standard errors: of so many no fewer would
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
-SURE = 5.0              # standard errors of its level beyond which it is
+TALL = 100.0            # times from which it is where nothing else hears it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9)
 
@@ -132,10 +132,13 @@ def _coherence(square: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
         for width, least in zip(WINDOWS, CLEAR) if np.any(heard) else ():
             window = np.ones(min(width, groups))
             near = np.convolve(np.ones(groups), window, 'same')
+            # what is told by so many is in many, not in one of them
+            most = np.inf if width < WINDOWS[-1] else 2 * CLEAR[0]
+            total = np.sum([np.minimum(square[pair], most) for pair in some], axis=0)
             clear = np.convolve(total, window, 'same') > least * 2 * np.sqrt(len(some) * near)
             for a, b in some:
                 new = heard & clear & (both[a, b] == 0)
-                share = np.convolve(square[a, b], window, 'same') / np.convolve(
+                share = np.convolve(np.minimum(square[a, b], most), window, 'same') / np.convolve(
                     count - 2.0, window, 'same')
                 both[a, b, new] = both[b, a, new] = np.sqrt(np.clip(share, 0.0, 1.0))[new]
     return both
@@ -187,7 +190,7 @@ def share(bins: Bins, power: np.ndarray,
     :func:`heard_together`. Each of them says the least.
 
     """
-    above = _above_own(bins, power)
+    above = _above_own(bins, power, common is not None)
     if common is None:
         return above
     f, heard = common
@@ -197,10 +200,16 @@ def share(bins: Bins, power: np.ndarray,
     return np.maximum(above, heard)
 
 
-def _above_own(bins: Bins, power: np.ndarray) -> np.ndarray | None:
-    """Return what part, (b,), of the power is beyond the axis's own noise; None where none is."""
+def _above_own(bins: Bins, power: np.ndarray, together: bool) -> np.ndarray | None:
+    """
+    Return what part, (b,), of the power is beyond the axis's own noise; None where none is.
+
+    Where others do not hear it ``together`` with the axis only a tall peak is not its own.
+
+    """
     level, seen, own = own_noise(bins, power)
-    if not np.any(np.log(level / own) > np.maximum(np.log(ABOVE), SURE * np.sqrt(2 / seen))):
+    there = (level > ABOVE * own) & (seen >= ENOUGH) if together else level > TALL * own
+    if not np.any(there):
         return None
     heard = level > (1 + 2 * np.sqrt(2 / seen)) * own
     return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
