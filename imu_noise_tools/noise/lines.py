@@ -628,8 +628,8 @@ def waves(lines: np.ndarray, t: np.ndarray, dt: float, length: int = 1) -> np.nd
     """
     out = np.zeros(len(t))
     for frequency, a, b, _ in lines:
-        angle, half = 2 * np.pi * frequency * t, np.pi * frequency * dt
-        gain = np.sin(half * length) / (length * np.sin(half))
+        angle = 2 * np.pi * frequency * t
+        gain = np.sinc(frequency * dt * length) / np.sinc(frequency * dt)
         out += gain * (a * np.cos(angle) + b * np.sin(angle))
     return out
 

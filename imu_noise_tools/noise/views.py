@@ -440,16 +440,17 @@ def _without_mean(evidence: Evidence, model: Model, p: np.ndarray) -> np.ndarray
     A step is no noise that is loud where it comes.
 
     """
-    blocks = len(p)
-    mean = slow_mean(evidence, model)
-    per = len(mean) // blocks
+    blocks, slow = len(p), evidence.common.slow_length
+    length = evidence.n // blocks
+    per = length // slow
     if per <= 2 * _FIRST:
         return p
     window = np.hanning(per + 1)[:per]
-    pieces = mean[:blocks * per].reshape(blocks, per)
+    begin = np.arange(blocks) * length // slow
+    pieces = slow_mean(evidence, model)[begin[:, None] + np.arange(per)]
     pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * window
     own = np.abs(np.fft.rfft(pieces, axis=1)[:, _FIRST]) ** 2
-    own *= 2 * evidence.dt * evidence.common.slow_length / np.sum(window**2)
+    own *= 2 * evidence.dt * slow / np.sum(window**2)
     there = own > _PART * np.mean(p[:, 0])
     if not np.any(there) or np.all(there):
         return p
