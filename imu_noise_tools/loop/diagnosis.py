@@ -296,9 +296,10 @@ class _Search:
         self.scores = {}
         main = self.chain()
         chains = [main]
-        begun = [(surplus(rival) - surplus(main[i]), [*main[:i], rival])
+        # the first of two that say little alone has a surplus below zero
+        begun = [(surplus(rival) - max(surplus(main[i]), 0.0), [*main[:i], rival])
                  for i in range(len(main)) for rival in self._rivals(main, i)[:2]
-                 if surplus(rival) > NEAR * surplus(main[i])]
+                 if surplus(rival) > NEAR * max(surplus(main[i]), 0.0)]
         begun.sort(key=lambda z: -z[0])
         whole = frozenset(self.model_of(main).labels)
         able = (b for _, b in begun
@@ -419,9 +420,9 @@ class _Search:
         Say that the view a member claims to heal does not gain at its place what it claims.
 
         Nor do all views together in which it is judged: what one of them shows of a member may be
-        little beside what something else leaves there. Of a view with a log score that counts as
-        well: where noise was taken for what several effects do, with one of them there is less of
-        it, and beside less noise the others stand out as much as both did.
+        little beside what something else leaves there. Nor do the data become likelier by it:
+        where noise was taken for what several effects do, with one of them there is less of it,
+        and beside less noise the others stand out as much as both did.
 
         """
         assert finding.effect is not None
@@ -436,12 +437,12 @@ class _Search:
             before, after = (sum(max(f.gain, 0.0) for f in tests if f.view in views)
                              for tests in (without, with_it))
             claim = min(finding.gain - finding.elsewhere, before)
-            healed = max(before - after, _likelier(without, views) - _likelier(with_it, views))
-            if healed >= rules.HEALED * claim:
+            if before - after >= rules.HEALED * claim:
                 return ''
             said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and '
-                            f'heals {max(healed, 0):.0f}')
-        return said
+                            f'heals {max(before - after, 0):.0f}')
+        likelier = _likelier(without, with_it, finding.view)
+        return '' if likelier > 0 and likelier >= rules.HEALED * finding.gain else said
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
@@ -563,9 +564,13 @@ def _new(finding: Finding) -> Effect:
     return type(finding.effect)()
 
 
-def _likelier(tests: Iterable[Finding], views: Collection[str]) -> float:
-    """Return -ln p of what tests look at in some views, nats, as far as they say it."""
-    return sum(0.5 * f.log_score for f in tests if f.view in views and f.log_score is not None)
+def _likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str) -> float:
+    """Return by how much likelier a view's data are by some tests than by others, nats."""
+    before, after = ([f.log_score for f in tests if f.view == view]
+                     for tests in (without, with_it))
+    if len(before) != len(after):
+        return 0.0
+    return sum(0.5 * (b - a) for b, a in zip(before, after) if b is not None and a is not None)
 
 
 def _both(one: Finding, other: Finding) -> Finding:

@@ -34,6 +34,7 @@ QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass i
 QUIET_PULL = 4.0  # of bins side by side, for narrow ones
 ENOUGH = 4.0  # coefficients for each gain that is free in a band
 VALLEY = 0.8  # of the lower of two peaks: it shows where there is less between them
+TOGETHER = 3  # peaks without one
 FEWEST = 64  # differences of block means that tell a kurtosis
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
@@ -173,7 +174,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     if isinstance(effect, Mean):
         return _beside_a_knee(evidence, fit, label, claim)
     if isinstance(effect, Spectrum) and _joined(fit, effect, evidence.dt):
-        return 'with another peak it draws one shape: there is no valley between the two'
+        return 'with other peaks it draws one shape: there is no valley between them'
     if effect.broad:
         against = _knee(evidence, fit, effect, claimed)
         if against:
@@ -187,18 +188,21 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
 
 def _joined(fit: Fit, effect: Spectrum, dt: float) -> bool:
     """
-    Tell whether a peak and another one leave no valley between them.
+    Tell whether a peak is one of three and more with no valley between any and the next.
 
-    Two that stand apart may each be a machine; peaks that are joined bend to any hump.
+    Two may each be a machine, near as they are; more that are joined bend to any hump.
 
     """
-    peaks = [e for e in fit.model.of(Spectrum) if e.centre is not None]
-    for e in peaks:
-        if effect.centre is not None and e.centre is not None and e.label != effect.label:
-            f = np.linspace(effect.centre, e.centre, 65)
-            both = sum((p.psd(f, dt) for p in peaks), np.zeros(len(f)))
-            if np.min(both) > VALLEY * min(both[0], both[-1]):
-                return True
+    peaks = sorted(((e.centre, e) for e in fit.model.of(Spectrum) if e.centre is not None),
+                   key=lambda z: z[0])
+    run: list[str] = []
+    for (low, one), (high, other) in zip(peaks, peaks[1:]):
+        f = np.linspace(low, high, 65)
+        both = sum((p.psd(f, dt) for _, p in peaks), np.zeros(len(f)))
+        joined = np.min(both) > VALLEY * min(both[0], both[-1])
+        run = [*(run or [one.label]), other.label] if joined else []
+        if len(run) >= TOGETHER and effect.label in run:
+            return True
     return False
 
 
