@@ -25,7 +25,9 @@ from .kinds import Mean
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .response import OPEN, OpenResponse, Rational
-from .robust import flat, in_quiet, lacks, ratio_of, resting_on_what_it_explains, TERM, with_basis
+from .robust import (
+    flat, in_quiet, lacks, more_explained, ratio_of, resting_on_what_it_explains, TERM, with_basis
+)
 from .search import Found, Search
 from .starts import starts
 from .uncertainty import (
@@ -134,7 +136,9 @@ def fit(
     if robust and basis is None and mean is None:
         if start is None or not set(model.labels) <= set(start.labels):
             found = search.with_responses_anew(found)
+        first = found
         found = resting_on_what_it_explains(search, found, hint)
+        found = more_explained(found, first)
         found = in_quiet(search, found, hint)
     return _fit_of(found, measured, flags, intervals)
 

@@ -19,7 +19,7 @@ import numpy as np
 from .explained import (
     Bands, Explained, FAR, judge, Judgement, MANY, NEARLY, supported as supported_by
 )
-from .kinds import Coupling, Modulation, Spectrum
+from .kinds import Coupling, Modulation, Response, Spectrum
 from .likelihood import Likelihood
 from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
@@ -92,6 +92,28 @@ def resting_on_what_it_explains(search: Search, plain: Found, hint: Explained | 
         first = first or found
     assert first is not None
     return first
+
+
+def more_explained(found: Found, plain: Found) -> Found:
+    """
+    Return the plain fit of a filter or a peak where that explains far more, if only in part.
+
+    What rests on the bands beside a filter or a peak may have it anywhere.
+
+    """
+    if found is plain or not any(
+            isinstance(e, Response) or isinstance(e, Spectrum) and e.centre is not None
+            for e in plain.likelihood.model):
+        return found
+    bands, scores = Bands.on(plain.likelihood.bins), []
+    for one in (found, plain):
+        likelihood = one.likelihood
+        model = likelihood.with_search(one.x)
+        v, _ = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
+        ratio, weight = ratio_of(one)
+        power = ratio * likelihood.spectra(model)[0]
+        scores.append(supported_by(bands, power, weight, v, _BAND, partly=True))
+    return plain if scores[1] > scores[0] + _BAND else found
 
 
 def in_quiet(search: Search, found: Found, hint: Explained | None) -> Found:
