@@ -245,9 +245,8 @@ class _Gathering:
                 {a: (self.clean if a in self.clean else self.covariates)[a]
                  for a in self.record.axes if a in coefficients}, self.dt)
             # what moves one accelerometer moves others, each perhaps too little to show by itself
-            some = {a for a in self.record.axes if a in coefficients and sensor_of(a) == 'accel'}
-            beside = some - set(heard) if some & set(heard) else set()
-            for a in sorted({*heard, *beside}):
+            accel = {a for a in self.record.axes if a in coefficients and sensor_of(a) == 'accel'}
+            for a in sorted({*heard, *(accel if accel & heard.keys() else ())}):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
                 above = shared.share(bins, power, heard.get(a))
                 if a in heard or above is not None:

@@ -362,11 +362,17 @@ def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, flo
     return (-float(best.fun), *at(best.x))
 
 
+def _throughout(w: np.ndarray, omega: float, tau: float) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield (first sample, nats beside what is usual of rings that begin in it) of each piece."""
+    halo, step = _length(tau), max(1, int(tau / 2))
+    for i in range(0, len(w), PIECE):
+        yield i, _over_usual(_nats(w[i:i + PIECE + halo], omega, tau)[:PIECE], step)
+
+
 def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> np.ndarray:
     """Return the samples at which a ring begins that gains so much, the clearest first."""
-    halo, found, step = _length(tau), [], max(1, int(tau / 2))
-    for i in range(0, len(w), PIECE):
-        nats = _over_usual(_nats(w[i:i + PIECE + halo], omega, tau)[:PIECE], step)
+    found = []
+    for i, nats in _throughout(w, omega, tau):
         top = nats == maximum_filter1d(nats, 2 * int(APART * tau) + 1)
         k = np.flatnonzero(top & (nats > least))
         found.append(np.stack([nats[k], k + i]))
@@ -416,10 +422,8 @@ def _tail(w: np.ndarray, omega: float, tau: float) -> float:
     freedom) and more of noise whose level in that band wanders: that goes beyond any threshold.
 
     """
-    halo, step = _length(tau), max(1, int(tau))
-    nats = np.concatenate([
-        _over_usual(_nats(w[i:i + PIECE + halo], omega, tau)[:PIECE], max(1, step // 2))[::step]
-        for i in range(0, len(w), PIECE)])
+    # rings a time constant apart are independent
+    nats = np.concatenate([x[::max(1, int(tau))] for _, x in _throughout(w, omega, tau)])
     some = nats[nats > UNEVEN] - UNEVEN
     if len(some) < TOLD or np.mean(some) < 1 + 2 / np.sqrt(len(some)):
         return 1.0

@@ -126,19 +126,20 @@ def _coherence(square: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
     axes, groups = 1 + max(b for _, b in square), len(count)
     both, stretches = np.zeros((axes, axes, groups)), list(_stretches(groups))
     level = CHANCE / (len(sets) * sum(len(at) for _, at in stretches))
+    # what is told by the most groups is in many of them, not in one
+    capped = {pair: np.minimum(x, 2 * CLEAR[0]) for pair, x in square.items()}
     for some in sets:
         total = np.sum([square[pair] for pair in some], axis=0)
         heard = _together(total, len(some), level, stretches)
         for width, least in zip(WINDOWS, CLEAR) if np.any(heard) else ():
             window = np.ones(min(width, groups))
             near = np.convolve(np.ones(groups), window, 'same')
-            # what is told by so many is in many, not in one of them
-            most = np.inf if width < WINDOWS[-1] else 2 * CLEAR[0]
-            total = np.sum([np.minimum(square[pair], most) for pair in some], axis=0)
+            told = square if width < WINDOWS[-1] else capped
+            total = np.sum([told[pair] for pair in some], axis=0)
             clear = np.convolve(total, window, 'same') > least * 2 * np.sqrt(len(some) * near)
             for a, b in some:
                 new = heard & clear & (both[a, b] == 0)
-                share = np.convolve(np.minimum(square[a, b], most), window, 'same') / np.convolve(
+                share = np.convolve(told[a, b], window, 'same') / np.convolve(
                     count - 2.0, window, 'same')
                 both[a, b, new] = both[b, a, new] = np.sqrt(np.clip(share, 0.0, 1.0))[new]
     return both

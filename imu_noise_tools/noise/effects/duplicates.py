@@ -88,9 +88,9 @@ class Duplicates(Defect, Response):
             by_chance = fraction**(shorter + 1)
             # two of them become one where rounding makes them equal
             merged = expected if shorter > 1 else 0.0
-            out['regular'] = np.array(float(
-                longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
-                and np.mean(runs < shorter) < 0.02 or _beats(same, fraction, expected)))
+            alike = (longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
+                     and np.mean(runs < shorter) < 0.02)
+            out['regular'] = np.array(float(alike or _beats(same, fraction, expected)))
             # rounding makes some equal as well, mostly one at a time
             often = np.bincount(more, minlength=2).astype(float)
             often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))

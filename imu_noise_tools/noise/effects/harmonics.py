@@ -3,6 +3,8 @@
 
 """Harmonics: an engine, a fan, the mains; lines at whole multiples of one frequency."""
 
+from itertools import product
+
 import numpy as np
 from scipy.special import bdtrc
 
@@ -77,22 +79,19 @@ class Harmonics(Line):
         given = self.values.get('frequency')
         best: tuple[float, dict[int, int]] = 0.0, {}
         # then those of which no line is seen as it is, where they hold more
-        for turns in (range(1), range(1, LOWEST // 2 + 1)):
-            for most in HIGHEST:
-                trials = sorted({
-                    (abs(m / evidence.dt + side * x) / k, k) for m in turns for side in (1, -1)
-                    for k in range(max(1, 2 * m), min(most, LOWEST) + 1) for x in f}, reverse=True)
-                for f0, k in trials:
-                    if turns[0] and f0 * evidence.dt > 0.5:     # that of its mirror image
-                        continue
-                    if given and abs(f0 - given) > max(1 / evidence.duration, 1e-3 * given):
-                        continue
-                    found, chance = _at_orders(f, f0, k, most, evidence)
-                    if len(found) <= max(len(best[1]), 1):
-                        continue
-                    likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
-                    if likely * len(trials) * len(HIGHEST) < CHANCE:
-                        best = f0, {order: free[i] for order, i in found.items()}
+        for is_folded, most in product((False, True), HIGHEST):
+            trials = _trials(f, most, is_folded, evidence.dt)
+            for f0, k in trials:
+                if is_folded and f0 * evidence.dt > 0.5:    # that of its mirror image
+                    continue
+                if given and abs(f0 - given) > max(1 / evidence.duration, 1e-3 * given):
+                    continue
+                found, chance = _at_orders(f, f0, k, most, evidence)
+                if len(found) <= max(len(best[1]), 1):
+                    continue
+                likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
+                if likely * len(trials) * len(HIGHEST) < CHANCE:
+                    best = f0, {order: free[i] for order, i in found.items()}
         return best
 
     def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
@@ -129,6 +128,15 @@ class Harmonics(Line):
         """Return a fan at 186 rpm (3.1 Hz) with orders 1, 2 and 4, 20.6 deg/h the strongest."""
         return cls({**cls.neutral, 'frequency': 3.1, 'amplitude_1': 1e-4, 'amplitude_2': 5e-5,
                     'amplitude_4': 3e-5})
+
+
+def _trials(f: np.ndarray, most: int, is_folded: bool, dt: float) -> list[tuple[float, int]]:
+    """Return (f0, order) as which each line f (l,) may be read, seen as it is or folded."""
+    orders = range(1, min(most, LOWEST) + 1)
+    if not is_folded:
+        return sorted(((x / k, k) for k in orders for x in f), reverse=True)
+    return sorted({(abs(m / dt + side * x) / k, k) for k in orders for m in range(1, k // 2 + 1)
+                   for side in (1, -1) for x in f}, reverse=True)
 
 
 def _at_orders(f, f0: float, k: int, most: int, evidence) -> tuple[dict[int, int], float]:
