@@ -14,7 +14,7 @@ the mean. Each effect class may keep more (``statistics``).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -353,6 +353,10 @@ class Evidence:
         if key not in self._begun:
             self._begun[key] = effect.starts(self)
         return list(self._begun[key])
+
+    def over(self, v: np.ndarray) -> Evidence:
+        """Return what is left of the whole over a spectrum (b,), of which white noise is 1."""
+        return replace(self, whole=replace(self.whole, power=self.whole.power / v))
 
     def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
         """

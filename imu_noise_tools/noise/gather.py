@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import cast
 
@@ -29,6 +30,7 @@ from .lines import (
 )
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
+from .telegraph import levels
 from ..core import allan
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform
@@ -351,26 +353,46 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     Return what each effect keeps of the samples, and the samples without defects.
 
     What comes first is taken out before the others look: the samples of a shock are no spikes.
+    Nor are short stays at another level, beside which what is taken out is looked for.
 
     """
+    at = levels(y)
     kept: dict[str, dict] = {}
     known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
     for first in (True, False):
         some = {name: cls for name, cls in known.items() if cls.first == first}
-        found = {name: cls.statistics(y, inputs) for name, cls in some.items()}
+        beside = y if at is None else y - at
+        found = {name: cls.statistics(beside if _screens(cls) else y, inputs)
+                 for name, cls in some.items()}
         kept.update({name: f for name, f in found.items() if f})
         for name, cls in some.items():
-            if issubclass(cls, Defect) and name in kept:
-                y = cls.screen(y, kept[name], inputs)
+            if _screens(cls) and name in kept:
+                y = _without(y, at, partial(cls.screen, kept=kept[name], inputs=inputs))
     return kept, y
+
+
+def _screens(cls: type[NoiseEffect]) -> bool:
+    """Tell whether an effect is taken out of the samples."""
+    return issubclass(cls, Defect) and cls.screens()
+
+
+def _without(y: np.ndarray, at: np.ndarray | None, screen) -> np.ndarray:
+    """Return samples (n,) that are screened beside the levels they are at, if they are at some."""
+    if at is None:
+        return screen(y)
+    beside = y - at
+    left = screen(beside)
+    return y if left is beside else left + at
 
 
 def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
     """Return the samples without defects, and keep nothing else of them."""
-    known = (cls for cls in registry('noise').values() if issubclass(cls, Defect))
-    for cls in sorted((cls for cls in known if cls.screens()), key=lambda cls: not cls.first):
-        kept = cls.statistics(y, inputs)
-        y = cls.screen(y, kept, inputs) if kept else y
+    at = levels(y)
+    known = (cls for cls in registry('noise').values() if _screens(cls))
+    for cls in sorted(known, key=lambda cls: not cls.first):
+        kept = cls.statistics(y if at is None else y - at, inputs)
+        if kept:
+            y = _without(y, at, partial(cls.screen, kept=kept, inputs=inputs))
     return y
 
 

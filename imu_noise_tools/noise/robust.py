@@ -136,8 +136,11 @@ def in_quiet(search: Search, found: Found, hint: Explained | None) -> Found:
         return found
     every = Explained(likelihood.bins.f, np.ones(len(likelihood.bins.f)), quiet=low)
     calm = with_basis(likelihood, every)
-    again = search.from_starts(calm, starts(calm, None))
-    return found if again is None else resting_on_what_it_explains(search, again, hint)
+    here = likelihood.with_search(found.x)
+    again = search.from_starts(calm, [*starts(calm, None), *starts(calm, here)])
+    if again is None:
+        return found
+    return more_explained(resting_on_what_it_explains(search, again, hint), again)
 
 
 def _beginnings(plain: Found, now: Judgement, hint: Explained | None):

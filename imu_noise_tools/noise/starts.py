@@ -154,22 +154,24 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     """
     Return (likelihood, start) of responses begun anew, all else as it was found at x (p,).
 
-    A form is chosen where all begin, and a narrow peak that no start meets decides there: beside
-    one it is asked again where the peak has been met, the same form too, for it may have ended at
+    A form is chosen where all begin, and noise that is far from white decides there: a narrow peak
+    that no start meets, or a knee whose fall hides the filter's. Beside such it is asked again
+    where that has been met, the same form too, for it may have ended at
     the bound of what is optional. Of each form the best start, of these the
-    best ``most``; none where the model has no such peak, or neither of them is new in it.
+    best ``most``; none where the model has no such noise, or neither of them is new in it.
 
     """
     here, out = found.with_search(x), []
-    peaks = {e.label for e in here.of(Spectrum) if e.centre is not None}
-    if not peaks or here.labels[-1] not in peaks | {e.label for e in here.of(Response)}:
+    coloured = {e.label for e in here.of(Spectrum) if e.centre is not None or e.knees}
+    if not coloured or here.labels[-1] not in coloured | {e.label for e in here.of(Response)}:
         return []
     known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
     searched = {s.label for s in found.slots}      # of others the samples say which form they have
     for e in here.of(Response):
         choices = [p.name for p in e.parameters if p.choices and e.label in searched]
         best: dict[tuple, tuple] = {}
-        for o in found.evidence.starts(type(e)({}, e.label)) if choices else ():
+        left = found.evidence.over(found.spectra(here.minus(e.label))[0])
+        for o in left.starts(type(e)({}, e.label)) if choices else ():
             form = tuple(o[c] for c in choices)
             other = Likelihood(found.evidence, found.part_name, found.model.with_effect(o),
                                found.mean, found.explained)

@@ -1,0 +1,81 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Two levels far apart: a short stay at the other is neither a spike nor a knock."""
+
+import numpy as np
+import pytest
+
+from imu_noise_tools.noise.telegraph import levels
+
+
+def telegraph(rng, n, dwells, step):
+    """Return a path (n,) between 0 and a step, with exponential stays of a mean length each."""
+    ends = np.cumsum(rng.exponential(np.resize(dwells, 4 * int(n / np.mean(dwells)) + 20)))
+    return step * (np.searchsorted(ends, np.arange(n)) % 2)
+
+
+def knock(n, at, size):
+    """Return a knock (n,) that rings down, of an amplitude at its beginning."""
+    t = np.maximum(np.arange(n) - at, 0)
+    return np.where(np.arange(n) >= at, size * np.exp(-t / 12) * np.cos(2 * np.pi * t / 9), 0.0)
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_levels_are_followed_through_noise_and_drift(seed):
+    """Beside them is the noise alone, as wide, with nothing as large as half a jump."""
+    rng = np.random.default_rng([441, seed])
+    n = int(rng.integers(5000, 60000))
+    step = rng.uniform(10, 60)
+    noise = rng.standard_normal(n)
+    drift = rng.uniform(0, 30) * np.sin(2 * np.pi * np.arange(n) / n)
+    stays = rng.uniform(40, 400, 2)
+    path = telegraph(rng, n, stays, step)
+    y = 3e-4 * (noise + drift + path)
+    at = levels(y)
+    assert at is not None
+    jumps = np.flatnonzero(np.diff(path))   # drift is followed from the first to the last
+    beside = ((y - at) / 3e-4)[jumps[0]:jumps[-1]]
+    assert np.std(beside) < 1.3
+    assert np.max(np.abs(beside)) < 0.5 * step
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_a_knock_and_spikes_stay_beside_levels(seed):
+    """What goes beyond both levels is left where it was."""
+    rng = np.random.default_rng([442, seed])
+    n, step = 20000, rng.uniform(12, 25)
+    path = telegraph(rng, n, (150, 400), step)
+    long = np.flatnonzero(np.convolve(path != path[0], np.ones(80), 'same') == 0)
+    here = int(rng.choice(long[(long > 200) & (long < n - 200)]))
+    y = rng.standard_normal(n) + path + knock(n, here, 3 * step)
+    spikes = rng.choice(np.flatnonzero(np.abs(np.arange(n) - here) > 300), 5, replace=False)
+    y[spikes] += 5 * step
+    at = levels(y)
+    assert at is not None
+    beside = y - at
+    assert beside[here] == pytest.approx(3 * step, abs=0.3 * step)
+    assert np.sum(beside[spikes] > 3 * step) >= 4    # one may fall into a jump
+
+
+def test_what_jumps_between_no_two_levels_has_none():
+    """Noise, drift, swings, single steps, stairs of many levels, spikes, and held samples."""
+    rng = np.random.default_rng(443)
+    n = 20000
+    white, t = rng.standard_normal(n), np.arange(n)
+    records = {
+        'noise': white,
+        'drift': white + 40 * t / n,
+        'swing': white + 40 * np.sin(2 * np.pi * t / 300),
+        'fast swing': white + 40 * np.sin(2 * np.pi * t / 21),
+        'two steps': white + 30 * ((t > 5000) & (t < 9000)),
+        'stairs': white + np.cumsum(rng.normal(0, 20, 40))[t // 500],
+        'walk': white + np.cumsum(rng.standard_normal(n)),
+        'spikes': white + 30 * (rng.random(n) < 0.02) * rng.standard_normal(n),
+        'knocks': white + sum(knock(n, at, 40) for at in range(500, n, 700)),
+        'on and off': white * np.where(t // 1500 % 2, 30, 1),
+        'held': np.repeat(white[: n // 4] + telegraph(rng, n // 4, (300,), 20), 4),
+        'constant': np.zeros(n),
+        'short': white[:100],
+    }
+    assert [k for k, y in records.items() if levels(y) is not None] == []
