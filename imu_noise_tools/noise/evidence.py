@@ -354,9 +354,9 @@ class Evidence:
             self._begun[key] = effect.starts(self)
         return list(self._begun[key])
 
-    def over(self, v: np.ndarray) -> Evidence:
-        """Return what is left of the whole over a spectrum (b,), of which white noise is 1."""
-        return replace(self, whole=replace(self.whole, power=self.whole.power / v))
+    def with_power(self, power: np.ndarray) -> Evidence:
+        """Return the evidence with another power of the whole (b,), for starts to look at."""
+        return replace(self, whole=replace(self.whole, power=power))
 
     def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
         """

@@ -32,6 +32,7 @@ if TYPE_CHECKING:       # evidence knows the kinds; they know it by its type alo
 __all__ = [
     'Coupling',
     'Defect',
+    'FILTERS',
     'Inputs',
     'Line',
     'MEASURED',
@@ -203,6 +204,8 @@ class Spectrum(NoiseEffect):
     views: ClassVar[tuple[str, ...]] = ('frequency', 'time')
     #: whether the sensor's own response acts on it (quantization happens behind the filter)
     filtered = True
+    #: whether it is the noise of the element itself, ahead of every filter
+    own: ClassVar[bool] = False
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
@@ -390,6 +393,10 @@ class Coupling(NoiseEffect):
         raise NotImplementedError
 
 
+#: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and then passes
+FILTERS = Parameter.choice('filters', ('everything', 'own_noise'), title='what it filters')
+
+
 class Response(NoiseEffect):
     """Multiplies power: the sensor's own low-pass."""
 
@@ -402,6 +409,10 @@ class Response(NoiseEffect):
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain at f (Hz)."""
         raise NotImplementedError
+
+    def acts_on(self, effect: Spectrum) -> bool:
+        """Tell whether it filters what an effect adds."""
+        return self.last or effect.filtered and (effect.own or not self.values.get('filters'))
 
     def crowd(self) -> float:
         """
@@ -509,7 +520,7 @@ def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.nd
 
 def responses_on(effect: Spectrum, model: Model) -> list[Response]:
     """Return the model's responses that act on an effect."""
-    return [r for r in model.of(Response) if effect.filtered or r.last]
+    return [r for r in model.of(Response) if r.acts_on(effect)]
 
 
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:

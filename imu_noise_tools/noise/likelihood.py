@@ -387,6 +387,10 @@ class Likelihood:
     # --- the spectrum
     # -----------------------------------------------------------------------------------------
 
+    def beside(self, model: Model) -> Likelihood:
+        """Return that of another model of the same part, on the same basis."""
+        return Likelihood(self.evidence, self.part_name, model, self.mean, self.explained)
+
     def with_search(self, x: np.ndarray) -> Model:
         """Return the model at a point of the search."""
         values: dict[str, dict[str, float]] = {}
@@ -465,10 +469,10 @@ class Likelihood:
     def _turned(self, model, own, turn):
         """Return the slope (b,) of what is behind a response; ``turn`` (g,) that of ln gain^2."""
         out = np.zeros(len(self.power))
-        for filtered in (True, False) if own.last else (True,):
-            spectra = [e for e in model.of(Spectrum) if e.filtered == filtered]
-            if not spectra:
-                continue
+        alike: dict[tuple[str, ...], list[Spectrum]] = {}
+        for e in (e for e in model.of(Spectrum) if own.acts_on(e)):
+            alike.setdefault(tuple(r.label for r in responses_on(e, model)), []).append(e)
+        for spectra in alike.values():
             turned = self._gain2(responses_on(spectra[0], model)) * turn
             units = (self._unit(e) for e in spectra if e.centre is None)
             smooth = sum((square * one for square, _, one in units), np.zeros(len(turned)))

@@ -13,11 +13,12 @@ import numpy as np
 
 from .descent import minimise
 from .likelihood import Likelihood
-from .starts import begun_anew, most_promising, reddest, Start
+from .starts import begun_anew, entered_behind, most_promising, reddest, Start
 from ..loop.effect import Fit
 from ..loop.verdict import PRICE
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
+_ROUNDS = 3  # how often responses are begun anew, each from the best so far
 _FORMS = 2  # forms of a response that are begun anew beside a narrow peak
 
 
@@ -46,7 +47,18 @@ class Search:
 
     def with_responses_anew(self, found: Found) -> Found:
         """Return the better of a minimum and what a response begun anew there reaches."""
-        return self._best(begun_anew(found.likelihood, found.x, _FORMS), found) or found
+        anew = self._anew(found)
+        behind = self._best(entered_behind(found.likelihood, found.x), None)
+        return anew if behind is None else min(anew, self._anew(behind), key=lambda f: f.cost)
+
+    def _anew(self, found: Found) -> Found:
+        """Return the best of a minimum and what responses begun anew reach, again from there."""
+        for _ in range(_ROUNDS):
+            better = self._best(begun_anew(found.likelihood, found.x, _FORMS), found)
+            if better is None:
+                break
+            found = better
+        return found
 
     def _best(self, begins: Iterable[tuple[Likelihood, np.ndarray]],
               best: Found | None) -> Found | None:

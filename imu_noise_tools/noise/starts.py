@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from .kinds import Defect, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
+from .kinds import Defect, FILTERS, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
 from ..loop.effect import Fit, Model
@@ -162,7 +162,7 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
 
     """
     here, out = found.with_search(x), []
-    coloured = {e.label for e in here.of(Spectrum) if e.centre is not None or e.knees}
+    coloured = {e.label for e in here.of(Spectrum) if e.filtered and not e.own}
     if not coloured or here.labels[-1] not in coloured | {e.label for e in here.of(Response)}:
         return []
     known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
@@ -170,19 +170,43 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     for e in here.of(Response):
         choices = [p.name for p in e.parameters if p.choices and e.label in searched]
         best: dict[tuple, tuple] = {}
-        left = found.evidence.over(found.spectra(here.minus(e.label))[0])
-        for o in left.starts(type(e)({}, e.label)) if choices else ():
+        for o in _gain_alone(found, here, e).starts(type(e)({}, e.label)) if choices else ():
+            if FILTERS.name in choices:
+                o = o.with_values(filters=e[FILTERS.name])
             form = tuple(o[c] for c in choices)
-            other = Likelihood(found.evidence, found.part_name, found.model.with_effect(o),
-                               found.mean, found.explained)
-            x0 = np.array([
+            other = found.beside(found.model.with_effect(o))
+            as_found = np.array([
                 known[s.label, s.parameter.name] if s.label != e.label
                 else s.to_search(o[s.parameter.name]) for s in other.slots])
-            value = other.value(x0)[0]
-            if value < best.get(form, (np.inf,))[0]:
-                best[form] = value, other, x0
+            # noise that was fitted beside a wrong form has a wrong level
+            for x0 in (as_found, *_with_amplitudes(other, here.with_effect(o), (0.02,))):
+                value = other.value(x0)[0]
+                if value < best.get(form, (np.inf,))[0]:
+                    best[form] = value, other, x0
         out += sorted(best.values(), key=lambda z: z[0])[:most]
     return [(other, x0) for _, other, x0 in out]
+
+
+def _gain_alone(found, here, response):
+    """Return the evidence whose power is what a response leaves of white noise, as it was found."""
+    _, each = found.spectra(here.minus(response.label))
+    power = found.evidence.whole.power
+    beside = sum(each[e.label] for e in here.of(Spectrum) if not response.acts_on(e))
+    before = sum(each[e.label] for e in here.of(Spectrum) if response.acts_on(e))
+    return found.evidence.with_power(np.maximum(power - beside, 1e-3 * power) / before)
+
+
+def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.ndarray]]:
+    """Return (likelihood, start) of responses that filter the sensor's own noise alone."""
+    here, out = found.with_search(x), []
+    searched = {s.label for s in found.slots}
+    for e in here.of(Response):
+        if e.values.get(FILTERS.name) == 0 and e.label in searched \
+                and any(e.acts_on(s) and not s.own for s in here.of(Spectrum)):
+            model = here.with_effect(e.with_values(filters=1.0))
+            other = found.beside(found.model.with_effect(model[e.label]))
+            out += [(other, x0) for x0 in _with_amplitudes(other, model, (0.02,))]
+    return out
 
 
 def _carried(plain: Likelihood, x0: np.ndarray, likelihood: Likelihood) -> np.ndarray:

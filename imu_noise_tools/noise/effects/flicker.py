@@ -31,6 +31,7 @@ class Flicker(Spectrum):
     reference = 'IEEE 952 C.1.3'
     broad = True
     decide = 'record several times longer'
+    own = True
     parameters = (Parameter('B', '{rate}', 1e-12, 1e2, amplitude=True, title='bias instability'),)
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, Parameter, Response
+from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
 from ...loop.effect import Effect
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
@@ -58,10 +58,11 @@ class LowPass(Response):
                   title='share of the white noise that arises behind it'),
         Parameter('averaged', '1', 0.0, 1.0, log=False,
                   title='share of an average beside one pole: 1 is an average alone'),
+        FILTERS,
     )
     broad = True
-    neutral = {'behind': 0.0, 'averaged': 0.0}
-    optional = ('behind', 'averaged')
+    neutral = {'behind': 0.0, 'averaged': 0.0, 'filters': 0.0}
+    optional = ('behind', 'averaged', 'filters')
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
@@ -97,7 +98,8 @@ class LowPass(Response):
         log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
         weight = bins.count / np.sum(bins.count)
         for c, share in product(cutoffs, averaged):
-            start = self.with_values(cutoff=float(c), form=form, averaged=share, behind=0.0)
+            start = self.with_values(cutoff=float(c), form=form, averaged=share, behind=0.0,
+                                     filters=0.0)
             gain2 = beside_unfiltered(start.gain2(bins.f, evidence.dt), behind)
             left = log_power - np.log(gain2)
             rough = (left - (left @ weight)[:, None]) ** 2 @ weight

@@ -6,7 +6,7 @@
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, Parameter, Response
+from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
 from ...loop.effect import Effect
 
 BEHIND = 0.002  # share of the white noise behind it from which a fit starts
@@ -36,16 +36,18 @@ class Notch(Response):
         Parameter('width', 'Hz', 1e-6, 1e5, title='width between the -3 dB points'),
         Parameter('behind', '1', 0.0, 0.02, log=False,
                   title='share of the white noise that arises behind it'),
+        FILTERS,
     )
-    neutral = {'behind': 0.0}
-    optional = ('behind',)
+    neutral = {'behind': 0.0, 'filters': 0.0}
+    optional = ('behind', 'filters')
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at the deepest dips."""
         if self.fitted:
             return [self]
         dips = evidence.bumps(2, -1)
-        return [self.with_values(frequency=f, width=width, behind=BEHIND) for f, width, _ in dips]
+        return [self.with_values(frequency=f, width=width, behind=BEHIND, filters=0.0)
+                for f, width, _ in dips]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay near the dip that the start is at."""
@@ -71,4 +73,4 @@ class Notch(Response):
     @classmethod
     def example(cls) -> Effect:
         """Return a notch at 9 Hz, 2 Hz wide."""
-        return cls({'frequency': 9.0, 'width': 2.0, 'behind': 0.0})
+        return cls({'frequency': 9.0, 'width': 2.0, 'behind': 0.0, 'filters': 0.0})

@@ -24,6 +24,7 @@ class RandomWalk(Spectrum):
     reference = 'IEEE 952 C.1.4'
     broad = True
     decide = 'record several times longer'
+    own = True
     parameters = (
         Parameter('K', '{slope}/sqrt(Hz)', 1e-14, 1e2, amplitude=True, title='rate random walk'),
     )
