@@ -13,6 +13,7 @@ were.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 import zlib
 
 import numpy as np
@@ -29,11 +30,12 @@ MOST_SAMPLES = 100_000_000
 MOTIONS = ('rocking', 'constant_rate', 'vibration')
 
 
-def stage(effect: NoiseEffect) -> int:
+def stage(effect: NoiseEffect, model: Model) -> int:
     """
-    Return the order in which effects act.
+    Return the order in which effects of a model act.
 
-    Noise, then what the sensor does to it, then what the electronics do to samples.
+    Noise, then what the sensor does to it, then what the electronics do to samples. What passes a
+    filter that acts on the sensor's own noise alone comes behind it.
 
     """
     if isinstance(effect, Response):
@@ -42,7 +44,8 @@ def stage(effect: NoiseEffect) -> int:
         return 1
     if isinstance(effect, Modulation):
         return 2
-    if isinstance(effect, Spectrum) and not effect.filtered:
+    if isinstance(effect, Spectrum) and not (effect.filtered and all(
+            r.acts_on(effect) for r in model.of(Response))):
         return 7 if isinstance(effect, Defect) else 4
     return 6 if isinstance(effect, Defect) and not isinstance(effect, Spectrum) else 0
 
@@ -87,7 +90,7 @@ def simulate(spec: Mapping, progress: Progress | None = None) -> tuple[ImuRecord
             progress(k / len(order), axis)
         model, bias = _model(axis, targets[axis])
         x = data[axis] + bias
-        for e in sorted(model, key=stage):
+        for e in sorted(model, key=partial(stage, model=model)):
             rng = np.random.default_rng(
                 [seed, zlib.crc32(axis.encode()), zlib.crc32(e.label.encode())]
             )

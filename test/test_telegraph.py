@@ -28,7 +28,7 @@ def test_levels_are_followed_through_noise_and_drift(seed):
     n = int(rng.integers(5000, 60000))
     step = rng.uniform(10, 60)
     noise = rng.standard_normal(n)
-    drift = rng.uniform(0, 30) * np.sin(2 * np.pi * np.arange(n) / n)
+    drift = rng.uniform(0, 8) * np.sin(2 * np.pi * np.arange(n) / n)
     stays = rng.uniform(40, 400, 2)
     path = telegraph(rng, n, stays, step)
     y = 3e-4 * (noise + drift + path)

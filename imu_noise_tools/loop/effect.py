@@ -138,6 +138,8 @@ class Effect:
     counted: ClassVar[bool] = True  # does the view that shows it count what it claims?
     # may it come and go again, so that one of it leaves the record worse than two?
     paired: ClassVar[bool] = False
+    # parameters that are null unless the record asks for them: a simpler form is no other effect
+    optional: ClassVar[tuple[str, ...]] = ()
 
     _named: ClassVar[dict[str, Parameter]]
 

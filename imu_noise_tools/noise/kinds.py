@@ -114,8 +114,6 @@ class NoiseEffect(Effect):
     normal: ClassVar[bool] = False
     #: whether it may bend the spectrum over decades, where a knee without a name may do as well
     broad: ClassVar[bool] = False
-    #: parameters that are null unless the record asks for them: a simpler form is no other effect
-    optional: ClassVar[tuple[str, ...]] = ()
     #: a word for its spectrum where others have it too: only the samples tell them apart then
     alike: ClassVar[str] = ''
     #: what a record must hold for it to apply

@@ -116,12 +116,14 @@ def rows(state: State, target: str) -> list[Row]:
     found = state.fit.estimates
     return [_row(effect, p, found[effect.label][p.name], target)
             for effect in state.model for p in effect.parameters
-            if p.name in found.get(effect.label, {}) and not _idle(p, found[effect.label][p.name])]
+            if p.name in found.get(effect.label, {})
+            and not _idle(effect, p, found[effect.label][p.name])]
 
 
-def _idle(parameter: Parameter, e: Estimate) -> bool:
+def _idle(effect: Effect, parameter: Parameter, e: Estimate) -> bool:
     """Tell whether a parameter says no more than that this form of its effect is not there."""
-    return e.value == 0 and not (e.std or e.note or parameter.amplitude or parameter.choices)
+    says = parameter.amplitude or parameter.choices and parameter.name not in effect.optional
+    return e.value == 0 and not (e.std or e.note or says)
 
 
 def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
