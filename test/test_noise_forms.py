@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 import hidden
 from imu_noise_tools.core.errors import FitError
@@ -419,3 +419,26 @@ def test_an_axis_that_was_not_asked_for_is_looked_at_without_its_spikes():
     model = model_of('noise', ('white', 'shared_noise'))
     gains = [NoiseProblem(e).point(model).model['shared_noise']['gain'] for e in (alone, both)]
     assert gains[0] == pytest.approx(gains[1]) and gains[0] > 0.25
+
+
+@pytest.mark.parametrize('what', ['everything', 'own_noise'])
+@pytest.mark.parametrize('seed', range(3))
+def test_what_enters_behind_a_filter_is_told_from_what_it_filters(what, seed):
+    """By the slope where it falls alone; the filter is the same with either."""
+    rng, n, dt, size = np.random.default_rng([8, seed]), 60_000, 0.02, 3e-4
+    cutoff, tc = rng.uniform(9, 16), rng.uniform(0.5, 3)
+    filtered = butter(2, 2 * cutoff * dt)
+    phi = np.exp(-dt / tc)
+    own = rng.standard_normal((n, 3))
+    other = lfilter([10 * np.sqrt(1 - phi**2)], [1, -phi], rng.standard_normal((n, 3)), axis=0)
+    behind = 0.1 * rng.standard_normal((n, 3))
+    y = {'everything': lfilter(*filtered, own + other, axis=0),
+         'own_noise': lfilter(*filtered, own, axis=0) + other}[what] + behind
+    record = ImuRecord(size * y, None, dt * np.arange(n), 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', (*BASE, 'gauss_markov', 'low_pass')))
+    assert fit.model['low_pass'].chosen('filters') == what
+    assert fit.model['low_pass']['cutoff'] == pytest.approx(cutoff, rel=0.03)
+    for effect, name, true in (('white', 'N', size * np.sqrt(dt)), ('gauss_markov', 'tc', tc)):
+        e = fit.estimates[effect][name]
+        assert abs(e.point - true) < 4 * e.std

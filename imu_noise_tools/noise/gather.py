@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations_with_replacement
-from typing import cast
+from typing import cast, TypeGuard
 
 import numpy as np
 from scipy.fft import idct
@@ -35,7 +35,7 @@ from ..core import allan
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform
 from ..core.statistics import grid_step, sum_of_squares
-from ..loop.effect import registry
+from ..loop.effect import Effect, registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 1024  # signed coefficients kept
@@ -362,38 +362,39 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     for first in (True, False):
         some = {name: cls for name, cls in known.items() if cls.first == first}
         beside = y if at is None else y - at
-        found = {name: cls.statistics(beside if _screens(cls) else y, inputs)
+        found = {name: cls.statistics(beside if _is_taken_out(cls) else y, inputs)
                  for name, cls in some.items()}
         kept.update({name: f for name, f in found.items() if f})
         for name, cls in some.items():
-            if _screens(cls) and name in kept:
+            if _is_taken_out(cls) and name in kept:
                 y = _without(y, at, partial(cls.screen, kept=kept[name], inputs=inputs))
     return kept, y
 
 
-def _screens(cls: type[NoiseEffect]) -> bool:
+def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
+    """Return the samples without defects, and keep nothing else of them."""
+    at = levels(y)
+    known = [cls for cls in registry('noise').values() if _is_taken_out(cls)]
+    for cls in sorted(known, key=lambda cls: not cls.first):
+        kept = cls.statistics(y if at is None else y - at, inputs)
+        if kept:
+            y = _without(y, at, partial(cls.screen, kept=kept, inputs=inputs))
+    return y
+
+
+def _is_taken_out(cls: type[Effect]) -> TypeGuard[type[Defect]]:
     """Tell whether an effect is taken out of the samples."""
     return issubclass(cls, Defect) and cls.screens()
 
 
-def _without(y: np.ndarray, at: np.ndarray | None, screen) -> np.ndarray:
+def _without(y: np.ndarray, at: np.ndarray | None,
+             screen: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Return samples (n,) that are screened beside the levels they are at, if they are at some."""
     if at is None:
         return screen(y)
     beside = y - at
     left = screen(beside)
     return y if left is beside else left + at
-
-
-def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
-    """Return the samples without defects, and keep nothing else of them."""
-    at = levels(y)
-    known = (cls for cls in registry('noise').values() if _screens(cls))
-    for cls in sorted(known, key=lambda cls: not cls.first):
-        kept = cls.statistics(y if at is None else y - at, inputs)
-        if kept:
-            y = _without(y, at, partial(cls.screen, kept=kept, inputs=inputs))
-    return y
 
 
 def _unmasked(record: ImuRecord, memory: Memory) -> ImuRecord:

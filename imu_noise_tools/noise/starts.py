@@ -154,11 +154,11 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     """
     Return (likelihood, start) of responses begun anew, all else as it was found at x (p,).
 
-    A form is chosen where all begin, and noise that is far from white decides there: a narrow peak
-    that no start meets, or a knee whose fall hides the filter's. Beside such it is asked again
-    where that has been met, the same form too, for it may have ended at
-    the bound of what is optional. Of each form the best start, of these the
-    best ``most``; none where the model has no such noise, or neither of them is new in it.
+    A form is chosen where all begin, and noise that is not the sensor's own decides there: a
+    narrow peak that no start meets, or a knee whose fall hides the filter's. Beside such it is
+    asked again where that has been met, the same form too, for it may have ended at the bound of
+    what is optional. Of each form the best start, of these the best ``most``; none where the model
+    has no such noise, or neither of them is new in it.
 
     """
     here, out = found.with_search(x), []
@@ -188,7 +188,9 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
 
 
 def _gain_alone(found, here, response):
-    """Return the evidence whose power is what a response leaves of white noise, as it was found."""
+    """Return the evidence with what a response leaves of white noise as its power."""
+    if found.part_name != 'whole':
+        return found.evidence
     _, each = found.spectra(here.minus(response.label))
     power = found.evidence.whole.power
     beside = sum(each[e.label] for e in here.of(Spectrum) if not response.acts_on(e))
@@ -202,7 +204,7 @@ def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, n
     searched = {s.label for s in found.slots}
     for e in here.of(Response):
         if e.values.get(FILTERS.name) == 0 and e.label in searched \
-                and any(e.acts_on(s) and not s.own for s in here.of(Spectrum)):
+                and {s.own for s in here.of(Spectrum) if e.acts_on(s)} == {False, True}:
             model = here.with_effect(e.with_values(filters=1.0))
             other = found.beside(found.model.with_effect(model[e.label]))
             out += [(other, x0) for x0 in _with_amplitudes(other, model, (0.02,))]

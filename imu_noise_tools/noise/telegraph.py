@@ -28,8 +28,9 @@ def levels(y: np.ndarray) -> np.ndarray | None:
     """
     Return at which of two levels each sample (n,) is; None where there are no such levels.
 
-    None as well where samples are held: beside a level that drifts repeats are none. The levels follow what is slow. Where the samples pass from one to the other it is they
-    themselves, so that nothing of a jump is left beside it.
+    None as well where samples are held: beside a level that drifts repeats are none. The levels
+    follow what is slow. Where the samples pass from one to the other it is they themselves, so
+    that nothing of a jump is left beside it.
 
     """
     lag = 2 * _BETWEEN

@@ -156,7 +156,7 @@ def parameters_of(finding: Finding, target: str, si: bool = False) -> str:
         return ''
     found = [_row(finding.effect, p, finding.estimates[p.name], target)
              for p in finding.effect.parameters if p.name in finding.estimates
-             and not _idle(p, finding.estimates[p.name])]
+             and not _idle(finding.effect, p, finding.estimates[p.name])]
     return ', '.join(f'{r.symbol} {r.shown}' + (f' [{r.si}]' if si and r.si else '')
                      for r in found)
 
