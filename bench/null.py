@@ -52,7 +52,8 @@ LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 # what gains are computed by
 SOURCES = ('candidates', 'descent', 'evidence', 'explained', 'fit', 'gather', 'kinds',
            'likelihood', 'lines', 'measured', 'problem', 'quiet', 'response', 'ringing', 'robust',
-           'search', 'shared', 'starts', 'steady', 'tails', 'telegraph', 'thermal', 'views', 'effects/*')
+           'search', 'shared', 'starts', 'steady', 'tails', 'telegraph', 'thermal', 'views',
+           'effects/*')
 
 
 def source_hash() -> str:
