@@ -10,8 +10,10 @@ A short stay at the other level is no defect: what looks for spikes and knocks l
 
 import numpy as np
 
+from .lines import PIECE
 from ..core.statistics import repeats
 
+_SOME = 1 << 20  # pairs of samples that tell how much they scatter
 _FLAT = 8  # samples on either side of a jump that are flat
 _BETWEEN = 4  # samples that a filter spreads a jump over
 _APART = 8.0  # standard deviations between the levels: halfway, no sample is taken for the other
@@ -36,11 +38,14 @@ def levels(y: np.ndarray) -> np.ndarray | None:
     lag = 2 * _BETWEEN
     if len(y) < 20 * _FLAT:
         return None
-    apart = np.abs(y[lag:] - y[:-lag])
-    sigma = float(np.median(apart)) * 1.4826 / np.sqrt(2)
+    some = np.arange(0, len(y) - lag, 1 + len(y) // _SOME)
+    sigma = float(np.median(np.abs(y[some + lag] - y[some]))) * 1.4826 / np.sqrt(2)
     if not sigma > 0:
         return None
-    far = np.flatnonzero(np.diff(apart > _LEAST * sigma, prepend=False, append=False))
+    apart = np.concatenate([
+        np.abs(y[i + lag:i + lag + PIECE] - y[i:i + PIECE][:len(y) - lag - i]) > _LEAST * sigma
+        for i in range(0, len(y) - lag, PIECE)])
+    far = np.flatnonzero(np.diff(apart, prepend=False, append=False))
     at = far.reshape(-1, 2).sum(axis=1) // 2 + lag // 2
     if not _OFTEN <= len(at) < len(y) / _SELDOM:
         return None
