@@ -30,6 +30,7 @@ SURE = 15.0  # nats that one is worth at least, the search for it paid
 AROUND = 1 << 14  # samples at least whose spectrum one is weighed against
 RINGS = 7.0  # nats beyond chance of knocks that ring alike: one record in a thousand has them
 FADED = 4.0  # time constants after which nothing of a ring is heard
+FEW_HELD = 0.2  # share of samples that are held, between which a ring is drawn
 STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
@@ -77,8 +78,10 @@ class Shock(Defect):
         is worth more.
 
         """
-        # of samples that are held each a spike is a swing of the frequencies that holding removes
-        rings = NONE if repeats(y).held else find_rings(y, inputs.dt, RINGS)
+        held = repeats(y)
+        y = _bridged(y) if held.held and held.seen < FEW_HELD else y
+        # where many are held a spike is a swing of the frequencies that holding removes
+        rings = NONE if held.held and held.seen >= FEW_HELD else find_rings(y, inputs.dt, RINGS)
         out = _loud(y, inputs.dt)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
@@ -106,7 +109,8 @@ class Shock(Defect):
         """
         rings = _ring(kept)
         if np.any(rings):
-            y = _as_rings(kept, rings).out_of(y, grid_step(y)[0])
+            out = _as_rings(kept, rings).out_of(y, grid_step(y)[0])
+            y = out[_shown(y)] if repeats(y).held else out
         return _mirrored(y, {k: kept[k][~rings] for k in ('begin', 'end')})
 
     @classmethod
@@ -183,6 +187,18 @@ class Shock(Defect):
     def example(cls) -> Effect:
         """Return one a minute (0.015 Hz), of 2.9 deg/s (0.05 rad/s), gone within a second."""
         return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2, 'ring': 0.0})
+
+
+def _shown(y: np.ndarray) -> np.ndarray:
+    """Return which sample each of samples that are held (n,) shows again."""
+    fresh = np.append(True, y[1:] != y[:-1])
+    return np.maximum.accumulate(np.where(fresh, np.arange(len(y)), 0))
+
+
+def _bridged(y: np.ndarray) -> np.ndarray:
+    """Return samples (n,) with straight lines in place of those that are held."""
+    fresh = np.flatnonzero(np.append(True, y[1:] != y[:-1]))
+    return np.interp(np.arange(len(y)), fresh, y[fresh])
 
 
 def _ring(kept: Mapping[str, np.ndarray]) -> np.ndarray:
