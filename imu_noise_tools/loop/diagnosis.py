@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -331,33 +331,39 @@ class _Search:
 
         """
         chain: list[Finding] = []
-        for last in (*[False] * (ROUNDS - 1), True):
+        for k in count(1):
             self._aside = {}
             chain = self.with_odds(self.forward())
-            refuted = self.backward(chain, last)
+            refuted = self.backward(chain, last=k >= ROUNDS)
             if not refuted:
                 break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
-            self._acquit(self.model_of(chain), refuted)
+            if not self._acquitted(self.model_of(chain), refuted) and k >= ROUNDS:
+                break
         # each held beside the others when it was last looked at
         self.refuted = {**{k: f for k, f in self._aside.items() if k not in self.labels_of(chain)},
                         **self.refuted}
         return chain
 
-    def _acquit(self, model: Model, refuted: Collection[str]) -> None:
+    def _acquitted(self, model: Model, refuted: Collection[str]) -> bool:
         """
         Take back what nothing else could imitate, and was doubted beside what is refuted now.
 
-        Of two that do the same the one that was kept has fallen, for another reason.
+        Of two that do the same the one that was kept has fallen, for another reason. Each is taken
+        back once.
 
         """
+        back = []
         for k, others in self._beside.items():
             if k in self.refuted and not others.isdisjoint(refuted):
                 f = self.refuted[k]
                 more = model.plus(_new(f))
                 if not self._unconfirmed(more, more.labels[-1], f)[1]:
                     del self.refuted[k]
+                    back.append(k)
+        self._beside.update((k, frozenset()) for k in back)
+        return bool(back)
 
     def backward(self, chain: list[Finding], last: bool = True) -> dict[str, Finding]:
         """
