@@ -232,21 +232,25 @@ class _Search:
 
     def _pair(self, members: list[Finding], place: _Place) -> list[Finding]:
         """
-        Return two of one effect that heal together, behind a chain, what one of them does not.
+        Return two that heal together, behind a chain, what one of them does not.
 
         One step of two, up and down again, leaves the other, which stands out the more where the
         noise is no longer stretched over both. The first may gain little by itself; then the
-        second must gain what it lacks.
+        second must gain what it lacks. Of two effects that one view shows the first that is
+        clear is asked alone: a step beside a swing leaves the swing.
 
         """
-        before = self.model_of(members)
+        before, asked = self.model_of(members), False
         for f in self.open_at(place):
-            if f.effect is None or not f.effect.paired or f.gain < HINT * f.penalty:
+            clear = surplus(f) > 0 and not asked
+            if f.effect is None or not (clear or f.effect.paired and f.gain >= HINT * f.penalty):
                 continue
+            asked |= clear
             between = self.place(before.plus(_new(f)))
             if between is None:
                 continue
-            g = next((g for g in self.able(between) if g.name == f.name), None)
+            g = next((g for g in self.able(between) if clear and g.view == f.view or
+                      f.effect.paired and g.name == f.name), None)
             if g is None or surplus(f) + surplus(g) <= 0:
                 continue
             after = between.model.plus(_new(g))
@@ -386,7 +390,7 @@ class _Search:
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 if _certain(out[worst]):
-                    self._beside[worst] = frozenset(members)
+                    self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
         for k, f in members.items():
@@ -452,11 +456,11 @@ class _Search:
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
-        """Say :meth:`_unhealed`, unless with the next of its kind it heals what both claim."""
+        """Say :meth:`_unhealed`, unless with the next that its view shows it heals both claims."""
         against = self._unhealed(before, after, finding)
-        if against and finding.effect is not None and finding.effect.paired:
+        if against:
             for g in later:
-                if g.name == finding.name:
+                if g.view == finding.view:
                     both = _both(finding, g)
                     return self._unhealed(before, after.plus(_new(g)), both) and against
         return against
@@ -580,7 +584,7 @@ def _likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str)
 
 
 def _both(one: Finding, other: Finding) -> Finding:
-    """Return what two findings of one effect claim together."""
+    """Return what two findings claim together, of what the view of the first shows."""
     return replace(one, gain=one.gain + other.gain, elsewhere=one.elsewhere + other.elsewhere)
 
 
