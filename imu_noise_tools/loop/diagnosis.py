@@ -234,23 +234,25 @@ class _Search:
         """
         Return two that heal together, behind a chain, what one of them does not.
 
-        One step of two, up and down again, leaves the other, which stands out the more where the
-        noise is no longer stretched over both. The first may gain little by itself; then the
-        second must gain what it lacks. Of two effects that one view shows the first that is
-        clear is asked alone: a step beside a swing leaves the swing.
+        Noise is stretched over both, and what one of them leaves stands out the more: of two
+        steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
+        little by itself; then the second must gain what it lacks. Of others the first that is
+        clear is asked alone.
 
         """
         before, asked = self.model_of(members), False
         for f in self.open_at(place):
+            if f.effect is None or not f.effect.paired:
+                continue
             clear = surplus(f) > 0 and not asked
-            if f.effect is None or not (clear or f.effect.paired and f.gain >= HINT * f.penalty):
+            if not clear and not (f.effect.several and f.gain >= HINT * f.penalty):
                 continue
             asked |= clear
             between = self.place(before.plus(_new(f)))
             if between is None:
                 continue
-            g = next((g for g in self.able(between) if clear and g.view == f.view or
-                      f.effect.paired and g.name == f.name), None)
+            g = next((g for g in self.able(between)
+                      if g.name == f.name or clear and _pairs(f, g)), None)
             if g is None or surplus(f) + surplus(g) <= 0:
                 continue
             after = between.model.plus(_new(g))
@@ -456,11 +458,11 @@ class _Search:
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
-        """Say :meth:`_unhealed`, unless with the next that its view shows it heals both claims."""
+        """Say :meth:`_unhealed`, unless with the next that pairs with it it heals both claims."""
         against = self._unhealed(before, after, finding)
         if against:
             for g in later:
-                if g.view == finding.view:
+                if _pairs(finding, g):
                     both = _both(finding, g)
                     return self._unhealed(before, after.plus(_new(g)), both) and against
         return against
@@ -583,8 +585,14 @@ def _likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str)
     return sum(0.5 * (b - a) for b, a in zip(before, after) if b is not None and a is not None)
 
 
+def _pairs(one: Finding, other: Finding) -> bool:
+    """Tell whether noise may be stretched over both of two findings."""
+    some = [f.effect is not None and f.effect.paired for f in (one, other)]
+    return all(some) and one.view == other.view
+
+
 def _both(one: Finding, other: Finding) -> Finding:
-    """Return what two findings claim together, of what the view of the first shows."""
+    """Return what two findings claim together."""
     return replace(one, gain=one.gain + other.gain, elsewhere=one.elsewhere + other.elsewhere)
 
 

@@ -136,7 +136,7 @@ class Effect:
     # does what shows it stand by itself, so that no misfit of anything else can imitate it?
     certain: ClassVar[bool] = False
     counted: ClassVar[bool] = True  # does the view that shows it count what it claims?
-    # may it come and go again, so that one of it leaves the record worse than two?
+    # is noise stretched over what several such leave, so that two heal what one of them does not?
     paired: ClassVar[bool] = False
     # parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()

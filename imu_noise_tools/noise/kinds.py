@@ -262,6 +262,7 @@ class Mean(NoiseEffect):
     """
 
     views: ClassVar[tuple[str, ...]] = ('time',)
+    paired = True
     #: parameters that a fit chooses anew where the others are known: beside more, more is seen
     anew: ClassVar[tuple[str, ...]] = ()
 

@@ -101,19 +101,33 @@ def more_explained(found: Found, plain: Found) -> Found:
     What rests on the bands beside a filter or a peak may have it anywhere.
 
     """
-    if found is plain or not any(
-            isinstance(e, Response) or isinstance(e, Spectrum) and e.centre is not None
-            for e in plain.likelihood.model):
+    if found is plain or not _with_filter_or_peak(plain):
         return found
-    bands, scores = Bands.on(plain.likelihood.bins), []
-    for one in (found, plain):
-        likelihood = one.likelihood
-        model = likelihood.with_search(one.x)
-        v, _ = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
-        ratio, weight = ratio_of(one)
-        power = ratio * likelihood.spectra(model)[0]
-        scores.append(supported_by(bands, power, weight, v, _BAND, partly=True))
-    return plain if scores[1] > scores[0] + _BAND else found
+    return plain if _in_part(plain) > _in_part(found) + _BAND else found
+
+
+def _with_filter_or_peak(found: Found) -> bool:
+    """Tell whether a model has a filter, or a peak."""
+    return any(isinstance(e, Response) or isinstance(e, Spectrum) and e.centre is not None
+               for e in found.likelihood.model)
+
+
+def _in_part(found: Found) -> float:
+    """Return ln L of a fit where each band may be explained in part."""
+    likelihood = found.likelihood
+    model = likelihood.with_search(found.x)
+    v, _ = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
+    ratio, weight = ratio_of(found)
+    power = ratio * likelihood.spectra(model)[0]
+    return supported_by(Bands.on(likelihood.bins), power, weight, v, _BAND, partly=True)
+
+
+def _on_the_whole(found: Found) -> Found:
+    """Return a fit beside the whole record, loud or not, in place of what it rests on."""
+    likelihood, basis = found.likelihood, found.likelihood.explained
+    f, terms = likelihood.bins.f, basis.order.terms if basis else 0
+    whole = with_basis(likelihood, Explained(f, np.ones(len(f))))
+    return replace(found, likelihood=whole, x=found.x[:len(found.x) - terms])
 
 
 def in_quiet(search: Search, found: Found, hint: Explained | None) -> Found:
@@ -140,7 +154,11 @@ def in_quiet(search: Search, found: Found, hint: Explained | None) -> Found:
     again = search.from_starts(calm, [*starts(calm, None), *starts(calm, here)])
     if again is None:
         return found
-    return more_explained(resting_on_what_it_explains(search, again, hint), again)
+    again = more_explained(resting_on_what_it_explains(search, again, hint), again)
+    # what is switched on may be the peak that the model has, and in quiet there is none
+    tells = _with_filter_or_peak(found) and \
+        _in_part(_on_the_whole(found)) > _in_part(_on_the_whole(again)) + _BAND
+    return found if tells else again
 
 
 def _beginnings(plain: Found, now: Judgement, hint: Explained | None):

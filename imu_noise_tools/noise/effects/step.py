@@ -27,7 +27,6 @@ class Step(Mean):
     )
     reference = 'Basseville and Nikiforov, Detection of Abrupt Changes, 1993'
     several = True
-    paired = True       # up, and down again
     decide = 'record again: a step does not come back at the same time'
     parameters = (
         Parameter(
