@@ -9,6 +9,7 @@ from ..evidence import Evidence
 from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
 from ...loop.effect import Effect
 
+WIDEST = 1.5  # of its centre: a filter that takes out more is no notch
 BEHIND = 0.002  # share of the white noise behind it from which a fit starts
 
 
@@ -58,7 +59,7 @@ class Notch(Response):
         reach = min(2 * width, 0.5 * f)
         return {
             'frequency': (f - reach, min(f + reach, top)),
-            'width': (1 / evidence.duration, min(2 * f, 0.25 / evidence.dt)),
+            'width': (1 / evidence.duration, min(WIDEST * f, 0.25 / evidence.dt)),
         }
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
