@@ -371,6 +371,23 @@ def test_a_claim_is_counted_in_the_view_that_shows_it():
                             {'frequency': (500.0, None), 'time': (50.0, -5200.0)}, relaxing)
 
 
+def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not():
+    def found(name, view='time', gain=800.0):
+        return Finding(name, gain, registry('noise')[name](), view=view)
+
+    step, swing, rts = found('step'), found('slow_periodic', gain=400.0), found('rts', 'frequency')
+    base = model_of('noise', ('white',))
+    search = object.__new__(_Search)
+    left = {1: 1200.0, 2: 900.0, 3: 30.0}       # the step leaves the swing, which stands out more
+    search.tests = lambda model: [Finding('time', left[len(model)], view='time', p_value=0.0)]
+    beside = base.plus(step.effect)
+    assert search._unhealed_with(base, beside, step, [])
+    assert search._unhealed_with(base, beside, step, [rts])
+    assert not search._unhealed_with(base, beside, step, [rts, swing])
+    left[3] = 880.0
+    assert search._unhealed_with(base, beside, step, [rts, swing])
+
+
 @pytest.mark.parametrize(('seed', 'size'), [(41, 2.3), (42, 2.6)])
 def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone(seed, size):
     rng = np.random.default_rng(seed)

@@ -528,6 +528,22 @@ def test_what_the_model_knows_is_not_left_out():
     assert found.details.basis is None or not np.isfinite(found.details.basis.quiet)
 
 
+@pytest.mark.parametrize('seed', daily(range(4), 1))
+def test_a_machine_that_is_switched_on_is_where_it_is_loud(seed):
+    """Its speed wanders, so that no resonance is of quite its form; in quiet there is no peak."""
+    y, rng = noise([71, seed])
+    r = np.exp(-DT / 10)
+    wanders = lfilter([np.sqrt(1 - r * r)], [1, -r], rng.standard_normal(N))
+    share = np.arange(N) / N
+    on = ((share > 0.2) & (share < 0.45)) | ((share > 0.6) & (share < 0.72))
+    swing = on * np.sin(2 * np.pi * np.cumsum(0.35 / DT + 0.1 * wanders) * DT)
+    evidence = axis_of(y + 0.8 * np.std(np.diff(y)) * swing)
+    assert len(evidence.loud) == 2
+    found = fit(evidence, model_of('noise', (*BASE, 'narrowband'))).model['narrowband']
+    assert found['frequency'] == pytest.approx(0.35 / DT, abs=0.1)
+    assert found['rms'] == pytest.approx(0.8 * np.std(np.diff(y)) * np.std(swing), rel=0.1)
+
+
 @pytest.mark.parametrize('seed', daily(range(4), 0))
 def test_nothing_is_switched_on_where_noise_is_steady(seed):
     y, rng = noise([43, seed])

@@ -76,6 +76,16 @@ def test_the_size_of_the_noise_is_that_without_outliers():
     assert robust_sigma(y) == pytest.approx(1, abs=0.02) and np.std(np.diff(y)) > 2
 
 
+@pytest.mark.parametrize('size', [12.0, 40.0])
+def test_the_edge_of_a_step_is_no_spike(size):
+    """Its neighbours on one side are where it is; a spike beside it is one."""
+    y = noise(4) + size * (np.arange(N) >= 23_456)
+    assert not len(found(y)[0])
+    y[23_450] -= size
+    at, rest = found(y)
+    assert at.tolist() == [23_450] and abs(rest[23_450]) < 5
+
+
 @pytest.mark.parametrize('step, shows', [(0.0, False), (0.3, False), (0.7, True), (2.0, True)])
 def test_levels_are_a_view_of_their_own_until_they_are_in_the_model(step, shows):
     """Rounded, the spectrum stays white: nothing but the levels shows it."""
