@@ -376,15 +376,24 @@ def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not():
         return Finding(name, gain, registry('noise')[name](), view=view)
 
     step, swing, rts = found('step'), found('slow_periodic', gain=400.0), found('rts', 'frequency')
-    base = model_of('noise', ('white',))
+    ramp, base = found('ramp', gain=1200.0), model_of('noise', ('white',))
     search = object.__new__(_Search)
-    left = {1: 1200.0, 2: 900.0, 3: 30.0}       # the step leaves the swing, which stands out more
-    search.tests = lambda model: [Finding('time', left[len(model)], view='time', p_value=0.0)]
+    # the step leaves the swing, which stands out more, and the swing the step
+    left = {'': 1200.0, 'step': 900.0, 'slow_periodic': 1000.0, 'slow_periodic, step': 30.0,
+            'ramp': 0.0, 'ramp, step': 0.0}
+
+    def tests(model):
+        gain = left[', '.join(sorted(model.labels[1:]))]
+        return [Finding('time', gain, view='time', p_value=0.0 if gain else 0.5)]
+
+    search.tests = tests
     beside = base.plus(step.effect)
     assert search._unhealed_with(base, beside, step, [])
     assert search._unhealed_with(base, beside, step, [rts])
     assert not search._unhealed_with(base, beside, step, [rts, swing])
-    left[3] = 880.0
+    assert search._unhealed_with(base, beside, step, [ramp]), 'the ramp does it alone'
+    assert not search._unhealed_with(base, beside, step, [ramp, swing])
+    left['slow_periodic, step'] = 880.0
     assert search._unhealed_with(base, beside, step, [rts, swing])
 
 

@@ -528,6 +528,17 @@ def test_what_the_model_knows_is_not_left_out():
     assert found.details.basis is None or not np.isfinite(found.details.basis.quiet)
 
 
+def test_what_is_left_open_beside_a_model_is_no_filter_that_holds_what_is_switched_on():
+    """A rising floor, as loud as the noise, on now and then: N is that of the rest."""
+    rng, n = np.random.default_rng(3), N // 2
+    y = robust.white(n, DT, rng) + robust.slow_noise(n, DT, rng)
+    share = np.arange(n) / n
+    on = ((share > 0.2) & (share < 0.45)) | ((share > 0.6) & (share < 0.72))
+    rising = 2 * np.std(np.diff(y)) * lfilter(*butter(1, 0.1, 'high'), rng.standard_normal(n))
+    found = fit(axis_of(y + on * rising), model_of('noise', BASE))
+    assert found.model['white']['N'] == pytest.approx(robust.TRUTH['N'], rel=0.01)
+
+
 @pytest.mark.parametrize('seed', daily(range(4), 1))
 def test_a_machine_that_is_switched_on_is_where_it_is_loud(seed):
     """Its speed wanders, so that no resonance is of quite its form; in quiet there is no peak."""

@@ -76,16 +76,6 @@ def test_the_size_of_the_noise_is_that_without_outliers():
     assert robust_sigma(y) == pytest.approx(1, abs=0.02) and np.std(np.diff(y)) > 2
 
 
-@pytest.mark.parametrize('size', [12.0, 40.0])
-def test_the_edge_of_a_step_is_no_spike(size):
-    """Its neighbours on one side are where it is; a spike beside it is one."""
-    y = noise(4) + size * (np.arange(N) >= 23_456)
-    assert not len(found(y)[0])
-    y[23_450] -= size
-    at, rest = found(y)
-    assert at.tolist() == [23_450] and abs(rest[23_450]) < 5
-
-
 @pytest.mark.parametrize('step, shows', [(0.0, False), (0.3, False), (0.7, True), (2.0, True)])
 def test_levels_are_a_view_of_their_own_until_they_are_in_the_model(step, shows):
     """Rounded, the spectrum stays white: nothing but the levels shows it."""
@@ -283,6 +273,26 @@ def test_a_spike_that_was_held_is_no_shock(held):
     y[np.arange(500, N, 5000)] += 60
     y = y[np.arange(N) // held * held]
     assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+
+
+def test_spikes_of_which_some_are_held_are_no_shocks():
+    """Between samples that are held at random lines are drawn, but a line beside a spike rings not."""
+    for seed in range(3):
+        rng = np.random.default_rng([22, seed])
+        y = noise(rng)
+        y[rng.choice(N, N // 250, replace=False)] += 25 * rng.standard_normal(N // 250)
+        y = held_at_random(y, 0.15, seed)
+        assert repeats(y).held and not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+
+
+def test_knocks_ring_beside_a_few_samples_that_are_held():
+    y, t = noise(23), np.arange(60)
+    for begin in (9_000, 21_000, 33_000):
+        y[begin:begin + 60] += 8 * np.exp(-t / 15) * np.cos(0.9 * t)
+    kept = SHOCK.statistics(held_at_random(y, 0.05), Inputs(np.arange(N) * 0.01, 0.01))
+    rings = kept['ring'] > 0
+    assert np.sum(rings) == 3
+    assert kept['ring'][rings] == pytest.approx(0.9 / (2 * np.pi * 0.01), rel=0.05)
 
 
 @pytest.mark.parametrize('share', [0.0, 0.01])

@@ -32,7 +32,7 @@ NEAR = 0.1  # share of the surplus of what was chosen from which a rival is foll
 LONGEST = 12  # members of a chain
 PLACES = 6  # places at which candidates are fitted; from then on none is begun
 HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
-ROUNDS = 4  # times the search begins anew without what was refuted
+ROUNDS = 4  # times the search begins anew without what was refuted, unless something came back
 LISTED = 8  # candidates that are listed
 
 
@@ -236,15 +236,16 @@ class _Search:
 
         Noise is stretched over both, and what one of them leaves stands out the more: of two
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
-        little by itself; then the second must gain what it lacks. Of others the first that is
-        clear is asked alone.
+        little by itself; then the second must gain what it lacks. Of others only the best is
+        tried first.
 
         """
         before, asked = self.model_of(members), False
+        failing = {t.view for t in failures(self.tests(before))}
         for f in self.open_at(place):
             if f.effect is None or not f.effect.paired:
                 continue
-            clear = surplus(f) > 0 and not asked
+            clear = surplus(f) > 0 and f.view in failing and not asked
             if not clear and not (f.effect.several and f.gain >= HINT * f.penalty):
                 continue
             asked |= clear
@@ -337,15 +338,15 @@ class _Search:
 
         """
         chain: list[Finding] = []
-        for k in count(1):
+        for turn in count(1):
             self._aside = {}
             chain = self.with_odds(self.forward())
-            refuted = self.backward(chain, last=k >= ROUNDS)
+            refuted = self.backward(chain, last=turn >= ROUNDS)
             if not refuted:
                 break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
-            if not self._acquitted(self.model_of(chain), refuted) and k >= ROUNDS:
+            if not self._acquitted(self.model_of(chain), refuted) and turn >= ROUNDS:
                 break
         # each held beside the others when it was last looked at
         self.refuted = {**{k: f for k, f in self._aside.items() if k not in self.labels_of(chain)},
@@ -458,13 +459,21 @@ class _Search:
 
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
-        """Say :meth:`_unhealed`, unless with the next that pairs with it it heals both claims."""
+        """
+        Say :meth:`_unhealed`, unless with another that pairs with it it heals what both claim.
+
+        And beside that one alone what it claims itself, or the other does it without.
+
+        """
         against = self._unhealed(before, after, finding)
-        if against:
-            for g in later:
-                if _pairs(finding, g):
-                    both = _both(finding, g)
-                    return self._unhealed(before, after.plus(_new(g)), both) and against
+        if not against:
+            return ''
+        for g in (g for g in later if _pairs(finding, g)):
+            other, both = before.plus(_new(g)), after.plus(_new(g))
+            if finding.view in {f.view for f in failures(self.tests(other))} \
+                    and not self._unhealed(other, both, finding) \
+                    and not self._unhealed(before, both, _both(finding, g)):
+                return ''
         return against
 
     def _shaped(self, model: Model, name: str, finding: Finding) -> str:

@@ -107,8 +107,9 @@ def more_explained(found: Found, plain: Found) -> Found:
 
 
 def _with_filter_or_peak(found: Found) -> bool:
-    """Tell whether a model has a filter, or a peak."""
-    return any(isinstance(e, Response) or isinstance(e, Spectrum) and e.centre is not None
+    """Tell whether a model has a filter, or a peak; what a fit leaves open is neither."""
+    return any(isinstance(e, Response) and not isinstance(e, OpenResponse)
+               or isinstance(e, Spectrum) and e.centre is not None
                for e in found.likelihood.model)
 
 
@@ -123,7 +124,7 @@ def _in_part(found: Found) -> float:
 
 
 def _on_the_whole(found: Found) -> Found:
-    """Return a fit beside the whole record, loud or not, in place of what it rests on."""
+    """Return a fit beside the whole record, loud or not, and no longer how deep it is there."""
     likelihood, basis = found.likelihood, found.likelihood.explained
     f, terms = likelihood.bins.f, basis.order.terms if basis else 0
     whole = with_basis(likelihood, Explained(f, np.ones(len(f))))

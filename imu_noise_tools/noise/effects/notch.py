@@ -9,7 +9,7 @@ from ..evidence import Evidence
 from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
 from ...loop.effect import Effect
 
-WIDEST = 1.5  # of its centre: a filter that takes out more is no notch
+WIDEST = 1.5  # of the centre that a fit starts at: a filter that takes out more is no notch
 BEHIND = 0.002  # share of the white noise behind it from which a fit starts
 
 

@@ -79,14 +79,14 @@ class Shock(Defect):
 
         """
         held = repeats(y)
-        y = _bridged(y) if held.held and held.seen < FEW_HELD else y
+        joined = _joined_by_lines(y) if held.held and held.seen < FEW_HELD else y
         # where many are held a spike is a swing of the frequencies that holding removes
-        rings = NONE if held.held and held.seen >= FEW_HELD else find_rings(y, inputs.dt, RINGS)
+        rings = NONE if held.held and joined is y else find_rings(joined, inputs.dt, RINGS)
         out = _loud(y, inputs.dt)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
         if len(rings.begin):
-            out = _loud(rings.out_of(y), inputs.dt)
+            out = _loud(_without(rings, y), inputs.dt)
             some = _as_kept(rings, inputs.dt)
             if out:
                 begin, end = (out[k][:, None] for k in ('begin', 'end'))
@@ -109,8 +109,7 @@ class Shock(Defect):
         """
         rings = _ring(kept)
         if np.any(rings):
-            out = _as_rings(kept, rings).out_of(y, grid_step(y)[0])
-            y = out[_shown(y)] if repeats(y).held else out
+            y = _without(_as_rings(kept, rings), y, grid_step(y)[0])
         return _mirrored(y, {k: kept[k][~rings] for k in ('begin', 'end')})
 
     @classmethod
@@ -189,16 +188,23 @@ class Shock(Defect):
         return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2, 'ring': 0.0})
 
 
-def _shown(y: np.ndarray) -> np.ndarray:
-    """Return which sample each of samples that are held (n,) shows again."""
-    fresh = np.append(True, y[1:] != y[:-1])
-    return np.maximum.accumulate(np.where(fresh, np.arange(len(y)), 0))
-
-
-def _bridged(y: np.ndarray) -> np.ndarray:
+def _joined_by_lines(y: np.ndarray) -> np.ndarray:
     """Return samples (n,) with straight lines in place of those that are held."""
-    fresh = np.flatnonzero(np.append(True, y[1:] != y[:-1]))
+    fresh = np.flatnonzero(_fresh(y))
     return np.interp(np.arange(len(y)), fresh, y[fresh])
+
+
+def _without(rings: Rings, y: np.ndarray, step: float = 0.0) -> np.ndarray:
+    """Return samples (n,) of a grid without what rings; what is held of them is held again."""
+    out = rings.out_of(y, step)
+    if not repeats(y).held:
+        return out
+    return out[np.maximum.accumulate(np.where(_fresh(y), np.arange(len(y)), 0))]
+
+
+def _fresh(y: np.ndarray) -> np.ndarray:
+    """Tell which samples are not those before them again."""
+    return np.append(True, y[1:] != y[:-1])
 
 
 def _ring(kept: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -30,7 +30,6 @@ SURE = 15.0  # nats from which outliers are taken out of the samples that the sp
 PIECE = 1 << 15  # samples worked on at a time
 HALO = 1 << 11  # of them at either end, where lines leak
 BESIDE = 2  # samples on either side that are its neighbours
-ONE_SIDED = 0.5  # of a size: what is no nearer to its neighbours on one side is the edge of a step
 AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
 SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
@@ -212,7 +211,6 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         if alone:   # the largest first: it may be all that is there
             around = np.clip(new[:, None] + np.arange(-2, 3), 0, len(z) - 1)
             new = new[np.abs(rest[new]) >= np.max(np.abs(rest[around]), axis=1)]
-            new = new[_on_both_sides(z, rest, new)]
         if not len(new):
             break
         z = z if again else z.copy()
@@ -233,18 +231,6 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         'sigma': np.interp(at, blocks, sigma),
         'threshold': np.array(threshold),
     }
-
-
-def _on_both_sides(z: np.ndarray, rest: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Tell which samples are beyond a neighbour on either side; at a step they are on one."""
-    beside = np.arange(1, BESIDE + 1)
-    further = np.ones(len(at), bool)
-    for side in (-beside, beside):
-        over = (z[at][:, None] - z[np.clip(at[:, None] + side, 0, len(z) - 1)])
-        over = np.max(over * np.sign(rest[at])[:, None], axis=1)
-        inside = (at + side[0] >= 0) & (at + side[0] < len(z))
-        further &= (over > ONE_SIDED * np.abs(rest[at])) | ~inside
-    return further
 
 
 def _in_bursts(kept, fresh) -> bool:
