@@ -276,7 +276,7 @@ def test_a_spike_that_was_held_is_no_shock(held):
 
 
 def test_spikes_of_which_some_are_held_are_no_shocks():
-    """Between samples that are held at random lines are drawn, but a line beside a spike rings not."""
+    """Lines join what is not held; one beside a spike is no ring."""
     for seed in range(3):
         rng = np.random.default_rng([22, seed])
         y = noise(rng)
