@@ -285,6 +285,16 @@ def test_spikes_of_which_some_are_held_are_no_shocks():
         assert repeats(y).held and not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
 
 
+@pytest.mark.parametrize('seed', [2, 3, 5])
+def test_what_jumps_between_three_levels_rings_not(seed):
+    """What is averaged before it is rounded comes in groups; no knock."""
+    n, step = 240_000, 4.0
+    y = lfilter(np.ones(6) / 6**0.5, 1, np.random.default_rng([24, seed, 6]).standard_normal(n))
+    y = step * np.round(y / step + 0.15)
+    assert len(np.unique(y)) <= 4
+    assert 'ring' not in SHOCK.statistics(y, Inputs(np.arange(n) * 0.00025, 0.00025))
+
+
 def test_knocks_ring_beside_a_few_samples_that_are_held():
     y, t = noise(23), np.arange(60)
     for begin in (9_000, 21_000, 33_000):

@@ -30,6 +30,7 @@ SURE = 15.0  # nats that one is worth at least, the search for it paid
 AROUND = 1 << 14  # samples at least whose spectrum one is weighed against
 RINGS = 7.0  # nats beyond chance of knocks that ring alike: one record in a thousand has them
 FADED = 4.0  # time constants after which nothing of a ring is heard
+COARSE = 2.0  # standard deviations in a step of the grid
 FEW_HELD = 0.2  # share of samples that are held, between which a ring is drawn
 STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
@@ -80,8 +81,10 @@ class Shock(Defect):
         """
         held = repeats(y)
         joined = _joined_by_lines(y) if held.held and held.seen < FEW_HELD else y
-        # where many are held a spike is a swing of the frequencies that holding removes
-        rings = NONE if held.held and joined is y else find_rings(joined, inputs.dt, RINGS)
+        # where many are held a spike is a swing of the frequencies that holding removes; what
+        # jumps between two levels or three is nothing like the normal noise that rings stand out of
+        none = held.held and joined is y or grid_step(y)[0] > COARSE * np.std(y)
+        rings = NONE if none else find_rings(joined, inputs.dt, RINGS)
         out = _loud(y, inputs.dt)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
