@@ -81,8 +81,8 @@ class Shock(Defect):
         """
         held = repeats(y)
         joined = _joined_by_lines(y) if held.held and held.seen < FEW_HELD else y
-        # where many are held a spike is a swing of the frequencies that holding removes; what jumps
-        # between two levels or three is nothing like the noise that rings stand out of
+        # where many are held a spike is a swing of the frequencies that holding removes; what
+        # jumps between two levels or three is nothing like the noise that rings stand out of
         none = held.held and joined is y or grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if none else find_rings(joined, inputs.dt, RINGS)
         out = _loud(y, inputs.dt)
