@@ -158,7 +158,9 @@ def test_density_is_positive_and_finite(effect):
 def test_variance_is_the_quadrature_of_the_density(effect):
     m = np.unique(np.round(np.geomspace(1, 20_000, 50)))
     quadrature = spectrum.quadrature_avar(lambda f: effect.psd(f, DT), m, DT)
-    np.testing.assert_allclose(effect.avar(m, DT), quadrature, rtol=0.006)
+    # in a deep null of a narrow band the quadrature has an error of its own
+    np.testing.assert_allclose(effect.avar(m, DT), quadrature, rtol=0.006,
+                               atol=3e-6 * np.max(quadrature))
 
 
 @of_kind(Spectrum)

@@ -312,7 +312,10 @@ def reddest(likelihood: Likelihood, x: np.ndarray) -> int | None:
         at = model[e.label]
         assert isinstance(at, Spectrum)
         s = at.psd(pair, likelihood.dt)
-        rise[e.label] = np.log(s[0]) - np.log(s[1])
+        if np.all(s > 0):       # a bell is zero far from its centre
+            rise[e.label] = np.log(s[0]) - np.log(s[1])
+    if not rise:
+        return None
     label = max(rise, key=lambda label: rise[label])
     for j, slot in enumerate(likelihood.slots):
         if slot.label == label and slot.parameter.amplitude:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
-from ...core import oscillator
+from ...core import bell, oscillator
 from ...core.spectrum import Bins
 from ...loop.effect import Effect
 
@@ -15,19 +15,26 @@ SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
 CLEAR = 5.0  # standard errors of one of those
-BLUNT = 30.0  # f0/width: above, both forms look alike
-FORMS = ('displacement', 'velocity')
+BLUNT = 30.0  # f0/width: above, both of a resonance look alike
+FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
 
 
 class Narrowband(Spectrum):
-    """Noise in a band around f0, of a full width at half height, as a damped oscillator's."""
+    """
+    Noise in a band around f0, of a full width at half height.
+
+    A damped oscillator's peak (displacement, velocity), or the bell of a line whose frequency
+    wanders slowly, as that of a machine does.
+
+    """
 
     name = 'narrowband'
     symbol = 'f0, width, rms'
     title = 'narrow band of noise'
     equation = (
         'S(f) = 2 s^2 dt/|1 - 2 r cos(2 pi f0 dt) z^-1 + r^2 z^-2|^2 (one-sided), z = e^(i 2 pi f '
-        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2'
+        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2; wandering: rms^2 '
+        'sqrt(4 ln 2/pi)/width e^(-4 ln 2 ((f - f0)/width)^2)'
     )
     signature = (
         'a peak in the PSD that is wider than the record resolves; a bump in the Allan deviation '
@@ -38,7 +45,10 @@ class Narrowband(Spectrum):
         'wanders. Tap the mount and see whether it rings there; change the speed of what turns '
         'near by; record on a heavy base.'
     )
-    reference = 'Box and Jenkins, Time Series Analysis, section 3.2 (AR(2), pseudo-periodic)'
+    reference = (
+        'Box and Jenkins, Time Series Analysis, section 3.2 (AR(2), pseudo-periodic); Papoulis, '
+        "Probability, Random Variables and Stochastic Processes, section 10-2 (Woodward's theorem)"
+    )
     several = True
     broad = True
     decide = 'record on another base with the machines near by stopped: what rings by itself stays'
@@ -60,13 +70,15 @@ class Narrowband(Spectrum):
                  if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
         some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
         forms = (self.chosen('form'),) if 'form' in self.values else FORMS
-        return [self.with_values(frequency=f, width=width, form=form) for form in forms
-                for f, width in some if form == forms[0] or f < BLUNT * width]
+        least = {WANDERING: bell.LEAST / evidence.duration}
+        return [self.with_values(frequency=f, width=max(width, least.get(form, 0.0)), form=form)
+                for form in forms for f, width in some
+                if form != VELOCITY or form == forms[0] or f < BLUNT * width]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
         f, width = (self.values.get(k) for k in ('frequency', 'width'))
-        least = SHARPEST / evidence.duration
+        least = (bell.LEAST if self._wanders else SHARPEST) / evidence.duration
         if f is None or width is None:
             return {'width': (least, 0.2 / evidence.dt)}
         reach = min(4 * max(width, 1 / evidence.duration), 0.5 * f)
@@ -81,28 +93,43 @@ class Narrowband(Spectrum):
         return self['frequency']
 
     @property
+    def _form(self) -> str:
+        return self.chosen('form') if 'form' in self.values else DISPLACEMENT
+
+    @property
     def _velocity(self) -> bool:
-        return bool(self.values.get('form', 0.0))
+        return self._form == VELOCITY
+
+    @property
+    def _wanders(self) -> bool:
+        return self._form == WANDERING
 
     @property
     def _swing(self) -> tuple[float, float, float]:
         return self['rms'], self['frequency'], self['width']
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
-        """Return the AR(2) spectrum."""
+        """Return the AR(2) spectrum, or the bell."""
+        if self._wanders:
+            return bell.psd(f, *self._swing, dt)
         return oscillator.psd(f, *self._swing, dt, self._velocity)
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return its expected power in bins, however narrow it is."""
+        if self._wanders:
+            return bell.binned(bins, *self._swing)
         return oscillator.binned(bins, *self._swing, self._velocity)
 
     def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
         """Return how that follows the centre and the width."""
-        found = oscillator.slopes(bins, *self._swing, self._velocity)
+        found = bell.slopes(bins, *self._swing) if self._wanders else \
+            oscillator.slopes(bins, *self._swing, self._velocity)
         return dict(zip(('frequency', 'width'), found))
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the closed form of the sampled process."""
+        if self._wanders:
+            return bell.avar(m, *self._swing, dt)
         return oscillator.avar(m, *self._swing, dt, self._velocity)
 
     def _coefficients(self, dt):
@@ -110,7 +137,14 @@ class Narrowband(Spectrum):
         return 2 * r * np.cos(2 * np.pi * self['frequency'] * dt), -r * r
 
     def state_space(self, dt: float) -> StateSpace | None:
-        """Two states, this sample of the swing and the last; of its velocity one more."""
+        """
+        Two states, this sample of the swing and the last; of its velocity one more.
+
+        None for a bell: no finite recursion has it.
+
+        """
+        if self._wanders:
+            return None
         first, second = self._coefficients(dt)
         q = oscillator.innovation_variance(*self._swing, dt, self._velocity)
         many = 2 + self._velocity
@@ -120,7 +154,9 @@ class Narrowband(Spectrum):
         return step, np.diag([q] + [0.0] * (many - 1)), np.array(heard)
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
-        """Add the recursion, started stationary."""
+        """Add the recursion, started stationary, or a bell's samples."""
+        if self._wanders:
+            return x + bell.sample(len(x), *self._swing, inputs.dt, rng)
         from scipy.signal import lfilter, lfiltic  # half a second to load
         first, second = self._coefficients(inputs.dt)
         rho = first / (1 - second)

@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A line whose frequency wanders slowly, sampled: its power lies in a bell around f0.
+
+Where the frequency strays by s Hz, and slowly beside 1/s, the autocovariance at lag k is sigma^2
+exp(-(alpha k)^2/2) cos(k theta), alpha = 2 pi s dt, theta = 2 pi f0 dt, and the spectrum is the
+density of the frequency itself (Woodward's theorem: Papoulis, Probability, Random Variables and
+Stochastic Processes, section 10-2), a normal one here, folded by sampling. ``width`` is its full
+width at half height, s sqrt(8 ln 2). Beside an oscillator's peak of that width it has no skirts.
+
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from .spectrum import Bins
+
+PER_WIDTH = 1 / np.sqrt(8 * np.log(2))  # the deviation of a bell in its full width at half height
+LEAST = 2.2  # cells of 1/T: of a wider bell the ends of a record are independent
+GONE = 9.0  # deviations: exp(-9^2/2) is lost in rounding
+IMAGES = 2 * np.pi * np.array([-1.0, 0.0, 1.0])
+STEP = 1e-4  # of ln f0, in widths, and of ln width: what slopes are taken over
+
+
+def _angles(f0: float, width: float, dt: float) -> tuple[float, float]:
+    """Return (theta, alpha)."""
+    return 2 * np.pi * f0 * dt, 2 * np.pi * PER_WIDTH * width * dt
+
+
+def covariance(lag: np.ndarray, f0: float, width: float, dt: float) -> np.ndarray:
+    """Return the autocovariance at lags (samples), of variance 1."""
+    theta, alpha = _angles(f0, width, dt)
+    return np.exp(-0.5 * (alpha * lag) ** 2) * np.cos(theta * lag)
+
+
+def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:
+    """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
+    f, s = np.asarray(f, float), PER_WIDTH * width
+    both = np.zeros(np.shape(f))
+    for line in (f0, -f0):
+        for image in IMAGES / (2 * np.pi * dt):
+            both += np.exp(-0.5 * ((f - line - image) / s) ** 2)
+    return sigma**2 * both / (np.sqrt(2 * np.pi) * s)
+
+
+def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
+    """
+    Return what the power of a record is expected to be in each bin, (b,).
+
+    E c_k^2 = sum over lags of R(lag) [(1 - |lag|/n) cos(lag phi) - sin(|lag| phi)/(n sin phi)],
+    phi = pi k/n. With G(x) the sum over l > 0 of exp(-(alpha l)^2/2 + i l x), that is, over x = phi
+    + theta and phi - theta, the sum of 1/2 + Re G(x) - Im G'(x)/n - Im G(x)/(n sin phi). The first
+    is a sum of bells (Poisson) and the others are of Dawson's integral: what leaks through the
+    ends of the record, all that there is far from the line. Exact where the width is more than
+    ``LEAST``/T; of bins of several coefficients the last term is taken at Gauss' two points.
+
+    """
+    return sigma**2 * _unit(bins, f0, width)
+
+
+def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return d :func:`binned`/d ln f0 and d ln width, (b,) each, by differences."""
+    out = []
+    for f, w, step in ((1.0, 0.0, STEP * width / f0), (0.0, 1.0, STEP)):
+        up, down = (binned(bins, sigma, f0 * np.exp(f * h), width * np.exp(w * h))
+                    for h in (step, -step))
+        out.append((up - down) / (2 * step))
+    return out[0], out[1]
+
+
+@lru_cache(maxsize=64)
+def _unit(bins: Bins, f0: float, width: float) -> np.ndarray:
+    """Return the expected power of a variance of 1 over the bins, (b,)."""
+    theta, alpha = _angles(f0, width, bins.dt)
+    n = bins.n
+    phi = 2 * np.pi * bins.f * bins.dt
+    edge = np.pi * (np.append(bins.first, bins.last[-1]) - 0.5) / n
+    many = int(np.searchsorted(bins.count, 2))      # the bins that hold one come first
+    unit = np.zeros(len(phi))
+    reach = np.diff(edge)[many:] / np.sqrt(12)
+    for line in (theta, -theta):
+        alone = phi[:many] + line
+        unit[:many] += _bells(alone, alpha) - _steepness(alone, alpha) / n \
+            - _odd(alone, alpha) / (n * np.sin(phi[:many]))
+        at = edge[many:] + line
+        unit[many:] += np.diff(_risen(at, alpha) - _odd(at, alpha) / n) / np.diff(edge[many:])
+        for x in (phi[many:] - reach, phi[many:] + reach):
+            unit[many:] -= 0.5 * _odd(x + line, alpha) / (n * np.sin(x))
+    return 2 * bins.dt * np.maximum(unit, 0.0)
+
+
+def _wrapped(x):
+    return (x + np.pi) % (2 * np.pi) - np.pi
+
+
+def _bells(x: np.ndarray, alpha: float) -> np.ndarray:
+    """Return 1/2 + Re G."""
+    x = _wrapped(x)[..., None] + IMAGES
+    return np.sqrt(np.pi / 2) / alpha * np.exp(-0.5 * (x / alpha) ** 2).sum(-1)
+
+
+def _risen(x: np.ndarray, alpha: float) -> np.ndarray:
+    """Return the integral of :func:`_bells` from 0 (x within -pi and 2 pi)."""
+    from scipy.special import erf
+    centres = 2 * np.pi * np.array([-1.0, 0.0, 1.0, 2.0])
+    return 0.5 * np.pi * erf((x[..., None] - centres) / (alpha * np.sqrt(2))).sum(-1)
+
+
+def _odd(x: np.ndarray, alpha: float) -> np.ndarray:
+    """Return Im G, the sum over images of sqrt(2)/alpha D(x/(alpha sqrt(2)))."""
+    from scipy.special import dawsn
+    x = _wrapped(x)
+    size = alpha * np.sqrt(2)
+    near = 2 / size * dawsn(x / size)
+    # of images there is left what Dawson's integral differs by from 1/(2 x)
+    far = x[..., None] + IMAGES[[0, 2]]
+    return near + (2 / size * dawsn(far / size) - 1 / far).sum(-1) + _cotangent(x)
+
+
+def _cotangent(x):
+    """Return cot(x/2)/2 - 1/x, the images of 1/x."""
+    small = np.abs(x) < 1e-3
+    safe = np.where(small, 1.0, x)
+    return np.where(small, -x / 12, 0.5 / np.tan(0.5 * safe) - 1 / safe)
+
+
+def _steepness(x: np.ndarray, alpha: float) -> np.ndarray:
+    """Return Im G', the slope of :func:`_odd`."""
+    from scipy.special import dawsn
+    x = _wrapped(x)
+    size = alpha * np.sqrt(2)
+    u = x / size
+    far = x[..., None] + IMAGES[[0, 2]]
+    v = far / size
+    small = np.abs(x) < 1e-3
+    safe = np.where(small, 1.0, x)
+    images = np.where(small, -1 / 12, 1 / safe**2 - 0.25 / np.sin(0.5 * safe) ** 2)
+    return 2 / size**2 * (1 - 2 * u * dawsn(u)) + images \
+        + (2 / size**2 * (1 - 2 * v * dawsn(v)) + 1 / far**2).sum(-1)
+
+
+def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:
+    """
+    Return the Allan variance at cluster sizes m: (4 V(m) - V(2m))/(2 m^2).
+
+    V(m) is the variance of a sum of m, m + 2 sum over 0 < l < m of (m - l) R(l).
+
+    """
+    m = np.asarray(m, float)
+    _, alpha = _angles(f0, width, dt)
+    lags = np.arange(1, 2 + int(min(2 * m.max(initial=1), GONE / alpha)))
+    r = covariance(lags, f0, width, dt)
+    plain, weighted = (np.concatenate([[0.0], np.cumsum(v)]) for v in (r, lags * r))
+
+    def summed(k):
+        upto = np.minimum(k - 1, len(lags)).astype(int)
+        return k * (1 + 2 * plain[upto]) - 2 * weighted[upto]
+
+    return sigma**2 * (4 * summed(m) - summed(2 * m)) / (2 * m * m)
+
+
+def sample(n: int, sigma: float, f0: float, width: float, dt: float,
+           rng: np.random.Generator) -> np.ndarray:
+    """Return n samples of the Gaussian process, (n,), out of a circle that is long enough."""
+    from scipy.fft import irfft, next_fast_len
+    _, alpha = _angles(f0, width, dt)
+    many = next_fast_len(n + int(np.ceil(GONE / alpha)), real=True)
+    f = np.arange(many // 2 + 1) / (many * dt)
+    size = np.sqrt(psd(f, sigma, f0, width, dt) * many / (4 * dt))
+    noise = size * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
+    noise[0] = np.sqrt(2) * noise[0].real
+    if many % 2 == 0:
+        noise[-1] = np.sqrt(2) * noise[-1].real
+    return irfft(noise, many)[:n]
