@@ -258,6 +258,20 @@ def test_axes_of_an_accelerometer_that_sways_are_heard_together():
     assert all(evidence.shaken(f'accel_{a}') for a in 'xyz')
 
 
+def test_an_accelerometer_that_sways_is_heard_where_hardly_anything_hears_it():
+    """Its own noise, elsewhere in the spectrum, is no part of what a gyroscope has of it."""
+    rng = np.random.default_rng(48)
+    sway = [lfilter(*iirpeak(f, 3, 1 / DT), rng.standard_normal(N)) for f in (0.2, 0.25, 0.3)]
+    sway = np.column_stack(sway) / np.std(sway, axis=1)
+    accel = 7e-3 * sway + 4e-3 * rng.standard_normal((N, 3))
+    gyro = SIZE * rng.standard_normal((N, 3))
+    gyro[:, 0] += 0.06 * SIZE * sway @ [1.0, 0.8, -0.9]
+    said = analyse_record(ImuRecord(gyro, accel, T, 1 / DT), axes=('gyro_x',),
+                          keep_motion=True).diagnose(['gyro_x'])['gyro_x']
+    assert [f.name for f in said.found] == ['accel_coupling'] and said.remaining is None, said
+    assert said.found[0].effect.chosen('heard') == 'vibration'
+
+
 def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     rng = np.random.default_rng(33)
     y = axes_with(np.zeros(N), rng)

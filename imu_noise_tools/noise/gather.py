@@ -246,9 +246,9 @@ class _Gathering:
             heard = shared.heard_together(
                 {a: (self.clean if a in self.clean else self.covariates)[a]
                  for a in self.record.axes if a in coefficients}, self.dt)
-            # what moves one accelerometer moves others, each perhaps too little to show by itself
+            # what moves an accelerometer is seen in it alone; each may move in a way of its own
             accel = {a for a in self.record.axes if a in coefficients and sensor_of(a) == 'accel'}
-            for a in sorted({*heard, *(accel if accel & heard.keys() else ())}):
+            for a in sorted({*heard, *accel}):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
                 above = shared.share(bins, power, heard.get(a))
                 if a in heard or above is not None:

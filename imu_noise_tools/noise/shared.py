@@ -9,7 +9,7 @@ another's share in it brings noise of its own along, so two signals are derived 
 quarter of a period later, and what in it is not its own noise (Wiener's estimate of the source):
 what stands above the spectrum that its own noise can have, or is coherent with other axes. They
 are named by what is put behind the axis's name, and are there for axes that hear something
-together.
+together, and for an accelerometer that moves far above its own noise.
 
 """
 
