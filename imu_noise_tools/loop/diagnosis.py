@@ -15,7 +15,7 @@ good as a flexible form in its place, and not stand in the shadow of what nothin
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, islice
 from typing import Any
@@ -298,8 +298,13 @@ class _Search:
             more = here | {label(place.model, f)}
             self.scores[more] = max(total + surplus(f), self.scores.get(more, -np.inf))
 
-    def forward(self) -> list[Finding]:
-        """Return the best of the chains: the main one, and those that begin with a rival."""
+    def forward(self, held: Sequence[Finding] = ()) -> list[Finding]:
+        """
+        Return the best of the chains: the main one, those that begin with a rival, and ``held``.
+
+        What an earlier chain held may not be reached without what was refuted in it.
+
+        """
         self.scores = {}
         main = self.chain()
         chains = [main]
@@ -316,6 +321,8 @@ class _Search:
             # a rival with all of the main chain beside it: from there it was seen to gain nothing
             if not whole < frozenset(self.model_of(other).labels):
                 chains.append(other)
+        if len(held) > 1 and frozenset(self.model_of(held).labels) - whole:
+            chains.append(self.chain(held))
         self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
                        or len(k) == len(whole) + 1}
         return max(chains, key=lambda c: sum(surplus(f) for f in c))
@@ -340,7 +347,7 @@ class _Search:
         chain: list[Finding] = []
         for turn in count(1):
             self._aside = {}
-            chain = self.with_odds(self.forward())
+            chain = self.with_odds(self.forward(chain))
             refuted = self.backward(chain, last=turn >= ROUNDS)
             if not refuted:
                 break
@@ -460,19 +467,22 @@ class _Search:
     def _unhealed_with(self, before: Model, after: Model, finding: Finding,
                        later: Iterable[Finding]) -> str:
         """
-        Say :meth:`_unhealed`, unless with another that pairs with it it heals what both claim.
+        Say :meth:`_unhealed`, unless it heals what it claims beside another.
 
-        And beside that one alone what it claims itself, or the other does it without.
+        Where noise is stretched over a mean and over what adds noise, neither shows what it does
+        until the other is there: the view must fail beside the other one too. Of two means either
+        may do what the other claims, so that together they must heal what both claim.
 
         """
         against = self._unhealed(before, after, finding)
-        if not against:
-            return ''
-        for g in (g for g in later if _pairs(finding, g)):
+        if not against or not finding.effect.paired:
+            return against
+        for g in later:
             other, both = before.plus(_new(g)), after.plus(_new(g))
             if finding.view in {f.view for f in failures(self.tests(other))} \
                     and not self._unhealed(other, both, finding) \
-                    and not self._unhealed(before, both, _both(finding, g)):
+                    and not (_pairs(finding, g)
+                             and self._unhealed(before, both, _both(finding, g))):
                 return ''
         return against
 

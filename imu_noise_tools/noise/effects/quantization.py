@@ -58,12 +58,14 @@ class Quantization(Spectrum):
         near = float(np.clip(self['Q'], 0.7 * wanted, 2.0 * wanted))  # a dithered one has sqrt(2)
         if near == self['Q']:
             return gain
-        moved = Likelihood(evidence, 'whole', fit.model.with_effect(self.with_values(Q=near)))
-        x0 = np.array([
-            s.to_search(moved.model[s.label][s.parameter.name]) for s in moved.slots])
+        # both on what the fit explains: with all of the spectrum either could come out the better
+        here, moved = (Likelihood(evidence, 'whole', model, explained=fit.details.basis)
+                       for model in (fit.model, fit.model.with_effect(self.with_values(Q=near))))
+        at, x0 = (np.array([s.to_search(x.model[s.label][s.parameter.name]) for s in x.slots])
+                  for x in (here, moved))
         free = np.array([s.label != self.label for s in moved.slots])
-        lost = fit.log_likelihood + minimise(moved, x0, free=free, enough=1e-3)[1]
-        return max(gain - lost, 0.0)
+        lost = minimise(moved, x0, free=free, enough=1e-3)[1] - here.value(at)[0]
+        return gain - min(max(lost, 0.0), gain)
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """2 Q^2 s^2/dt, s = 2 sin(pi f dt)."""
