@@ -14,7 +14,8 @@ from ...loop.effect import Effect, Estimate, Finding
 
 FORMS = ('step', 'stretch', 'drift', 'periodic', 'growth', 'swell')
 MOST = 8  # stretches
-LASTS = 3  # blocks that one fills at least: what is shorter is a knock or a burst of spikes
+LASTS = 3  # blocks that one is in at least: what is shorter is a knock or a burst of spikes
+ONE = 0.7  # of the gain in one block: it is loud by itself, and nothing changes there
 TIMES = tuple(('time', 'duration') if k == 1 else (f'time_{k}', f'duration_{k}')
               for k in range(1, MOST + 1))
 
@@ -90,7 +91,8 @@ class VarianceChange(Modulation):
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
         found = [self._refined(e, t, x, w, cost) for e, cost in some[:3]]
         gain, effect, std = max(found, key=lambda z: z[0])
-        if not gain > 0:
+        each = _gained(effect, t, x, w)
+        if not gain > 0 or np.max(each) > ONE * np.sum(each):
             return None
         f = effect['factor']
         shape = {
@@ -129,6 +131,8 @@ class VarianceChange(Modulation):
             moved = dict(zip(names, [start[k] for k in names] + scale * z))
             factor = start['factor'] * np.exp(np.clip(z[0], -9, 9))
             moved['factor'] = np.clip(factor, 1e-3, 1e3)
+            if start['duration'] > 0:
+                moved['duration'] = max(moved['duration'], (LASTS - 1) * steps['duration'])
             return start.with_values(**{k: float(v) for k, v in moved.items()})
 
         def nll(z):
@@ -157,7 +161,7 @@ class VarianceChange(Modulation):
                 def moved(by, both=both, begin=begin, duration=duration):
                     lasts = start[duration] + (-by if both else by)
                     return start.with_values(**{begin: max(start[begin] + both * by, 0.0),
-                                                duration: max(lasts, 0.1 * width)})
+                                                duration: max(lasts, (LASTS - 1) * width)})
 
                 best = minimize_scalar(lambda by: _nll(moved(by), t, x, w),
                                        bounds=(-width, width), method='bounded',
@@ -276,5 +280,16 @@ def _course(cost, switch: float) -> np.ndarray:
 
 def _nll(effect, t, x, w) -> float:
     """Return -ln L of power in time (blocks, groups) whose variance follows an effect."""
-    m = followed_by(np.maximum(block_variance(effect, t), 1e-6), x, w)
-    return 0.5 * float(np.sum(w * np.sum(np.log(m) + x / m - 1, axis=0)))
+    return float(np.sum(_each(np.maximum(block_variance(effect, t), 1e-6), x, w)))
+
+
+def _gained(effect, t, x, w) -> np.ndarray:
+    """Return by how much each block is likelier than of a constant variance, (blocks,)."""
+    changing = np.maximum(block_variance(effect, t), 1e-6)
+    return _each(np.ones(len(t)), x, w) - _each(changing, x, w)
+
+
+def _each(variance: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Return -ln L of each block, (blocks,), whose power follows a variance."""
+    m = followed_by(variance, x, w)
+    return 0.5 * np.sum(w * (np.log(m) + x / m - 1), axis=1)
