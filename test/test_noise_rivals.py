@@ -394,7 +394,7 @@ def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not():
     search = object.__new__(_Search)
     # the step leaves the swing, which stands out more, and the swing the step
     left = {'': 1200.0, 'step': 900.0, 'slow_periodic': 1000.0, 'slow_periodic, step': 30.0,
-            'ramp': 0.0, 'ramp, step': 0.0}
+            'ramp': 0.0, 'ramp, step': 0.0, 'rts': 1100.0, 'rts, step': 1000.0}
 
     def tests(model):
         gain = left[', '.join(sorted(model.labels[1:]))]
@@ -409,6 +409,10 @@ def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not():
     assert not search._unhealed_with(base, beside, step, [ramp, swing])
     left['slow_periodic, step'] = 880.0
     assert search._unhealed_with(base, beside, step, [rts, swing])
+    # noise that something adds to hides a step as well, but does nothing of what it does
+    left['rts, step'] = 20.0
+    assert not search._unhealed_with(base, beside, step, [rts, swing])
+    assert search._unhealed_with(base, base.plus(rts.effect), rts, [step]) == ''
 
 
 @pytest.mark.parametrize(('seed', 'size'), [(41, 2.3), (42, 2.6)])

@@ -210,7 +210,7 @@ class _Search:
 
     def chain(self, begin: Iterable[Finding] = ()) -> list[Finding]:
         """Return the chain that follows the most probable candidate from a beginning on."""
-        members = list(begin)
+        members, yielded = list(begin), []
         while len(members) < LONGEST:
             place = self.place(self.model_of(members))
             if place is None:
@@ -218,17 +218,53 @@ class _Search:
             # at once, or what follows is looked for beside something that is not there
             best: list[Finding] = []
             failed: set[str] = set()
-            for f in self.able(place):
-                if self._heals(members, f) and self._lowers(members, f):
-                    best = [f]
+            able = self.able(place)
+            for f in able:
+                first = [g for g in able if _yields(f, g)]
+                best = self._first(members, first, failed) or first and self._pair(members, place)
+                yielded += [f] if best else []
+                best = best or self._first(members, [f], failed)
+                if best:
                     break
-                failed.add(label(place.model, f))
             self._note(members, place, failed)
             best = best or self._pair(members, place)
             if not best:
                 break
             members += best
+        self._explained_away(members, yielded)
         return members
+
+    def _first(self, members: list[Finding], some: Iterable[Finding],
+               failed: set[str]) -> list[Finding]:
+        """Return the first of some that heals and lowers the error behind a chain, if any."""
+        before = self.model_of(members)
+        for f in some:
+            if label(before, f) in failed:
+                continue
+            if self._heals(members, f) and self._lowers(members, f):
+                return [f]
+            failed.add(label(before, f))
+        return []
+
+    def _explained_away(self, members: list[Finding], some: Iterable[Finding]) -> None:
+        """
+        Refute what yielded to members of a chain and does not stand out beside them.
+
+        Or, where no more candidates are begun, is not needed there.
+
+        """
+        here = self.model_of(members)
+        place = self.place(here)
+        for f in (f for f in some if f.name not in here):
+            more = here.plus(_new(f))
+            name = more.labels[-1]
+            there = place is not None and (f.name in {g.name for g in self.able(place)}
+                                           if place.candidates else
+                                           not self._unlowered(here, more, f)[1])
+            if not there:
+                self.refuted[name] = replace(f, against='beside what several axes have in the '
+                                             'mean it explains nothing')
+                self.scores = {k: v for k, v in self.scores.items() if name not in k}
 
     def _pair(self, members: list[Finding], place: _Place) -> list[Finding]:
         """
@@ -602,6 +638,12 @@ def _likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str)
     if len(before) != len(after):
         return 0.0
     return sum(0.5 * (b - a) for b, a in zip(before, after) if b is not None and a is not None)
+
+
+def _yields(one: Finding, other: Finding) -> bool:
+    """Tell whether one of two findings explains whatever the other one does in several axes."""
+    return all(f.effect is not None for f in (one, other)) \
+        and one.effect.yields and other.effect.paired
 
 
 def _pairs(one: Finding, other: Finding) -> bool:

@@ -324,7 +324,7 @@ def _line(evidence, fit, effect):
         gain,
         effect.with_values(**values),
         estimates,
-        line_penalty(evidence.n),
+        line_penalty(evidence.n, len(claimed)),
         'frequency',
         effect.in_words(evidence, rows),
     )

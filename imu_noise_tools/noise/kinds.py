@@ -333,7 +333,9 @@ class Line(NoiseEffect):
         wanted = self.values.get(self._frequency())
         width = max(2 / evidence.duration, 1e-3 * (wanted or 0))
         near = [i for i in free if wanted and abs(evidence.line_table[i, 0] - wanted) < width]
-        return (near or [i for i in free if sure(evidence.line_table[i, 3], evidence.n)])[:1]
+        known = len(evidence.line_table) - len(free)
+        return (near or [i for i in free
+                         if sure(evidence.line_table[i, 3], evidence.n, known)])[:1]
 
     def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
         """

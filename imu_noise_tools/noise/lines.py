@@ -108,20 +108,21 @@ def _smoothed_below(top: int, c, dt, centres, level):
     return out
 
 
-def line_penalty(n: int) -> float:
+def line_penalty(n: int, known: int = 0) -> float:
     """
     Return the gain (nats) of a line that noise exceeds once in a thousand records.
 
     exp(-g) for each of n/2 frequencies that are independent, times sqrt(pi g/3) for the search
-    between them (Rice 1954), g near 20.
+    between them (Rice 1954), g near 20. Where higher ones are ``known`` less is asked of the next:
+    so many times as often, one line in a thousand is none (Benjamini and Hochberg 1995).
 
     """
-    return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3)))
+    return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3))) - float(np.log1p(known))
 
 
-def sure(z: float, n: int) -> bool:
+def sure(z: float, n: int, known: int = 0) -> bool:
     """Tell whether a line of height z^2 stands out by itself, not in company alone."""
-    return z * z > 2 * line_penalty(n) - BELOW
+    return z * z > 2 * line_penalty(n, known) - BELOW
 
 
 @dataclass(frozen=True)
@@ -252,6 +253,7 @@ class _Search:
         found: list[_Spot] = []
         for _ in range(ROUNDS):
             before = len(found)
+            self.threshold = 2 * line_penalty(self.n, before) - BELOW
             self._more(found)
             if len(found) == before or len(found) >= MOST_LINES:
                 break

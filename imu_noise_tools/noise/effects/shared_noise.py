@@ -31,6 +31,7 @@ class SharedNoise(Coupling):
     )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
     normal = True
+    yields = True   # a step of all axes is no noise that they share
     needs = 'analyse a record with all axes of the sensor'
     decide = 'record on a heavy base, on another supply'
     parameters = (

@@ -131,7 +131,7 @@ class VarianceChange(Modulation):
             moved = dict(zip(names, [start[k] for k in names] + scale * z))
             factor = start['factor'] * np.exp(np.clip(z[0], -9, 9))
             moved['factor'] = np.clip(factor, 1e-3, 1e3)
-            if start['duration'] > 0:
+            if 'duration' in used:
                 moved['duration'] = max(moved['duration'], (LASTS - 1) * steps['duration'])
             return start.with_values(**{k: float(v) for k, v in moved.items()})
 
