@@ -338,7 +338,9 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
 
     """
     e, model = evidence, fit.model
-    if any(model.of(Defect)):   # what they touch is not taken out of block means
+    # what those touch is in the block means, and what an axis has in the mean in other axes' too
+    if any(d.screens() for d in model.of(Defect)) \
+            or isinstance(effect, Coupling) and model.of(Mean):
         return 0.0
     y = views.slow_rest(e, model) - views.slow_mean(e, model)
     if isinstance(effect, Coupling):

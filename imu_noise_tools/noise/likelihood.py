@@ -271,10 +271,49 @@ class Likelihood:
     def _coupled(self, model, v):
         """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
         channels = self._channels(model)
-        _, cross, own, _ = channels
+        _, cross, own, first = channels
+        cross, own = self._beside_means(model, v, cross, own, first)
         covariance = inverse(own @ (self.weight / v))
         beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
+
+    def _beside_means(self, model, v, cross, own, first):
+        """
+        Return cross-powers (p, b) and own powers (p, p, b) of channels as beside the mean.
+
+        A step of all axes would else decide the gain. Less the mean that is known; of one that is
+        solved for less what its columns can explain of either (Frisch and Waugh 1933), so that
+        gains and mean are solved for together.
+
+        """
+        if self._slow is None or not self._inside or not len(first):
+            return cross, own
+        if self._known is not None:
+            return self._changed(cross, -self._known * first), own
+        known = [m for m in (model[m.label] for m in self.means)
+                 if all(p.linear or p.name in m.values for p in m.parameters)]
+        if not known:
+            return cross, own
+        root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
+        x = np.concatenate([self._slow_columns_of(m) for m in known], axis=1) * root[:, None]
+        u, s, _ = np.linalg.svd(x, full_matrices=False)
+        u = u[:, s > 1e-9 * s[:1]] / np.maximum(root, 1e-300)[:, None]
+        turned = (u * root[:, None] ** 2).T
+
+        def left(y):
+            return y - (turned @ y.T).T @ u.T
+
+        slow, rest = left(self._slow), left(first)
+        return (self._changed(cross, slow * rest - self._slow * first),
+                self._changed(own, rest[:, None] * rest - first[:, None] * first))
+
+    def _changed(self, power, change):
+        """Return powers (..., b) with more in their slow coefficients, (..., q)."""
+        i, out = self._inside, power.copy()
+        ends = self.bins.last[i - 1] - 1
+        out[..., :i] += 2 * self.dt * np.add.reduceat(
+            change[..., :ends], self.bins.first[:i] - 1, axis=-1) / self.bins.count[:i]
+        return out
 
     def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
@@ -283,16 +322,16 @@ class Likelihood:
 
     def design(self, model: Model) -> np.ndarray:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
-        columns = []
-        for e in (model[m.label] for m in self.means):
-            assert isinstance(e, Mean)
-            key = (e.label, *(e[p.name] for p in e.parameters if not p.linear))
-            if key not in self._columns:
-                if len(self._columns) > 8:
-                    self._columns.clear()
-                self._columns[key] = self.slow_columns(e)
-            columns.append(self._columns[key])
-        return np.concatenate(columns, axis=1)
+        return np.concatenate([self._slow_columns_of(model[m.label]) for m in self.means], axis=1)
+
+    def _slow_columns_of(self, effect):
+        """Return :meth:`slow_columns`, the last few of them kept."""
+        key = (effect.label, *(effect[p.name] for p in effect.parameters if not p.linear))
+        if key not in self._columns:
+            if len(self._columns) > 8:
+                self._columns.clear()
+            self._columns[key] = self.slow_columns(effect)
+        return self._columns[key]
 
     def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
         """Solve for all linear parameters given the model's spectrum v (b,)."""
@@ -372,7 +411,7 @@ class Likelihood:
 
     def left_to(self, model: Model, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return what channels (p) still share with what the model's couplings leave of the axis.
+        Return what channels (p) still share with what the model leaves of the axis.
 
         Cross-powers (p, b), and the channels' own (p, p, b).
 
@@ -382,6 +421,9 @@ class Likelihood:
         for c in (model[c.label] for c in self.couplings):
             for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):
                 cross = cross - c[p.name] * np.array([pair(known, n, here) for n in names])
+        if self._known is not None and self._inside:
+            first = np.array([self.evidence.coupled_first(n, here)[:self._count] for n in names])
+            cross = self._changed(cross, -self._known * first)
         return cross, np.array([[pair(a, b, here) for b in names] for a in names])
 
     # --- the spectrum

@@ -9,6 +9,9 @@ from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter
 from ...loop.effect import Effect
 
+REACHES, PEAKS = (64, 256), 8   # means of such parts of the record are compared; the largest
+BESIDE, FINER = 4, 8    # slow means on either side of those, and of the best of them
+
 
 class Step(Mean):
     """The bias jumps once and stays."""
@@ -54,18 +57,30 @@ class Step(Mean):
         """
         Start at every 256th part of the record.
 
-        The starts are finer around the largest contrast of neighbouring means.
+        The starts are finer around the largest contrasts of neighbouring means: of several steps
+        each is tried, for beside another none may be seen from nearby.
 
         """
         t = evidence.slow_t
         grid = np.linspace(t[0], t[-1], 258)[2:-2]
         y = np.concatenate([[0.0], np.cumsum(evidence.slow_y)])
-        reach = max(4, len(t) // 64)
-        i = np.arange(reach, len(t) - reach)
-        contrast = np.abs(y[i + reach] - 2 * y[i] + y[i - reach])
-        best = i[np.argsort(contrast)[::-1][:200]]
-        fine = t[best] - 0.5 * (t[1] - t[0])
-        return [self.with_values(time=float(x)) for x in np.concatenate([grid, fine])]
+        fine = []
+        for reach in {max(4, len(t) // k) for k in REACHES}:
+            i = np.arange(reach, len(t) - reach)
+            contrast = np.abs(y[i + reach] - 2 * y[i] + y[i - reach])
+            for _ in range(PEAKS if len(i) else 0):
+                k = int(np.argmax(contrast))
+                near = i[max(k - BESIDE, 0):k + BESIDE + 1]
+                fine.append(t[near] - 0.5 * (t[1] - t[0]))
+                contrast[max(k - reach, 0):k + reach] = -1.0
+        return [self.with_values(time=float(x)) for x in np.unique(np.concatenate([grid, *fine]))]
+
+    def finer(self, evidence: Evidence) -> list[Effect]:
+        """Return the times around its own, as far as its edge is blurred."""
+        t = evidence.slow_t
+        width = float(t[1] - t[0])
+        some = self['time'] + width * np.arange(-FINER, FINER + 1)
+        return [self.with_values(time=float(x)) for x in some if t[0] < x < t[-1]]
 
     def columns(self, inputs: Inputs, time: float) -> np.ndarray:
         """0 before, 1 after."""
