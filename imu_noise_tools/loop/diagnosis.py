@@ -357,10 +357,12 @@ class _Search:
             # a rival with all of the main chain beside it: from there it was seen to gain nothing
             if not whole < frozenset(self.model_of(other).labels):
                 chains.append(other)
-        if len(held) > 1 and frozenset(self.model_of(held).labels) - whole:
-            chains.append(self.chain(held))
         self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
                        or len(k) == len(whole) + 1}
+        held = [f for f, name in zip(held, self.labels_of(held)) if name not in self.refuted]
+        again = self.model_of(held)
+        if len(held) > 1 and not whole.issuperset(again.labels) and self.place(again) is not None:
+            chains.append(self.chain(held))
         return max(chains, key=lambda c: sum(surplus(f) for f in c))
 
     def _rivals(self, chain: list[Finding], i: int) -> list[Finding]:

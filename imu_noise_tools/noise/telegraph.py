@@ -39,7 +39,7 @@ def levels(y: np.ndarray) -> np.ndarray | None:
     if len(y) < 20 * _FLAT:
         return None
     some = np.arange(0, len(y) - lag, 1 + len(y) // _SOME)
-    sigma = float(np.median(np.abs(y[some + lag] - y[some]))) * 1.4826 / np.sqrt(2)
+    sigma = _scatter(y[some + lag] - y[some])
     if not sigma > 0:
         return None
     apart = np.concatenate([
@@ -61,6 +61,14 @@ def levels(y: np.ndarray) -> np.ndarray | None:
         return None
     middle = np.interp(np.arange(len(y)), at[alike], 0.5 * (low + high)[alike])
     return _followed(y, middle, 0.5 * step, _NEAR * sigma)
+
+
+def _scatter(d: np.ndarray) -> float:
+    """Return the deviation of samples, of which most differences are d, jumps left out."""
+    sigma = float(np.median(np.abs(d))) * 1.4826 / np.sqrt(2)
+    # rounded coarsely a median may be off by half a step
+    inside = d[np.abs(d) < _LEAST * sigma]
+    return max(sigma, float(np.sqrt(np.mean(inside**2) / 2))) if len(inside) else sigma
 
 
 def _followed(y: np.ndarray, middle: np.ndarray, half: float, near: float) -> np.ndarray:
