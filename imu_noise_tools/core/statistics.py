@@ -242,15 +242,34 @@ def grid_gain(n: int, step: float, sigma: float) -> float:
     return 0.5 * n * min(1.0, (step / max(sigma, step / 12)) ** 2)
 
 
-def kurtosis_pull(x: np.ndarray) -> float:
+def independent_squares(x: np.ndarray) -> float:
+    """
+    Return how many independent values scatter in their mean square as x (n,) does.
+
+    n over 1 + 2 sum of the autocorrelation of x^2, up to where that is first below what chance
+    makes of it (Bartlett, Journal of the Royal Statistical Society 8 suppl., 1946).
+
+    """
+    n = len(x)
+    z = x * x - np.mean(x * x)
+    spectrum = np.abs(np.fft.rfft(z, 2 * n)) ** 2
+    r = np.fft.irfft(spectrum)[:n // 2]
+    if not r[0] > 0:
+        return float(n)
+    r = r[1:] / r[0]
+    low = np.flatnonzero(r < 2 / np.sqrt(n))
+    return n / (1 + 2 * float(np.sum(r[:low[0] if len(low) else len(r)])))
+
+
+def kurtosis_pull(x: np.ndarray, independent: float | None = None) -> float:
     """
     Return by how many standard deviations the kurtosis of x (n,) is off the normal one's.
 
     By the transformation of Anscombe and Glynn (Biometrika 70, 1983), which holds for n >= 20;
-    the mean of x is known to be zero.
+    the mean of x is known to be zero. ``independent`` says how many of x are, all for None.
 
     """
-    n, square = len(x), float(np.mean(x**2))
+    n, square = float(len(x)) if independent is None else independent, float(np.mean(x**2))
     if n < 20 or not square > 0:
         return 0.0
     b2 = float(np.mean(x**4)) / square**2

@@ -25,7 +25,7 @@ from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Sp
 from .knee import Knee
 from .likelihood import Likelihood
 from ..core.linear import inverse
-from ..core.statistics import kurtosis_pull
+from ..core.statistics import independent_squares, kurtosis_pull
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 
@@ -353,5 +353,6 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
         if isinstance(effect, Spectrum):
             mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
         if mine > 0.5:
-            gain += 0.5 * max(kurtosis_pull(difference), 0.0) ** 2 - 0.25
+            pull = kurtosis_pull(difference, independent_squares(difference))
+            gain += 0.5 * pull**2 - 0.5
     return gain
