@@ -53,10 +53,10 @@ def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
     Return what the power of a record is expected to be in each bin, (b,).
 
     E c_k^2 = sum over lags of R(lag) [(1 - |lag|/n) cos(lag phi) - sin(|lag| phi)/(n sin phi)],
-    phi = pi k/n. With G(x) the sum over l > 0 of exp(-(alpha l)^2/2 + i l x), that is, over x = phi
-    + theta and phi - theta, the sum of 1/2 + Re G(x) - Im G'(x)/n - Im G(x)/(n sin phi). The first
-    is a sum of bells (Poisson) and the others are of Dawson's integral: what leaks through the
-    ends of the record, all that there is far from the line. Exact where the width is more than
+    phi = pi k/n. With G(x) the sum over l > 0 of exp(-(alpha l)^2/2 + i l x), that is, over x =
+    phi + theta and phi - theta, the sum of 1/2 + Re G(x) - Im G'(x)/n - Im G(x)/(n sin phi). The
+    first is a sum of bells (Poisson) and the others are of Dawson's integral: what leaks through
+    the ends of the record, all that there is far from the line. Exact where the width is more than
     ``LEAST``/T; of bins of several coefficients the last term is taken at Gauss' two points.
 
     """
@@ -94,7 +94,7 @@ def _unit(bins: Bins, f0: float, width: float) -> np.ndarray:
     return 2 * bins.dt * np.maximum(unit, 0.0)
 
 
-def _wrapped(x):
+def _wrapped(x: np.ndarray) -> np.ndarray:
     return (x + np.pi) % (2 * np.pi) - np.pi
 
 
@@ -122,7 +122,7 @@ def _odd(x: np.ndarray, alpha: float) -> np.ndarray:
     return near + (2 / size * dawsn(far / size) - 1 / far).sum(-1) + _cotangent(x)
 
 
-def _cotangent(x):
+def _cotangent(x: np.ndarray) -> np.ndarray:
     """Return cot(x/2)/2 - 1/x, the images of 1/x."""
     small = np.abs(x) < 1e-3
     safe = np.where(small, 1.0, x)
@@ -157,7 +157,7 @@ def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.
     r = covariance(lags, f0, width, dt)
     plain, weighted = (np.concatenate([[0.0], np.cumsum(v)]) for v in (r, lags * r))
 
-    def summed(k):
+    def summed(k: np.ndarray) -> np.ndarray:
         upto = np.minimum(k - 1, len(lags)).astype(int)
         return k * (1 + 2 * plain[upto]) - 2 * weighted[upto]
 

@@ -513,7 +513,7 @@ class _Search:
 
         """
         against = self._unhealed(before, after, finding)
-        if not against or not finding.effect.paired:
+        if not against or finding.effect is None or not finding.effect.paired:
             return against
         for g in later:
             other, both = before.plus(_new(g)), after.plus(_new(g))
@@ -644,7 +644,7 @@ def _likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str)
 
 def _yields(one: Finding, other: Finding) -> bool:
     """Tell whether one of two findings explains whatever the other one does in several axes."""
-    return all(f.effect is not None for f in (one, other)) \
+    return one.effect is not None and other.effect is not None \
         and one.effect.yields and other.effect.paired
 
 

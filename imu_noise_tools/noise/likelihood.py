@@ -225,18 +225,16 @@ class Likelihood:
     def cross_less_known(self, channel: str) -> np.ndarray:
         """Return the cross-power (b,) with a channel less that of the mean that is known."""
         cross = self.evidence.cross(channel, self.part_name)
-        if self._known is None or not self._inside:
+        if self._known is None:
             return cross
-        i = self._inside
         other = self.evidence.common.low[channel, self.part_name][: len(self._known)]
-        out = cross.copy()
-        out[:i] -= self._summed(2 * self.dt * self._known * other) / self.bins.count[:i]
-        return out
+        return self._changed(cross, -self._known * other)
 
     def _summed(self, slow):
-        """Return the sums of slow terms (q,) over the bins that they fill, of which there are."""
+        """Return the sums of slow terms (..., q) over the bins that they fill: there are some."""
         i = self._inside
-        return np.add.reduceat(slow[: self.bins.last[i - 1] - 1], self.bins.first[:i] - 1)
+        return np.add.reduceat(slow[..., :self.bins.last[i - 1] - 1], self.bins.first[:i] - 1,
+                               axis=-1)
 
     def _taken(self, leverage):
         """Return what slow coefficients (q,) that were solved for take from the bins (b,)."""
@@ -247,12 +245,15 @@ class Likelihood:
 
     def _replaced(self, power, before, after):
         """Return the bins' power with slow coefficients (q,) replaced by others."""
+        return self._changed(power, after**2 - before**2)
+
+    def _changed(self, power, change):
+        """Return powers (..., b) with more in their slow coefficients, (..., q)."""
         i = self._inside
         if i == 0:
             return power
-        change = self._summed(2 * self.dt * (after**2 - before**2))
         out = power.copy()
-        out[:i] += change / self.bins.count[:i]
+        out[..., :i] += 2 * self.dt * self._summed(change) / self.bins.count[:i]
         return out
 
     def _decoupled(self, beta, channels):
@@ -295,25 +296,18 @@ class Likelihood:
         if not known:
             return cross, own
         root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
-        x = np.concatenate([self._slow_columns_of(m) for m in known], axis=1) * root[:, None]
-        u, s, _ = np.linalg.svd(x, full_matrices=False)
-        u = u[:, s > 1e-9 * s[:1]] / np.maximum(root, 1e-300)[:, None]
-        turned = (u * root[:, None] ** 2).T
+        x = np.concatenate([self._slow_columns_of(m) for m in known], axis=1)
+        u, s, turn = np.linalg.svd(x * root[:, None], full_matrices=False)
+        some = s > 1e-9 * s[:1]
+        x = x @ (turn[some].T / s[some])
+        u = u[:, some] * root[:, None]
 
         def left(y):
-            return y - (turned @ y.T).T @ u.T
+            return y - (y @ u) @ x.T
 
         slow, rest = left(self._slow), left(first)
         return (self._changed(cross, slow * rest - self._slow * first),
                 self._changed(own, rest[:, None] * rest - first[:, None] * first))
-
-    def _changed(self, power, change):
-        """Return powers (..., b) with more in their slow coefficients, (..., q)."""
-        i, out = self._inside, power.copy()
-        ends = self.bins.last[i - 1] - 1
-        out[..., :i] += 2 * self.dt * np.add.reduceat(
-            change[..., :ends], self.bins.first[:i] - 1, axis=-1) / self.bins.count[:i]
-        return out
 
     def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
@@ -421,7 +415,7 @@ class Likelihood:
         for c in (model[c.label] for c in self.couplings):
             for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):
                 cross = cross - c[p.name] * np.array([pair(known, n, here) for n in names])
-        if self._known is not None and self._inside:
+        if self._known is not None:
             first = np.array([self.evidence.coupled_first(n, here)[:self._count] for n in names])
             cross = self._changed(cross, -self._known * first)
         return cross, np.array([[pair(a, b, here) for b in names] for a in names])

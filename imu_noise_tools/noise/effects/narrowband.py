@@ -33,8 +33,8 @@ class Narrowband(Spectrum):
     title = 'narrow band of noise'
     equation = (
         'S(f) = 2 s^2 dt/|1 - 2 r cos(2 pi f0 dt) z^-1 + r^2 z^-2|^2 (one-sided), z = e^(i 2 pi f '
-        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2; wandering: rms^2 '
-        'sqrt(4 ln 2/pi)/width e^(-4 ln 2 ((f - f0)/width)^2)'
+        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2; wandering: '
+        'rms^2 sqrt(4 ln 2/pi)/width e^(-4 ln 2 ((f - f0)/width)^2)'
     )
     signature = (
         'a peak in the PSD that is wider than the record resolves; a bump in the Allan deviation '
