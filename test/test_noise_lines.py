@@ -19,7 +19,9 @@ from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise import views
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.lines import also_in, find_peaks, reference_spectrum
+from imu_noise_tools.noise.lines import (
+    also_in, find_peaks, line_penalty, reference_spectrum, sure
+)
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -152,6 +154,23 @@ def record_with(added, rng):
     y = base(rng, sensor)
     y = y + added * sensor['N'] / np.sqrt(DT)
     return gather(ImuRecord(np.column_stack([y, y, y]), None, T, 1 / DT), ['gyro_x'])['gyro_x']
+
+
+def test_of_the_next_line_less_is_asked():
+    """So that the share of false ones among many is that of one alone."""
+    assert line_penalty(N, 4) == pytest.approx(line_penalty(N) - np.log(5))
+    z = np.sqrt(2 * line_penalty(N) - 3.5)
+    assert sure(z, N, 4) and not sure(z, N)
+    found = 0
+    for seed in range(8):
+        rng = np.random.default_rng([77, seed])
+        lines = [a * np.cos(2 * np.pi * f * T + rng.uniform(0, 6)) for a, f in (
+            (0.3, 3.3), (0.2, 7.1), (0.25, 12.7), (0.2, 19.9), (2 * np.sqrt(18.6 / N), 15.217))]
+        f, _, _, z = table(rng.standard_normal(N) + sum(lines)).T
+        f = f[z * z > 2 * line_penalty(N, 4)]
+        found += np.any(np.abs(f - 15.217) < 1 / SPAN)
+        assert len(f) == 4 + np.any(np.abs(f - 15.217) < 1 / SPAN)
+    assert found >= 5, found    # where as much is asked as of the first it is in four
 
 
 @pytest.mark.parametrize('orders', [(1, 2, 3), (2, 3, 4, 6), (1, 2), (3, 6, 9), (1, 5, 9)])

@@ -272,6 +272,59 @@ def test_an_accelerometer_that_sways_is_heard_where_hardly_anything_hears_it():
     assert said.found[0].effect.chosen('heard') == 'vibration'
 
 
+def test_a_step_of_all_axes_is_a_step():
+    """What axes share is not only noise; each step is told from the one before it."""
+    rng = np.random.default_rng(51)
+    course = (T > 0.391 * T[-1]) * 1.0 - 1.4 * (T > 0.532 * T[-1]) + 1.2 * (T > 0.61 * T[-1])
+    names, said = found_in(axes_with(1.5 * SIZE * course, rng))
+    assert names == ['step', 'step', 'step'] and said.remaining is None, said
+    at = sorted(f.effect['time'] for f in said.found)
+    assert at == pytest.approx([0.391 * T[-1], 0.532 * T[-1], 0.61 * T[-1]], abs=2.0)
+
+
+def test_a_gain_is_that_of_the_noise_where_all_axes_have_a_step():
+    """Of each axis another part of it: solved for without the mean, it would be the steps'."""
+    rng = np.random.default_rng(52)
+    a = np.exp(-DT / 5.0)
+    source = 3 * SIZE * lfilter([np.sqrt(1 - a * a)], [1.0, -a], rng.standard_normal(N))
+    step = 20 * SIZE * (T > 0.4 * T[-1])
+    gyro = SIZE * rng.standard_normal((N, 3)) * [1.0, 0.01, 1.0]
+    gyro += np.outer(source, [0.5, 1.0, 0.0]) + np.outer(step, [-1.0, 1.0, 0.0])
+    e = gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x']
+    shared_noise = registry('noise')['shared_noise'](
+        {'source': 'gyro_y', 'other': 'gyro_z', 'heard': 'all'})
+    model = model_of('noise', ('white', 'random_walk', 'step')).plus(shared_noise)
+    found = NoiseProblem(e).point(model).model
+    assert found['shared_noise']['gain'] == pytest.approx(0.5, abs=0.08)
+    assert found['step']['size'] == pytest.approx(-30 * SIZE, abs=2 * SIZE)     # less half of y's
+
+
+def test_a_grid_gives_no_effect_more_than_it_holds():
+    """Whatever else the spectrum has that nothing explains."""
+    rng = np.random.default_rng(53)
+    a = np.exp(-DT / 3.0)
+    gyro = SIZE * rng.standard_normal((N, 3))
+    gyro[:, 0] += 3 * SIZE * lfilter([np.sqrt(1 - a * a)], [1.0, -a], rng.standard_normal(N))
+    gyro = 1.2 * SIZE * np.round(gyro / (1.2 * SIZE))
+    e = gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x']
+    problem = NoiseProblem(e)
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk')))
+    grid = {f.name: f.elsewhere or f.gain for f in problem.candidates(fit)}
+    assert grid['quantization'] <= grid['rate_quantization'] * (1 + 1e-9)
+
+
+def test_one_loud_block_is_no_change_of_variance():
+    rng = np.random.default_rng(54)
+    gyro = SIZE * rng.standard_normal((N, 3))
+    e = gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x']
+    change = registry('noise')['variance_change']()
+    for blocks, is_one in ((1, False), (6, True)):
+        power = e.block_power.copy()
+        power[..., 100:100 + blocks, :] *= 9.0
+        finding = change.measure(replace(e, block_power=power))
+        assert is_one == (finding is not None and finding.gain > 20), finding
+
+
 def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     rng = np.random.default_rng(33)
     y = axes_with(np.zeros(N), rng)

@@ -79,3 +79,13 @@ def test_what_jumps_between_no_two_levels_has_none():
         'short': white[:100],
     }
     assert [k for k, y in records.items() if levels(y) is not None] == []
+
+
+@pytest.mark.parametrize('share', [0.9, 1.2])
+def test_levels_of_coarsely_rounded_samples(share):
+    """The median of whole steps is a step: samples scatter by more than that says."""
+    rng = np.random.default_rng([443, int(10 * share)])
+    path = telegraph(rng, 16_000, (55, 270), 18.0)
+    y = np.round((rng.standard_normal(16_000) + path) / share) * share
+    at = levels(y)
+    assert at is not None and np.std(y - at) < 1.3
