@@ -88,9 +88,10 @@ def match(found, hidden, duration):
         if name == 'sinusoid' and len(lines) > 1 and frequency is not None:
             fits = [i for i in fits if abs(hidden[i]['params'].get('frequency', 0) - frequency)
                     < max(3 / duration, 1e-3 * frequency)]
-        if not fits:    # up and down again is two steps
+        if not fits:    # up and down again is two steps; a band on and off is both of its names
             fits = [i for i, h in enumerate(hidden)
-                    if name == h['name'] == 'step' and h['form'] != 'one']
+                    if name == h['name'] == 'step' and h['form'] != 'one'
+                    or 'on_off' in h['form'] and name in set(h['accept']) - {h['name']}]
         # The name itself before an alias: a shared line may be called either way.
         fits.sort(key=lambda i: hidden[i]['name'] != name)
         out.append(fits[0] if fits else None)
