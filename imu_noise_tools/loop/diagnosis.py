@@ -141,7 +141,7 @@ class _Search:
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
-        self._beside: dict[str, frozenset[str]] = {}  # what is certain but doubted, beside what
+        self._beside: dict[str, frozenset[str]] = {}  # what is doubted, beside what
         self._places: dict[frozenset[str], _Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
@@ -400,7 +400,7 @@ class _Search:
 
     def _acquitted(self, model: Model, refuted: Collection[str]) -> bool:
         """
-        Take back what nothing else could imitate, and was doubted beside what is refuted now.
+        Take back what was doubted beside what is refuted now.
 
         Of two that do the same the one that was kept has fallen, for another reason. Each is taken
         back once.
@@ -437,8 +437,7 @@ class _Search:
                 worst = min(doubted, key=lambda k: (said[k][0], _certain(members[k])))
                 doubted.remove(worst)
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
-                if _certain(out[worst]):
-                    self._beside.setdefault(worst, frozenset(members))
+                self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
         for k, f in members.items():

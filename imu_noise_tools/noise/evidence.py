@@ -24,7 +24,7 @@ from scipy.ndimage import median_filter
 from scipy.special import digamma
 
 from .kinds import Defect, Inputs, Line, measured, Modulation, NoiseEffect
-from .shared import derived, own_noise, SHAKEN
+from .shared import derived, LATER, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE
 from ..core import allan
 from ..core.record import AXES, sensor_of
@@ -223,8 +223,12 @@ class Evidence:
         return tuple(k for k in self.common.slow if k != self.axis and not derived(k))
 
     def shaken(self, axis: str) -> bool:
-        """Tell whether an axis hears, above its own noise, what another hears."""
+        """Tell whether an axis hears what is above its own noise."""
         return self.common.holds(axis + SHAKEN)
+
+    def shaken_together(self, axis: str) -> bool:
+        """Tell whether an axis hears, above its own noise, what another hears."""
+        return self.shaken(axis) and self.common.holds(axis + LATER)
 
     def cross(self, channel: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of this axis with another channel."""

@@ -127,7 +127,7 @@ class _Gathering:
         self.clean: dict[str, np.ndarray] = {}
         self.cross: dict[tuple[str, str, str], np.ndarray] = {}
         self.low: dict[tuple[str, str], np.ndarray] = {}
-        self.shaken: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+        self.shaken: dict[str, tuple[np.ndarray, np.ndarray | None, bool]] = {}
         self.slow_derived: dict[str, np.ndarray] = {}
 
     def samples(self, axis: str, **curve) -> None:
@@ -246,16 +246,17 @@ class _Gathering:
             heard = shared.heard_together(
                 {a: (self.clean if a in self.clean else self.covariates)[a]
                  for a in self.record.axes if a in coefficients}, self.dt)
-            # what moves an accelerometer is seen in it alone; each may move in a way of its own
+            # what moves one accelerometer moves others, each perhaps too little to show by itself
             accel = {a for a in self.record.axes if a in coefficients and sensor_of(a) == 'accel'}
-            for a in sorted({*heard, *accel}):
+            together = {*heard, *(accel if accel & heard.keys() else ())}
+            for a in sorted(together | accel):
                 power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
                 above = shared.share(bins, power, heard.get(a))
                 if a in heard or above is not None:
-                    self.shaken[a] = bins.f, above
+                    self.shaken[a] = bins.f, above, a in together
         length = max(1, self.used // SLOW)
-        for a, (f, share) in self.shaken.items():
-            for name, c in shared.signals(a, coefficients[a], self.dt, f, share):
+        for a, (f, share, together) in self.shaken.items():
+            for name, c in shared.signals(a, coefficients[a], self.dt, f, share, together):
                 if first:
                     self.slow_derived[name] = _block_means(idct(c, type=2, norm='ortho'), length)
                 out[name] = self.memory.keep(c)

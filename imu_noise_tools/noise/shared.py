@@ -241,13 +241,13 @@ def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     return level, seen, basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
 
 
-def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray,
-            above: np.ndarray | None) -> Iterator[tuple[str, np.ndarray]]:
+def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarray | None,
+            together: bool) -> Iterator[tuple[str, np.ndarray]]:
     """
     Yield (name, coefficients (n,)) of what is derived of an axis, one at a time.
 
     ``c`` (n,) are its coefficients, ``above`` at ``f`` (Hz) the share of its power that is not its
-    own noise.
+    own noise. What is later only of axes that hear something ``together``.
 
     """
     weight = None
@@ -255,6 +255,8 @@ def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray,
         k = np.maximum(np.arange(len(c)), 1)
         weight = np.interp(np.log(k / (2 * len(c) * dt)), np.log(f), above)
         yield axis + SHAKEN, c * weight
+    if not together:
+        return
     c = later(c)
     yield axis + LATER, c
     if weight is not None:

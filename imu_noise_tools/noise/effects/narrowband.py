@@ -70,10 +70,11 @@ class Narrowband(Spectrum):
                  if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
         some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
         forms = (self.chosen('form'),) if 'form' in self.values else FORMS
-        least = {WANDERING: bell.LEAST / evidence.duration}
-        return [self.with_values(frequency=f, width=max(width, least.get(form, 0.0)), form=form)
-                for form in forms for f, width in some
-                if form != VELOCITY or form == forms[0] or f < BLUNT * width]
+        least = bell.LEAST / evidence.duration
+        return [self.with_values(
+            frequency=f, width=max(width, least) if form == WANDERING else width, form=form)
+            for form in forms for f, width in some if form == forms[0] or (
+                width > 2 * least if form == WANDERING else f < BLUNT * width)]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""

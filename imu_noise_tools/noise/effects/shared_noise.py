@@ -68,7 +68,7 @@ class SharedNoise(Coupling):
         if not set(some) <= set(evidence.channels):
             return ()
         if self.values.get('heard'):
-            if not evidence.shaken(some[0]):
+            if not evidence.shaken_together(some[0]):
                 return ()
             some = [a + SHAKEN for a in some]
         if some[0] == some[1]:      # there is no third axis: nothing in its place
