@@ -147,6 +147,7 @@ class _Search:
         self._scored: dict[frozenset[str], Score | None] = {}
         self.scores: dict[frozenset[str], float] = {}
         self._looked = 0
+        self._yielded: list[Finding] = []       # what gave way to another on the last chain
 
     # --- models -----------------------------------------------------------------------------
 
@@ -210,7 +211,8 @@ class _Search:
 
     def chain(self, begin: Iterable[Finding] = ()) -> list[Finding]:
         """Return the chain that follows the most probable candidate from a beginning on."""
-        members, yielded = list(begin), []
+        members = list(begin)
+        self._yielded = []
         while len(members) < LONGEST:
             place = self.place(self.model_of(members))
             if place is None:
@@ -222,7 +224,7 @@ class _Search:
             for f in able:
                 first = [g for g in able if _yields(f, g)]
                 best = self._first(members, first, failed) or first and self._pair(members, place)
-                yielded += [f] if best else []
+                self._yielded += [f] if best else []
                 best = best or self._first(members, [f], failed)
                 if best:
                     break
@@ -231,7 +233,6 @@ class _Search:
             if not best:
                 break
             members += best
-        self._explained_away(members, yielded)
         return members
 
     def _first(self, members: list[Finding], some: Iterable[Finding],
@@ -343,6 +344,7 @@ class _Search:
         """
         self.scores = {}
         main = self.chain()
+        self._explained_away(main, self._yielded)
         chains = [main]
         # the first of two that say little alone has a surplus below zero
         begun = [(surplus(rival) - max(surplus(main[i]), 0.0), [*main[:i], rival])
@@ -363,7 +365,10 @@ class _Search:
         again = self.model_of(held)
         if len(held) > 1 and not whole.issuperset(again.labels) and self.place(again) is not None:
             chains.append(self.chain(held))
-        return max(chains, key=lambda c: sum(surplus(f) for f in c))
+        best = max(chains, key=lambda c: sum(surplus(f) for f in c))
+        self.scores.setdefault(frozenset(self.model_of(best).labels),
+                               float(sum(surplus(f) for f in best)))
+        return best
 
     def _rivals(self, chain: list[Finding], i: int) -> list[Finding]:
         """Return what stood out at a place of a chain and is explained away by what was chosen."""
