@@ -96,3 +96,20 @@ def test_the_bell_is_that_of_a_frequency_that_wanders_slowly():
     power = np.mean([spectrum.power(spectrum.cosine_transform(x), dt, bins) for x in y], axis=0)
     near = np.abs(bins.f - f0) < 0.4
     assert power[near] == pytest.approx(bell.binned(bins, 1.0, f0, width)[near], rel=0.25)
+
+
+def test_bins_with_edges_of_their_own_hold_what_their_coefficients_do():
+    """Among wide ones there are some of one coefficient."""
+    f0, width, n = 14.0, 1.0, 1200
+    bins = spectrum.bins_of(n, DT, tuple(np.linspace(13.0, 15.0, 25)))
+    assert np.any(np.diff(bins.count) < 0)
+    basis = dct(np.eye(n), type=2, norm='ortho', axis=0)
+    c = RMS**2 * toeplitz(bell.covariance(np.arange(n), f0, width, DT))
+    truth = bins.mean(2 * DT * np.sum((basis @ c) * basis, axis=1))
+    found = bell.binned(bins, RMS, f0, width)
+    np.testing.assert_allclose(found, truth, atol=2e-3 * np.max(truth))
+
+
+def test_allan_variance_is_nowhere_negative():
+    m = np.unique(np.geomspace(1, 333_333, 25).astype(int))
+    assert np.all(bell.avar(m, 1.0, 10.0, 2.2e-4, 0.01) >= 0)

@@ -442,3 +442,12 @@ def test_what_enters_behind_a_filter_is_told_from_what_it_filters(what, seed):
     for effect, name, true in (('white', 'N', size * np.sqrt(dt)), ('gauss_markov', 'tc', tc)):
         e = fit.estimates[effect][name]
         assert abs(e.point - true) < 4 * e.std
+
+
+@pytest.mark.parametrize('n', [200, 300])
+def test_a_record_of_few_samples_is_diagnosed(n):
+    rng = np.random.default_rng(n)
+    record = ImuRecord(1e-3 * rng.standard_normal((n, 3)), None, np.arange(n) / 50.0, 50.0)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', ('white',)))
+    assert diagnose(State(problem, fit, problem.held_out(fit.model))).verdict == 'complete'

@@ -80,17 +80,19 @@ def _unit(bins: Bins, f0: float, width: float) -> np.ndarray:
     n = bins.n
     phi = 2 * np.pi * bins.f * bins.dt
     edge = np.pi * (np.append(bins.first, bins.last[-1]) - 0.5) / n
-    many = int(np.searchsorted(bins.count, 2))      # the bins that hold one come first
+    one = bins.count == 1
+    wide, span = ~one, np.diff(edge)[~one]
     unit = np.zeros(len(phi))
-    reach = np.diff(edge)[many:] / np.sqrt(12)
+    reach = span / np.sqrt(12)
     for line in (theta, -theta):
-        alone = phi[:many] + line
-        unit[:many] += _bells(alone, alpha) - _steepness(alone, alpha) / n \
-            - _odd(alone, alpha) / (n * np.sin(phi[:many]))
-        at = edge[many:] + line
-        unit[many:] += np.diff(_risen(at, alpha) - _odd(at, alpha) / n) / np.diff(edge[many:])
-        for x in (phi[many:] - reach, phi[many:] + reach):
-            unit[many:] -= 0.5 * _odd(x + line, alpha) / (n * np.sin(x))
+        alone = phi[one] + line
+        unit[one] += _bells(alone, alpha) - _steepness(alone, alpha) / n \
+            - _odd(alone, alpha) / (n * np.sin(phi[one]))
+        begin, end = (_risen(x + line, alpha) - _odd(x + line, alpha) / n
+                      for x in (edge[:-1][wide], edge[1:][wide]))
+        unit[wide] += (end - begin) / span
+        for x in (phi[wide] - reach, phi[wide] + reach):
+            unit[wide] -= 0.5 * _odd(x + line, alpha) / (n * np.sin(x))
     return 2 * bins.dt * np.maximum(unit, 0.0)
 
 
@@ -161,7 +163,8 @@ def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.
         upto = np.minimum(k - 1, len(lags)).astype(int)
         return k * (1 + 2 * plain[upto]) - 2 * weighted[upto]
 
-    return sigma**2 * (4 * summed(m) - summed(2 * m)) / (2 * m * m)
+    # a difference of two that are nearly alike where a bell has whole cycles in m
+    return sigma**2 * np.maximum(4 * summed(m) - summed(2 * m), 0.0) / (2 * m * m)
 
 
 def sample(n: int, sigma: float, f0: float, width: float, dt: float,

@@ -266,6 +266,7 @@ class _Search:
                 self.refuted[name] = replace(f, against='beside what several axes have in the '
                                              'mean it explains nothing')
                 self.scores = {k: v for k, v in self.scores.items() if name not in k}
+                self._beside.setdefault(name, frozenset(self.labels_of(members)))
 
     def _pair(self, members: list[Finding], place: _Place) -> list[Finding]:
         """
@@ -361,7 +362,8 @@ class _Search:
                 chains.append(other)
         self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
                        or len(k) == len(whole) + 1}
-        held = [f for f, name in zip(held, self.labels_of(held)) if name not in self.refuted]
+        held = [f for f in held if f.effect is not None
+                and (f.effect.several or f.name not in self.refuted)]
         again = self.model_of(held)
         if len(held) > 1 and not whole.issuperset(again.labels) and self.place(again) is not None:
             chains.append(self.chain(held))

@@ -353,6 +353,7 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
         if isinstance(effect, Spectrum):
             mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
         if mine > 0.5:
-            pull = kurtosis_pull(difference, independent_squares(difference))
-            gain += 0.5 * pull**2 - 0.5
+            several = independent_squares(difference)
+            if several >= FEWEST:
+                gain += 0.5 * kurtosis_pull(difference, several) ** 2 - 0.5
     return gain

@@ -415,7 +415,7 @@ class Likelihood:
         for c in (model[c.label] for c in self.couplings):
             for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):
                 cross = cross - c[p.name] * np.array([pair(known, n, here) for n in names])
-        if self._known is not None:
+        if self._known is not None and len(names):
             first = np.array([self.evidence.coupled_first(n, here)[:self._count] for n in names])
             cross = self._changed(cross, -self._known * first)
         return cross, np.array([[pair(a, b, here) for b in names] for a in names])

@@ -14,6 +14,7 @@ from ...loop.effect import Effect, Estimate, Finding
 
 FORMS = ('step', 'stretch', 'drift', 'periodic', 'growth', 'swell')
 MOST = 8  # stretches
+FEWEST = 12  # blocks in which a change may be told
 LASTS = 3  # blocks that one is in at least: what is shorter is a knock or a burst of spikes
 ONE = 0.7  # of the gain in one block: it is loud by itself, and nothing changes there
 TIMES = tuple(('time', 'duration') if k == 1 else (f'time_{k}', f'duration_{k}')
@@ -85,15 +86,17 @@ class VarianceChange(Modulation):
 
         """
         t, x, w = power_in_time(evidence)
+        if len(t) < FEWEST:
+            return None
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
         w = rough_degrees(x, w)
         some = sorted(self._shapes(t, x @ w / w.sum(), float(w.sum())),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
         found = [self._refined(e, t, x, w, cost) for e, cost in some[:3]]
-        gain, effect, std = max(found, key=lambda z: z[0])
-        each = _gained(effect, t, x, w)
-        if not gain > 0 or np.max(each) > ONE * np.sum(each):
+        found = [z for z in found if z[0] > 0 and not _is_one(_gained(z[1], t, x, w))]
+        if not found:
             return None
+        gain, effect, std = max(found, key=lambda z: z[0])
         f = effect['factor']
         shape = {
             'periodic': f'swings with a period of {effect["period"]:.3g} s',
@@ -281,6 +284,11 @@ def _course(cost, switch: float) -> np.ndarray:
 def _nll(effect, t, x, w) -> float:
     """Return -ln L of power in time (blocks, groups) whose variance follows an effect."""
     return float(np.sum(_each(np.maximum(block_variance(effect, t), 1e-6), x, w)))
+
+
+def _is_one(gains: np.ndarray) -> bool:
+    """Tell whether what blocks (blocks,) gain is mostly the gain of one of them."""
+    return bool(np.max(gains) > ONE * np.sum(gains))
 
 
 def _gained(effect, t, x, w) -> np.ndarray:
