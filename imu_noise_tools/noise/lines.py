@@ -122,7 +122,12 @@ def line_penalty(n: int, known: int = 0) -> float:
 
 def sure(z: float, n: int, known: int = 0) -> bool:
     """Tell whether a line of height z^2 stands out by itself, not in company alone."""
-    return z * z > 2 * line_penalty(n, known) - BELOW
+    return z * z > _least_height(n, known)
+
+
+def _least_height(n: int, known: int = 0) -> float:
+    """Return the height z^2 from which the search takes a line up."""
+    return 2 * line_penalty(n, known) - BELOW
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,7 @@ class _Search:
         self.n, self.dt = len(c), dt
         self.whole, self.c, self.reference = c, c, reference
         # four coefficients hold a line of any phase
-        self.threshold = 2 * line_penalty(self.n) - BELOW
+        self.threshold = _least_height(self.n)
         self.window = np.empty(self.n - 1)
         self.blocked = [(0, 16), (self.n - 17, self.n - 1)]
         for i in range(0, self.n - 1, PIECE):
@@ -253,7 +258,7 @@ class _Search:
         found: list[_Spot] = []
         for _ in range(ROUNDS):
             before = len(found)
-            self.threshold = 2 * line_penalty(self.n, before) - BELOW
+            self.threshold = _least_height(self.n, before)
             self._more(found)
             if len(found) == before or len(found) >= MOST_LINES:
                 break

@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 360
-SOURCES = 'e81da75a58a5a609'
+SOURCES = 'e56b1171c86747e9'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 10.32,
