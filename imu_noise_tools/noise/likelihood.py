@@ -214,9 +214,13 @@ class Likelihood:
             lambda: self._slow_transform(effect.columns(self.inputs, **rest)[self._some]))
 
     def _slow_transform(self, y):
-        y = y - np.mean(y, axis=0)
-        c = dct(y, type=2, norm='ortho', axis=0)[1:self._count + 1]
-        return c * (self._to_full if c.ndim == 1 else self._to_full[:, None])
+        """Return the slow coefficients (q, ...) of values (n, ...) at the slow means."""
+        out = np.zeros((self._count, *y.shape[1:]))
+        some = np.any(y, axis=0)    # a form may leave columns empty
+        y = y[..., some] if y.ndim > 1 else y
+        c = dct((y - np.mean(y, axis=0)).T, type=2, norm='ortho')[..., 1:self._count + 1]
+        out[..., some] = (c * self._to_full).T if y.ndim > 1 else (c * self._to_full)[:, None]
+        return out
 
     def _less_known(self, power, slow):
         """Return the bins' power less the mean that is known, of slow coefficients (q,)."""

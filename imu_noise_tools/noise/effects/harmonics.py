@@ -3,6 +3,7 @@
 
 """Harmonics: an engine, a fan, the mains; lines at whole multiples of one frequency."""
 
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -74,25 +75,10 @@ class Harmonics(Line):
         return sorted(self._family(evidence, free)[1].values())
 
     def _family(self, evidence, free) -> tuple[float, dict[int, int]]:
-        """Return f0, and which row stands at each of its orders; the sets of low orders first."""
-        f = evidence.line_table[free, 0]
-        given = self.values.get('frequency')
-        best: tuple[float, dict[int, int]] = 0.0, {}
-        # then those of which no line is seen as it is, where they hold more
-        for is_folded, most in product((False, True), HIGHEST):
-            trials = _trials(f, most, is_folded, evidence.dt)
-            for f0, k in trials:
-                if is_folded and f0 * evidence.dt > 0.5:    # that of its mirror image
-                    continue
-                if given and abs(f0 - given) > max(1 / evidence.duration, 1e-3 * given):
-                    continue
-                found, chance = _at_orders(f, f0, k, most, evidence)
-                if len(found) <= max(len(best[1]), 1):
-                    continue
-                likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
-                if likely * len(trials) * len(HIGHEST) < CHANCE:
-                    best = f0, {order: free[i] for order, i in found.items()}
-        return best
+        """Return f0, and which row stands at each of its orders."""
+        f0, orders = _family_of(tuple(evidence.line_table[free, 0].tolist()),
+                                self.values.get('frequency'), evidence.duration, evidence.dt)
+        return f0, {order: free[i] for order, i in orders}
 
     def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
         """Return f0 by least squares from all orders, and the amplitude of each."""
@@ -130,6 +116,34 @@ class Harmonics(Line):
                     'amplitude_4': 3e-5})
 
 
+@lru_cache(maxsize=64)
+def _family_of(lines: tuple[float, ...], given: float | None, duration: float, dt: float,
+               ) -> tuple[float, tuple[tuple[int, int], ...]]:
+    """
+    Return f0, and (order, which line) of the largest set; the sets of low orders first.
+
+    Worked out once: each fit asks again for the lines of the same record.
+
+    """
+    f = np.array(lines)
+    best: tuple[float, dict[int, int]] = 0.0, {}
+    # then those of which no line is seen as it is, where they hold more
+    for is_folded, most in product((False, True), HIGHEST):
+        trials = _trials(f, most, is_folded, dt)
+        for f0, k in trials:
+            if is_folded and f0 * dt > 0.5:    # that of its mirror image
+                continue
+            if given and abs(f0 - given) > max(1 / duration, 1e-3 * given):
+                continue
+            found, chance = _at_orders(f, f0, k, most, duration, dt)
+            if len(found) <= max(len(best[1]), 1):
+                continue
+            likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
+            if likely * len(trials) * len(HIGHEST) < CHANCE:
+                best = f0, found
+    return best[0], tuple(best[1].items())
+
+
 def _trials(f: np.ndarray, most: int, is_folded: bool, dt: float) -> list[tuple[float, int]]:
     """Return (f0, order) as which each line f (l,) may be read, seen as it is or folded."""
     orders = range(1, min(most, LOWEST) + 1)
@@ -139,7 +153,8 @@ def _trials(f: np.ndarray, most: int, is_folded: bool, dt: float) -> list[tuple[
                    for side in (1, -1) for x in f}, reverse=True)
 
 
-def _at_orders(f, f0: float, k: int, most: int, evidence) -> tuple[dict[int, int], float]:
+def _at_orders(f, f0: float, k: int, most: int, duration: float, dt: float,
+               ) -> tuple[dict[int, int], float]:
     """
     Return ({order: which of f stands there}, the chance that an unrelated line stands at one).
 
@@ -147,11 +162,11 @@ def _at_orders(f, f0: float, k: int, most: int, evidence) -> tuple[dict[int, int
 
     """
     order = np.arange(1, most + 1)
-    width = CELLS / evidence.duration * (1 + order / k)
-    chance = min(float(np.sum(4 * width * evidence.dt)), 1.0)
+    width = CELLS / duration * (1 + order / k)
+    chance = min(float(np.sum(4 * width * dt)), 1.0)
     if not len(f):
         return {}, chance
-    off = np.abs(f - folded(order * f0, evidence.dt)[:, None])
+    off = np.abs(f - folded(order * f0, dt)[:, None])
     near = np.argmin(off, axis=1)
     found: dict[int, int] = {}
     for j in np.flatnonzero(off[order - 1, near] < width).tolist():
