@@ -15,17 +15,18 @@ from params import daily
 import pytest
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import brentq
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, lfilter, sosfilt
 from scipy.stats import binom
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import Estimate, find_effect, Model, model_of
+from imu_noise_tools.noise.descent import minimise
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.search import Search
-from imu_noise_tools.noise.starts import starts
+from imu_noise_tools.noise.starts import _carried, starts
 
 BASE = ('white', 'flicker', 'random_walk')
 MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5 deg/h
@@ -465,3 +466,28 @@ def test_what_is_no_part_of_a_form_is_not_searched_for():
         slots = [name for label, name in found.details.slots if label == 'low_pass']
         plain += found.model['low_pass'].chosen('form') == 'first_order' and slots == ['cutoff']
     assert plain >= 3
+
+
+@pytest.mark.parametrize('names', (('white', 'flicker', 'random_walk', 'narrowband'),
+                                   ('white', 'gauss_markov', 'narrowband')))
+def test_a_fit_of_what_no_model_explains_ends_at_its_minimum_in_few_steps(names):
+    """Noise in a band with steep edges: with the information alone it takes up to 65 steps."""
+    rng, n, rate = np.random.default_rng(2), 20_000, 50.0
+    x = 0.02 * rng.standard_normal((n, 3))
+    for band, order, size in (((6, 14), 4, 1.0), ((0.01, 3), 3, 3.0)):
+        some = butter(order, band, 'band', output='sos', fs=rate)
+        x[:, 0] += size * sosfilt(some, rng.standard_normal(n))
+    evidence = gather(ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate), ['gyro_x'])['gyro_x']
+    likelihood = Likelihood(evidence, 'whole', model_of('noise', names))
+    for begun, start in starts(likelihood, None)[:3]:
+        here = Likelihood(evidence, 'whole', begun)
+        asked = []
+        here.derivatives = lambda *a: asked.append(a) or Likelihood.derivatives(here, *a)
+        found, least = minimise(here, _carried(likelihood, start, here))
+        assert len(asked) < 32
+        _, linear, v, each = here.value(found)
+        gradient, information = here.derivatives(found, linear, v, each)
+        low, high = here.bounds
+        free = (found > low) & (found < high)
+        away = np.abs(gradient) / np.sqrt(np.maximum(np.diag(information), 1e-9))
+        assert np.max(away[free]) < 0.05

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .likelihood import Likelihood
@@ -52,19 +54,22 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
     best, linear, v, each = value(x)
     damping = 1e-3
     reach = np.array([np.inf if s.label == OPEN else REACH for s in likelihood.slots])
-    lacks, last = np.zeros((len(x), len(x))), (x, x)
+    lacks, last, told = np.zeros((len(x), len(x))), None, False
     for step in range(steps):
         gradient, information = likelihood.derivatives(x, linear, v, each)
         if reddest is not None:
             gradient[reddest] -= penalty
-        if step:
-            lacks = _learnt(lacks, x - last[0], gradient - last[1], information)
-        last = x, gradient
+        if last is not None:
+            moved = x - last.x
+            # what foretold the last step better is believed for the next
+            told = step >= PATIENCE and last.misses(moved, best, lacks) < last.misses(moved, best)
+            lacks = _learnt(lacks, moved, gradient - last.gradient, information)
+        last = _Here(x, best, gradient, information)
         # what a bound stops does not move, or it would bend the way of the others
         able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
         if not able.any():
             break
-        curved = _curved(information, lacks, able) if step >= PATIENCE else information
+        curved = _curved(information, lacks, able) if told else information
         for damping, moved in _moves(x, able, gradient, curved, damping, reach):
             trial = np.clip(moved, lower, upper)
             result = value(trial)
@@ -78,6 +83,20 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
             break
         damping = min(max(damping / 10, 1e-9), 1.0)
     return x, best
+
+
+class _Here(NamedTuple):
+    """A place on the way: x (p,), -ln L, its gradient (p,) and the information (p, p)."""
+
+    x: np.ndarray
+    nll: float
+    gradient: np.ndarray
+    information: np.ndarray
+
+    def misses(self, moved: np.ndarray, nll: float, lacks: np.ndarray | float = 0.0) -> float:
+        """Return by how much the parabola here, of more curvature, misses -ln L after a step."""
+        curved = self.information + lacks
+        return abs(self.nll + float(moved @ (self.gradient + 0.5 * curved @ moved)) - nll)
 
 
 def _learnt(lacks, moved, turned, information):
