@@ -323,3 +323,17 @@ def test_a_line_of_forty_nats_is_borne_out_by_each_half():
                       - views.frequency(problem.evidence, part, fits[1]).deviance
                       for part in ('first', 'second')])
     assert min(sides[0]) > 10 and sides[1] == [0.0, 0.0], sides
+
+
+@pytest.mark.parametrize(('cycles', 'skew', 'count'),
+                         [(7.0, 0.5, 0), (9.3, 0.5, 0), (9.3, 0.0, 1), (14.0, 0.5, 2)])
+def test_the_orders_of_a_slow_swing_are_no_lines(cycles, skew, count):
+    """Of a mean that swings a few times and is no sine; a sine and what is faster are lines."""
+    rng = np.random.default_rng(71)
+    n = 16_000
+    t = np.arange(n) * DT
+    turn = 2 * np.pi * cycles * t / t[-1] + 1.0
+    gyro = 7e-4 * rng.standard_normal((n, 3))
+    gyro[:, 0] += hidden.random_walk(n, DT, 1e-5, rng) + 8e-4 * np.cos(turn + skew * np.sin(turn))
+    found = gather(ImuRecord(gyro, None, t, 1 / DT), axes=('gyro_x',))['gyro_x'].line_table
+    assert len(found) == count, found

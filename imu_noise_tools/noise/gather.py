@@ -26,7 +26,7 @@ from . import shared
 from .evidence import Common, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
-    also_in, find_peaks, fine_edges, PIECE, reference_spectrum, take_lines_out, waves
+    also_in, find_peaks, fine_edges, of_a_swing, PIECE, reference_spectrum, take_lines_out, waves
 )
 from .quiet import loud_stretches, quiet_spectrum
 from .sweep import find_sweep
@@ -175,7 +175,10 @@ class _Gathering:
         self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
         table, own['humps'] = find_peaks(c, reference, self.dt)
-        own['line_table'] = table[~self._followed(table[:, 0])]
+        length = max(1, self.used // SLOW)
+        slow = of_a_swing(
+            table[:, 0], _block_means(self.clean[axis][:self.used], length), length * self.dt)
+        own['line_table'] = table[~(self._followed(table[:, 0]) | slow)]
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')

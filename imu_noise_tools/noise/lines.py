@@ -47,6 +47,7 @@ MULTIPLE = 3.5  # nats that one of a dozen frequencies reaches by chance every t
 MEMBER = 2.5  # nats beyond that from which it is a line: then one of a dozen in fifteen families
 OFF, STEP = 0.2, 0.15  # of 1/T by which a line may be off its order, and by which it is sought
 POWERS = 3  # of a slow quantity that a mean may follow
+SWING, ORDERS = 10.0, 3  # cycles in the record up to which what recurs is slow, and its orders
 CELL = 1  # coefficients by which lines of one cause may be apart: half a cycle in the record
 
 
@@ -614,6 +615,32 @@ def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.nda
             best = int(np.argmax(energy))
             # chi-squared with two degrees of freedom, at as many places as there are cells near
             out[i] |= near[best] and energy[best] > 2 * np.log(1000 * POWERS * 2 * CELL)
+    return out
+
+
+def of_a_swing(frequency: np.ndarray, y: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Tell which lines of an axis, Hz (l,), are orders of one slow swing of its mean.
+
+    A swing of a few cycles in the record that is no sine has orders that are fast enough to be
+    lines; by themselves they would be a machine's. Of one that is a sine there is one line.
+
+    Parameters
+    ----------
+    frequency : ndarray (l,)
+        Of the lines, Hz.
+    y : ndarray (s,)
+        Slow means of the axis.
+    dt : float
+        Their interval, s.
+
+    """
+    out, cell = np.zeros(len(frequency), bool), CELL / (2 * len(y) * dt)
+    for order in range(2, ORDERS + 1):
+        first = frequency / order
+        mine = also_in(first, y, dt, int(2 * SWING))
+        out |= mine
+        out |= np.any(np.abs(frequency[:, None] - first[mine]) < cell, axis=1)
     return out
 
 

@@ -7,11 +7,12 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter
+from ..lines import ORDERS, SWING
 from ...loop.effect import Effect
 
 
-ORDERS = 3  # what a room, a day or a regulator has beyond is little
-CYCLES = np.linspace(0.5, 10, 24)  # in the record, that are started from
+# what a room, a day or a regulator has beyond those orders is little
+CYCLES = np.linspace(0.5, SWING, 24)  # in the record, that are started from
 
 
 class SlowPeriodic(Mean):
