@@ -493,3 +493,17 @@ def test_a_step_is_no_noise_that_is_loud_where_it_comes(times, at):
         views.variance(problem.evidence, problem.point(m))
         for m in (first, first.plus(registry('noise')['step']())))
     assert np.max(without.pull) > 6 and np.max(np.abs(with_it.pull)) < 5
+
+
+@pytest.mark.parametrize(('free', 'holds'), [(60.0, True), (1e6, False)])
+def test_a_coupling_claims_what_it_tells_beside_all_others(monkeypatch, free, holds):
+    """A filter that was found later may have hidden most of it where it was found."""
+    signal = 2 * SIZE * np.random.default_rng(45).standard_normal(N)
+    gyro = np.column_stack(axes_with(signal, np.random.default_rng(46)))
+    problem = NoiseProblem(gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x'])
+    without, model = (model_of('noise', names) for names in (
+        ('white', 'random_walk'), ('white', 'random_walk', 'shared_noise')))
+    monkeypatch.setattr(flexible, '_gains_free', lambda *_: free)
+    said = flexible.shape(problem.evidence, problem.point(model), problem.point(without),
+                          'shared_noise', 100.0)
+    assert (not said) == holds, said

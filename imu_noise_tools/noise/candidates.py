@@ -19,13 +19,12 @@ from . import views
 from .evidence import Evidence
 from .explained import Bands, gained, supported
 from .fit import fit as fit_part
-from .flexible import asks_nothing
+from .flexible import asks_nothing, told_by_gains
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
-from ..core.linear import inverse
 from ..loop.effect import Finding, Fit, Model, registry, unfitted
 from ..loop.verdict import DIRECTED, PRICE
 
@@ -187,8 +186,7 @@ def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:
     if isinstance(effect, (Spectrum, Response)):
         gain = min(gain, _own(evidence, after, label, partly))
     if isinstance(effect, Coupling):
-        count = sum(p.linear for p in effect.parameters)
-        gain = min(gain, _shared(evidence, after, count)) / model_crowd(before.model)
+        gain = min(gain, told_by_gains(evidence, after, label)) / model_crowd(before.model)
     return gain
 
 
@@ -208,23 +206,6 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
     with_it, without = (
         supported(bands, d.power, d.weight, x, CAP, partly) for x in (d.v, v))
     return with_it - without
-
-
-def _shared(evidence: Evidence, fit: Fit, count: int) -> float:
-    """
-    Return what the last coupling of a fit, of ``count`` gains, tells by them alone, nats.
-
-    That is 1/2 g' C^-1 g of its gains g, C their covariance beside all others, at the spectrum of
-    the fit. A candidate's gain is what it claims; where the fit before it was caught at another
-    place the refit gains more, and the spectrum that it finds is none of the coupling's doing.
-
-    """
-    model = fit.model
-    solved = Likelihood(evidence, 'whole', model).solve_linear(model, fit.details.v)
-    last = sum(p.linear for e in model.of(Coupling) for p in e.parameters)
-    mine = slice(last - count, last)
-    gains = solved.beta[mine]
-    return 0.5 * float(gains @ inverse(solved.covariance[mine, mine]) @ gains)
 
 
 def _shapes(effect: NoiseEffect, estimates) -> int:

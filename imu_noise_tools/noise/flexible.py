@@ -164,6 +164,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         where = 'in time'
     elif isinstance(effect, Coupling):
         gain = _gains_free(evidence, fit, effect)
+        # where it was found, what hid it from the spectrum may have hidden most of what it tells
+        claim = max(claim, told_by_gains(evidence, fit, label))
         if gain > max(FLEXIBLE, HEALED * claim):
             return f'gains that are free in every half octave fit better by {gain:.0f} nats'
         gain = 0.0
@@ -326,6 +328,23 @@ def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
         if np.sum(w[some]) > ENOUGH * np.sum(there):
             gain += 0.5 * float(c @ inverse(gram) @ c - np.sum(there))
     return gain
+
+
+def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
+    """
+    Return what a coupling of a fit tells by its gains alone, nats.
+
+    That is 1/2 g' C^-1 g of its gains g, C their covariance beside all others, at the spectrum of
+    the fit. A candidate's gain is what it claims; where the fit before it was caught at another
+    place the refit gains more, and the spectrum that it finds is none of the coupling's doing.
+
+    """
+    model = fit.model
+    solved = Likelihood(evidence, 'whole', model).solve_linear(model, fit.details.v)
+    owners = [e.label for e in model.of(Coupling) for p in e.parameters if p.linear]
+    mine = np.flatnonzero(np.array(owners) == label)
+    gains = solved.beta[mine]
+    return 0.5 * float(gains @ inverse(solved.covariance[np.ix_(mine, mine)]) @ gains)
 
 
 def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
