@@ -507,3 +507,9 @@ def test_a_coupling_claims_what_it_tells_beside_all_others(monkeypatch, free, ho
     said = flexible.shape(problem.evidence, problem.point(model), problem.point(without),
                           'shared_noise', 100.0)
     assert (not said) == holds, said
+
+
+def test_no_form_of_the_spectrum_stands_for_samples_that_are_equal():
+    held = registry('noise')['duplicates']()
+    fit = SimpleNamespace(model={'duplicates': held})
+    assert flexible.shape(None, fit, None, 'duplicates', 1.0) == ''

@@ -45,6 +45,7 @@ class Duplicates(Defect, Response):
     views = ('frequency', 'time', 'distribution', 'variance', 'repeats')
     mutes = ('distribution', 'variance')  # whitened, held samples are neither normal nor steady
     last = True
+    certain = True      # exactly equal beyond what the resolution makes: no spectrum does that
     decide = 'read the sensor at its own rate'
     parameters = (
         Parameter('fraction', '1', 1e-6, 0.99, amplitude=True, title='share of repeated samples'),
