@@ -513,3 +513,17 @@ def test_no_form_of_the_spectrum_stands_for_samples_that_are_equal():
     held = registry('noise')['duplicates']()
     fit = SimpleNamespace(model={'duplicates': held})
     assert flexible.shape(None, fit, None, 'duplicates', 1.0) == ''
+
+
+@pytest.mark.parametrize(('last', 'fall'), [(False, 1), (True, 2)])
+def test_of_several_of_one_name_the_last_is_asked_first(last, fall):
+    """What they leave together is held against each of them."""
+    search = object.__new__(_Search)
+    search.base, search._beside = model_of('noise', ('white',)), {}
+    search._unconfirmed = lambda *_: (100.0, '')
+    search._unhealed_with = lambda *_: ''
+    search._shadowed = lambda *_: ''
+    search._shaped = lambda model, name, f: 'a smooth form fits better'
+    band = Finding('narrowband', 100.0, registry('noise')['narrowband'](), view='frequency')
+    out = search.backward([band, band], last=last)
+    assert [*out] == ['narrowband', 'narrowband.2'][-fall:]

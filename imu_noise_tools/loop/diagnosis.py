@@ -447,9 +447,15 @@ class _Search:
                 self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
+        bent: dict[str, str] = {}   # of each name the last one with another shape
         for k, f in members.items():
             before, place, later = place, place.plus(_new(f)), later[1:]
-            against = self._unhealed_with(before, place, f, later) or self._shaped(model, k, f)
+            against = self._unhealed_with(before, place, f, later)
+            if not against and (against := self._shaped(model, k, f)):
+                # what one leaves is held against each of its name: the last one is asked first
+                if not last:
+                    out.pop(bent.get(f.name, ''), None)
+                bent[f.name] = k
             if against:
                 out[k] = replace(f, against=against)
         for k, f in members.items() if last or not out else ():
