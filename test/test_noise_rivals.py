@@ -495,6 +495,21 @@ def test_a_step_is_no_noise_that_is_loud_where_it_comes(times, at):
     assert np.max(without.pull) > 6 and np.max(np.abs(with_it.pull)) < 5
 
 
+def test_a_floor_that_falls_lays_bare_what_stood_beside_it():
+    """Flicker alone leaves more of the angle's rounding than there was: both heal what neither."""
+    rng = np.random.default_rng(3)
+    n, dt = 120_000, 1 / 4000
+    gyro = [1.6e-5 * np.sqrt(1 / dt) * rng.standard_normal(n) + hidden.flicker(n, dt, 3.2e-4, rng)
+            + hidden.random_walk(n, dt, 1e-5, rng) for _ in range(3)]
+    gyro = np.column_stack(gyro) + 6.8e-7 / dt * np.diff(rng.standard_normal((n + 1, 3)), axis=0)
+    record = ImuRecord(gyro, None, np.arange(n) * dt, 1 / dt)
+    study = analyse_record(record, axes=('gyro_x',), effects=('white', 'random_walk'),
+                           keep_motion=True)
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    assert {f.name for f in said.found} == {'flicker', 'quantization'}, said
+    assert said.remaining is None
+
+
 @pytest.mark.parametrize(('free', 'holds'), [(60.0, True), (1e6, False)])
 def test_a_coupling_claims_what_it_tells_beside_all_others(monkeypatch, free, holds):
     """A filter that was found later may have hidden most of it where it was found."""

@@ -274,19 +274,22 @@ class _Search:
 
         Noise is stretched over both, and what one of them leaves stands out the more: of two
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
-        little by itself; then the second must gain what it lacks. Of others only the best is
-        tried first.
+        little by itself; then the second must gain what it lacks. Of others only the best of each
+        sort is tried first. A spectrum with one of two has a lower floor, above which the other
+        stands out the more.
 
         """
-        before, asked = self.model_of(members), False
+        before, asked = self.model_of(members), set[bool]()
         failing = {t.view for t in failures(self.tests(before))}
         for f in self.open_at(place):
-            if f.effect is None or not f.effect.paired:
+            if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
-            clear = surplus(f) > 0 and f.view in failing and not asked
-            if not clear and not (f.effect.several and f.gain >= HINT * f.penalty):
+            paired = f.effect.paired
+            clear = surplus(f) > 0 and f.view in failing and paired not in asked
+            if not clear and not (paired and f.effect.several and f.gain >= HINT * f.penalty):
                 continue
-            asked |= clear
+            if clear:
+                asked.add(paired)
             between = self.place(before.plus(_new(f)))
             if between is None:
                 continue
@@ -525,7 +528,8 @@ class _Search:
 
         """
         against = self._unhealed(before, after, finding)
-        if not against or finding.effect is None or not finding.effect.paired:
+        if not against or finding.effect is None or not (
+                finding.effect.paired or finding.effect.uncovers):
             return against
         for g in later:
             other, both = before.plus(_new(g)), after.plus(_new(g))
@@ -661,9 +665,10 @@ def _yields(one: Finding, other: Finding) -> bool:
 
 
 def _pairs(one: Finding, other: Finding) -> bool:
-    """Tell whether noise may be stretched over both of two findings."""
-    some = [f.effect is not None and f.effect.paired for f in (one, other)]
-    return all(some) and one.view == other.view
+    """Tell whether one of two findings may hide the other one in the view of both."""
+    some = [f.effect for f in (one, other) if f.effect is not None]
+    return len(some) == 2 and one.view == other.view and (
+        all(e.paired for e in some) or all(e.uncovers for e in some))
 
 
 def _both(one: Finding, other: Finding) -> Finding:

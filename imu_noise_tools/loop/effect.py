@@ -138,6 +138,8 @@ class Effect:
     counted: ClassVar[bool] = True  # does the view that shows it count what it claims?
     # is noise stretched over what several such leave, so that two heal what one of them does not?
     paired: ClassVar[bool] = False
+    # does what it explains lay bare what another such does, so that two heal what one does not?
+    uncovers: ClassVar[bool] = False
     # may what it explains be what a paired one does on other targets too? then it is tried later
     yields: ClassVar[bool] = False
     # parameters that are null unless the record asks for them: a simpler form is no other effect

@@ -200,6 +200,7 @@ class Spectrum(NoiseEffect):
     """Adds power: a stationary Gaussian process, independent of all others."""
 
     views: ClassVar[tuple[str, ...]] = ('frequency', 'time')
+    uncovers = True     # the floor falls with it, and what stood beside it stands out the more
     #: whether the sensor's own response acts on it (quantization happens behind the filter)
     filtered = True
     #: whether it is the noise of the element itself, ahead of every filter
