@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import chirp, iirnotch, iirpeak, lfilter
+from scipy.signal import butter, chirp, iirnotch, iirpeak, lfilter, sosfilt
 from scipy.stats import kurtosistest
 
 import hidden
@@ -25,7 +25,7 @@ from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.diagnosis import _Search
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.noise import flexible, views
-from imu_noise_tools.noise.candidates import _one as tried, by_one_measure, Tried
+from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
@@ -236,6 +236,36 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
 
 
 @pytest.mark.thorough
+def alone(x, *names):
+    """Return the problem of an axis beside two of white noise, and the fit of some effects."""
+    rng = np.random.default_rng(0)
+    others = SIZE * rng.standard_normal((N, 2))
+    problem = NoiseProblem(gather(
+        ImuRecord(np.column_stack([x, others]), None, T, 1 / DT), ['gyro_x'])['gyro_x'])
+    return problem, problem.point(model_of('noise', names))
+
+
+def test_a_peak_wider_than_one_may_be_is_none_beside_the_others():
+    """Noise behind a band-pass from 8 to 12 Hz; a resonance, wide but one."""
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal((2, N + 3000))
+    band = butter(3, (8.0, 12.0), 'band', output='sos', fs=1 / DT)
+    b, a = iirpeak(10.0, 5.0, fs=1 / DT)
+    for x, is_one in ((sosfilt(band, white[0]), False), (lfilter(b, a, white[0]), True)):
+        problem, fit = alone(SIZE * (white[1] + x)[3000:], 'white', 'narrowband')
+        against = problem.shape(fit, 'narrowband', 500.0)
+        assert ('width lies at its bound' in against) != is_one, against
+
+
+@pytest.mark.parametrize('width, against', ((1.0, ''), (2.0, 'width'), (3.0, 'width')))
+def test_a_shape_beyond_a_bound_that_goes_with_another_is_at_it(width, against):
+    """At 6 Hz the widest peak has 2 Hz, wherever the fit began."""
+    peak = find_effect('noise', 'narrowband')().with_values(
+        frequency=6.0, width=width, rms=SIZE, form='velocity')
+    said = at_bound(SimpleNamespace(duration=600.0, dt=DT), peak, {})
+    assert against in said and bool(against) == bool(said)
+
+
 def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
     rng = np.random.default_rng(46)

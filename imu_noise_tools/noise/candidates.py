@@ -10,6 +10,7 @@ Every registered effect is tried, with the log-likelihood it gains.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast, NamedTuple, TYPE_CHECKING
 
@@ -25,7 +26,7 @@ from .likelihood import Likelihood
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
-from ..loop.effect import Finding, Fit, Model, registry, unfitted
+from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
 from ..loop.verdict import DIRECTED, PRICE
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
-        against=_at_bound(evidence, more.model[label], more.estimates[label]),
+        against=at_bound(evidence, more.model[label], more.estimates[label]),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=max(bonus, 0.0),
     )
@@ -223,13 +224,16 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     return min(priced - 1 + clear, MOST_SHAPES)
 
 
-def _at_bound(evidence: Evidence, effect, estimates) -> str:
+def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimate]) -> str:
     """
     Say that a shape lies at its bound: that is no estimate, another effect is meant.
 
-    At it, or so near that its estimate does not tell it from there.
+    At it, or so near that its estimate does not tell it from there; or beyond: a bound that goes
+    with another parameter has moved with that since the fit began.
 
     """
+    if not isinstance(effect, NoiseEffect) or isinstance(effect, MEASURED):
+        return ''
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
         if p.amplitude or p.linear or p.discrete or p.name in effect.optional:
@@ -237,10 +241,11 @@ def _at_bound(evidence: Evidence, effect, estimates) -> str:
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)
         slack = 0.01 * (np.log(high / low) if p.log else high - low)
-        at = [np.log(effect[p.name] / x) if p.log else effect[p.name] - x for x in (low, high)]
+        within = [np.log(b / a) if p.log else b - a
+                  for a, b in ((low, effect[p.name]), (effect[p.name], high))]
         std = estimates[p.name].std if p.name in estimates else None
         told = np.inf if std is None else 2 * std / (effect[p.name] if p.log else 1.0)
-        if min(abs(x) for x in at) < min(slack, max(told, 0.1 * slack)):
+        if min(within) < min(slack, max(told, 0.1 * slack)):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import classic, flexible, views
-from .candidates import candidates, Tried
+from .candidates import at_bound, candidates, Tried
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
@@ -250,11 +250,18 @@ class NoiseProblem(Problem):
         return any(k[:-1] == known for k in self.tried)
 
     def shape(self, fit: Fit, label: str, claim: float) -> str:
-        """Say that a flexible form does better than an effect of the model, which gains claim."""
+        """
+        Say that a flexible form does better than an effect of the model, which gains claim.
+
+        Or that beside the others its form is none: what is refused as a candidate is no member.
+
+        """
         key = (*fit.model.labels, label, claim)
         if key not in self._shapes:
             without = self.point(unfitted(fit.model.minus(label)))
-            self._shapes[key] = flexible.shape(self.evidence, fit, without, label, claim)
+            self._shapes[key] = at_bound(
+                self.evidence, fit.model[label], fit.estimates.get(label, {})) or flexible.shape(
+                    self.evidence, fit, without, label, claim)
         return self._shapes[key]
 
     def materiality(self, fit: Fit) -> tuple[float, float, bool]:
