@@ -266,6 +266,21 @@ def test_a_shape_beyond_a_bound_that_goes_with_another_is_at_it(width, against):
     assert against in said and bool(against) == bool(said)
 
 
+@pytest.mark.parametrize('power', (0.5, 0.7))
+def test_what_the_others_do_elsewhere_is_no_claim_of_a_notch(power):
+    """Beside a dip they bend to f^-p, and 200 nats that are left are little of those 10^4."""
+    rng = np.random.default_rng(2)
+    problem, fit = alone(SIZE * coloured(rng, power),
+                         'white', 'flicker', 'random_walk', 'notch')
+    without = problem.point(fit.model.minus('notch'))
+    assert flexible.shape(problem.evidence, fit, without, 'notch', 50.0)
+    b, a = iirnotch(20.0, 2.0, fs=1 / DT)
+    x = lfilter(b, a, rng.standard_normal(N)) + 0.05 * rng.standard_normal(N)
+    problem, fit = alone(SIZE * x, 'white', 'notch')
+    assert not problem.shape(fit, 'notch', 50.0)
+    assert flexible._own(problem.evidence, fit, 'notch') > 1000
+
+
 def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
     rng = np.random.default_rng(46)

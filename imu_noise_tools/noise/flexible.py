@@ -151,10 +151,12 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
         if isinstance(effect, Spectrum) and effect.centre is not None:
-            claim = max(claim, fit.details.ml - without.details.ml)
+            claim = max(claim, min(fit.details.ml - without.details.ml,
+                                   _own(evidence, fit, label)))
         if isinstance(effect, Response):    # of a claim no band counts more than a little
             _, x, _ = spectrum_left(evidence, without)
-            claim = max(claim, smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])))
+            claim = max(claim, min(smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])),
+                                   _own(evidence, fit, label)))
         where = f'between {f[i]:.3g} and {f[j]:.3g} Hz'
     elif isinstance(effect, Mean):
         gain = _mean_gain(evidence, fit)
@@ -186,6 +188,20 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
             return f'what it explains is not normal noise, by {gain:.0f} nats'
     return ''
+
+
+def _own(evidence: Evidence, fit: Fit, label: str) -> float:
+    """
+    Return what a fit loses without an effect, nats, where all others keep their values.
+
+    What the others do in another place beside it, where a fit without it was caught, is not its.
+
+    """
+    rest, d = fit.model.minus(label), fit.details
+    if not rest.of(Spectrum):
+        return np.inf
+    v, _ = Likelihood(evidence, 'whole', rest).spectra(rest)
+    return 0.5 * float(np.sum(d.weight * (np.log(v / d.v) + d.power / v - d.power / d.v)))
 
 
 def _joined(fit: Fit, effect: Spectrum, dt: float) -> bool:
