@@ -281,6 +281,17 @@ def test_what_the_others_do_elsewhere_is_no_claim_of_a_notch(power):
     assert flexible._own(problem.evidence, fit, 'notch') > 1000
 
 
+def test_what_a_sweeping_line_outweighs_may_be_its_doing():
+    """But no peak is, nor what explains more."""
+    evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]))
+    filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
+    assert flexible._swept(evidence, filtered, 25.0)
+    assert not flexible._swept(evidence, filtered, 250.0)
+    assert not flexible._swept(evidence, peak, 25.0)
+    faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
+    assert not flexible._swept(faint, filtered, 25.0)
+
+
 def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
     rng = np.random.default_rng(46)

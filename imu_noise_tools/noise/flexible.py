@@ -24,6 +24,7 @@ from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
 from .likelihood import Likelihood
+from .sweep import Sweep
 from ..core.linear import inverse
 from ..core.statistics import independent_squares, kurtosis_pull
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
@@ -177,6 +178,9 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
         return _beside_a_knee(evidence, fit, label, claim)
+    against = _swept(evidence, effect, claim)
+    if against:
+        return against
     if isinstance(effect, Spectrum) and _joined(fit, effect, evidence.dt):
         return 'with other peaks it draws one shape: there is no valley between them'
     if effect.broad:
@@ -188,6 +192,22 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
             return f'what it explains is not normal noise, by {gain:.0f} nats'
     return ''
+
+
+def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
+    """
+    Say that a line that sweeps stands out by more than an effect explains of the spectrum.
+
+    What is spread over many frequencies stands out of the spectrum by less than along its path,
+    and bends it like a filter or a drift; a peak it is not.
+
+    """
+    sweep = Sweep(*evidence.sweep.tolist())
+    peak = isinstance(effect, Spectrum) and effect.centre is not None
+    if not isinstance(effect, (Spectrum, Response)) or peak or effect.certain \
+            or sweep.sure <= FLEXIBLE or sweep.strong <= claim:
+        return ''
+    return f'a line that sweeps, which bends the spectrum as well, has {sweep.strong:.0f} nats'
 
 
 def _own(evidence: Evidence, fit: Fit, label: str) -> float:
