@@ -235,7 +235,6 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
         assert all(flexible._joined(fit, e, DT) == joined for e in peaks)
 
 
-@pytest.mark.thorough
 def alone(x, *names):
     """Return the problem of an axis beside two of white noise, and the fit of some effects."""
     rng = np.random.default_rng(0)
@@ -292,6 +291,7 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     assert not flexible._swept(faint, filtered, 25.0)
 
 
+@pytest.mark.thorough
 def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
     rng = np.random.default_rng(46)
