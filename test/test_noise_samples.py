@@ -259,6 +259,56 @@ def test_a_shock_may_be_longer_than_what_is_usually_looked_at_around_it():
     assert len(_beyond_the_spectrum(y, kept, 1 / 4000)['begin'])
 
 
+@pytest.mark.parametrize('louder, lasts', [(5, 50), (5, 200), (10, 50), (10, 200)])
+def test_what_is_louder_for_a_while_is_no_shock(louder, lasts):
+    """It ends as it began; a shock dies out."""
+    for seed in range(4):
+        rng = np.random.default_rng([23, seed])
+        scale = np.ones(N)
+        for i in rng.integers(0, N, 5):
+            scale[i:i + int(rng.exponential(lasts)) + 10] = np.sqrt(louder)
+        y = rng.standard_normal(N) * scale
+        kept = SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+        assert np.all(kept.get('ring', 0.0 if kept else 1.0) > 0)   # a few of it may seem to ring
+
+
+@pytest.mark.parametrize('memory', [100, 400])
+def test_noise_whose_loudness_wanders_has_no_shocks(memory):
+    """What is loudest of it is no louder than what else wanders makes likely."""
+    shocks = 0
+    for seed in range(4):
+        rng = np.random.default_rng([24, seed])
+        wander = lfilter([1], [1, -np.exp(-1 / memory)], rng.standard_normal(N))
+        y = rng.standard_normal(N) * np.exp(0.35 * wander / np.std(wander))
+        shocks += bool(SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01)))
+    assert shocks <= 1
+
+
+@pytest.mark.parametrize('length', [4, 8, 16])
+@pytest.mark.parametrize('count', [3, 10])
+def test_bursts_of_spikes_are_no_shocks(length, count):
+    rng = np.random.default_rng([25, length, count])
+    y = noise(rng)
+    for i in rng.integers(0, N - 100, count):
+        y[i:i + length] += rng.choice([-1, 1], length) * rng.uniform(8, 15, length)
+    assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+
+
+@pytest.mark.parametrize('size, decay', [(5, 100), (10, 30), (100, 5)])
+@pytest.mark.parametrize('swells', [False, True])
+def test_what_dies_out_is_a_shock_and_so_is_what_swells_before(size, decay, swells):
+    """No form is that of all shocks; what speaks against one is a level."""
+    rng, t = np.random.default_rng([26, size]), np.arange(1000.0)
+    y, begins = noise(rng), (4000, 17000, 29000)
+    for i in begins:
+        form = np.exp(-np.abs(t - 500) / decay) if swells else np.exp(-t / decay)
+        y[i:i + 1000] += size * form * rng.standard_normal(1000)
+    kept = SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+    for i in begins:
+        top = i + 500 * swells
+        assert np.any((kept['begin'] <= top + 12) & (top < kept['end']))
+
+
 @pytest.mark.parametrize('share', [0.001, 0.01, 0.03])
 def test_spikes_are_no_shocks_however_many(share):
     y = noise(14)

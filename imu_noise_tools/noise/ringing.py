@@ -423,17 +423,26 @@ def _tail(w: np.ndarray, omega: float, tau: float) -> float:
 
     """
     # rings a time constant apart are independent
-    nats = np.concatenate([x[::max(1, int(tau))] for _, x in _throughout(w, omega, tau)])
+    return tail_of(np.concatenate([x[::max(1, int(tau))]
+                                   for _, x in _throughout(w, omega, tau)]))
+
+
+def tail_of(nats: np.ndarray) -> float:
+    """Return the mean by which nats (k,) go beyond a threshold, 1 where it is that of chance."""
     some = nats[nats > UNEVEN] - UNEVEN
     if len(some) < TOLD or np.mean(some) < 1 + 2 / np.sqrt(len(some)):
         return 1.0
     return float(np.mean(some))
 
 
+def beyond_tail(nats: np.ndarray, tail: float) -> np.ndarray:
+    """Return what of nats (k,) is less than it seems where chance has a longer tail."""
+    return (nats - UNEVEN) * (1 - 1 / tail)
+
+
 def _beyond(rings: Rings, tail: float) -> Rings:
     """Return the rings that are worth something beside noise of a longer tail, and what."""
-    less = (rings.nats - UNEVEN) * (1 - 1 / tail)
-    rings = rings._replace(worth=rings.worth - less)
+    rings = rings._replace(worth=rings.worth - beyond_tail(rings.nats, tail))
     return rings.of(rings.worth > 0)
 
 

@@ -3,20 +3,22 @@
 
 """Shocks: knocks that ring and die out."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy.fft import idct
 from scipy.ndimage import median_filter
-from scipy.special import binom, chdtri, digamma, polygamma
+from scipy.special import binom, chdtrc, chdtri, digamma, polygamma
 
+from ..dying import lasting
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
-from ..ringing import find_rings, loudest, NONE, Rings
+from ..ringing import beyond_tail, find_rings, loudest, NONE, Rings, tail_of
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
+from ...loop.verdict import SURE as NAMED
 
 BLOCK_S = 0.05  # s: blocks in which loudness is looked at, 6 to 32 samples
 SLOW_S = 1.0  # s: what is slower than that is not looked at
@@ -34,6 +36,7 @@ COARSE = 2.0  # standard deviations in a step of the grid
 FEW_HELD = 0.2  # share of samples that are held, between which a ring is drawn
 STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
+UNEVEN = 1e-3  # chance of a level that seems so uneven
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
@@ -85,16 +88,18 @@ class Shock(Defect):
         # jumps between two levels or three is nothing like the noise that rings stand out of
         none = held.held and joined is y or grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if none else find_rings(joined, inputs.dt, RINGS)
-        out = _loud(y, inputs.dt)
+        out = _dying_out(y, _loud(y, inputs.dt), inputs.dt)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
         if len(rings.begin):
-            out = _loud(_without(rings, y), inputs.dt)
-            some = _as_kept(rings, inputs.dt)
+            some, left = _as_kept(rings, inputs.dt), _without(rings, y)
+            out = _loud(left, inputs.dt)
             if out:
                 begin, end = (out[k][:, None] for k in ('begin', 'end'))
                 same = (some['end'] > begin) & (some['begin'] < end)
                 out['worth'] = np.where(same @ some['worth'] > out['worth'], 0.0, out['worth'])
+                out = _dying_out(left, out, inputs.dt)
+            if out:
                 some = {k: np.append(v, out.get(k, np.zeros(len(out['begin']))))
                         for k, v in some.items()}
             out = some
@@ -240,7 +245,7 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
     ratio, level, degrees, length, lasts = loud
     beyond = ratio > chdtri(degrees, 1e-3 / len(ratio)) / degrees
     edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]]).astype(int)))
-    found = []
+    found: list[tuple[float, ...]] = []
     gap = max(2, int(0.5 / dt / length))
     runs: list[list[int]] = []
     for begin, end in edges.reshape(-1, 2):
@@ -250,6 +255,8 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
             runs.append([int(begin), int(end)])
     for begin, end in runs:
         if np.sum(beyond[begin:end]) < lasts or end - begin > max(LONGEST * len(ratio), LASTS):
+            continue
+        if found and begin * length < found[-1][1]:     # it has not faded yet
             continue
         begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
         over = np.maximum(ratio[begin:end] - 1, 0)
@@ -262,9 +269,10 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
                       decay * length * dt, error, worth))
     if not found or sum(e - b for b, e, *_ in found) > MOST * len(y):
         return {}
-    out = _beyond_the_spectrum(y, dict(zip(
-        ('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T)), dt)
-    return out if len(out['begin']) else {}
+    out = dict(zip(('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T))
+    out = _beyond_the_usual(ratio, degrees, length, out)
+    out = _beyond_the_spectrum(y, out, dt) if len(out['begin']) else {}
+    return out if len(out.get('begin', ())) else {}
 
 
 def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -280,6 +288,29 @@ def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:
     return out
 
 
+def _beyond_the_usual(ratio: np.ndarray, degrees: float, length: int,
+                      kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """
+    Return what is sure beside stretches as long elsewhere in the record.
+
+    Where the loudness wanders some of them go beyond any threshold, and the loudest is no shock.
+    Of normal noise the nats beyond a threshold are 1 in the mean.
+
+    """
+    blocks = {k: (kept[k] / length).astype(int) for k in ('begin', 'end')}
+    rest = np.ones(len(ratio), bool)
+    for begin, end in zip(blocks['begin'], blocks['end']):
+        rest[begin:end] = False
+    left = kept['worth'].copy()
+    for k, lasts in enumerate(blocks['end'] - blocks['begin']):
+        count = np.sum(rest) // lasts
+        power = np.mean(ratio[rest][:count * lasts].reshape(count, lasts), axis=1)
+        over = np.maximum(power / np.median(power) - 1, 0)
+        tail = tail_of(0.5 * degrees * lasts * (over - np.log1p(over)))
+        left[k] -= beyond_tail(left[k], tail)
+    return {k: v[left >= SURE] for k, v in kept.items()}
+
+
 def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
                          ) -> dict[str, np.ndarray]:
     """
@@ -292,21 +323,53 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
     in or a step do, is a parabola through the stretch, and does not count.
 
     """
-    clean, sure = _mirrored(y, kept), []
+    sure = []
+    for white, at in _each_whitened(y, kept, dt):
+        some = white[at]
+        t = np.linspace(-1.0, 1.0, len(some))
+        some = (some - np.polyval(np.polyfit(t, some, SIDE), t)) ** 2
+        over = float(np.sum(some)) / (len(some) - SIDE - 1)
+        sure.append(0.5 * len(some) * (over - 1 - np.log(over)) > SURE if over > 1 else False)
+    return {k: v[np.array(sure, bool)] for k, v in kept.items()}
+
+
+def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], dt: float) -> dict[str, np.ndarray]:
+    """
+    Return what does not surely keep one level, and end as it began; or nothing.
+
+    Noise that is louder for a while does so, and a burst of outliers. What keeps no level is a
+    shock even if it swells, as no form is that of all shocks; the others are judged together, for
+    one that is short says little. What is left of rings, worth nothing by itself, is not judged.
+
+    """
+    if not kept:
+        return {}
+    told = [lasting(white[max(0, 2 * at.start - at.stop):2 * at.stop - at.start])
+            for white, at in _each_whitened(y, kept, dt)]
+    gain, uneven, more = np.reshape(told, (-1, 3)).T
+    level = (chdtrc(more, 2 * uneven) > UNEVEN) & (kept['worth'] > 0)
+    even = chdtrc(np.sum(more[level]), 2 * np.sum(uneven[level])) > UNEVEN
+    if not even or np.sum(gain[level]) < np.log(NAMED / (1 - NAMED)):
+        return kept
+    return {} if np.all(level) else {k: v[~level] for k, v in kept.items()}
+
+
+def _each_whitened(y: np.ndarray, kept: Mapping[str, np.ndarray], dt: float,
+                   ) -> Iterator[tuple[np.ndarray, slice]]:
+    """Yield samples around each stretch, whitened, of variance 1 without it, and where it is."""
+    clean = _mirrored(y, kept)
     for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
         wide = max(AROUND, 4 * (end - begin))
         first = int(np.clip((begin + end - wide) // 2, 0, max(len(y) - wide, 0)))
-        piece = slice(first, first + wide)
-        white = np.sqrt(reference_spectrum(cosine_transform(clean[piece]), dt))
-        whole, around = (
-            idct(np.append(0.0, cosine_transform(x[piece])[1:] / white), norm='ortho')
-            for x in (y, clean))
-        some = whole[begin - first:end - first]
-        t = np.linspace(-1.0, 1.0, len(some))
-        some = (some - np.polyval(np.polyfit(t, some, SIDE), t)) ** 2
-        over = float(np.sum(some)) * MEDIAN / (len(some) - SIDE - 1) / float(np.median(around**2))
-        sure.append(0.5 * len(some) * (over - 1 - np.log(over)) > SURE if over > 1 else False)
-    return {k: v[np.array(sure)] for k, v in kept.items()}
+        around = clean[first:first + wide]
+        at = slice(begin - first, end - first)
+        alone = around.copy()
+        alone[at] = y[begin:end]
+        white = np.sqrt(reference_spectrum(cosine_transform(around), dt))
+        alone, around = (
+            idct(np.append(0.0, cosine_transform(x)[1:] / white), norm='ortho')
+            for x in (alone, around))
+        yield alone / np.sqrt(np.median(around**2) / MEDIAN), at
 
 
 def _share(values: np.ndarray, error: np.ndarray) -> float:

@@ -6,6 +6,7 @@
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
+from ..dying import course
 from ..evidence import Evidence
 from ..kinds import Modulation, Parameter
 from ..views import block_variance, followed_by, power_in_time, rough_degrees
@@ -249,7 +250,7 @@ class VarianceChange(Modulation):
                 return None
             level = np.array([np.mean(x[~inside]), np.mean(x[inside])])
             cost = 0.5 * degrees * (np.log(level) + x[:, None] / level)
-            inside = _course(cost, 0.5 * np.log(len(x)) + 1)
+            inside = course(cost, 0.5 * np.log(len(x)) + 1)
         if inside[0]:
             inside, level = ~inside, level[::-1]
         edges = np.flatnonzero(np.diff(np.r_[False, inside, False].astype(int))).reshape(-1, 2)
@@ -266,19 +267,6 @@ class VarianceChange(Modulation):
     def example(cls) -> Effect:
         """Return a variance that is 2.5 times as large from 100 s on."""
         return cls({**cls.neutral, 'factor': 2.5, 'time': 100.0})
-
-
-def _course(cost, switch: float) -> np.ndarray:
-    """Return in which of two states, (n,) bool, each block is, of least total cost (n, 2)."""
-    best, came = cost[0].copy(), np.zeros((len(cost), 2), int)
-    for k in range(1, len(cost)):
-        stay, change = best, best[::-1] + switch
-        came[k] = np.where(change < stay, [1, 0], [0, 1])
-        best = np.minimum(stay, change) + cost[k]
-    state = [int(np.argmin(best))]
-    for k in range(len(cost) - 1, 0, -1):
-        state.append(int(came[k, state[-1]]))
-    return np.array(state[::-1], bool)
 
 
 def _nll(effect, t, x, w) -> float:
