@@ -140,3 +140,15 @@ def test_what_is_put_in_is_found_with_its_values():
     assert np.median(kept['size']) == pytest.approx(8.0, rel=0.1)
     assert np.median(kept['decay']) == pytest.approx(0.2, rel=0.15)
     assert np.std(shock.screen(y, kept, inputs)) < 1.03
+
+
+@pytest.mark.parametrize('begins', [20_000, 31_000])
+def test_a_knock_where_noise_is_louder_than_in_all_of_the_record_stands_out_of_that(begins):
+    """The spectrum is that of all the record: beside it, all that is louder would stand out."""
+    n, t = 36_000, np.arange(700)
+    for seed in range(3):
+        rng = np.random.default_rng([41, seed])
+        y = rng.standard_normal(n) * np.where(np.arange(n) < 14_000, 1.0, 1.2)
+        y[begins:begins + 700] += 2.8 * np.exp(-t / 85) * np.cos(0.62 * t)
+        rings = find_rings(y, 0.002, 7.0)
+        assert np.sum(np.abs(rings.begin - begins) < 8) == 1 and np.sum(rings.nats) < 100

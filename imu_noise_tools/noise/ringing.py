@@ -464,7 +464,7 @@ def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.
         alone = _single(w[_around(i, tau)])
         beside = np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY)
         if judged and (nats < beside or nats < _rivals(
-                white, w, i, omega, tau, columns, nats)):
+                white, w, i, omega, tau, columns, nats, least)):
             w[_around(i, tau)] = 0.0
             continue
         out.append((i, *(size * white.root(i, omega)), omega, tau, nats, nats - least))
@@ -476,6 +476,22 @@ def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.
 def _around(begin: int, tau: float) -> slice:
     """Return the samples around a moment in which a knock has to explain what stands out."""
     return slice(max(0, begin - int(BEFORE * tau)), begin + int(BEHIND * tau) + 1)
+
+
+def _beside(w: np.ndarray, at: slice) -> tuple[float, int]:
+    """
+    Return the variance of whitened samples beside a stretch, of which single ones do not count.
+
+    The spectrum by which they were whitened is that of all the record: where the stretch is, noise
+    may be louder or less so. And of how many samples it is: of many, for what is louder for a
+    while stands out as well.
+
+    """
+    width = max(len(w) // STRETCHES, at.stop - at.start)
+    beside = np.append(w[max(0, at.start - width):at.start], w[at.stop:at.stop + width])
+    if not len(beside):
+        return 1.0, 1
+    return float(np.mean(np.minimum(beside**2, SINGLE**2))), len(beside)
 
 
 def _single(w: np.ndarray) -> np.ndarray:
@@ -511,20 +527,25 @@ def _fitted(columns: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
-            columns: np.ndarray, nats: float) -> float:
+            columns: np.ndarray, nats: float, least: float) -> float:
     """
     Return the nats that a ring must have to be the best name for what stands out there.
 
-    Most of what stands out around it, in samples w; more than what swells before it as it fades
-    behind it, as of a line that passes; and more than two steps have, as of what switches. What
-    hardly swings and is there from the beginning may as well creep: nothing is before it.
+    As many times ``least`` as noise is louder there than usual, with the ring taken out of it. Most
+    of what stands out around it, in samples w; more than what swells before it as it fades behind
+    it, as of a line that passes; and more than two steps have, as of what switches. What hardly
+    swings and is there from the beginning may as well creep: nothing is before it.
 
     """
     if begin < max(SHORTEST, 0.1 * tau) and omega * tau < 2 * np.pi:
         return np.inf
-    some = w[_around(begin, tau)]
-    stands = 0.5 * float(np.sum(some**2 - 1)) - 2 * np.sqrt(len(some) / 2)
+    at = _around(begin, tau)
+    level, count = _beside(w, at)
+    some = w[at]
+    stands = 0.5 * float(np.sum(some**2 - level)) - 2 * level * np.sqrt(
+        0.5 * len(some) * (1 + len(some) / count))
     before = w[max(0, begin - len(columns)):begin][::-1]
     swells = _fitted(columns[:len(before)], before)[1] if len(before) > SHORTEST else 0.0
-    least = max(EXPLAINS * stands, SWELLS * swells)
+    left = (float(np.sum(some**2)) - 2 * nats) / len(some)
+    least = max(left * least, EXPLAINS * stands, SWELLS * swells)
     return max(least, white.steps(begin, tau)) if nats > least else least
