@@ -531,7 +531,7 @@ def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
     """
     Return the nats that a ring must have to be the best name for what stands out there.
 
-    As many times ``least`` as noise is louder there than usual, with the ring taken out of it. Most
+    As many times ``least`` as noise is louder there than usual, the ring taken out of it. Most
     of what stands out around it, in samples w; more than what swells before it as it fades behind
     it, as of a line that passes; and more than two steps have, as of what switches. What hardly
     swings and is there from the beginning may as well creep: nothing is before it.
