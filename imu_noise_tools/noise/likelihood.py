@@ -166,7 +166,7 @@ class Likelihood:
             self.weight = self.weight * explained.on(self.bins)
         self._names: dict[tuple, tuple[str, ...]] = {}
         self._spreads = {
-            n: spread(partial(evidence.coupled, part=part), n)
+            n: spread(partial(evidence.coupled, part=part), n, self.bins)
             for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
         self._spreads = {k: v for k, v in self._spreads.items() if np.any(v)}
         self._slow: np.ndarray | None = None
@@ -456,7 +456,7 @@ class Likelihood:
         return total, each
 
     def _with_missed(self, total, model):
-        return np.maximum(total + self._missed(model) if self._spreads else total, 1e-290)
+        return np.maximum(total + self.missed(model) if self._spreads else total, 1e-290)
 
     def _rounded(self, total):
         """
@@ -467,7 +467,7 @@ class Likelihood:
         """
         return total + self.evidence.resolution**2 * self.dt / 6
 
-    def _missed(self, model: Model) -> np.ndarray:
+    def missed(self, model: Model) -> np.ndarray:
         """Return the power (b,) of a shared source that the couplings' channels miss."""
         out = np.zeros(len(self.power))
         for e in model.of(Coupling):

@@ -42,6 +42,7 @@ ABOVE = 2.0             # times its own noise from which an axis is called shake
 TALL = 100.0            # times from which it is where nothing else hears it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9)
+WIDE = (9, 19, 39, 79)
 
 
 def derived(channel: str) -> bool:
@@ -208,12 +209,30 @@ def _above_own(bins: Bins, power: np.ndarray, together: bool) -> np.ndarray | No
     Where others do not hear it ``together`` with the axis only a tall peak is not its own.
 
     """
-    level, seen, own = own_noise(bins, power)
-    there = (level > ABOVE * own) & (seen >= ENOUGH) if together else level > TALL * own
-    if not np.any(there):
-        return None
-    heard = level > (1 + 2 * np.sqrt(2 / seen)) * own
-    return np.where(heard, 1 - own / np.maximum(level, own), 0.0)
+    level, _, own = own_noise(bins, power)
+    there = level > TALL * own
+    share = np.zeros(len(own))
+    # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
+    for level, seen in _levels(bins, power):
+        if together:
+            there |= (level > ABOVE * own) & (seen >= ENOUGH)
+        told = (share == 0) & (level > (1 + 2 * np.sqrt(2 / seen)) * own)
+        share[told] = 1 - (own / level)[told]
+    heard = share > 0
+    # by chance some bins far off are above it as well, where there is nothing to hear
+    stretch = np.cumsum(np.diff(heard, prepend=False))
+    heard &= np.isin(stretch, stretch[heard & there])
+    return np.where(heard, share, 0.0) if np.any(heard) else None
+
+
+def _levels(bins: Bins, power: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield (level, coefficients that tell it), (b,) each, of more and more bins."""
+    # the mean of the logarithm of chi-squared over its degrees of freedom
+    log = np.log(np.maximum(power, 1e-300)) - digamma(bins.count / 2) + np.log(bins.count / 2)
+    for width in (w for w in WIDE if w <= len(log)):
+        window = np.ones(width)
+        count = np.convolve(bins.count, window, 'same')
+        yield np.exp(np.convolve(bins.count * log, window, 'same') / count), count
 
 
 def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -263,14 +282,22 @@ def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarra
         yield axis + SHAKEN + LATER, c * weight
 
 
-def spread(pair: Callable[[str, str], np.ndarray], channel: str) -> np.ndarray:
+def spread(pair: Callable[[str, str], np.ndarray], channel: str, bins: Bins) -> np.ndarray:
     """
     Return the power (b,) by which a derived channel misses its source, of a gain of 1.
 
-    With the share w of its power P the estimate w x leaves w (1 - w) P of the source.
+    With the share w of its power P the estimate w x leaves w (1 - w) P of the source: that of the
+    axis's own noise, which is smooth, so that bins of few coefficients are told by those beside.
 
     """
     plain = channel.rstrip(LATER)
     if not plain.endswith(SHAKEN):
         return np.zeros(1)
-    return np.maximum(pair(plain[:-1], plain) - pair(plain, plain), 0.0)
+    own = out = np.maximum(pair(plain[:-1], plain) - pair(plain, plain), 0.0)
+    seen = bins.count.astype(float)
+    for width in (w for w in WIDE if w <= len(own)):
+        window, few = np.ones(width), seen < ENOUGH
+        count = np.convolve(bins.count, window, 'same')
+        out = np.where(few, np.convolve(bins.count * own, window, 'same') / count, out)
+        seen = np.where(few, count, seen)
+    return out

@@ -264,7 +264,8 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
     scale = np.sqrt(np.mean(x**2, axis=0))
     covariance = (
         _covariance_of_means(
-            lambda f: model_psd(fit.model, f, e.dt), count, used * e.common.slow_length, e.dt
+            lambda f: model_psd(fit.model, f, e.dt) + _missed(e, fit.model, f),
+            count, used * e.common.slow_length, e.dt
         )
         if fit.model.of(Spectrum)
         else np.eye(count) * np.var(mean(y))
@@ -275,6 +276,14 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
         factor = block_variance(m, mean(t))
         covariance = covariance + np.diag(flat * (factor / np.mean(factor) - 1))
     return BlockMeans(mean(t), mean(y), x / np.where(scale > 0, scale, 1.0), covariance)
+
+
+def _missed(evidence: Evidence, model: Model, f: np.ndarray) -> np.ndarray | float:
+    """Return the power at f (Hz) of sources that the model's couplings miss."""
+    if not model.of(Coupling):
+        return 0.0
+    known = Likelihood(evidence, 'whole', Model(model.of(Coupling)))
+    return np.interp(f, known.bins.f, known.missed(model))
 
 
 def _covariance_of_means(psd, count, n, dt):
