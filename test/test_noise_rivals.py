@@ -328,6 +328,29 @@ def test_an_accelerometer_that_sways_is_heard_where_hardly_anything_hears_it():
     assert said.found[0].effect.chosen('heard') == 'vibration'
 
 
+@pytest.mark.parametrize('seed', [4, 5])
+def test_a_motion_that_a_loud_accelerometer_hardly_tells_is_one_coupling(seed):
+    """
+    Three narrow sways, each one axis's, in fifty cycles; the gyroscope hears them more clearly.
+
+    What the accelerometer's own noise hides of them other axes of the gyroscope tell, and it is no
+    source of its own; nor is that noise, in the rest of the spectrum, heard.
+    """
+    rng, n = np.random.default_rng([51, seed]), 30_000
+    sway = np.column_stack([lfilter(*iirpeak(f, 12, 1 / DT), rng.standard_normal(n + 5000))[5000:]
+                            for f in (0.15, 0.165, 0.18)]) * [20, 28, 24]
+    gains = np.array([[-0.72, 0.6, -0.8], [0.48, 0.64, 0.4], [-0.4, 0.56, 0.72]])
+    gyro = SIZE * (rng.standard_normal((n, 3)) + sway @ gains.T)
+    accel = 1e-3 * (sway + rng.standard_normal((n, 3)))
+    problem = NoiseProblem(gather(ImuRecord(gyro, accel, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    base = ['white', 'flicker', 'random_walk', 'accel_coupling']
+    fit = problem.point(model_of('noise', base))
+    effect = fit.model['accel_coupling']
+    assert [effect[f'gain_{c}'] for c in 'xyz'] == pytest.approx(1e3 * SIZE * gains[0], rel=0.1)
+    assert all(f.p_value > 1e-3 for f in problem.omnibus(fit) if f.name in ('frequency', 'time'))
+    assert not [f for f in problem.candidates(fit) if f.gain > f.penalty], fit.model
+
+
 def test_a_step_of_all_axes_is_a_step():
     """What axes share is not only noise; each step is told from the one before it."""
     rng = np.random.default_rng(51)

@@ -18,8 +18,8 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence
-from .explained import Bands, gained, supported
-from .fit import fit as fit_part
+from .explained import Bands, gained, gained_beyond, supported
+from .fit import Details, fit as fit_part
 from .flexible import asks_nothing, told_by_gains
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
 SLOW = 32  # coefficients that hold nearly all of what acts on the mean
+LEFT = 0.01  # share of the power that is left at least where a source were known
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -187,8 +188,25 @@ def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:
     if isinstance(effect, (Spectrum, Response)):
         gain = min(gain, _own(evidence, after, label, partly))
     if isinstance(effect, Coupling):
+        if before.model.of(Coupling):
+            gain = min(gain, gained_beyond(Bands.on(evidence.whole.bins), before.details,
+                                           _known(evidence, before), after.details, CAP, partly))
         gain = min(gain, told_by_gains(evidence, after, label)) / model_crowd(before.model)
     return gain
+
+
+def _known(evidence: Evidence, fit: Fit) -> Details:
+    """
+    Return what a fit would explain if all were known that its couplings miss of their sources.
+
+    What the noise of an accelerometer hides of a motion other axes may hear more clearly; then
+    they tell more of it, and of nothing else.
+
+    """
+    d = fit.details
+    missed = Likelihood(evidence, 'whole', fit.model, fit).missed(fit.model)
+    heard = np.maximum(d.v - missed, LEFT * d.v)
+    return replace(d, v=heard, power=d.power * heard / d.v)
 
 
 def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:

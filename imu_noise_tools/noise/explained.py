@@ -15,7 +15,7 @@ resonance does far from its middle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Protocol
@@ -248,9 +248,17 @@ def _islands(kept: np.ndarray) -> np.ndarray:
 class Explains(Protocol):
     """What a fit makes of the bins: power (b,) that is measured, its weight, the model's power."""
 
-    power: np.ndarray
-    weight: np.ndarray
-    v: np.ndarray
+    @property
+    def power(self) -> np.ndarray:
+        """What is measured."""
+
+    @property
+    def weight(self) -> np.ndarray:
+        """Degrees of freedom."""
+
+    @property
+    def v(self) -> np.ndarray:
+        """The model's power."""
 
 
 def supported(
@@ -281,6 +289,12 @@ def supported(
         more band: a peak may be there that is not quite of its form.
 
     """
+    return float(np.sum(_of_bands(bands, power, weight, v, cost, partly)))
+
+
+def _of_bands(bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray, cost: float,
+              partly: bool) -> np.ndarray:
+    """Return what each band (bands,) counts of :func:`supported`."""
     w = np.maximum(weight, 0.5)
     own = -0.5 * weight * (np.log(v) + power / v)
     # one coefficient that happens to be zero, or was solved for, is no level
@@ -290,7 +304,7 @@ def supported(
     most = bands.sum(free - chance)
     lost = most - bands.sum(own)
     beyond = cost * np.log(np.maximum(lost / cost, 1.0)) if partly else 0.0
-    return float(np.sum(most - np.minimum(lost, cost) - beyond))
+    return most - np.minimum(lost, cost) - beyond
 
 
 def gained(bands: Bands, before: Explains, after: Explains, cost: float = COST,
@@ -302,10 +316,22 @@ def gained(bands: Bands, before: Explains, after: Explains, cost: float = COST,
     mean takes some of them, not alike in both, and each is worth a ln v, which has a unit.
 
     """
-    full = np.maximum(np.maximum(before.weight, after.weight), 1e-9)
-    one, other = (supported(bands, d.power * d.weight / full, full, d.v, cost, partly)
-                  for d in (before, after))
-    return other - one
+    one, other = _alike(bands, (before, after), cost, partly)
+    return float(np.sum(other - one))
+
+
+def gained_beyond(bands: Bands, before: Explains, known: Explains, after: Explains,
+                  cost: float = COST, partly: bool = False) -> float:
+    """Return :func:`gained`, less in each band what another one, ``known``, would gain there."""
+    one, most, other = _alike(bands, (before, known, after), cost, partly)
+    return float(np.sum(other - np.clip(other, one, np.maximum(one, most))))
+
+
+def _alike(bands: Bands, some: Sequence[Explains], cost: float,
+           partly: bool) -> list[np.ndarray]:
+    """Return what each band (bands,) counts of fits that count the same degrees of freedom."""
+    full = np.maximum(np.max([d.weight for d in some], axis=0), 1e-9)
+    return [_of_bands(bands, d.power * d.weight / full, full, d.v, cost, partly) for d in some]
 
 
 def stretches(bands: Bands, explained: np.ndarray) -> Iterator[
