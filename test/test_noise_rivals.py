@@ -24,6 +24,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.diagnosis import _Search
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
+from imu_noise_tools.loop.verdict import DIRECTED
 from imu_noise_tools.noise import flexible, views
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
@@ -31,6 +32,7 @@ from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.together import unlike_noise
 from imu_noise_tools.tasks.noise import analyse_record
 
 N, DT = 60_000, 0.01
@@ -349,6 +351,25 @@ def test_a_motion_that_a_loud_accelerometer_hardly_tells_is_one_coupling(seed):
     assert [effect[f'gain_{c}'] for c in 'xyz'] == pytest.approx(1e3 * SIZE * gains[0], rel=0.1)
     assert all(f.p_value > 1e-3 for f in problem.omnibus(fit) if f.name in ('frequency', 'time'))
     assert not [f for f in problem.candidates(fit) if f.gain > f.penalty], fit.model
+
+
+def test_what_two_signals_share_is_told_from_noise():
+    """At any spectrum: narrow, slow, white; each with noise of its own, one's in bursts."""
+    rng, n = np.random.default_rng(52), 12_000
+    t = np.arange(n)
+    on = 1 + 4 * (t % 1000 < 100)
+
+    def said(source, size):
+        x, y = size * source / np.std(source) + rng.standard_normal((2, n)) * [on, np.ones(n)]
+        return unlike_noise(x, y)
+
+    for source in (rng.standard_normal(n), np.cumsum(rng.standard_normal(n)),
+                   lfilter(*iirpeak(0.004, 15), rng.standard_normal(n)),
+                   lfilter(*iirpeak(0.2, 40), rng.standard_normal(n))):
+        assert max(said(source, size) for size in (0.3, 1.0, 5.0)) < DIRECTED
+    line = np.cos(2 * np.pi * (0.2 * t + 200 * np.sin(2 * np.pi * 5 * t / n) / (2 * np.pi)))
+    assert said(line, 0.6) > DIRECTED
+    assert said(rng.standard_normal(n) * (on - 0.8), 1.0) > DIRECTED
 
 
 def test_a_step_of_all_axes_is_a_step():

@@ -274,7 +274,16 @@ def kurtosis_pull(x: np.ndarray, independent: float | None = None) -> float:
         return 0.0
     b2 = float(np.mean(x**4)) / square**2
     spread = 24 * n * (n - 2) * (n - 3) / ((n + 1) ** 2 * (n + 3) * (n + 5))
-    z = (b2 - 3 * (n - 1) / (n + 1)) / np.sqrt(spread)
+    return normal_pull((b2 - 3 * (n - 1) / (n + 1)) / np.sqrt(spread), n)
+
+
+def normal_pull(z: float, n: float) -> float:
+    """
+    Return the normal pull of what is off by z standard deviations and as skew as a kurtosis.
+
+    That of n independent values; the transformation of :func:`kurtosis_pull`.
+
+    """
     skew = 6 * (n * n - 5 * n + 2) / ((n + 7) * (n + 9)) * np.sqrt(
         6 * (n + 3) * (n + 5) / (n * (n - 2) * (n - 3)))
     a = 6 + 8 / skew * (2 / skew + np.sqrt(1 + 4 / skew**2))

@@ -25,6 +25,7 @@ from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Sp
 from .knee import Knee
 from .likelihood import Likelihood
 from .sweep import Sweep
+from .together import unlike_noise
 from ..core.linear import inverse
 from ..core.statistics import independent_squares, kurtosis_pull
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
@@ -191,6 +192,10 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         gain = uneven(evidence, fit, effect)
         if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
             return f'what it explains is not normal noise, by {gain:.0f} nats'
+    if isinstance(effect, Coupling) and effect.normal:
+        gain = _shared_otherwise(evidence, fit, effect)
+        if gain > max(DIRECTED, FLEXIBLE_SHARE * claim):
+            return f'what is shared moves, or comes and goes, as no noise does, by {gain:.0f} nats'
     return ''
 
 
@@ -381,6 +386,20 @@ def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
     mine = np.flatnonzero(np.array(owners) == label)
     gains = solved.beta[mine]
     return 0.5 * float(gains @ inverse(solved.covariance[np.ix_(mine, mine)]) @ gains)
+
+
+def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
+    """
+    Return what speaks against normal noise in what an axis shares with others, nats.
+
+    Nothing where the model says that some of it is none.
+
+    """
+    e, model = evidence, fit.model
+    if any((model.of(Mean), model.of(Modulation), [d for d in model.of(Defect) if d.screens()])):
+        return 0.0
+    without = views.slow_rest(e, model.minus(effect.label))
+    return unlike_noise(without, without - views.slow_rest(e, model))
 
 
 def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
