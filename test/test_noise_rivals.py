@@ -282,6 +282,43 @@ def test_what_the_others_do_elsewhere_is_no_claim_of_a_notch(power):
     assert flexible._own(problem.evidence, fit, 'notch') > 1000
 
 
+@pytest.mark.parametrize('bonus, refuted', ((0.0, True), (50.0, False)))
+def test_popcorn_noise_spends_what_a_relaxation_does_unless_the_samples_tell(
+        bonus, refuted, monkeypatch):
+    """Beside a pole it is two knees, of which one of any steepness does the work."""
+    problem, fit = alone(SIZE * coloured(np.random.default_rng(4), 0.6),
+                         'white', 'rts', 'low_pass')
+    monkeypatch.setattr(flexible, 'gained', lambda *_, **__: 1.0)
+    monkeypatch.setattr(find_effect('noise', 'rts'), 'bonus', lambda *_: bonus)
+    one = replace(fit, model=fit.model.with_values({'low_pass': {
+        'form': 'first_order', 'averaged': 0.0, 'behind': 0.0, 'filters': 0.0}}))
+    said = flexible._knee(problem.evidence, one, one.model['low_pass'], 30.0)
+    assert ('which has no name' in said) == refuted, said
+
+
+def test_what_the_samples_speak_against_is_no_popcorn_noise():
+    """A relaxation of the same spectrum has one hump."""
+    rng = np.random.default_rng(2)
+    x = lfilter([0.25], [1, -0.97], rng.standard_normal(N + 2000))[2000:]
+    problem, fit = alone(SIZE * (rng.standard_normal(N) + 2 * x), 'white', 'rts')
+    assert 'samples' in problem.shape(fit, 'rts', 300.0)
+    problem, fit = alone(SIZE * (rng.standard_normal(N) + 2 * x), 'white', 'gauss_markov')
+    assert not problem.shape(fit, 'gauss_markov', 300.0)
+
+
+def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
+    """A filter of own noise alone and a relaxation spend four, a knee that is as good three."""
+    names = ('white', 'gauss_markov', 'low_pass')
+    problem, fit = alone(SIZE * coloured(np.random.default_rng(3), 0.6), *names)
+    monkeypatch.setattr(flexible, 'gained', lambda *_, **__: -1.0)
+    said = []
+    for filters in (0.0, 1.0):
+        one = replace(fit, model=fit.model.with_values({'low_pass': {
+            'form': 'butterworth_2', 'averaged': 0.0, 'behind': 0.0, 'filters': filters}}))
+        said.append(flexible._knee(problem.evidence, one, one.model['low_pass'], 100.0))
+    assert not said[0] and '1 parameter less' in said[1], said
+
+
 def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     """But no peak is, nor what explains more."""
     evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]))

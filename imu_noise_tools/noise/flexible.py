@@ -182,6 +182,9 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     against = _swept(evidence, effect, claim)
     if against:
         return against
+    gain = -effect.bonus(evidence, fit)
+    if gain > FLEXIBLE:     # of the candidate it was asked where the others were not there
+        return f'the samples themselves speak against it by {gain:.0f} nats'
     if isinstance(effect, Spectrum) and _joined(fit, effect, evidence.dt):
         return 'with other peaks it draws one shape: there is no valley between them'
     if effect.broad:
@@ -253,14 +256,20 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     """
     Say that a knee of free steepness does better than an effect and all knees of one steepness.
 
-    Of several of these the last is asked, which is there for what the others do not explain.
+    Of several of these the last is asked, which is there for what the others do not explain. What
+    the samples say for one the knee lacks.
 
     """
     spent = {e.label: e.knees for e in fit.model.of(NoiseEffect) if e.knees}
+    said = sum(max(e.bonus(evidence, fit), 0.0) for e in fit.model.of(NoiseEffect) if e.knees)
     if effect.label in [*spent][:-1]:
         return ''
     spent.setdefault(effect.label, sum(
         not p.discrete and p.name not in effect.optional for p in effect.parameters))
+    # as where names are compared: what is optional counts where it is used
+    spent = {e.label: spent[e.label] + sum(e.values.get(k, 0.0) != e.neutral.get(k, 0.0)
+                                           for k in e.optional)
+             for e in fit.model.of(NoiseEffect) if e.label in spent}
     left = [e for e in fit.model if e.label not in spent]
     # drift of other colours may be the knee's, and mostly ends the search before it
     plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
@@ -269,7 +278,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     bands = Bands.on(evidence.whole.bins)
     for rival in rivals:    # a part of a peak counts as well
-        better = gained(bands, fit.details, rival.details, partly=peak)
+        better = gained(bands, fit.details, rival.details, partly=peak) - said
         more = len(Knee.parameters) - sum(spent.values())
         least = PRICE * more
         if more > 0:    # of a drift that the knee does without it has the parameters as well

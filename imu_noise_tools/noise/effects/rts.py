@@ -50,6 +50,7 @@ class Rts(Spectrum):
     views = ('frequency', 'time')
     # whitened, a switch is a knock: samples with strong ones are neither normal nor steady
     mutes = ('distribution', 'variance')
+    broad = True
     alike = 'relaxation'
     decide = 'record longer, so that dozens of switches are in it'
     parameters = (
@@ -81,6 +82,11 @@ class Rts(Spectrum):
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below two samples it is a white noise that was filtered, beyond the record a step."""
         return {'tau': (2 * evidence.dt, 2 * evidence.duration)}
+
+    @property
+    def knees(self) -> int:
+        """Two, of its spectrum: how high, and where."""
+        return 2
 
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """
