@@ -18,7 +18,7 @@ from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
-from imu_noise_tools.noise.candidates import _at_bound, clear_of_less
+from imu_noise_tools.noise.candidates import at_bound, clear_of_less
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
@@ -129,7 +129,7 @@ def test_a_transient_near_its_bound_is_one_where_the_record_tells(share, named):
     x[:, 0] += 20 * np.exp(-t / (share * n * dt)) / min(share, 1)
     evidence = gather(ImuRecord(x, None, t, 1 / dt), ['gyro_x'])['gyro_x']
     fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'transient')))
-    said = _at_bound(evidence, fit.model['transient'], fit.estimates['transient'])
+    said = at_bound(evidence, fit.model['transient'], fit.estimates['transient'])
     assert said == ('' if named else 'its tc lies at its bound, 400 s')
 
 
