@@ -409,6 +409,44 @@ def test_what_two_signals_share_is_told_from_noise():
     assert said(rng.standard_normal(n) * (on - 0.8), 1.0) > DIRECTED
 
 
+def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_why(monkeypatch):
+    rng, n = np.random.default_rng(53), 20_000
+    x = SIZE * (rng.standard_normal((n, 3)) + 0.5 * rng.standard_normal((n, 1)))
+    problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    fits = [problem.point(model_of('noise', ['white', 'shared_noise', *more]))
+            for more in ((), ('ramp',))]
+    assert not any(problem.shape(fit, 'shared_noise', 100.0) for fit in fits)
+    monkeypatch.setattr(flexible, 'unlike_noise', lambda x, y: 10.0)
+    said = [problem.shape(fit, 'shared_noise', 101.0) for fit in fits]
+    assert 'as no noise does' in said[0] and not said[1]
+    assert not problem.shape(fits[0], 'shared_noise', 1000.0), 'a fiftieth of what it claims'
+
+
+def test_what_only_stands_for_what_has_no_name_is_refuted():
+    def found(name, view='frequency'):
+        return Finding(name, 30.0, registry('noise')[name](), view=view)
+
+    search = object.__new__(_Search)
+    search.base = model_of('noise', ('white',))
+    search._nameless = {'shared_noise': found('shared_noise', 'coherence')}
+    filters, step, line = found('low_pass'), found('step', 'time'), found('spikes')
+    able = {'shared_noise': ['spikes'], 'shared_noise, spikes': ['quantization']}
+    search.place = lambda model: SimpleNamespace(
+        candidates=True, able=able[', '.join(model.labels[1:])])
+    search.able = lambda place: [SimpleNamespace(name=name) for name in place.able]
+
+    def stands_in(members, finding):
+        return search._stands_in(members, search.model_of(members), finding.name, finding)
+
+    assert stands_in([filters], filters)
+    assert not stands_in([line], line)
+    filled = found('quantization')
+    assert not stands_in([line, filled], filled), 'it stands out beside both'
+    assert not stands_in([step], step), 'what axes share yields to it'
+    search._nameless = {}
+    assert not stands_in([filters], filters)
+
+
 def test_a_step_of_all_axes_is_a_step():
     """What axes share is not only noise; each step is told from the one before it."""
     rng = np.random.default_rng(51)

@@ -140,6 +140,7 @@ class _Search:
         self.state, self.problem = state, state.problem
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
+        self._nameless: dict[str, Finding] = {}     # is there, but in no form that is known
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
         self._beside: dict[str, frozenset[str]] = {}  # what is doubted, beside what
         self._places: dict[frozenset[str], _Place | None] = {}
@@ -459,6 +460,10 @@ class _Search:
                 if not last:
                     out.pop(bent.get(f.name, ''), None)
                 bent[f.name] = k
+                if f.effect is not None and f.effect.stays:
+                    self._nameless[k] = f
+            against = against or self._stands_in([g for j, g in members.items() if j not in out],
+                                                 model, k, f)
             if against:
                 out[k] = replace(f, against=against)
         for k, f in members.items() if last or not out else ():
@@ -543,6 +548,30 @@ class _Search:
     def _shaped(self, model: Model, name: str, finding: Finding) -> str:
         """Say that a flexible form does better in a member's place."""
         return self.problem.shape(self.problem.point(model), name, finding.gain)
+
+    def _stands_in(self, members: list[Finding], model: Model, name: str,
+                   finding: Finding) -> str:
+        """
+        Say that a member only stands for what is there, though by no name that is known.
+
+        Beside that and the members before it, it does not stand out; where no candidates are begun
+        it is not needed. What nothing could imitate, or others yield to, stands for itself.
+
+        """
+        assert finding.effect is not None
+        if finding.effect.certain or finding.effect.paired:
+            return ''
+        before = members[:members.index(finding)]
+        for other in (f for k, f in self._nameless.items() if k not in model):
+            place = self.place(self.model_of([other, *before]))
+            if place is not None and place.candidates:
+                there = finding.name in {f.name for f in self.able(place)}
+            else:
+                more = model.plus(_new(other))
+                there = not self._unlowered(more.minus(name), more, finding)[1]
+            if not there:
+                return f'beside what {other.name} tells, though it is none, it explains nothing'
+        return ''
 
     def _shadowed(self, model: Model, finding: Finding) -> str:
         """Say that far more fails elsewhere than a finding explains, and nothing explains that."""

@@ -142,6 +142,8 @@ class Effect:
     uncovers: ClassVar[bool] = False
     # may what it explains be what a paired one does on other targets too? then it is tried later
     yields: ClassVar[bool] = False
+    # is what it explains there in any case? where its name falls nothing else may stand for it
+    stays: ClassVar[bool] = False
     # parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()
 

@@ -389,6 +389,7 @@ class Coupling(NoiseEffect):
 
     views: ClassVar[tuple[str, ...]] = ('coherence', 'frequency', 'time')
     certain = True      # what another channel tells is not the spectrum's doing
+    stays = True
 
     def channels(self, evidence: Evidence) -> tuple[str, ...]:
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
