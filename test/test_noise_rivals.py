@@ -407,6 +407,10 @@ def test_what_two_signals_share_is_told_from_noise():
     line = np.cos(2 * np.pi * (0.2 * t + 200 * np.sin(2 * np.pi * 5 * t / n) / (2 * np.pi)))
     assert said(line, 0.6) > DIRECTED
     assert said(rng.standard_normal(n) * (on - 0.8), 1.0) > DIRECTED
+    slow = np.cumsum(np.cumsum(rng.standard_normal(n)))
+    with np.errstate(all='raise', under='ignore'):  # a channel that tells nothing
+        assert np.isfinite(unlike_noise(slow, 1e-4 * np.round(1e4 * np.sin(t / n))))
+        assert np.isfinite(unlike_noise(slow, 0 * slow))
 
 
 def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_why(monkeypatch):

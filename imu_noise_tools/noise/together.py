@@ -22,6 +22,7 @@ from ..core.statistics import normal_pull
 LEAST = 16      # coefficients in a band, from which its width doubles
 REACH = 0.1     # of a frequency, within which power and coherence are told
 CLEAR = 4.0     # times what chance makes of a coherence
+ROUNDING = 1e-10     # of the mean power, that is none
 END = 16        # part of the cells at each end that is left out
 
 
@@ -48,7 +49,8 @@ def _weighted(c: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     one, other, both = (
         np.diff(np.concatenate([[0.0], np.cumsum(v)])[np.stack([low, high])], axis=0)[0]
         / (high - low) for v in (c * c, d * d, c * d))
-    one, other = np.maximum(one, 1e-300), np.maximum(other, 1e-300)
+    # what is left of a sum by rounding is no power
+    one, other = (np.maximum(v, ROUNDING * np.mean(v) + 1e-150) for v in (one, other))
     chance = CLEAR / (high - low)
     share = np.maximum(both / one * (both / other) - chance, 0.0) / (1 - chance)
     return c / np.sqrt(one), d / np.sqrt(other) * np.sqrt(share)
