@@ -54,23 +54,17 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
     best, linear, v, each = value(x)
     damping = 1e-3
     reach = np.array([np.inf if s.label == OPEN else REACH for s in likelihood.slots])
-    lacks, last, told = np.zeros((len(x), len(x))), None, False
-    for step in range(steps):
+    curvature = _Curvature()
+    for _ in range(steps):
         gradient, information = likelihood.derivatives(x, linear, v, each)
         if reddest is not None:
             gradient[reddest] -= penalty
-        if last is not None:
-            moved = x - last.x
-            # what foretold the last step better is believed for the next
-            told = step >= PATIENCE and last.misses(moved, best, lacks) < last.misses(moved, best)
-            lacks = _learnt(lacks, moved, gradient - last.gradient, information)
-        last = _Here(x, best, gradient, information)
+        curvature.arrive(_Here(x, best, gradient, information))
         # what a bound stops does not move, or it would bend the way of the others
         able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
         if not able.any():
             break
-        curved = _curved(information, lacks, able) if told else information
-        for damping, moved in _moves(x, able, gradient, curved, damping, reach):
+        for damping, moved in _moves(x, able, gradient, curvature.at(able), damping, reach):
             trial = np.clip(moved, lower, upper)
             result = value(trial)
             if np.isfinite(result[0]) and result[0] <= best:
@@ -99,7 +93,38 @@ class _Here(NamedTuple):
         return abs(self.nll + float(moved @ (self.gradient + 0.5 * curved @ moved)) - nll)
 
 
-def _learnt(lacks, moved, turned, information):
+class _Curvature:
+    """The curvature on a way that takes long: the information, and what was learnt beside it."""
+
+    def __init__(self) -> None:
+        self._lacks: np.ndarray | None = None
+        self._here: _Here | None = None
+        self._steps, self._told = 0, False
+
+    def arrive(self, here: _Here) -> None:
+        """Learn from a step, and whether what was learnt before foretold it better."""
+        last, self._here = self._here, here
+        if last is None or self._lacks is None:
+            self._lacks = np.zeros_like(here.information)
+            return
+        moved = here.x - last.x
+        better = last.misses(moved, here.nll, self._lacks) < last.misses(moved, here.nll)
+        self._steps += 1
+        self._told = better and self._steps >= PATIENCE
+        self._lacks = _learnt(self._lacks, moved, here.gradient - last.gradient, here.information)
+
+    def at(self, able: np.ndarray) -> np.ndarray:
+        """Return it (p, p): that of a minimum in what is able (p,) to move."""
+        assert self._here is not None and self._lacks is not None
+        curved = self._here.information + self._lacks
+        some = np.ix_(able, able)
+        if self._told and np.all(np.linalg.eigvalsh(curved[some]) > 0):
+            return curved
+        return self._here.information
+
+
+def _learnt(lacks: np.ndarray, moved: np.ndarray, turned: np.ndarray,
+            information: np.ndarray) -> np.ndarray:
     """
     Return what the information (p, p) lacks of the curvature, after one more step.
 
@@ -111,19 +136,12 @@ def _learnt(lacks, moved, turned, information):
     if along <= 0:
         return np.zeros_like(lacks)
     wanted = turned - information @ moved
-    had = float(moved @ lacks @ moved)
-    if had:
-        lacks = lacks * min(abs(float(moved @ wanted) / had), 1.0)
+    size = float(moved @ lacks @ moved)
+    if size:
+        lacks = lacks * min(abs(float(moved @ wanted) / size), 1.0)
     rest = wanted - lacks @ moved
     both = np.outer(rest, turned) / along
     return lacks + both + both.T - float(rest @ moved) / along**2 * np.outer(turned, turned)
-
-
-def _curved(information, lacks, able):
-    """Return the curvature with what the information lacks, where it is one of a minimum."""
-    out = information + lacks
-    some = out[np.ix_(able, able)]
-    return out if np.all(np.linalg.eigvalsh(some) > 0) else information
 
 
 def _moves(x, able, gradient, information, damping, reach):
