@@ -20,9 +20,9 @@ from . import views
 from .evidence import Evidence
 from .explained import Bands, gained, gained_beyond, supported
 from .fit import Details, fit as fit_part
-from .flexible import asks_nothing, told_by_gains
+from .flexible import asks_nothing
 from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
-from .likelihood import Likelihood
+from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
@@ -217,11 +217,10 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
     of a refit that was caught before, and none of the effect's doing.
 
     """
-    rest = fit.model.minus(label)
-    if not rest.of(Spectrum):
+    v, d = spectrum_without(evidence, fit, label), fit.details
+    if v is None:
         return np.inf
-    d, bands = fit.details, Bands.on(evidence.whole.bins)
-    v, _ = Likelihood(evidence, 'whole', rest).spectra(rest)
+    bands = Bands.on(evidence.whole.bins)
     with_it, without = (
         supported(bands, d.power, d.weight, x, CAP, partly) for x in (d.v, v))
     return with_it - without

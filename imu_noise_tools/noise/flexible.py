@@ -23,7 +23,7 @@ from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
-from .likelihood import Likelihood
+from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .sweep import Sweep
 from .together import unlike_noise
 from ..core.linear import inverse
@@ -225,10 +225,9 @@ def _own(evidence: Evidence, fit: Fit, label: str) -> float:
     What the others do in another place beside it, where a fit without it was caught, is not its.
 
     """
-    rest, d = fit.model.minus(label), fit.details
-    if not rest.of(Spectrum):
+    v, d = spectrum_without(evidence, fit, label), fit.details
+    if v is None:
         return np.inf
-    v, _ = Likelihood(evidence, 'whole', rest).spectra(rest)
     return 0.5 * float(np.sum(d.weight * (np.log(v / d.v) + d.power / v - d.power / d.v)))
 
 
@@ -378,23 +377,6 @@ def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
         if np.sum(w[some]) > ENOUGH * np.sum(there):
             gain += 0.5 * float(c @ inverse(gram) @ c - np.sum(there))
     return gain
-
-
-def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
-    """
-    Return what a coupling of a fit tells by its gains alone, nats.
-
-    That is 1/2 g' C^-1 g of its gains g, C their covariance beside all others, at the spectrum of
-    the fit. A candidate's gain is what it claims; where the fit before it was caught at another
-    place the refit gains more, and the spectrum that it finds is none of the coupling's doing.
-
-    """
-    model = fit.model
-    solved = Likelihood(evidence, 'whole', model).solve_linear(model, fit.details.v)
-    owners = [e.label for e in model.of(Coupling) for p in e.parameters if p.linear]
-    mine = np.flatnonzero(np.array(owners) == label)
-    gains = solved.beta[mine]
-    return 0.5 * float(gains @ inverse(solved.covariance[np.ix_(mine, mine)]) @ gains)
 
 
 def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:

@@ -654,3 +654,26 @@ class Likelihood:
             gradient[j] = (c - a) / (2 * h)
             information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
         return gradient, information
+
+
+def spectrum_without(evidence: Evidence, fit: Fit, label: str) -> np.ndarray | None:
+    """Return the spectrum (b,) of a fit less one effect; None where no noise would be left."""
+    rest = fit.model.minus(label)
+    return Likelihood(evidence, 'whole', rest).spectra(rest)[0] if rest.of(Spectrum) else None
+
+
+def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
+    """
+    Return what a coupling of a fit tells by its gains alone, nats.
+
+    That is 1/2 g' C^-1 g of its gains g, C their covariance beside all others, at the spectrum of
+    the fit. A candidate's gain is what it claims; where the fit before it was caught at another
+    place the refit gains more, and the spectrum that it finds is none of the coupling's doing.
+
+    """
+    model = fit.model
+    solved = Likelihood(evidence, 'whole', model).solve_linear(model, fit.details.v)
+    owners = [e.label for e in model.of(Coupling) for p in e.parameters if p.linear]
+    mine = np.flatnonzero(np.array(owners) == label)
+    gains = solved.beta[mine]
+    return 0.5 * float(gains @ inverse(solved.covariance[np.ix_(mine, mine)]) @ gains)
