@@ -145,6 +145,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
 
     """
     effect, claimed = fit.model[label], claim
+    if isinstance(effect, Coupling):
+        return _coupled_otherwise(evidence, fit, effect, claim)
     if isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
@@ -166,13 +168,6 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     elif isinstance(effect, Modulation):
         gain = _variance_gain(evidence, fit)
         where = 'in time'
-    elif isinstance(effect, Coupling):
-        gain = _gains_free(evidence, fit, effect)
-        # where it was found, what hid it from the spectrum may have hidden most of what it tells
-        claim = max(claim, told_by_gains(evidence, fit, label))
-        if gain > max(FLEXIBLE, HEALED * claim):
-            return f'gains that are free in every half octave fit better by {gain:.0f} nats'
-        gain = 0.0
     else:
         return ''
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
@@ -191,14 +186,28 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         against = _knee(evidence, fit, effect, claimed)
         if against:
             return against
-    if isinstance(effect, (Spectrum, Coupling)) and effect.normal:
-        gain = uneven(evidence, fit, effect)
-        if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
-            return f'what it explains is not normal noise, by {gain:.0f} nats'
-    if isinstance(effect, Coupling) and effect.normal:
+    return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
+
+
+def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:
+    """Say that what a coupling explains is told by other gains, or is no noise."""
+    gain = _gains_free(evidence, fit, effect)
+    # where it was found, what hid it from the spectrum may have hidden most of what it tells
+    if gain > max(FLEXIBLE, HEALED * max(claim, told_by_gains(evidence, fit, effect.label))):
+        return f'gains that are free in every half octave fit better by {gain:.0f} nats'
+    against = _not_normal(evidence, fit, effect, claim)
+    if effect.normal and not against:
         gain = _shared_otherwise(evidence, fit, effect)
         if gain > max(DIRECTED, FLEXIBLE_SHARE * claim):
             return f'what is shared moves, or comes and goes, as no noise does, by {gain:.0f} nats'
+    return against
+
+
+def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim: float) -> str:
+    """Say that what an effect explains is no normal noise, where it is to be."""
+    gain = uneven(evidence, fit, effect) if effect.normal else 0.0
+    if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+        return f'what it explains is not normal noise, by {gain:.0f} nats'
     return ''
 
 
