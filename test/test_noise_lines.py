@@ -18,6 +18,7 @@ from imu_noise_tools.core.spectrum import cosine_transform, folded, line_coeffic
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise import views
+from imu_noise_tools.noise.effects.harmonics import Harmonics
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.lines import (
     also_in, find_peaks, line_penalty, reference_spectrum, sure
@@ -337,3 +338,16 @@ def test_the_orders_of_a_slow_swing_are_no_lines(cycles, skew, count):
     gyro[:, 0] += hidden.random_walk(n, DT, 1e-5, rng) + 8e-4 * np.cos(turn + skew * np.sin(turn))
     found = gather(ImuRecord(gyro, None, t, 1 / DT), axes=('gyro_x',))['gyro_x'].line_table
     assert len(found) == count, found
+
+
+@pytest.mark.parametrize('cycles', [6.2, 8.7])
+def test_a_swing_with_more_orders_than_a_mean_has_is_one_family(cycles):
+    """A mean that jumps to and fro has orders without end: without the first they were no set."""
+    rng = np.random.default_rng(72)
+    n = 12_000
+    t = np.arange(n) * DT
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    gyro[:, 0] += 6e-4 * np.sign(np.cos(2 * np.pi * cycles * t / t[-1] + 1.0))
+    evidence = gather(ImuRecord(gyro, None, t, 1 / DT), axes=('gyro_x',))['gyro_x']
+    rows = Harmonics().rows(evidence, list(range(len(evidence.line_table))))
+    assert len(rows) == len(evidence.line_table) >= 4, evidence.line_table

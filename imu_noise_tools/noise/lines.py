@@ -623,7 +623,8 @@ def of_a_swing(frequency: np.ndarray, y: np.ndarray, dt: float) -> np.ndarray:
     Tell which lines of an axis, Hz (l,), are orders of one slow swing of its mean.
 
     A swing of a few cycles in the record that is no sine has orders that are fast enough to be
-    lines; by themselves they would be a machine's. Of one that is a sine there is one line.
+    lines; by themselves they would be a machine's. Of one that is a sine there is one line. One
+    that jumps has more orders than the mean, which are lines in any case: of one family.
 
     Parameters
     ----------
@@ -638,7 +639,9 @@ def of_a_swing(frequency: np.ndarray, y: np.ndarray, dt: float) -> np.ndarray:
     out, cell = np.zeros(len(frequency), bool), CELL / (2 * len(y) * dt)
     for order in range(2, ORDERS + 1):
         first = frequency / order
-        mine = also_in(first, y, dt, int(2 * SWING))
+        more = np.arange(ORDERS + 1, 2 * ORDERS + 1)[:, None, None] * first[:, None]
+        mine = also_in(first, y, dt, int(2 * SWING)) & ~np.any(
+            np.abs(frequency - more) < cell, axis=(0, 2))
         out |= mine
         out |= np.any(np.abs(frequency[:, None] - first[mine]) < cell, axis=1)
     return out
