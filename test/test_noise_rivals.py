@@ -434,10 +434,12 @@ def test_what_only_stands_for_what_has_no_name_is_refuted():
     search.base = model_of('noise', ('white',))
     search._nameless = {'shared_noise': found('shared_noise', 'coherence')}
     filters, step, line = found('low_pass'), found('step', 'time'), found('spikes')
-    able = {'shared_noise': ['spikes'], 'shared_noise, spikes': ['quantization']}
+    weak, bent = replace(filters, gain=-1.0), replace(filters, against='its form is another')
+    able = {'shared_noise': [found('spikes'), weak, bent],
+            'shared_noise, spikes': [found('quantization')]}
     search.place = lambda model: SimpleNamespace(
-        candidates=True, able=able[', '.join(model.labels[1:])])
-    search.able = lambda place: [SimpleNamespace(name=name) for name in place.able]
+        model=model, candidates=able[', '.join(model.labels[1:])])
+    search.refuted = {}
 
     def stands_in(members, finding):
         return search._stands_in(members, search.model_of(members), finding.name, finding)
@@ -447,6 +449,8 @@ def test_what_only_stands_for_what_has_no_name_is_refuted():
     filled = found('quantization')
     assert not stands_in([line, filled], filled), 'it stands out beside both'
     assert not stands_in([step], step), 'what axes share yields to it'
+    search.refuted = {'spikes': line}
+    assert not stands_in([line], line), 'another of its name was refuted, and left it the label'
     search._nameless = {}
     assert not stands_in([filters], filters)
 

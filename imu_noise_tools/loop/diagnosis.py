@@ -565,7 +565,9 @@ class _Search:
         for other in (f for k, f in self._nameless.items() if k not in model):
             place = self.place(self.model_of([other, *before]))
             if place is not None and place.candidates:
-                there = finding.name in {f.name for f in self.able(place)}
+                # its label may be that of one of its name that was refuted
+                there = any(f.name == finding.name and not f.against and f.gain > f.penalty
+                            for f in place.candidates)
             else:
                 more = model.plus(_new(other))
                 there = not self._unlowered(more.minus(name), more, finding)[1]
