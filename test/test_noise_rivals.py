@@ -21,11 +21,12 @@ from scipy.stats import kurtosistest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.spectrum import Bins
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.diagnosis import _Search
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.loop.verdict import DIRECTED
-from imu_noise_tools.noise import flexible, views
+from imu_noise_tools.noise import flexible, shared, views
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
@@ -725,3 +726,15 @@ def test_of_several_of_one_name_the_last_is_asked_first(last, fall):
     band = Finding('narrowband', 100.0, registry('noise')['narrowband'](), view='frequency')
     out = search.backward([band, band], last=last)
     assert [*out] == ['narrowband', 'narrowband.2'][-fall:]
+
+
+def test_a_line_raises_what_a_shaken_source_is_missed_by_at_its_own_place_alone():
+    """The noise of an accelerometer is smooth: beside a line it is what it is elsewhere."""
+    k = np.arange(1, 301)
+    bins = Bins(N, DT, k, k + 1)
+    noise = np.random.default_rng(8).chisquare(1, 300)
+    loud = noise + 1e4 * (k == 150)
+    plain, beside = (shared.spread(
+        lambda a, b, own=own: own if a == b else 2 * own, 'accel_x~', bins)
+        for own in (noise, loud))
+    assert np.max(beside / plain) < 1.9 and np.mean(plain) == pytest.approx(1, rel=0.1)

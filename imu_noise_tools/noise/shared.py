@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import dct, dst, idct
+from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 from scipy.special import chdtri, digamma
 
@@ -43,6 +44,7 @@ TALL = 100.0            # times from which it is where nothing else hears it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9)
 WIDE = (9, 19, 39, 79)
+OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
 
 
 def derived(channel: str) -> bool:
@@ -287,7 +289,8 @@ def spread(pair: Callable[[str, str], np.ndarray], channel: str, bins: Bins) -> 
     Return the power (b,) by which a derived channel misses its source, of a gain of 1.
 
     With the share w of its power P the estimate w x leaves w (1 - w) P of the source: that of the
-    axis's own noise, which is smooth, so that bins of few coefficients are told by those beside.
+    axis's own noise, which is smooth, so that bins of few coefficients are told by those beside;
+    a line, which is not, counts there as no more than what noise may reach.
 
     """
     plain = channel.rstrip(LATER)
@@ -298,6 +301,7 @@ def spread(pair: Callable[[str, str], np.ndarray], channel: str, bins: Bins) -> 
     for width in (w for w in WIDE if w <= len(own)):
         window, few = np.ones(width), seen < ENOUGH
         count = np.convolve(bins.count, window, 'same')
-        out = np.where(few, np.convolve(bins.count * own, window, 'same') / count, out)
+        some = bins.count * np.minimum(own, OUT * median_filter(own, width, mode='nearest'))
+        out = np.where(few, np.convolve(some, window, 'same') / count, out)
         seen = np.where(few, count, seen)
     return out
