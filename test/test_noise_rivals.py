@@ -679,6 +679,7 @@ def test_a_step_is_no_noise_that_is_loud_where_it_comes(times, at):
     assert np.max(without.pull) > 6 and np.max(np.abs(with_it.pull)) < 5
 
 
+@pytest.mark.thorough
 def test_a_floor_that_falls_lays_bare_what_stood_beside_it():
     """Flicker alone leaves more of the angle's rounding than there was: both heal what neither."""
     rng = np.random.default_rng(3)

@@ -259,7 +259,9 @@ def test_a_shock_may_be_longer_than_what_is_usually_looked_at_around_it():
     assert len(_beyond_the_spectrum(y, kept, 1 / 4000)['begin'])
 
 
-@pytest.mark.parametrize('louder, lasts', [(5, 50), (5, 200), (10, 50), (10, 200)])
+@pytest.mark.parametrize('louder, lasts', [
+    (5, 200), *(pytest.param(*few, marks=pytest.mark.thorough)
+                for few in ((5, 50), (10, 50), (10, 200)))])
 def test_what_is_louder_for_a_while_is_no_shock(louder, lasts):
     """It ends as it began; a shock dies out."""
     for seed in range(4):
