@@ -5,12 +5,12 @@
 
 import numpy as np
 
+from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
+from ..likelihood import Likelihood
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 from ...loop.effect import Effect, Fit
-
-LEAST, MOST = 0.7, 2.0  # of the Q that a grid gives: a dithered one has sqrt(2)
 
 
 class Quantization(Spectrum):
@@ -42,26 +42,30 @@ class Quantization(Spectrum):
         step, _ = grid_step(y)
         return {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
 
-    def _on_grid(self, evidence: Evidence) -> tuple[float, float]:
-        """Return what the grid says for it, nats, and the Q of an angle that is read to it."""
+    def bonus(self, evidence: Evidence, fit: Fit) -> float:
+        """
+        Count the grid too, less what the spectrum loses by the Q that an angle read to it has.
+
+        Something else that is missing may draw Q away from that.
+
+        """
         kept = evidence.kept(self.name)
         step = float(kept.get('step', 0.0))
         gain = grid_gain(evidence.n, step, float(kept['sigma'])) if step > 0 else 0.0
-        return gain, step * evidence.dt / np.sqrt(12)
-
-    def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
-        """
-        Keep near what the grid gives, where there is one: something else may draw Q away.
-
-        A filter, say, behind which the angle is read, until it is in the model too.
-
-        """
-        gain, q = self._on_grid(evidence)
-        return {'Q': (LEAST * q, MOST * q)} if gain else {}
-
-    def bonus(self, evidence: Evidence, fit: Fit) -> float:
-        """Count the grid too."""
-        return self._on_grid(evidence)[0]
+        if not gain:
+            return 0.0
+        wanted = step * evidence.dt / np.sqrt(12)
+        near = float(np.clip(self['Q'], 0.7 * wanted, 2.0 * wanted))  # a dithered one has sqrt(2)
+        if near == self['Q']:
+            return gain
+        # both on what the fit explains: with all of the spectrum either could come out the better
+        here, moved = (Likelihood(evidence, 'whole', model, explained=fit.details.basis)
+                       for model in (fit.model, fit.model.with_effect(self.with_values(Q=near))))
+        at, x0 = (np.array([s.to_search(x.model[s.label][s.parameter.name]) for s in x.slots])
+                  for x in (here, moved))
+        free = np.array([s.label != self.label for s in moved.slots])
+        lost = minimise(moved, x0, free=free, enough=1e-3)[1] - here.value(at)[0]
+        return gain - min(max(lost, 0.0), gain)
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """2 Q^2 s^2/dt, s = 2 sin(pi f dt)."""
