@@ -72,6 +72,22 @@ def test_a_swing_has_the_harmonics_that_it_shows_and_they_are_no_second_one(skew
     assert second.details.ml - fit.details.ml < penalty('slow_periodic')
 
 
+@pytest.mark.parametrize('periods, phase, size', [
+    (1.33, 0.7, 1e-3), (1.64, 2.7, 2e-3), (1.75, 3.8, 3e-3), (1.92, 0.1, 7e-4)])
+def test_half_a_swing_is_a_sine_and_not_its_harmonics(periods, phase, size):
+    """A form with harmonics comes nearer to a sine whose period is not among those tried."""
+    rng, n, dt = np.random.default_rng(round(100 * periods)), 20_000, 0.05
+    t = dt * np.arange(n)
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    gyro[:, 0] += size * np.cos(2 * np.pi * t / (periods * t[-1]) + phase)
+    problem = NoiseProblem(gather(ImuRecord(gyro, None, t, 1 / dt), ['gyro_x'])['gyro_x'])
+    swing, = (f for f in problem.candidates(problem.point(model_of('noise', BASE)))
+              if f.name == 'slow_periodic')
+    assert swing.gain > swing.penalty and not swing.against
+    assert swing.effect['orders'] == 1
+    assert swing.effect['period'] == pytest.approx(periods * t[-1], rel=0.1)
+
+
 @pytest.mark.parametrize('more, holds', [(2.4, False), (7.0, True)])
 def test_a_drift_is_named_where_it_is_clear_of_a_ramp(more, holds):
     ramp, drift = (find_effect('noise', name).example() for name in ('ramp', 'drift'))

@@ -13,11 +13,14 @@ from scipy.optimize import nnls
 from .kinds import Defect, FILTERS, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
+from ..core.spectrum import Bins
 from ..loop.effect import Fit, Model
 from ..loop.verdict import PRICE
 
 #: a model with the shapes of its effects, and where its searched parameters start
 Start: TypeAlias = tuple[Model, np.ndarray]
+
+ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 
 
 def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
@@ -79,7 +82,9 @@ def _best_columns(likelihood, model, effect, options, keep=2, finer=True):
     Return the options whose columns explain most of the slow part.
 
     They are judged against the smoothed measured spectrum, beside what else acts on the mean: a
-    second step must not land on the first. A form of more columns must be that much better.
+    second step must not land on the first. A form of more columns must be that much better. Where
+    there are several forms it is the best of each: one with harmonics bends to a sine whose period
+    lies between two that are tried.
 
     """
     power = smooth(likelihood.power)
@@ -103,16 +108,40 @@ def _best_columns(likelihood, model, effect, options, keep=2, finer=True):
         if again:
             break
         # a strong one is in that spectrum itself: what the best leaves tells them apart
-        best = np.argsort(gains)[::-1]
-        more = [o for i in best[:keep] for o in options[i].finer(likelihood.evidence) if finer]
+        best = _best_of_forms(options, gains, effect.anew, keep)
+        more = [o for i in best for o in options[i].finer(likelihood.evidence) if finer]
         x = np.column_stack([*known, proposed[best[0]]]) * root
         basis = _basis(x)
         rest = (slow * root[:, 0] - basis @ (basis.T @ (slow * root[:, 0]))) / root[:, 0]
-        power = smooth(np.maximum(
+        power = _background(likelihood.bins, np.maximum(
             likelihood._replaced(likelihood.power, likelihood._slow, rest), 1e-300))
         options = [*options, *more]
         proposed += [likelihood.slow_columns(o) for o in more]
-    return [options[i] for i in np.argsort(gains)[::-1][:keep]]
+    return [options[i] for i in _best_of_forms(options, gains, effect.anew, keep)]
+
+
+def _best_of_forms(options, gains, choices, keep) -> list[int]:
+    """Return which options are best, best first: one of each form, of one form some."""
+    order = [int(i) for i in np.argsort(gains)[::-1]]
+    first = {tuple(options[i][c] for c in choices): i for i in reversed(order)}
+    return order[:keep] if len(first) == 1 else [i for i in order if i in first.values()]
+
+
+def _background(bins: Bins, power: np.ndarray) -> np.ndarray:
+    """
+    Return the power (b,) as that of white noise, flicker and a random walk.
+
+    At the slow end fitted columns leave next to nothing by their own doing: no level of noise is
+    told by a few bins there.
+
+    """
+    shape = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2], axis=1)
+    level = smooth(power)
+    for _ in range(ROUNDS):
+        w = np.sqrt(bins.count) / level
+        scale = np.max(shape * w[:, None], axis=0)
+        level = shape @ (nnls(shape * w[:, None] / scale, power * w)[0] / scale)
+    return level
 
 
 def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
