@@ -107,6 +107,7 @@ def test_undo_goes_back_and_the_ladder_remembers(session):
                               ('flicker', None), (None, 'sinusoid')]
 
 
+@pytest.mark.thorough
 def test_two_things_at_once_are_refused(session):
     assert session.diagnose(['accel_z'])
     assert not session.add('gyro_x', ['ramp'])

@@ -426,9 +426,9 @@ def test_what_a_bank_does_not_know_of_a_hand_is_no_jitter(seed):
     assert found.verdict == 'complete', found
 
 
-@pytest.mark.parametrize('alternate, n', [
-    (False, 8000), pytest.param(False, 10000, marks=pytest.mark.thorough),
-    pytest.param(True, 8000, marks=pytest.mark.thorough)],
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    'alternate, n', [(False, 8000), (False, 10000), (True, 8000)],
     ids=['random', 'random, longer', 'alternating'])
 def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n):
     """A delay of every sample, normal by itself or to and fro, is noise that grows with motion."""

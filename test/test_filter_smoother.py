@@ -109,6 +109,7 @@ def _exact(z, modes, axis):
     return mean, sum(a * (v + (x - mean) ** 2) for a, (x, v) in zip(w, parts))
 
 
+@pytest.mark.thorough
 def test_it_is_nearer_than_the_filter_at_rest_in_a_turn_and_at_a_step():
     t, z, truth = turning(6000, seed=5)
     chosen = design(values=KNOWN)
@@ -123,6 +124,7 @@ def test_it_is_nearer_than_the_filter_at_rest_in_a_turn_and_at_a_step():
     assert np.array_equal(both.score, causal.score)
 
 
+@pytest.mark.thorough
 def test_flaws_of_a_stream():
     t, z, truth = turning(3000, seed=6)
     late = t.copy()

@@ -81,7 +81,7 @@ def test_an_array_of_objects_is_said(tmp_path):
     assert 'warning: notes is not an array of numbers; left out' in said
 
 
-@pytest.mark.parametrize('cut', [1, 8, 30])
+@pytest.mark.parametrize('cut', daily([1, 8, 30], 8))
 def test_a_cut_footer_is_said(tmp_path, cut):
     """All messages are read, and that the file did not end as it should is said."""
     write_bag(tmp_path / 'x.mcap', bad_input.still(70))
@@ -93,6 +93,7 @@ def test_a_cut_footer_is_said(tmp_path, cut):
     assert 'cut short' in said and '7000 samples' in out
 
 
+@pytest.mark.thorough
 def test_what_was_doubtful_is_said_before_a_refusal(tmp_path):
     """A cut bag that is refused for another reason is still said to be cut."""
     write_bag(tmp_path / 'x.bag', bad_input.still(40))
@@ -118,6 +119,7 @@ def test_each_warning_is_printed_once(tmp_path, analysed):
         assert (out + said).count('not finite') == 1
 
 
+@pytest.mark.thorough
 def test_two_records_in_one_folder_keep_their_truths(tmp_path):
     spec = {'rate_hz': 100, 'duration_s': 20, 'targets': {'gyro_x': {'white': {'N': 1e-3}}}}
     for name, n in (('a', 1e-3), ('b', 2e-3)):
@@ -132,6 +134,7 @@ def test_two_records_in_one_folder_keep_their_truths(tmp_path):
     assert {p.name for p in tmp_path.glob('*truth.yaml')} == {'truth.yaml', 'b.mcap.truth.yaml'}
 
 
+@pytest.mark.thorough
 def test_an_export_goes_where_it_is_sent(tmp_path, study):
     """As JSON, to standard output, and never into a file named ``-``."""
     out, _ = run('export', study, '--format', 'kalibr', '-o', '-', folder=tmp_path)
@@ -154,6 +157,7 @@ def test_an_export_refuses_what_it_cannot_hold(tmp_path, study, capsys):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 def test_a_horizon_covers_flicker_and_says_so(study):
     plain, _ = run('export', study, '--format', 'kalibr', '-o', '-')
     wide, _ = run('export', study, '--format', 'kalibr', '-o', '-', '--horizon', '20')
@@ -166,6 +170,7 @@ def test_tables_fit_a_terminal(words):
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
+@pytest.mark.thorough
 def test_a_comparison_fits_a_terminal(study):
     for words in ((), (study,)):
         out, _ = run('compare', study, *words, columns=80)
@@ -244,7 +249,7 @@ def shown_on_a_terminal(*words):
 
 
 @pytest.mark.parametrize(
-    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'simulate'))
+    'command', daily(['simulate', 'analyse', 'calibrate', 'filter'], 'analyse'))
 def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     """On a terminal; not in a pipe, and not with --json."""
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(

@@ -420,6 +420,7 @@ def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     assert {p: p.stat().st_mtime_ns for p in first} == first, 'nothing was done twice'
 
 
+@pytest.mark.thorough
 def test_what_failed_is_tried_again_when_asked_to(tmp_path, capsys):
     """And only that: what is done stays as it is."""
     (tmp_path / 'bags').mkdir()
@@ -533,6 +534,7 @@ def test_a_unit_and_its_population_are_exported(plain):
         unit_study(kept.folder, 'imu5_v3')
 
 
+@pytest.mark.thorough
 def test_two_fleets_are_compared(plain, bags, client, tmp_path):
     """The same units, 20 % louder: the change is said with its interval, and B's is not."""
     louder = tmp_path / 'louder'

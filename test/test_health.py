@@ -413,6 +413,7 @@ def test_wrong_choices_are_wrong_usage(options, command, tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == ['a.npz']
 
 
+@pytest.mark.thorough
 def test_the_study_says_what_is_left_out(tmp_path, capsys):
     """The list of disturbed stretches is in study.yaml, on the terminal and on the page."""
     r = knocked(quiet(np.random.default_rng(0), 120, 50), (40.0, 90.0))

@@ -81,7 +81,7 @@ STUDIES = {'noise': (noise_study, 'sinusoid', 'gyro_x'),
            'filter': (filter_study, 'angular_acceleration', 'gyro_x')}
 
 
-@pytest.mark.parametrize('domain', daily(STUDIES, 'noise'))
+@pytest.mark.parametrize('domain', daily(STUDIES, 'calibration'))
 def test_the_ladder(domain, tmp_path):
     make, name, target = STUDIES[domain]
     study = make(tmp_path)

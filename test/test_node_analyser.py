@@ -336,6 +336,7 @@ def test_two_namespaces_do_not_mix(ros, small_bag, tmp_path):
         assert int(about['samples']) == count
 
 
+@pytest.mark.thorough
 def test_playing_keeps_stamps_paces_pauses_and_tells(ros, small_bag):
     """Slowly until it is paused, so that there is something left however late that comes."""
     bag, record = small_bag
@@ -387,6 +388,7 @@ def test_a_bag_that_cannot_be_read_ends_with_one_line(ros, shared_data):
         assert len(lines) == 1 and lines[0].startswith('error: ') and why in lines[0], process.text
 
 
+@pytest.mark.thorough
 def test_loops_begin_again_and_present_stamps_can_be_had(ros, small_bag):
     ns, began = ros.namespace(), time.time()
     with ros.listening(f'{ns}/imu/data_raw', Imu, raw=True) as got, \

@@ -132,6 +132,7 @@ def test_captures_say_which_face_was_seen_and_which_are_left(solved):
                                   if f in list(FACES)[k + 1:]]
 
 
+@pytest.mark.thorough
 def test_monitors_see_how_it_is(solved):
     """The session is stale where nothing comes; the sensor is as its solution is."""
     bench, _ = solved
@@ -190,6 +191,7 @@ def test_the_loop_answers(solved):
         assert success and key in answer, name
 
 
+@pytest.mark.thorough
 def test_saved_loaded_and_reset(solved, keep):
     bench, _ = solved
     success, answer = bench.call('save')

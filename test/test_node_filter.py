@@ -127,6 +127,7 @@ def test_every_message_comes_back_filtered_and_otherwise_as_it_was(stream):
         assert np.array_equal(a.linear_acceleration_covariance, b.linear_acceleration_covariance)
 
 
+@pytest.mark.thorough
 def test_flaws_of_a_stream_are_handled_and_counted(stream):
     s, z = stream(), noise(400)
     s.send([imu(START + k * 5_000_000, z[k]) for k in range(200)])
@@ -145,6 +146,7 @@ def test_flaws_of_a_stream_are_handled_and_counted(stream):
         'samples': '203', 'refused': '1', 'duplicates': '1', 'gaps': '1', 'resets': '1'}
 
 
+@pytest.mark.thorough
 def test_parameters_set_while_it_runs(ros, stream):
     s, z = stream(), noise(1200)
     full, k = s.process.full, 0
@@ -165,6 +167,7 @@ def test_parameters_set_while_it_runs(ros, stream):
     assert int(told['switches']) >= 4
 
 
+@pytest.mark.thorough
 def test_the_filter_of_parameters_is_the_augmented_one(stream):
     """phi, Q and R from parameters: the numbers are those of the Kalman filter's recursion."""
     phi, q, r, alpha = 0.107, 1.2e-7, 1.1e-4, 0.9
@@ -206,6 +209,7 @@ def test_a_delay_gives_smoothed_rates_under_their_own_stamps(ros, stream):
     assert np.median(covariance) < 0.9 * np.median(causal)
 
 
+@pytest.mark.thorough
 def test_messages_keep_their_order_where_some_have_no_rate(ros, stream):
     """One without a rate has nothing to wait for but those before it."""
     s, z = stream(rate_hz=200.0, delay=0.1), noise(200)

@@ -43,6 +43,7 @@ def test_every_node_ends_on_a_signal(ros, table, number):
         assert 'Traceback' not in process.text
 
 
+@pytest.mark.thorough
 def test_parameters_are_described_and_config_files_hold_their_defaults(ros, root, table):
     """Nothing of config/ is unknown to the nodes, and nothing of theirs is left out."""
     for process in started(ros, ros.namespace(), table):
@@ -71,6 +72,7 @@ def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table):
         assert len(lines) == 1 and lines[0].startswith('error: ') and why in lines[0], lines
 
 
+@pytest.mark.thorough
 def test_layouts_of_viewers_show_topics_and_services_that_exist(ros, root, table):
     processes = started(ros, ros.namespace(), table)
     ns = processes[0].namespace

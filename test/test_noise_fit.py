@@ -314,6 +314,7 @@ def test_the_direction_of_time_does_not_matter():
     assert_scaled(fit_one(y), fit_one(y[::-1].copy()))
 
 
+@pytest.mark.thorough
 @settings(max_examples=4)
 @given(st.floats(-10, 10))
 def test_a_constant_does_not_matter(offset):
@@ -321,6 +322,7 @@ def test_a_constant_does_not_matter(offset):
     assert_scaled(fit_one(y), fit_one(y + offset))
 
 
+@pytest.mark.thorough
 @settings(max_examples=4)
 @given(st.permutations(BASE))
 def test_the_order_of_effects_does_not_matter(order):

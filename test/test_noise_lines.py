@@ -122,6 +122,7 @@ def test_a_resonance_is_no_line(cells, size):
     assert count <= 2
 
 
+@pytest.mark.thorough
 def test_noise_has_no_lines():
     rng = np.random.default_rng(3)
     assert sum(len(table(base(rng, hidden.draw_sensor(rng)))) for _ in range(40)) == 0

@@ -396,6 +396,7 @@ def test_a_part_of_a_table_is_filtered(tmp_path):
     assert '--fields' in said
 
 
+@pytest.mark.thorough
 def test_a_part_of_a_session_is_calibrated(tmp_path):
     """Six faces, then the IMU is carried away: without the end of it the faces are level."""
     rng = np.random.default_rng(5)
@@ -481,6 +482,7 @@ def test_every_imu_of_a_bag_has_a_study(robot, tmp_path):
     assert '--force' in said
 
 
+@pytest.mark.thorough
 def test_every_imu_of_a_bag_is_inspected(robot):
     out, _ = run('inspect', robot, '--topic', 'all', '--json')
     found = {r['topic']: r['health']['samples'] for r in json.loads(out)['records']}

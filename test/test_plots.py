@@ -336,6 +336,7 @@ def test_a_temperature_is_shown_as_rate_over_temperature():
         assert np.polyfit(curve.x, curve.y, 1)[0] == pytest.approx(math.degrees(slope), rel=0.2)
 
 
+@pytest.mark.thorough
 def test_a_telegraph_is_shown_by_its_levels_and_dwells():
     step, tau = 6e-4, 15.0
     before, after = hidden(KNOWN['rts']({'step': step, 'tau': tau}))

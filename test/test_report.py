@@ -264,6 +264,7 @@ def test_pictures_of_a_study(study, pictures):
     assert list(report.pictures(study)) == ['series', 'allan', 'ladder']
 
 
+@pytest.mark.thorough
 def test_what_is_missing_added_and_not_known_is_proven_by_a_picture(hidden):
     study = Study(hidden.domain, hidden.states, hidden.source, hidden.history, hidden.diagnosis)
     alts = [v for k, v in Page(report.html(study)).attributes if k == 'alt']

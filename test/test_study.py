@@ -78,6 +78,7 @@ def test_the_ladder_falls_to_chance_and_stays():
     assert all(x.fit.estimates['random_walk']['K'].value for x in s.states.values())
 
 
+@pytest.mark.thorough
 def test_the_chance_level_is_honest():
     """Held-out errors of the true model scatter about zero as their own std says."""
     scores = []
