@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from params import daily
 import pytest
@@ -18,7 +20,7 @@ from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
-from imu_noise_tools.noise.candidates import at_bound, clear_of_less
+from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
@@ -87,6 +89,43 @@ def test_half_a_swing_is_a_sine_and_not_its_harmonics(periods, phase, size):
     assert swing.gain > swing.penalty and not swing.against
     assert swing.effect['orders'] == 1
     assert swing.effect['period'] == pytest.approx(periods * t[-1], rel=0.1)
+
+
+@pytest.mark.parametrize('kind, holds', [
+    ('filter', True), ('one axis', False),
+    pytest.param('each its own', False, marks=pytest.mark.thorough)])
+def test_white_noise_behind_one_pole_is_told_from_a_relaxation_by_the_other_axes(kind, holds):
+    """Beside a floor both have one spectrum; a filter is the same in every axis of the sensor."""
+    rng, n, dt = np.random.default_rng(41), 40_000, 0.01
+    pole = np.exp(-0.3)
+    gyro = np.zeros((n, 3))
+    for axis, ratio in enumerate({'filter': (300, 300, 300), 'one axis': (300, 0, 0),
+                                  'each its own': (300, 60, 1500)}[kind]):
+        passed = lfilter([1 - pole], [1, -pole], rng.standard_normal(n + 500))[500:]
+        gyro[:, axis] = 1e-4 * (np.sqrt(ratio) * passed + rng.standard_normal(n))
+    record = ImuRecord(gyro, None, dt * np.arange(n), 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    found = {f.name: f for f in problem.candidates(problem.point(model_of('noise', BASE)))}
+    low_pass, relaxation = found['low_pass'], found['gauss_markov']
+    assert (low_pass.gain - low_pass.penalty > relaxation.gain - relaxation.penalty + 5) == holds
+    if holds:
+        assert low_pass.effect['behind'] == pytest.approx(1 / 301, rel=0.3)
+        assert low_pass.effect['cutoff'] == pytest.approx(0.3 / (2 * np.pi * dt), rel=0.05)
+
+
+def test_a_refit_that_finds_another_place_is_no_gain_of_what_was_measured():
+    """What was caught elsewhere before any refit frees, by no doing of the effect."""
+    rng, n, dt = np.random.default_rng(6), 20_000, 0.01
+    gyro = 1e-5 * np.round(100 * rng.standard_normal((n, 3)))
+    problem = NoiseProblem(gather(ImuRecord(gyro, None, dt * np.arange(n), 1 / dt),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', BASE))
+    caught = replace(fit, details=replace(fit.details, v=1.1 * fit.details.v))
+    gains = []
+    for before in (fit, caught):
+        problem.tried.clear()
+        gains += [f.gain for f in candidates(problem, before) if f.name == 'rate_quantization']
+    assert len(gains) == 2 and abs(gains[1] - gains[0]) < 2
 
 
 @pytest.mark.parametrize('more, holds', [(2.4, False), (7.0, True)])

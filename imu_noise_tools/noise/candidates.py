@@ -341,7 +341,7 @@ def _measured(evidence, fit, effect):
     gain = finding.gain
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
-        gain += _gained(evidence, fit, more)
+        gain += float(_gain(evidence, fit, more, False))
     return Finding(
         effect.name,
         float(gain),

@@ -7,9 +7,10 @@ from itertools import product
 
 import numpy as np
 
+from ..alike import alike
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
-from ...loop.effect import Effect
+from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, Spectrum
+from ...loop.effect import Effect, Fit
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
 DECIMATED = {f'butterworth_2_decimated_{k}': k for k in (2, 4, 8)}
@@ -24,6 +25,7 @@ SHARES = (0.3, 0.7)  # of an average, too
 LEAST = 1e-4  # of which: beside a pole less of it is lost in rounding
 FINER, NEARER = np.geomspace(0.9, 1.1, 11), np.geomspace(0.8, 1.25, 5)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
+ALL = 0.9  # share of the power from which there is nothing but white noise
 CASCADE = 0.319  # of two averages of one length, one behind the other
 
 
@@ -53,7 +55,7 @@ class LowPass(Response):
     parameters = (
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
         Parameter.choice('form', FORMS, title='shape of the fall'),
-        # more of it is a Gauss-Markov process beside white noise, as any of it is behind one pole
+        # more of it is a Gauss-Markov process beside white noise
         Parameter('behind', '1', 0.0, 0.02, log=False,
                   title='share of the white noise that arises behind it'),
         Parameter('averaged', '1', 0.0, 1.0, log=False,
@@ -81,7 +83,7 @@ class LowPass(Response):
         tried['two_averages'] = CASCADE / lengths  # shorter ones look like one average
         out: list[tuple[float, Effect]] = []
         for form in FORMS:
-            behind = (0.0,) if form in (POLE, AVERAGED) else BEHIND
+            behind = (0.0,) if form == AVERAGED else BEHIND
             averaged = SHARES if form == AVERAGED else (0.0,)
             best, second = self._smoothest(evidence, form, tried[form], averaged, behind)[:2]
             if tried[form] is falls:    # forms differ by less than one step of either does
@@ -117,7 +119,7 @@ class LowPass(Response):
         out = {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
         if 'form' in self.values:
             form = self.chosen('form')
-            out |= {'behind': (0.0, 0.0)} if form in (POLE, AVERAGED) else {}
+            out |= {'behind': (0.0, 0.0)} if form == AVERAGED else {}
             out |= {'averaged': (0.0, 0.0)} if form != AVERAGED else {}
         return out
 
@@ -129,8 +131,25 @@ class LowPass(Response):
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
         form = self.chosen('form')
-        behind = self.values.get('behind', 0.0) if form not in (POLE, AVERAGED) else 0.0
+        behind = self.values.get('behind', 0.0) if form != AVERAGED else 0.0
         return beside_unfiltered(self._shape(form, f, dt), behind)
+
+    def bonus(self, evidence: Evidence, fit: Fit) -> float:
+        """
+        Return what the other axes say for one pole, beside a Gauss-Markov process.
+
+        A filter is that of the sensor: behind it all axes are alike, where such a process is as
+        strong in each of them as it may be.
+
+        """
+        if not self.knees:
+            return 0.0
+        bins, behind = evidence.whole.bins, self['behind']
+        white = sum(fit.details.each[e.label] for e in fit.model.of(Spectrum) if e.in_every_sensor)
+        gain2 = self._shape(self.chosen('form'), bins.f, evidence.dt)
+        gain2 = np.where(white > ALL * fit.details.v, gain2, 0.0)
+        std = fit.estimates[self.label]['behind'].std or behind
+        return sum(alike(bins, power, gain2, behind, std) for power in evidence.beside())
 
     def _shape(self, form, f, dt):
         """Return that of a form, with nothing behind it."""

@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Whether the axes of a sensor are behind one filter.
+
+White noise behind one pole, and a little behind that, has the spectrum of a Gauss-Markov process
+beside white noise. A filter is the sensor's: behind it all axes have one shape, where such a
+process is as strong in each axis as it may be.
+
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import digamma, logsumexp, polygamma
+
+from .explained import Bands
+from ..core.spectrum import Bins
+
+SHARES = np.geomspace(1e-4, 10.0, 231)  # of white noise that does not pass, in what does
+LEAST = 4  # bands that tell a shape
+FAR = 5.0  # standard errors from which a band counts no more: a line of the other axis is there
+ROUNDS = 3  # of leaving them out
+NEITHER = 3.0  # times what chance leaves, from which an axis holds something else
+
+
+def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: float) -> float:
+    """
+    Return how much likelier another axis is behind the same filter than beside noise of its own.
+
+    In nats; 0 where it is neither. Of both the spectrum is a sum of white noise and of what passes
+    a filter: behind one filter their ratio is this axis's, else it is any of SHARES (the odds of a
+    point against a range: Jeffreys, Theory of Probability, 1961, 5.0).
+
+    Parameters
+    ----------
+    bins : Bins
+    power : ndarray (b,)
+        Of the other axis.
+    gain2 : ndarray (b,)
+        Squared gain of the filter; 0 where more than white noise is in the spectrum.
+    behind, std : float
+        Share of this axis's white noise that arises behind the filter, its standard deviation.
+
+    """
+    bands, count = Bands.on(bins), bins.count * (gain2 > 0)
+    some = bands.sum(count) > 0
+    if np.sum(some) < LEAST:
+        return 0.0
+
+    def mean(x):
+        return bands.sum(count * x)[some] / bands.sum(count)[some]
+
+    # the logarithm of chi-squared over its degrees of freedom has this mean and variance
+    half = bins.count / 2
+    level = mean(np.log(np.maximum(power, 1e-300)) - digamma(half) + np.log(half))
+    weight = bands.sum(count)[some] / mean(count * polygamma(1, half))
+    passed = np.exp(mean(np.log(np.maximum(gain2, 1e-300))))
+    away = level - np.log(passed + SHARES[:, None])
+    away -= np.median(away, axis=1, keepdims=True)
+    for _ in range(ROUNDS):
+        w = np.where(away**2 * weight < FAR**2, weight, 0.0)
+        away -= (np.sum(w * away, axis=1) / np.maximum(np.sum(w, axis=1), 1e-300))[:, None]
+    lost = np.sum(np.minimum(away**2 * weight, FAR**2), axis=1)
+    if np.min(lost) > NEITHER * (len(level) - 2):
+        return 0.0
+    least, step = SHARES[0], np.log(SHARES[1] / SHARES[0])
+    own = -0.5 * (np.log(SHARES / max(behind, least)) / max(std / max(behind, least), step)) ** 2
+    return float(logsumexp(own - 0.5 * lost) - logsumexp(own)
+                 - logsumexp(-0.5 * lost) + np.log(len(SHARES)))
