@@ -19,8 +19,8 @@ Outcomes:
 * one: right or wrong by the first name found, unnamed where none is;
 * nothing: right where complete, wrong where a name is given, unnamed else;
 * outside: right where nothing is named and the verdict is not complete, missed where it is
-  complete, kin where the names are in a wider sense true (a wandering variance called
-  variance_change), else wrong;
+  complete, unnamed where the record is refused, kin where the names are in a wider sense true (a
+  wandering variance called variance_change), else wrong;
 * two, three, lines: right where every clear effect is found, unnamed where one is not found, and
   wrong where a name is found besides that nothing in the truth bears out (whatever else is
   found).
@@ -107,7 +107,7 @@ def outcome(kind, verdict, found, hidden, matched):
         return 'wrong' if names else 'right' if verdict == 'complete' else 'unnamed'
     if kind == 'outside':
         if not names:
-            return 'missed' if verdict == 'complete' else 'right'
+            return {'complete': 'missed', 'refused': 'unnamed'}.get(verdict, 'right')
         return 'kin' if set(names) <= set(hidden[0]['kin']) else 'wrong'
     if kind == 'one':
         if not names:
