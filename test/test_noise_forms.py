@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from params import daily
 import pytest
+from scipy.fft import dct
 from scipy.signal import butter, lfilter
 
 import hidden
@@ -431,6 +432,17 @@ def test_what_axes_hear_together_is_each_ones_share():
         true = g * g * power(0.01 * f)
         assert np.sqrt(np.mean((share - true / (1 + true)) ** 2)) < 0.1
     assert not shared.heard_together({k: rng.standard_normal(n) for k in 'abc'}, 0.01)
+
+
+def test_drifts_of_their_own_are_not_heard_together():
+    """Slow and strong as they are, they reach nothing of what is faster."""
+    for seed in range(10):
+        rng, n = np.random.default_rng([seed, 35]), 20_000
+        assert not shared.heard_together({k: rng.standard_normal(n) + 0.1 * np.cumsum(
+            rng.standard_normal(n)) for k in ('gyro_x', 'gyro_y', 'gyro_z')}, 0.01)
+    walk = dct(np.cumsum(rng.standard_normal(n)), norm='ortho')
+    fast = slice(n // 10, None)
+    assert np.sum(shared.later(walk)[fast] ** 2) < 1.5 * np.sum(walk[fast] ** 2)
 
 
 @pytest.mark.parametrize('seed', range(3))

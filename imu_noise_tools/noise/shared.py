@@ -20,7 +20,7 @@ from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
-from scipy.fft import dct, dst, idct
+from scipy.fft import dct, idst
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 from scipy.special import chdtri, digamma
@@ -56,12 +56,13 @@ def later(c: np.ndarray) -> np.ndarray:
     """
     Return cosine coefficients, (n,), of a signal a quarter of a period on (Hilbert's transform).
 
-    For A cos(wt + p) these are of A sin(wt + p): but for the record's ends, the sine coefficients
-    with the sign turned.
+    For A cos(wt + p) these are of A sin(wt + p): the same coefficients, of sines. So what is slow
+    and strong, a drift, reaches little of what is faster: a record repeated with its sign turned,
+    which makes sines of it as well, jumps at its ends.
 
     """
-    out = np.zeros(len(c))
-    out[1:] = -dst(idct(c, type=2, norm='ortho'), type=2, norm='ortho')[:-1]
+    out = dct(idst(np.append(c[1:], 0.0), type=2, norm='ortho'), type=2, norm='ortho')
+    out[0] = 0.0
     return out
 
 
@@ -90,11 +91,13 @@ def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
     c = [dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho') for x in columns.values()]
     q = [later(x) for x in c]
     count = np.diff(np.append(edges, n))
-    level = [np.maximum(np.add.reduceat(x * x, edges), 1e-300) for x in c]
+    # what is later of a drift may have more power than the drift
+    level, other = ([np.maximum(np.add.reduceat(v * v, edges), 1e-300) for v in x] for x in (c, q))
     square = {}
     for a, b in combinations(range(len(c)), 2):
-        both = sum(np.add.reduceat(c[a] * x[b], edges) ** 2 for x in (c, q))
-        square[a, b] = both / (level[a] * level[b]) * count - 2
+        both = sum(np.add.reduceat(c[a] * x[b], edges) ** 2 / power[b]
+                   for x, power in ((c, level), (q, other)))
+        square[a, b] = both / level[a] * count - 2
     found = _one_source(_coherence(square, _sets(list(columns)), count))
     f = (edges + 0.5 * count) / (2 * n * dt)
     return {k: (f, found[i]) for i, k in enumerate(columns) if np.any(found[i] > 0)}
