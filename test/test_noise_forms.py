@@ -16,6 +16,7 @@ from scipy.signal import butter, lfilter
 import hidden
 from imu_noise_tools.core.errors import FitError
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.spectrum import bins_of, cosine_transform, power
 from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
@@ -443,6 +444,29 @@ def test_drifts_of_their_own_are_not_heard_together():
     walk = dct(np.cumsum(rng.standard_normal(n)), norm='ortho')
     fast = slice(n // 10, None)
     assert np.sum(shared.later(walk)[fast] ** 2) < 1.5 * np.sum(walk[fast] ** 2)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_faint_source_is_heard_where_an_angle_is_rounded(seed):
+    """A third of the power of each axis's noise at low frequencies, next to nothing at high."""
+    rng, n, dt = np.random.default_rng([seed, 36]), 60_000, 0.01
+    f, source = np.fft.rfftfreq(n), np.fft.rfft(rng.standard_normal(n))
+    axes = {k: np.fft.irfft(0.6 * np.exp(1j * phase) * source, n) + rng.standard_normal(n)
+            + 5 * np.diff(rng.standard_normal(n + 1))
+            for k, phase in (('gyro_x', 0.0), ('gyro_y', 2.0), ('gyro_z', -1.0))}
+    heard = shared.heard_together(axes, dt)
+    own = 1 + 100 * np.sin(np.pi * f) ** 2
+    for k, y in axes.items():
+        at, found = heard[k]
+        true = 0.36 / (0.36 + np.interp(dt * at, f, own))
+        slow, width = at < 4, np.gradient(at)
+        ratio = np.average(found[slow], weights=width[slow]) / np.average(
+            true[slow], weights=width[slow])
+        assert 0.5 < ratio < 1.6 and np.mean(found[at > 25]) < 0.01
+        # what rises with the frequency is no vibration
+        bins = bins_of(n, dt)
+        share = shared.share(bins, power(cosine_transform(y), dt, bins), heard[k])
+        assert np.max(share[bins.f > 25]) < 0.1
 
 
 @pytest.mark.parametrize('seed', range(3))

@@ -15,7 +15,7 @@ together, and for an accelerometer that moves far above its own noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import combinations
 from typing import TypeAlias
 
@@ -93,12 +93,10 @@ def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
     count = np.diff(np.append(edges, n))
     # what is later of a drift may have more power than the drift
     level, other = ([np.maximum(np.add.reduceat(v * v, edges), 1e-300) for v in x] for x in (c, q))
-    square = {}
-    for a, b in combinations(range(len(c)), 2):
-        both = sum(np.add.reduceat(c[a] * x[b], edges) ** 2 / power[b]
-                   for x, power in ((c, level), (q, other)))
-        square[a, b] = both / level[a] * count - 2
-    found = _one_source(_coherence(square, _sets(list(columns)), count))
+    pulls = {(a, b): np.array([
+        np.add.reduceat(c[a] * x[b], edges) * np.sqrt(count / (level[a] * power[b]))
+        for x, power in ((c, level), (q, other))]) for a, b in combinations(range(len(c)), 2)}
+    found = _one_source(_coherence(pulls, _sets(list(columns)), count, np.array(level) / count))
     f = (edges + 0.5 * count) / (2 * n * dt)
     return {k: (f, found[i]) for i, k in enumerate(columns) if np.any(found[i] > 0)}
 
@@ -111,8 +109,8 @@ def _sets(axes: list[str]) -> list[list[Pair]]:
     return [[pair] for pair in pairs] + [some for some in sensors if len(some) > 1]
 
 
-def _coherence(square: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
-               count: np.ndarray) -> np.ndarray:
+def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
+               count: np.ndarray, power: np.ndarray) -> np.ndarray:
     """
     Return the coherence (axes, axes, g) of axes that hear something together, 0 of others.
 
@@ -120,35 +118,69 @@ def _coherence(square: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
 
     Parameters
     ----------
-    square : dict of ndarray (g,)
-        Coherence squared of pairs of axes, times ``count`` in groups of coefficients, its mean by
-        chance, 2, taken off.
+    pulls : dict of ndarray (2, g)
+        What pairs of axes share in groups of coefficients, in phase and a quarter of a period
+        later, in standard deviations of chance.
     sets : list of lists of pairs
         What is looked at together.
     count : ndarray (g,)
         Coefficients in each group.
+    power : ndarray (axes, g)
+        Of each axis.
 
     """
-    axes, groups = 1 + max(b for _, b in square), len(count)
+    axes, groups = 1 + max(b for _, b in pulls), len(count)
     both, stretches = np.zeros((axes, axes, groups)), list(_stretches(groups))
-    level = CHANCE / (len(sets) * sum(len(at) for _, at in stretches))
+    level = CHANCE / (2 * len(sets) * sum(len(at) for _, at in stretches))
+    square = {pair: np.sum(z * z, axis=0) - 2 for pair, z in pulls.items()}
     # what is told by the most groups is in many of them, not in one
     capped = {pair: np.minimum(x, 2 * CLEAR[0]) for pair, x in square.items()}
     for some in sets:
-        total = np.sum([square[pair] for pair in some], axis=0)
-        heard = _together(total, len(some), level, stretches)
-        for width, least in zip(WINDOWS, CLEAR) if np.any(heard) else ():
+        apart, alike = _together([pulls[pair] for pair in some], count, level, stretches)
+        for width, least in zip(WINDOWS, CLEAR) if np.any(apart) else ():
             window = np.ones(min(width, groups))
-            near = np.convolve(np.ones(groups), window, 'same')
+            near, seen = (np.convolve(x, window, 'same') for x in (np.ones(groups), count))
             told = square if width < WINDOWS[-1] else capped
-            total = np.sum([told[pair] for pair in some], axis=0)
-            clear = np.convolve(total, window, 'same') > least * 2 * np.sqrt(len(some) * near)
-            for a, b in some:
-                new = heard & clear & (both[a, b] == 0)
-                share = np.convolve(told[a, b], window, 'same') / np.convolve(
-                    count - 2.0, window, 'same')
-                both[a, b, new] = both[b, a, new] = np.sqrt(np.clip(share, 0.0, 1.0))[new]
+            each = [np.convolve(told[pair], window, 'same') for pair in some]
+            clear = sum(each) > least * 2 * np.sqrt(len(some) * near)
+            _put(both, some, apart & clear, [x / (seen - 2 * near) for x in each])
+        # what has one phase is told by less
+        for width, least in zip(WINDOWS, CLEAR) if np.any(alike) else ():
+            window = np.ones(min(width, groups))
+            each, shares = _in_phase([pulls[pair] for pair in some], count, [
+                power[a] * power[b] for a, b in some], window)
+            _put(both, some, alike & (each > least * 2 * np.sqrt(len(some))), shares)
     return both
+
+
+def _put(both: np.ndarray, some: list[Pair], new: np.ndarray,
+         squares: Iterable[np.ndarray]) -> None:
+    """Put coherence squared, (g,) each, of some pairs into ``both`` where there is none yet."""
+    for (a, b), square in zip(some, squares):
+        at = new & (both[a, b] == 0)
+        both[a, b, at] = both[b, a, at] = np.sqrt(np.clip(square, 0.0, 1.0))[at]
+
+
+def _in_phase(pulls: list[np.ndarray], count: np.ndarray, powers: list[np.ndarray],
+              window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return what pairs share of one phase in a window of groups, (g,): how clear, and (pairs, g).
+
+    The square of its pull, less its mean by chance, of all pairs, and of each the coherence
+    squared. A source that is coloured as the noise is is as coherent in all groups, a white one
+    the less the more noise there is, of ``powers`` (g,) of both axes: which of the two is clearer.
+
+    """
+    clear, shares = np.full(len(count), -np.inf), np.zeros((len(pulls), len(count)))
+    for some in ([np.ones(len(count))] * len(pulls), powers):
+        weight = [np.sqrt(count / p) for p in some]
+        seen = [np.convolve(w * w, window, 'same') for w in weight]
+        square = [sum(np.convolve(x * w, window, 'same') ** 2 for x in z) / t - 2
+                  for z, w, t in zip(pulls, weight, seen)]
+        better = sum(square) > clear
+        clear = np.where(better, sum(square), clear)
+        shares = np.where(better, [x / t / p for x, t, p in zip(square, seen, some)], shares)
+    return clear, shares
 
 
 def _stretches(groups: int) -> Iterator[tuple[int, np.ndarray]]:
@@ -159,14 +191,29 @@ def _stretches(groups: int) -> Iterator[tuple[int, np.ndarray]]:
         m *= 2
 
 
-def _together(total: np.ndarray, pairs: int, level: float, stretches) -> np.ndarray:
-    """Return which groups (g,) lie in a stretch that noise makes as coherent at a ``level``."""
-    until = np.append(0.0, np.cumsum(total + 2 * pairs))
-    out = np.zeros(len(total), bool)
+def _together(pulls: list[np.ndarray], count: np.ndarray, level: float,
+              stretches) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return which groups (g,) lie in a stretch that noise makes as coherent at a ``level``.
+
+    Of pairs of axes, pulls (2, g) each: by the sum of their squares, whatever the phase of what
+    is heard is in each group, and by the square of their sum, where it is one.
+
+    """
+    def until(x):
+        return np.cumsum(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(1, 0)]), axis=-1)
+
+    z = np.concatenate(pulls)
+    square, total, seen = until(np.sum(z * z, axis=0)), until(z * np.sqrt(count)), until(count)
+    out = np.zeros((2, len(count)), bool)
     for m, at in stretches:
-        for begin in at[until[at + m] - until[at] > chdtri(2 * pairs * m, level)]:
-            out[begin:begin + m] = True
-    return out
+        apart = square[at + m] - square[at]
+        alike = np.sum((total[:, at + m] - total[:, at]) ** 2, axis=0) / (seen[at + m] - seen[at])
+        for row, clear in zip(out, (apart > chdtri(len(z) * m, level),
+                                    alike > chdtri(len(z), level))):
+            for begin in at[clear]:
+                row[begin:begin + m] = True
+    return out[0], out[1]
 
 
 def _one_source(both: np.ndarray) -> np.ndarray:
@@ -244,8 +291,8 @@ def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     """
     Return (level, coefficients that tell it, what of it is the axis's own noise), (b,) each.
 
-    That is what white noise, flicker and a random walk can make at most of the spectrum without
-    overshooting it.
+    That is what white noise, flicker, a random walk and the rounding of an angle can make at most
+    of the spectrum without overshooting it.
 
     """
     # the mean of the logarithm of chi-squared over its degrees of freedom
@@ -258,7 +305,8 @@ def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
         seen[few] = count[few]
     level = np.exp(level)
     w = np.minimum(bins.count, ENOUGH).astype(float)
-    basis = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2], axis=1)
+    basis = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2,
+                      np.sin(np.pi * bins.f * bins.dt) ** 2], axis=1)
     # relative to what is measured a peak counts once, however high, an overshoot without bound
     scaled = np.sqrt(w)[:, None] * basis / level[:, None]
     scale = np.max(scaled, axis=0)
