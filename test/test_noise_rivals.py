@@ -25,7 +25,7 @@ from imu_noise_tools.core.spectrum import Bins
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.diagnosis import _Search
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
-from imu_noise_tools.loop.verdict import DIRECTED
+from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
 from imu_noise_tools.noise import flexible, shared, views
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
@@ -705,10 +705,40 @@ def test_a_coupling_claims_what_it_tells_beside_all_others(monkeypatch, free, ho
     problem = NoiseProblem(gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x'])
     without, model = (model_of('noise', names) for names in (
         ('white', 'random_walk'), ('white', 'random_walk', 'shared_noise')))
-    monkeypatch.setattr(flexible, '_gains_free', lambda *_: free)
+    monkeypatch.setattr(flexible, '_gains_free', lambda *_: (free, 13.0))
     said = flexible.shape(problem.evidence, problem.point(model), problem.point(without),
                           'shared_noise', 100.0)
     assert (not said) == holds, said
+
+
+@pytest.mark.parametrize(('free', 'holds'), [((60.0, 0.0), True), ((60.0, 60.0), False)])
+def test_a_gain_that_is_less_where_an_axis_is_noisier_is_one_gain(monkeypatch, free, holds):
+    """Free gains must do better than one of the axes as recorded, and than one of their shares."""
+    rng = np.random.default_rng(48)
+    gyro = np.column_stack(axes_with(0.4 * SIZE * rng.standard_normal(N), rng))
+    gyro += 5 * SIZE * np.diff(rng.standard_normal((N + 1, 3)), axis=0)
+    problem = NoiseProblem(gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x'])
+    without, model = (model_of('noise', names) for names in (
+        ('white', 'quantization'), ('white', 'quantization', 'shared_noise')))
+    fit = problem.point(model)
+    gain, chance = flexible._gains_free(problem.evidence, fit, fit.model['shared_noise'])
+    assert gain < chance and chance > FLEXIBLE      # many free gains reach more than eight
+    monkeypatch.setattr(flexible, '_gains_free', lambda evidence, fit, effect: (
+        free[int(effect['heard'])], 20.0))
+    said = flexible.shape(problem.evidence, fit, problem.point(without), 'shared_noise', 30.0)
+    assert (not said) == holds, said
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', range(2))
+def test_a_source_that_axes_share_is_named_beside_the_rounding_of_their_angles(seed):
+    rng = np.random.default_rng([seed, 49])
+    source = np.fft.rfft(0.4 * SIZE * rng.standard_normal(N))
+    gyro = np.column_stack([
+        np.fft.irfft(np.exp(1j * phase) * source, N) + SIZE * rng.standard_normal(N)
+        + 4 * SIZE * np.diff(rng.standard_normal(N + 1)) for phase in (0.0, 2.0, -1.0)])
+    names, said = found_in(gyro.T)
+    assert set(names) == {'quantization', 'shared_noise'}, said
 
 
 def test_no_form_of_the_spectrum_stands_for_samples_that_are_equal():

@@ -543,6 +543,10 @@ class Likelihood:
             values.setdefault(slot.label, {})[slot.parameter.name] = float(value)
         return model.with_values(values)
 
+    def with_solved(self, model: Model, v: np.ndarray) -> Model:
+        """Return a model with its linear parameters as they are solved for at a spectrum (b,)."""
+        return self._with_linear(model, self.solve_linear(model, v))
+
     def value(self, x: np.ndarray,
               ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:
         """Return (-ln L, Linear, v, each) at a point."""
