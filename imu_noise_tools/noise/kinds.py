@@ -183,6 +183,15 @@ class NoiseEffect(Effect):
         """
         return {}
 
+    def told(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
+        """
+        Return (value, error) of what the samples tell of searched parameters beyond the spectrum.
+
+        The error is one of the search scale, ln value where the parameter is on a log scale.
+
+        """
+        return {}
+
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """Return what the samples say for it, fitted so, beyond the spectrum (nats)."""
         return 0.0
@@ -205,6 +214,10 @@ class Spectrum(NoiseEffect):
     filtered = True
     #: whether it is the noise of the element itself, ahead of every filter
     own: ClassVar[bool] = False
+
+    def path(self, evidence: Evidence) -> np.ndarray | None:
+        """Return what it adds to the slow means (s,), where the samples show it; or None."""
+        return None
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""

@@ -6,8 +6,9 @@ The likelihood of a model in the cosine domain, and the way to its maximum.
 
 -ln L = 1/2 sum_b w_b (ln v_b + P_b/v_b), P_b the measured power of a bin, w_b its coefficients,
 v_b the model's. What acts on the mean is solved for by generalised least squares inside, with the
-restricted (REML) likelihood: each coefficient then counts by one less its leverage. Searched
-parameters move by Fisher scoring with Levenberg's damping.
+restricted (REML) likelihood: each coefficient then counts by one less its leverage. What the
+samples tell of a parameter beyond the spectrum counts with it. Searched parameters move by Fisher
+scoring with Levenberg's damping.
 
 """
 
@@ -150,6 +151,7 @@ class Likelihood:
             if not (p.linear or p.discrete or settled(e, p, evidence))
             and not (mean and isinstance(e, Mean))
         ]
+        self._told = self._what_is_told()
         self.linear_slots = [
             Slot(e.label, p)
             for e in (*self.couplings, *(() if mean else self.means))
@@ -170,6 +172,7 @@ class Likelihood:
             for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
         self._spreads = {k: v for k, v in self._spreads.items() if np.any(v)}
         self._slow: np.ndarray | None = None
+        self._path = np.zeros(0)
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
         self._units: dict[tuple, np.ndarray] = {}
@@ -201,6 +204,10 @@ class Likelihood:
         self._count = len(q)
         self._inside = int(np.searchsorted(self.bins.last, len(q) + 1, side='right'))
         self._slow = low[: len(q)]
+        # a mean is no jump of noise whose path is seen
+        paths = [s.path(e) for s in self.model.of(Spectrum)]
+        self._path = sum((self._slow_transform(x[some]) for x in paths if x is not None),
+                         np.zeros(len(q)))
         if mean:
             known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
             self._known = self._slow_transform(known[some])
@@ -315,8 +322,9 @@ class Likelihood:
 
     def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
-        assert self._slow is not None
-        return self._coupled(model, v)[3] if self._coupled_names(model) else self._slow
+        slow = self._coupled(model, v)[3] if self._coupled_names(model) else self._slow
+        assert slow is not None
+        return slow - self._path
 
     def design(self, model: Model) -> np.ndarray:
         """Return the slow coefficients of all columns of the mean, (q, p)."""
@@ -340,9 +348,11 @@ class Likelihood:
             betas.append(beta)
             covariances.append(covariance)
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
+            assert slow is not None
             x = self.design(model)
             root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
-            beta, covariance, leverage, log_det = least_squares(x * root[:, None], slow * root)
+            beta, covariance, leverage, log_det = least_squares(
+                x * root[:, None], (slow - self._path) * root)
             left = self._replaced(power, slow, slow - x @ beta)
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
@@ -568,7 +578,21 @@ class Likelihood:
         if self._spreads and each:  # what a shaken source is missed by goes with the gains
             v = self._with_missed(total, self._with_linear(model, linear))
             linear = self.solve_linear(model, v)
-        return self._cost(linear, v), linear, v, each
+        return self._cost(linear, v) + self._untold(x), linear, v, each
+
+    def _what_is_told(self) -> list[tuple[int, float, float]]:
+        """Return (index, where, error) of what is searched and the samples tell as well."""
+        told = {e.label: e.told(self.evidence) for e in self.model.of(NoiseEffect)}
+        out = []
+        for j, slot in enumerate(self.slots):
+            if slot.parameter.name in told[slot.label]:
+                value, error = told[slot.label][slot.parameter.name]
+                out.append((j, slot.to_search(value), error))
+        return out
+
+    def _untold(self, x):
+        """Return by how many nats values (p,) are less likely by what the samples tell."""
+        return 0.5 * sum(((x[j] - at) / error) ** 2 for j, at, error in self._told)
 
     @staticmethod
     def _cost(linear, v):
@@ -657,6 +681,9 @@ class Likelihood:
             b = self._cost(linear, v)
             gradient[j] = (c - a) / (2 * h)
             information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
+        for j, at, error in self._told:
+            gradient[j] += (x[j] - at) / error**2
+            information[j, j] += 1 / error**2
         return gradient, information
 
 

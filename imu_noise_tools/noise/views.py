@@ -244,9 +244,20 @@ def slow_mean(evidence: Evidence, model: Model) -> np.ndarray:
     return sum((m.mean(inputs) for m in model.of(Mean)), np.zeros(len(inputs.t)))
 
 
+def followed(evidence: Evidence, fit: Fit) -> list[Spectrum]:
+    """Return what is noise to the spectrum and has a path that the samples show."""
+    return [s for s in fit.model.of(Spectrum)
+            if s.path(evidence) is not None and _there(fit, s)]
+
+
 def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockMeans:
-    """Return block means of the whole record and what the model says of them."""
-    e = evidence
+    """
+    Return block means of the whole record and what the model says of them.
+
+    Noise whose path is seen is no noise to them: a jump is unlike any of its spectrum.
+
+    """
+    e, noise = evidence, fit.model
     count = min(most, len(e.slow_y) // 2 * 2)
     per = len(e.slow_y) // count
     used = count * per
@@ -255,6 +266,8 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
         return v[:used].reshape(count, per, *v.shape[1:]).mean(axis=1)
 
     y, t = slow_rest(e, fit.model), e.slow_t
+    for s in followed(e, fit):
+        y, noise = y - s.path(e), noise.minus(s.label)
     columns = [np.ones((len(y), 1))]
     for m in fit.model.of(Mean):
         columns.append(
@@ -264,15 +277,15 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
     scale = np.sqrt(np.mean(x**2, axis=0))
     covariance = (
         _covariance_of_means(
-            lambda f: model_psd(fit.model, f, e.dt) + _missed(e, fit.model, f),
+            lambda f: model_psd(noise, f, e.dt) + _missed(e, fit.model, f),
             count, used * e.common.slow_length, e.dt
         )
-        if fit.model.of(Spectrum)
+        if noise.of(Spectrum)
         else np.eye(count) * np.var(mean(y))
     )
     for m in fit.model.of(Modulation):  # it acts on what is flat in the spectrum
         f = np.arange(1, 65) / (128 * e.dt)
-        flat = np.min(model_psd(fit.model, f, e.dt)) / (2 * e.dt * per * e.common.slow_length)
+        flat = np.min(model_psd(noise, f, e.dt)) / (2 * e.dt * per * e.common.slow_length)
         factor = block_variance(m, mean(t))
         covariance = covariance + np.diag(flat * (factor / np.mean(factor) - 1))
     return BlockMeans(mean(t), mean(y), x / np.where(scale > 0, scale, 1.0), covariance)
@@ -369,7 +382,8 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
     """
     Return the block means of the stretches of one parity predicted from the other's.
 
-    Pulls in time order.
+    Pulls in time order. The drift that a fit finds beside noise whose path is seen may hold some
+    of that, so that it is no misfit where the rest moves less.
 
     """
     means = block_means(evidence, fit)
@@ -380,6 +394,8 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
     z, log_score = predicted(means, a, b)
     count = len(z) // GROUP
     x = np.mean(z[: count * GROUP].reshape(count, GROUP) ** 2, axis=1)
+    if followed(evidence, fit):
+        x = np.maximum(x, 1.0)
     excess, variance = gamma_excess(x, np.full(count, float(GROUP)))
     return replace(_view('time', means.t[b], z, excess, variance, 's'), log_score=log_score)
 

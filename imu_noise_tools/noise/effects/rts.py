@@ -10,6 +10,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import expit
 
+from ..dwells import Levels, SHORTEST, two_levels
 from ..evidence import claimed_lines, Evidence
 from ..kinds import (
     Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
@@ -74,6 +75,9 @@ class Rts(Spectrum):
         """Start from dwells that the record can show: four samples to a fifth of its length."""
         if 'tau' in self.values:
             return super().starts(evidence)
+        seen = self._seen(evidence)
+        if seen is not None:
+            return [self.with_values(step=seen.step, tau=seen.tau)]
         return [
             self.with_values(step=1.0, tau=float(tau))
             for tau in np.geomspace(4 * evidence.dt, evidence.n * evidence.dt / 5, 7)
@@ -82,6 +86,35 @@ class Rts(Spectrum):
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below two samples it is a white noise that was filtered, beyond the record a step."""
         return {'tau': (2 * evidence.dt, 2 * evidence.duration)}
+
+    def told(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
+        """Return what is seen of long dwells: to the spectrum a random walk does as well."""
+        seen = self._seen(evidence)
+        return {} if seen is None else {'step': (seen.step, seen.step_error),
+                                        'tau': (seen.tau, seen.tau_error)}
+
+    def path(self, evidence: Evidence) -> np.ndarray | None:
+        """Return the path between levels whose dwells are seen."""
+        seen = self._seen(evidence)
+        return None if seen is None else seen.path
+
+    @staticmethod
+    def _seen(evidence: Evidence) -> Levels | None:
+        """Return the levels that the path of the record shows, None where none are clear."""
+        def look():
+            y, lines = evidence.slow_y.astype(float), evidence.line_table
+            # what swings within a dwell is none of the path
+            fast = lines[lines[:, 0] > SHORTEST / evidence.duration]
+            y = y - waves(fast, evidence.slow_t, evidence.dt, evidence.common.slow_length)
+            found = two_levels(y, evidence.duration)
+            return np.zeros(0) if found is None else np.array([*found[:-1], *found.path])
+
+        found = evidence.remembered((Rts.name, 'path'), look)
+        numbers = len(Levels._fields) - 1
+        if not len(found):
+            return None
+        step, tau, step_error, tau_error, lead = found[:numbers].tolist()
+        return Levels(step, tau, step_error, tau_error, lead, found[numbers:])
 
     @property
     def knees(self) -> int:
@@ -94,9 +127,13 @@ class Rts(Spectrum):
 
         Block means are predicted one after another by either: by the filter of a two-state chain
         (Hamilton 1989) and by Kalman's, each with the level of noise, the step and the dwell that
-        suit it best near the fitted ones.
+        suit it best near the fitted ones. Where the path of the record shows long dwells, it is
+        what they say more than that or anything else that drifts beside steps.
 
         """
+        seen = self._seen(evidence)
+        if seen is not None:
+            return seen.lead
         slow = evidence.common.slow_length * evidence.dt
         short = self._short(evidence, fit) if self['tau'] < 3 * slow else None
         z, t, width = short or (self._without_drift(evidence, fit), evidence.slow_t, slow)

@@ -1,0 +1,292 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Two levels in the path of a record: how far apart they lie, and how long it dwells in each.
+
+Block means are predicted one after another, by two levels beside a drift, or by whatever else
+moves: a Gauss-Markov process beside a drift and steps of any size. The drift is followed beside
+either. A random walk that is fitted to the spectrum takes dwells of a tenth of the record for its
+own, and what it says of the drift is mostly the telegraph.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from ..loop.verdict import FLEXIBLE
+
+_BLOCKS = 1024  # block means that are followed
+_ROWS = 4  # stretches of them, side by side: each is as long as many dwells
+_FEWEST = 32  # blocks of a stretch at least
+SHORTEST = 12  # blocks of a dwell: of shorter ones most are neither in one level nor the other
+_LEAST = 6  # dwells of a record: of fewer, steps that happen to come back are as likely
+_STEPS = 1.0  # steps of a record beside two levels
+_LEVEL = 1e-3  # share of a step that makes no levels
+_WIDE = 4.0  # variance of a level before anything is seen, and of such steps; of the record: 1
+_ROUNDS = 7  # of a climb
+_REACH = 0.8  # by how much what is on a log scale moves in the first of them
+_SETTLED = 0.02  # nats that are no gain
+_SLIGHT = 0.1  # step of the search scale that tells a curvature
+_SURE = 0.02  # relative error that is not undercut: levels of a real sensor are no two numbers
+
+#: ln p (g,) of block means for g values of each parameter
+_Chance = Callable[..., np.ndarray]
+
+
+class Levels(NamedTuple):
+    """
+    Two levels, as a symmetric telegraph of the same spectrum has them, and how sure they are.
+
+    ``lead`` is by how many nats they predict the path better than what else moves; the errors are
+    of logarithms. ``path`` (n,) is what the levels add to each of the means.
+
+    """
+
+    step: float
+    tau: float
+    step_error: float
+    tau_error: float
+    lead: float
+    path: np.ndarray
+
+
+def two_levels(y: np.ndarray, duration: float) -> Levels | None:
+    """Return the levels of means (n,) that fill a record, s; None where none are clear."""
+    count = len(y) // max(1, len(y) // _BLOCKS)
+    per = len(y) // count
+    z = y[:count * per].reshape(count, per).mean(axis=1)
+    long = count // _ROWS
+    size = float(np.std(z))
+    if long < _FEWEST or not size > 0:
+        return None
+    z = ((z - np.mean(z)) / size)[:long * _ROWS].reshape(_ROWS, long)
+    noise = max(float(np.median(np.diff(z, axis=1) ** 2)), 1e-6)
+    at, best, curved = _climb(
+        lambda *x: _levels(z, *x),
+        [(s, r * t, t / r, noise, q) for s, r, t, q in product(
+            (0.5, 1.0, 2.0), (0.6, 1.0, 1.7), z.size / np.array([9, 18, 36]), (1e-5, 1e-3))],
+        (0.02, 1.0, 1.0, 1e-8, 1e-8), (10.0, z.size / 2, z.size / 2, 10.0, 1.0))
+    step, up, down = np.exp(at[:3])
+    share = up / (up + down)
+    tau = 2 * (1 - share) * up
+    if not SHORTEST <= tau <= z.size / _LEAST:
+        return None
+    one = np.exp(at)[:, None] * np.array([[_LEVEL], [1], [1], [1], [1]])
+    if best - _levels(z, *one)[0] < FLEXIBLE:
+        return None  # a drift does it
+    rival = _climb(
+        lambda *x: _otherwise(z, *x),
+        [(s, t, noise, q, j, p / z.size) for (s, t), q, (j, p) in product(
+            ((0.1, z.size / 20), (1.0, z.size / 100), (1.0, z.size / 20)), (1e-6, 1e-4, 1e-2),
+            ((4.0, 1.0), (0.5, 10.0), (2.0, 20.0)))],
+        (1e-3, 1.0, 1e-8, 1e-8, 1e-4, 1e-2 / z.size), (10.0, z.size, 10.0, 1.0, 100.0, 0.5))[1]
+    if best - rival < FLEXIBLE:
+        return None
+    step_error, tau_error = _errors(curved[:3], float(share))
+    path = np.where(_switched(y, per, _upper(z.reshape(1, -1), np.exp(at))), size * step, 0.0)
+    return Levels(float(2 * size * step * np.sqrt(share * (1 - share))),
+                  float(tau * per * duration / len(y)), step_error, tau_error, best - rival,
+                  path - np.mean(path))
+
+
+def _errors(curved: np.ndarray, share: float) -> tuple[float, float]:
+    """Return errors of ln step and ln tau of the symmetric telegraph, of a share in the upper."""
+    error = 1 / np.sqrt(np.maximum(curved, 1.0))
+    turn = np.array([[1, 0.5 - share, share - 0.5], [0, 1 - share, share]])
+    step, tau = np.maximum(np.sqrt(turn**2 @ error**2), _SURE)
+    return float(step), float(tau)
+
+
+def _upper(z: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return whether each of z (1, k) is in the upper level, by what is before and after it."""
+    ways = []
+    step, up, down, noise, drift = values[:, None]
+    for way in (z, z[:, ::-1]):
+        course: list[np.ndarray] = []
+        _levels(way, step, up, down, noise, drift, course)
+        ways.append(np.array(course)[..., 0, 0].reshape(-1, 2, 2))
+    share = float(values[1] / (values[1] + values[2]))
+    odds = ways[0][:, 1] + ways[1][::-1, 0] - np.log([1 - share, share])
+    return odds[:, 1] > odds[:, 0]
+
+
+def _switched(y: np.ndarray, per: int, upper: np.ndarray) -> np.ndarray:
+    """Return whether each of means (n,) is in the upper level, of blocks (k,) of ``per``."""
+    out = np.repeat(upper, per)
+    out = np.append(out, np.full(len(y) - len(out), upper[-1]))
+    z = y[:len(upper) * per].reshape(-1, per).mean(axis=1)
+    for i in np.flatnonzero(upper[1:] != upper[:-1]):
+        before, after = max(i - 1, 0), min(i + 2, len(z) - 1)
+        if upper[before] != upper[i] or upper[after] != upper[i + 1]:
+            before, after = i, i + 1
+        around = slice(i * per, (i + 2) * per)
+        rest = np.cumsum(y[around] - 0.5 * (z[before] + z[after]))
+        # up to there it is on one side of the middle, from there on on the other
+        first = np.argmin(rest if upper[i + 1] else -rest) + 1
+        out[around] = np.where(np.arange(2 * per) < first, upper[i], upper[i + 1])
+    return out
+
+
+def _climb(chance: _Chance, starts: Sequence[Sequence[float]], lower: Sequence[float],
+           upper: Sequence[float]):
+    """
+    Return logarithms of values (p,) that are most likely, ln p, and its curvatures (p,) there.
+
+    Each way by itself is looked at on both sides, and where the parabola through these has its
+    top. Many values at once take hardly longer than one.
+
+    """
+    some, ends = np.log(np.array(starts)), np.log(np.array([lower, upper]))
+    tried = chance(*np.exp(some.T))
+    at, best = some[np.argmax(tried)], np.max(tried)
+    ways, reach = np.eye(len(at)), _REACH
+    for _ in range(_ROUNDS):
+        beside = np.clip(np.concatenate([at + reach * ways, at - reach * ways]), *ends)
+        seen = chance(*np.exp(beside.T))
+        up, down = seen.reshape(2, -1) - best
+        curved = -(up + down)
+        top = np.where(curved > 0, reach * (up - down) / (2 * np.maximum(curved, 1e-9)),
+                       np.sign(up - down) * reach)
+        top = np.clip(top, -1.5 * reach, 1.5 * reach)
+        further = np.clip(at + np.concatenate([[top, 0.5 * top], np.diag(top)]), *ends)
+        trial = np.concatenate([beside, further])
+        tried = np.concatenate([seen, chance(*np.exp(further.T))])
+        gain = np.max(tried) - best
+        if gain > _SETTLED:
+            at, best = trial[np.argmax(tried)], np.max(tried)
+        if reach < 2 * _SLIGHT and gain < 5 * _SETTLED:
+            break
+        if gain < 3:
+            reach = max(reach / (2 if gain > _SETTLED else 3), _SLIGHT)
+    near = chance(*np.exp(np.concatenate([at + _SLIGHT * ways, at - _SLIGHT * ways]).T))
+    return at, float(best), (2 * best - near.reshape(2, -1).sum(axis=0)) / _SLIGHT**2
+
+
+class _Ways:
+    """
+    The ways from one block to the next of two levels in white noise beside a drift.
+
+    They lie a ``step`` apart and last ``up`` and ``down`` blocks; ``drift`` is the variance that
+    a random walk gains in one. A block within which it switches is anywhere between. Axes: level
+    after, level before, whether a step comes, rows, values.
+
+    """
+
+    def __init__(self, size: int, step, up, down, noise, drift):
+        share, keep = up / (up + down), np.exp(-1 / up - 1 / down)
+        rise, fall = share * (1 - keep), (1 - share) * (1 - keep)
+        chance = np.array([[1 - rise, fall], [rise, 1 - fall]])
+        comes = np.array([1 - _STEPS / size, _STEPS / size])[:, None, None]
+        level = np.array([-share * step, (1 - share) * step])
+        apart = 1 - np.eye(2)[:, :, None, None, None]
+        self.chance = chance
+        self.log_chance = np.log(chance[:, :, None, None] * comes)
+        self.log_share = np.log(np.array([1 - share, share]))[:, None]
+        self.between = 0.5 * (level[:, None] + level)[:, :, None, None]
+        self.steps = np.array([0.0, _WIDE])[:, None, None]
+        self.spread = noise + self.steps / 3 + step**2 / 12 * apart
+        self.drift = drift
+
+    def foretold(self, odds: np.ndarray) -> np.ndarray:
+        """Return ln of the chances of the levels (2, rows, g), of those a block before."""
+        return np.log(np.sum(self.chance[:, :, None] * np.exp(odds), axis=1))
+
+
+def _levels(z, step, up, down, noise, drift, course=None) -> np.ndarray:
+    """
+    Return ln p (g,) of z (rows, k) as :class:`_Ways` lead through it.
+
+    Of the drift one normal density is kept for each level (Blom and Bar-Shalom 1988). A ``course``
+    is told ln of the chances of the levels (2, rows, g) before and after each block.
+
+    """
+    ways = _Ways(z.size, step, up, down, noise, drift)
+    shape = (2, 4, len(z), len(step))
+    odds = ways.log_share + np.zeros((2, len(z), 1))
+    mean, wide = np.zeros(odds.shape), np.full(odds.shape, _WIDE)
+    total = np.zeros(len(step))
+    for y in z.T:
+        before = (wide + ways.drift)[:, None]
+        seen = before + ways.spread
+        rest = y[:, None] - mean[:, None] - ways.between
+        weight, log_sum = _weights((ways.log_chance + odds[:, None] - 0.5 * (
+            rest**2 / seen + np.log(seen))).reshape(shape), (0, 1))
+        total += log_sum.sum(axis=0)
+        gain = (before + 0.5 * ways.steps) / seen
+        if course is not None:
+            course.append(ways.foretold(odds))
+        odds = np.log(np.maximum(weight.sum(axis=1), 1e-12))
+        if course is not None:
+            course.append(odds)
+        moved = (mean[:, None] + gain * rest).reshape(shape)
+        left = (before + ways.steps - gain**2 * seen).reshape(shape)
+        likely = _likely(weight, 1)
+        mean = (likely * moved).sum(axis=1)
+        wide = (likely * (left + (moved - mean[:, None]) ** 2)).sum(axis=1)
+    return total
+
+
+class _Drifting:
+    """A Gauss-Markov process x beside a drift d: what is known of both, (rows, g) each."""
+
+    def __init__(self, rows: int, sigma, keep):
+        self.keep, self.fresh = keep, sigma**2 * (1 - keep**2)
+        self.x = np.zeros((rows, len(sigma)))
+        self.d = self.x.copy()
+        self.xx, self.xd, self.dd = self.x + sigma**2, self.x.copy(), self.x + _WIDE
+
+    def seen(self, weight: np.ndarray, rest: np.ndarray, seen: np.ndarray,
+             steps: np.ndarray) -> None:
+        """Learn from a block and go on to the next, by what is (2, rows, g) of each way there."""
+        with_x, with_d = self.xx + self.xd, self.xd + self.dd + 0.5 * steps
+        x, d = with_x / seen * rest, with_d / seen * rest
+        by_x, by_d = (weight * x).sum(axis=0), (weight * d).sum(axis=0)
+        xx = (weight * (x**2 - with_x**2 / seen)).sum(axis=0) - by_x**2
+        xd = (weight * (x * d - with_x * with_d / seen)).sum(axis=0) - by_x * by_d
+        dd = (weight * (steps + d**2 - with_d**2 / seen)).sum(axis=0) - by_d**2
+        self.x, self.d = self.keep * (self.x + by_x), self.d + by_d
+        self.xx = self.keep**2 * (self.xx + xx) + self.fresh
+        self.xd = self.keep * (self.xd + xd)
+        self.dd = self.dd + dd
+
+
+def _otherwise(z, sigma, time, noise, drift, step, comes) -> np.ndarray:
+    """
+    Return ln p (g,) of z (rows, k) as a Gauss-Markov process beside a drift and steps.
+
+    Steps have the variance ``step`` and come in a block by the chance ``comes``: to come back to
+    where it was is nothing that they do.
+
+    """
+    log_chance = np.log(np.array([1 - comes, comes]))[:, None]
+    steps = np.array([np.zeros(len(step)), step])[:, None]
+    known = _Drifting(len(z), sigma, np.exp(-1 / time))
+    total = np.zeros(len(step))
+    for y in z.T:
+        known.dd = known.dd + drift
+        seen = known.xx + 2 * known.xd + known.dd + noise + steps / 3
+        rest = y[:, None] - known.x - known.d
+        weight, log_sum = _weights(log_chance - 0.5 * (rest**2 / seen + np.log(seen)), (0,))
+        total += log_sum.sum(axis=0)
+        known.seen(_likely(weight, 0), rest, seen, steps)
+    return total
+
+
+def _likely(weight: np.ndarray, axis: int) -> np.ndarray:
+    """Return squares of chances, that add to 1: unlikely ways, kept, would widen all others."""
+    square = np.maximum(weight, 1e-100) ** 2
+    return square / square.sum(axis=axis, keepdims=True)
+
+
+def _weights(log_p: np.ndarray, axes: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return chances from their logarithms, that add to 1 over axes, and ln of their sum."""
+    top = log_p.max(axis=axes)
+    weight = np.exp(log_p - top)
+    total = weight.sum(axis=axes)
+    return weight / total, top + np.log(total)
