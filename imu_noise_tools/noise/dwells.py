@@ -18,6 +18,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from ..loop.verdict import FLEXIBLE
 
@@ -28,6 +29,8 @@ SHORTEST = 12  # blocks of a dwell: of shorter ones most are neither in one leve
 _LEAST = 6  # dwells of a record: of fewer, steps that happen to come back are as likely
 _STEPS = 1.0  # steps of a record beside two levels
 _LEVEL = 1e-3  # share of a step that makes no levels
+_PATHS = 48  # that are followed at once
+_CALM = 9  # blocks of which the middle one tells the drift
 _WIDE = 4.0  # variance of a level before anything is seen, and of such steps; of the record: 1
 _ROUNDS = 7  # of a climb
 _REACH = 0.8  # by how much what is on a log scale moves in the first of them
@@ -89,7 +92,8 @@ def two_levels(y: np.ndarray, duration: float) -> Levels | None:
     if best - rival < FLEXIBLE:
         return None
     step_error, tau_error = _errors(curved[:3], float(share))
-    path = np.where(_switched(y, per, _upper(z.reshape(1, -1), np.exp(at))), size * step, 0.0)
+    path = size * step * _within(y, per, _upper(z.ravel(), np.exp(at)), size * step,
+                                 0.5 + 0.5 * np.exp(-2 / (tau * per)))
     return Levels(float(2 * size * step * np.sqrt(share * (1 - share))),
                   float(tau * per * duration / len(y)), step_error, tau_error, best - rival,
                   path - np.mean(path))
@@ -104,33 +108,68 @@ def _errors(curved: np.ndarray, share: float) -> tuple[float, float]:
 
 
 def _upper(z: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return whether each of z (1, k) is in the upper level, by what is before and after it."""
-    ways = []
+    """
+    Return whether each of z (k,) is in the upper level, on the likeliest of many paths.
+
+    Each is followed with a drift of its own, for what comes before the first switches may be at
+    either level, and is told from there on.
+
+    """
     step, up, down, noise, drift = values[:, None]
-    for way in (z, z[:, ::-1]):
-        course: list[np.ndarray] = []
-        _levels(way, step, up, down, noise, drift, course)
-        ways.append(np.array(course)[..., 0, 0].reshape(-1, 2, 2))
-    share = float(values[1] / (values[1] + values[2]))
-    odds = ways[0][:, 1] + ways[1][::-1, 0] - np.log([1 - share, share])
-    return odds[:, 1] > odds[:, 0]
+    ways = _Ways(z.size, step, up, down, noise, drift)
+    chance, spread = (x[..., 0, 0] for x in (ways.log_chance, ways.spread))
+    between, steps = ways.between[:, :, 0, 0, 0], ways.steps.ravel()
+    level, odds = np.array([0, 1]), ways.log_share[:, 0, 0]
+    mean, wide = np.zeros(2), np.full(2, _WIDE)
+    course = []
+    for y in z:
+        before = (wide + drift)[:, None]
+        seen = before + spread[:, level]
+        rest = (y - mean - between[:, level])[..., None]
+        all_odds = odds[:, None] + chance[:, level] - 0.5 * (rest**2 / seen + np.log(seen))
+        best = np.argsort(-all_odds, axis=None)[:_PATHS]
+        after, parent, jump = np.unravel_index(best, all_odds.shape)
+        gain = ((before + 0.5 * steps) / seen)[after, parent, jump]
+        mean = mean[parent] + gain * rest[after, parent, 0]
+        wide = before[parent, 0] + steps[jump] - gain**2 * seen[after, parent, jump]
+        level, odds = after, all_odds[after, parent, jump]
+        course.append((level, parent))
+    out, at = [], 0
+    for level, parent in reversed(course):
+        out.append(level[at] > 0)
+        at = parent[at]
+    return np.array(out[::-1])
 
 
-def _switched(y: np.ndarray, per: int, upper: np.ndarray) -> np.ndarray:
-    """Return whether each of means (n,) is in the upper level, of blocks (k,) of ``per``."""
-    out = np.repeat(upper, per)
-    out = np.append(out, np.full(len(y) - len(out), upper[-1]))
+def _within(y: np.ndarray, per: int, upper: np.ndarray, step: float, stay: float) -> np.ndarray:
+    """
+    Return the chance of the upper level of each of means (n,), of blocks (k,) of ``per``.
+
+    Beside the drift that the blocks tell; a dwell may be shorter than one of these.
+
+    """
     z = y[:len(upper) * per].reshape(-1, per).mean(axis=1)
-    for i in np.flatnonzero(upper[1:] != upper[:-1]):
-        before, after = max(i - 1, 0), min(i + 2, len(z) - 1)
-        if upper[before] != upper[i] or upper[after] != upper[i + 1]:
-            before, after = i, i + 1
-        around = slice(i * per, (i + 2) * per)
-        rest = np.cumsum(y[around] - 0.5 * (z[before] + z[after]))
-        # up to there it is on one side of the middle, from there on on the other
-        first = np.argmin(rest if upper[i + 1] else -rest) + 1
-        out[around] = np.where(np.arange(2 * per) < first, upper[i], upper[i + 1])
-    return out
+    drift = median_filter(z - step * upper, _CALM, mode='nearest')
+    rest = y - np.interp(np.arange(len(y)), per * (np.arange(len(z)) + 0.5) - 0.5, drift)
+    noise = max(float(np.mean((rest - step * (rest > 0.5 * step)) ** 2)), 1e-12 * step**2)
+    density = np.exp(-0.5 * (rest[:, None] - np.array([0.0, step])) ** 2 / noise) + 1e-12
+    return both_ways(density, stay)
+
+
+def both_ways(density: np.ndarray, stay: float) -> np.ndarray:
+    """Return the probability of the upper of two levels (k,), of densities (k, 2) in each."""
+    down, up = density.T.tolist()
+    passed = []
+    for low, high in ((down, up), (down[::-1], up[::-1])):
+        p, out = 0.5, []
+        for a, b in zip(low, high):
+            p = stay * p + (1 - stay) * (1 - p)
+            out.append(p)
+            p = p * b / (p * b + (1 - p) * a)
+        passed.append(np.array(out))
+    before, after = passed[0], passed[1][::-1]
+    yes, no = before * after * density[:, 1], (1 - before) * (1 - after) * density[:, 0]
+    return yes / (yes + no)
 
 
 def _climb(chance: _Chance, starts: Sequence[Sequence[float]], lower: Sequence[float],
@@ -185,7 +224,6 @@ class _Ways:
         comes = np.array([1 - _STEPS / size, _STEPS / size])[:, None, None]
         level = np.array([-share * step, (1 - share) * step])
         apart = 1 - np.eye(2)[:, :, None, None, None]
-        self.chance = chance
         self.log_chance = np.log(chance[:, :, None, None] * comes)
         self.log_share = np.log(np.array([1 - share, share]))[:, None]
         self.between = 0.5 * (level[:, None] + level)[:, :, None, None]
@@ -193,17 +231,12 @@ class _Ways:
         self.spread = noise + self.steps / 3 + step**2 / 12 * apart
         self.drift = drift
 
-    def foretold(self, odds: np.ndarray) -> np.ndarray:
-        """Return ln of the chances of the levels (2, rows, g), of those a block before."""
-        return np.log(np.sum(self.chance[:, :, None] * np.exp(odds), axis=1))
 
-
-def _levels(z, step, up, down, noise, drift, course=None) -> np.ndarray:
+def _levels(z, step, up, down, noise, drift) -> np.ndarray:
     """
     Return ln p (g,) of z (rows, k) as :class:`_Ways` lead through it.
 
-    Of the drift one normal density is kept for each level (Blom and Bar-Shalom 1988). A ``course``
-    is told ln of the chances of the levels (2, rows, g) before and after each block.
+    Of the drift one normal density is kept for each level (Blom and Bar-Shalom 1988).
 
     """
     ways = _Ways(z.size, step, up, down, noise, drift)
@@ -219,11 +252,7 @@ def _levels(z, step, up, down, noise, drift, course=None) -> np.ndarray:
             rest**2 / seen + np.log(seen))).reshape(shape), (0, 1))
         total += log_sum.sum(axis=0)
         gain = (before + 0.5 * ways.steps) / seen
-        if course is not None:
-            course.append(ways.foretold(odds))
         odds = np.log(np.maximum(weight.sum(axis=1), 1e-12))
-        if course is not None:
-            course.append(odds)
         moved = (mean[:, None] + gain * rest).reshape(shape)
         left = (before + ways.steps - gain**2 * seen).reshape(shape)
         likely = _likely(weight, 1)

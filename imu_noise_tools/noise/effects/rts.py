@@ -10,7 +10,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import expit
 
-from ..dwells import Levels, SHORTEST, two_levels
+from ..dwells import both_ways, Levels, SHORTEST, two_levels
 from ..evidence import claimed_lines, Evidence
 from ..kinds import (
     Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
@@ -239,7 +239,7 @@ class Rts(Spectrum):
         levels = np.mean(z) + self['step'] * np.array([-0.5, 0.5])
         for _ in range(3):
             density = np.exp(-0.5 * (z[:, None] - levels) ** 2 / noise) + 1e-12
-            at = _both_ways(density, stay)
+            at = both_ways(density, stay)
             weight = np.stack([1 - at, at])
             levels = (weight @ z) / np.maximum(weight.sum(axis=1), 1e-9)
             noise = np.sum(weight * (z - levels[:, None]) ** 2) / len(z)
@@ -269,22 +269,6 @@ class Rts(Spectrum):
     def example(cls) -> Effect:
         """Return levels 412 deg/h (0.002 rad/s) apart, each held for 8 s on average."""
         return cls({'step': 2e-3, 'tau': 8.0})
-
-
-def _both_ways(density: np.ndarray, stay: float) -> np.ndarray:
-    """Return the probability of the upper of two levels (k,), of densities (k, 2) in each."""
-    down, up = density.T.tolist()
-    passed = []
-    for low, high in ((down, up), (down[::-1], up[::-1])):
-        p, out = 0.5, []
-        for a, b in zip(low, high):
-            p = stay * p + (1 - stay) * (1 - p)
-            out.append(p)
-            p = p * b / (p * b + (1 - p) * a)
-        passed.append(np.array(out))
-    before, after = passed[0], passed[1][::-1]
-    yes, no = before * after * density[:, 1], (1 - before) * (1 - after) * density[:, 0]
-    return yes / (yes + no)
 
 
 def _gauss_markov(z, loud, step, tau, noise, width) -> float:
