@@ -23,10 +23,12 @@ from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
+from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.views import p_value, time
 
 BASE = ('white', 'flicker', 'random_walk')
 
@@ -279,6 +281,49 @@ def test_dwells_shorter_than_block_means_are_told_from_a_process_of_the_same_spe
     fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
     bonus = fit.model['rts'].bonus(evidence, fit)
     assert bonus > 20 if two_levels else bonus < -20
+
+
+def dwelling(seed, dwell, n=12_000, rate=50.0):
+    """Return two levels, four standard deviations of a sample apart, that last ``dwell`` s."""
+    rng = np.random.default_rng(seed)
+    return 4 * (np.cumsum(rng.random(n) < 1 / (dwell * rate)) % 2 - 0.5)
+
+
+@pytest.mark.parametrize('seed', [0, 1, 2])
+def test_long_dwells_are_read_from_the_path_and_leave_nothing_in_time(seed):
+    """Fitted to the spectrum a random walk takes a telegraph of few switches for its own."""
+    n, rate, dwell = 12_000, 50.0, 8.0
+    rng = np.random.default_rng([seed, 1])
+    y = dwelling(seed, dwell) + 2 * (np.arange(n) > 0.37 * n) + rng.standard_normal(n)
+    record = ImuRecord(1e-3 * np.column_stack([y, rng.standard_normal((n, 2))]), None,
+                       np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    fit = NoiseProblem(evidence).point(
+        model_of('noise', ('white', 'flicker', 'random_walk', 'rts')))
+    rts = fit.model['rts']
+    assert rts['step'] == pytest.approx(4e-3, rel=0.15)
+    assert dwell / 2 < rts['tau'] < 2 * dwell
+    assert rts.bonus(evidence, fit) > 20
+    assert min(p_value(time(evidence, fit, known)) for known in ('odd', 'even')) > 1e-3
+
+
+@pytest.mark.parametrize('kind', ['walk', 'relaxation', 'steps', 'swing', 'white'])
+def test_what_does_not_come_back_to_two_levels_has_none(kind):
+    n, rng = 12_000, np.random.default_rng(7)
+    t = np.arange(n) / n
+    for _ in range(4):
+        noise = rng.standard_normal(n)
+        made = {'walk': np.cumsum(noise) / 20,
+                'relaxation': lfilter([0.1], [1, -0.995], noise),
+                'steps': sum(3 * rng.standard_normal() * (t > at) for at in rng.random(4)),
+                'swing': 4 * np.sin(2 * np.pi * 5 * t + 6 * rng.random()), 'white': 0.0}
+        assert two_levels(rng.standard_normal(n) + made[kind], 240.0) is None
+
+
+def test_a_path_is_followed_through_the_first_switches_and_short_visits():
+    y = dwelling(5, 8.0)
+    found = two_levels(y + np.random.default_rng(3).standard_normal(len(y)), 240.0)
+    assert np.mean(np.abs(found.path - found.path.mean() - (y - y.mean())) > 1) < 0.005
 
 
 def heavy(nu, n=40_000, rate=50.0, seed=0):
