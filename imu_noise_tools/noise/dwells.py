@@ -117,25 +117,29 @@ def _upper(z: np.ndarray, values: np.ndarray) -> np.ndarray:
     """
     step, up, down, noise, drift = values[:, None]
     ways = _Ways(z.size, step, up, down, noise, drift)
-    chance, spread = (x[..., 0, 0] for x in (ways.log_chance, ways.spread))
-    between, steps = ways.between[:, :, 0, 0, 0], ways.steps.ravel()
+    steps = ways.steps.ravel()
     level, odds = np.array([0, 1]), ways.log_share[:, 0, 0]
     mean, wide = np.zeros(2), np.full(2, _WIDE)
     course = []
     for y in z:
         before = (wide + drift)[:, None]
-        seen = before + spread[:, level]
-        rest = (y - mean - between[:, level])[..., None]
-        all_odds = odds[:, None] + chance[:, level] - 0.5 * (rest**2 / seen + np.log(seen))
-        best = np.argsort(-all_odds, axis=None)[:_PATHS]
-        after, parent, jump = np.unravel_index(best, all_odds.shape)
-        gain = ((before + 0.5 * steps) / seen)[after, parent, jump]
-        mean = mean[parent] + gain * rest[after, parent, 0]
-        wide = before[parent, 0] + steps[jump] - gain**2 * seen[after, parent, jump]
-        level, odds = after, all_odds[after, parent, jump]
-        course.append((level, parent))
+        seen = before + ways.spread[..., 0, 0][:, level]
+        rest = (y - mean - ways.between[..., 0, 0, 0][:, level])[..., None]
+        likely = odds[:, None] + ways.log_chance[..., 0, 0][:, level] - 0.5 * (
+            rest**2 / seen + np.log(seen))
+        best = np.unravel_index(np.argsort(-likely, axis=None)[:_PATHS], likely.shape)
+        gain = ((before + 0.5 * steps) / seen)[best]
+        mean = mean[best[1]] + gain * rest[best[0], best[1], 0]
+        wide = before[best[1], 0] + steps[best[2]] - gain**2 * seen[best]
+        level, odds = best[0], likely[best]
+        course.append(best)
+    return _back(course)
+
+
+def _back(course: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+    """Return the levels (k,) of the first of some paths, of which each place tells the last."""
     out, at = [], 0
-    for level, parent in reversed(course):
+    for level, parent, _ in reversed(course):
         out.append(level[at] > 0)
         at = parent[at]
     return np.array(out[::-1])
