@@ -21,6 +21,7 @@ from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.rounded import before_rounding
 
 SPIKES, DUPLICATES, SHOCK = (
     find_effect('noise', k) for k in ('spikes', 'duplicates', 'shock'))
@@ -90,6 +91,47 @@ def test_levels_are_a_view_of_their_own_until_they_are_in_the_model(step, shows)
         assert [p < 1e-6 for p in said] == [fails] * shows
     fall = fall_of(problem.held_out(white), problem.held_out(more), [more['rate_quantization']])
     assert (fall > FALL) == shows
+
+
+@pytest.mark.parametrize('ratio', [2.0, 2.6, 3.0])
+@pytest.mark.parametrize('place', [0.0, 0.25, 0.5])
+def test_the_noise_below_a_coarse_grid_is_told_by_its_levels(ratio, place):
+    """Wherever the mean stands, moving or not: the power of the samples moves with it."""
+    louder = np.where(np.arange(N) < N // 2, 1.0, 1.5)
+    for move in (0.0, 3 * ratio):
+        y = np.sqrt(louder) * noise(6) + place * ratio + np.linspace(0, move, N)
+        x, w = before_rounding(ratio * np.round(y / ratio), ratio)
+        half = len(x) // 2
+        assert np.average(x, weights=w) == pytest.approx(1)
+        first, second = (np.average(x[i], weights=w[i])
+                         for i in (slice(half), slice(half, None)))
+        assert second / first == pytest.approx(1.5, abs=0.15)
+    y = noise(7) + np.linspace(0, 3 * ratio, N)
+    x, w = before_rounding(ratio * np.round(y / ratio), ratio)
+    assert np.sqrt(np.mean(w / 2 * np.log(x) ** 2)) == pytest.approx(1, abs=0.2)
+
+
+def test_where_all_samples_stand_on_one_level_nothing_is_told():
+    assert not before_rounding(np.r_[8.0 * np.round(noise(6) / 8), 8.0], 8.0).size
+
+
+@pytest.mark.parametrize('louder', [1.0, 1.6])
+def test_a_variance_that_changes_shows_below_a_coarse_grid(louder):
+    rng = np.random.default_rng(5)
+    y = np.where(np.arange(N) < 0.6 * N, 1.0, np.sqrt(louder)) * noise(11)
+    y += np.cumsum(rng.standard_normal(N)) * 4 / np.sqrt(N)
+    y = np.column_stack([2.5 * np.round(y / 2.5), noise(9), noise(10)])
+    problem = NoiseProblem(gather(
+        ImuRecord(y, None, np.arange(N) * 0.01, 100.0), ['gyro_x'])['gyro_x'])
+    base, more = (model_of('noise', ('white', 'random_walk', 'rate_quantization', *k))
+                  for k in ((), ('variance_change',)))
+    told = {f.name: f for f in problem.candidates(problem.point(base))}.get('variance_change')
+    assert (told is not None and told.gain > told.penalty) == (louder > 1)
+    fall = fall_of(problem.held_out(base), problem.held_out(more), [more['variance_change']])
+    assert (fall > FALL) == (louder > 1)
+    if louder > 1:
+        assert told.effect['factor'] == pytest.approx(louder, rel=0.2)
+        assert told.effect['time'] == pytest.approx(0.6 * N * 0.01, abs=5)
 
 
 # --- held samples --------------------------------------------------------------------------------

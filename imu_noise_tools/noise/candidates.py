@@ -21,7 +21,9 @@ from .evidence import Evidence
 from .explained import Bands, gained, gained_beyond, supported
 from .fit import Details, fit as fit_part
 from .flexible import asks_nothing
-from .kinds import Coupling, Line, Mean, MEASURED, model_crowd, NoiseEffect, Response, Spectrum
+from .kinds import (
+    Coupling, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
+)
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
@@ -89,7 +91,7 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
             problem.tried[key] = _one(problem, fit, cls())
         tried.append(problem.tried[key])
     # what a view hides nothing could confirm
-    some = [f for f in by_one_measure(tried) if not views.hidden_by(fit, f.view)]
+    some = [f for f in by_one_measure(tried) if not views.hidden_by(evidence, fit, f.view)]
     return sorted(clear_of_less(some), key=lambda f: f.penalty - f.gain)
 
 
@@ -334,7 +336,8 @@ def _line(evidence, fit, effect):
 
 
 def _measured(evidence, fit, effect):
-    finding = evidence.measured(effect)
+    here = evidence.beside(fit.model) if isinstance(effect, Modulation) else evidence
+    finding = here.measured(effect)
     if finding is None or finding.effect is None:
         return None
     finding = with_units(finding, evidence)

@@ -23,7 +23,7 @@ from scipy.fft import dct, idct
 from scipy.ndimage import median_filter
 from scipy.special import digamma
 
-from .kinds import Defect, Inputs, Line, measured, Modulation, NoiseEffect
+from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
 from .shared import derived, LATER, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE
 from ..core import allan
@@ -140,7 +140,9 @@ class Evidence:
     defects, and one row more of cells without lines, where there are any. ``envelope`` (columns,
     3) is time, minimum, maximum. ``loud`` (stretches, 2) are the times in which something beside
     the sensor is switched on, s; ``sweep`` (6,) is a line that moves (:mod:`.sweep`).
-    ``statistics`` maps an effect's name to what it kept.
+    ``unrounded`` (2, blocks) is how loud the noise was before a coarse grid, and how many degrees
+    of freedom tell it (:mod:`.rounded`), (2, 0) on no such. ``statistics`` maps an effect's name
+    to what it kept.
 
     """
 
@@ -161,6 +163,7 @@ class Evidence:
     curve: allan.AllanCurve
     loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     sweep: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    unrounded: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
@@ -364,6 +367,16 @@ class Evidence:
             self._begun[key] = effect.starts(self)
         return list(self._begun[key])
 
+    @cached_property
+    def as_rounded(self) -> Evidence:
+        """The evidence without what the noise was before a coarse grid."""
+        return replace(self, unrounded=np.zeros((2, 0)))
+
+    def beside(self, model: Model) -> Evidence:
+        """Return what is seen beside a model: the noise below a grid where that is in it."""
+        some = self.unrounded.size and not model_hides(model, 'variance')
+        return self.as_rounded if some else self
+
     def with_power(self, power: np.ndarray) -> Evidence:
         """Return the evidence with another power of the whole (b,), for starts to look at."""
         return replace(self, whole=replace(self.whole, power=power))
@@ -529,5 +542,6 @@ def _one_from_arrays(axis, flat, common):
         curve=curve,
         loud=flat.get('loud', np.zeros((0, 2))),
         sweep=flat.get('sweep', np.zeros(6)),
+        unrounded=flat.get('unrounded', np.zeros((2, 0))),
         statistics=statistics,
     )

@@ -396,8 +396,7 @@ def _variance_gain(evidence: Evidence, fit: Fit) -> float:
     t, x, w = views.power_in_time(evidence, fit.model)
     x = x / views.modulated(fit.model, t, x, w)
     w = views.rough_degrees(x, w)
-    total = x @ w / w.sum()
-    return smooth_gain(total, np.full(len(t), float(w.sum())), t)
+    return smooth_gain(views.pooled(x, w), np.full(len(t), views.degrees_of(w)), t)
 
 
 def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> tuple[float, float]:

@@ -29,12 +29,13 @@ from .lines import (
     also_in, find_peaks, fine_edges, of_a_swing, PIECE, reference_spectrum, take_lines_out, waves
 )
 from .quiet import loud_stretches, quiet_spectrum
+from .rounded import before_rounding, coarse
 from .sweep import find_sweep
 from .telegraph import levels
 from ..core import allan
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform
-from ..core.statistics import grid_step, sum_of_squares
+from ..core.statistics import grid_step, robust_sigma, sum_of_squares
 from ..loop.effect import Effect, registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
@@ -143,6 +144,8 @@ class _Gathering:
         self.step(f'{axis}: Allan curve')
         own['resolution'] = grid_step(y)[0]
         own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
+        if coarse(own['resolution'], robust_sigma(y)):
+            own['unrounded'] = before_rounding(self.clean[axis][:self.used], own['resolution'])
         length = self.used // own['block_power'].shape[1]
         loud = length * loud_stretches(own['block_power'][-1], own['block_count'])
         own['loud'] = self.dt * loud

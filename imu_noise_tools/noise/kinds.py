@@ -518,6 +518,12 @@ def measured(value: float, std: float) -> Estimate:
     return Estimate(value, std, interval(value, std), point=value, fixed=True)
 
 
+def model_hides(model: Model, view: str) -> bool:
+    """Tell whether a defect of a model hides a view."""
+    return any(view in d.hides and all(d[p.name] > 0 for p in d.parameters if p.amplitude)
+               for d in model.of(Defect) if d.values)
+
+
 def model_tails(model: Model, evidence: Evidence) -> Tails | None:
     """Return how the whitened samples are distributed by a model's defects; None: normally."""
     found = (d.tails(evidence) for d in model.of(Defect) if d.values)

@@ -22,10 +22,13 @@ def with_measured(evidence: Evidence, model: Model) -> tuple[
     flags = []
     claimed: set[int] = set()
     # families of lines before those that take what is left
-    for e in sorted(model.effects, key=lambda e: not (isinstance(e, Line) and e.family)):
+    # and what changes in time behind what hides it
+    for e in sorted(model.effects, key=lambda e: (isinstance(e, Modulation),
+                                                  not (isinstance(e, Line) and e.family))):
         if not isinstance(e, MEASURED):
             continue
-        values, found, note = measure(evidence, e, claimed)
+        here = evidence.beside(model) if isinstance(e, Modulation) else evidence
+        values, found, note = measure(here, e, claimed)
         model = model.with_effect(e.with_values(**values))
         estimates[e.label] = found
         if note:

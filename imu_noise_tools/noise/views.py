@@ -62,8 +62,15 @@ def _nothing(name, unit):
     return View(name, np.zeros(0), np.zeros(0), float('nan'), float('nan'), unit)
 
 
-def hidden_by(fit: Fit, view: str) -> bool:
-    """Tell whether an effect that is there, and not in the model's name only, hides a view."""
+def hidden_by(evidence: Evidence, fit: Fit, view: str) -> bool:
+    """
+    Tell whether an effect that is there, and not in the model's name only, hides a view.
+
+    A coarse grid does not hide the variance where the levels tell it.
+
+    """
+    if view == 'variance' and evidence.unrounded.size:
+        return False
     return any(view in e.hides and _there(fit, e) for e in fit.model.of(NoiseEffect))
 
 
@@ -429,9 +436,15 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
     Return (t, x, w): power of groups of bands in time beside its mean (blocks, groups).
 
     What the model's defects account for is taken off the samples, all of them where there is no
-    model; w is in degrees of freedom.
+    model; w is in degrees of freedom, (groups,). Of noise below a coarse grid in one group, with
+    degrees for each of its blocks, (blocks, 1).
 
     """
+    below = evidence.unrounded if model is None else evidence.beside(model).unrounded
+    if below.size:
+        blocks = below.shape[1]
+        t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
+        return t, below[0][:, None], below[1][:, None]
     p = evidence.block_power[-1] if model is None else evidence.block_power_of(model)
     if model is not None and model.of(Mean):
         p = _without_mean(evidence, model, p)
@@ -525,27 +538,43 @@ def followed_by(factor: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
     """
     share = np.linspace(0, 1, 41)[:, None, None]
     m = 1 - share + share * (factor / np.mean(factor))[None, :, None]
-    cost = len(x) * np.log(np.mean(x / m, axis=1)) + np.sum(np.log(m), axis=1)
+    each = np.broadcast_to(w, x.shape)
+    total = each.sum(axis=0)
+    part = each / total
+    cost = np.log(np.sum(part * x / m, axis=1)) + np.sum(part * np.log(m), axis=1)
     chosen = np.argmin(cost, axis=0)
-    chosen[np.argmax(w * (cost[0] - np.min(cost, axis=0)))] = len(share) - 1
+    chosen[np.argmax(total * (cost[0] - np.min(cost, axis=0)))] = len(share) - 1
     best = m[chosen, :, 0].T
-    return best * np.mean(x / best, axis=0)
+    return best * np.sum(part * x / best, axis=0)
+
+
+def pooled(x: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Return the power in time (blocks,) of all groups together."""
+    return x[:, 0] if x.shape[1] == 1 else x @ w / w.sum()
+
+
+def degrees_of(w: np.ndarray) -> float:
+    """Return the degrees of freedom of all groups of a block, or of the usual one."""
+    return float(w.sum() if w.ndim == 1 else np.mean(w))
 
 
 def variance(evidence: Evidence, fit: Fit) -> View:
     """Return the power in time beside its mean over the record, in four groups of bands."""
-    if hidden_by(fit, 'variance'):
+    if hidden_by(evidence, fit, 'variance'):
         return _nothing('variance', 's')
     t, x, w = power_in_time(evidence, fit.model)
     x = x / modulated(fit.model, t, x, w)
     muted = muted_by(fit, 'variance')
     if muted:  # it scatters otherwise than normal noise: as neighbours do, defects left out
-        w = rough_degrees(power_in_time(evidence)[1], w)    # alike for all models compared
+        # alike for all models compared
+        w = rough_degrees(power_in_time(evidence.beside(fit.model))[1], w)
     tails = model_tails(fit.model, evidence)
     if tails is not None and not muted:
         w = heavy_degrees(w, tails.kurtosis(), evidence.n // len(t))
     blocks = len(t)
     w = np.broadcast_to(w, x.shape)
+    told = w[:, 0] > 0      # below a coarse grid some blocks tell nothing
+    t, x, w = t[told], x[told], w[told]
     excess, spread = gamma_excess(x, w)
     excess = excess + _HANN_SKEW / w
     view = _view(
@@ -582,13 +611,17 @@ def rough_degrees(x: np.ndarray, w: np.ndarray) -> np.ndarray:
         rough = np.mean(np.diff(np.log(np.maximum(z, 1e-300)), axis=0) ** 2, axis=0)
         return 4 / np.maximum(rough, 1e-12)
 
+    if w.ndim > 1:      # each block tells as much as it does: some tell nothing
+        told = w[:, 0] > 0
+        z, own = np.log(x[told, 0]), 2 / w[told, 0]
+        return w * min(1.0, 1 / max(float(np.mean(np.diff(z)**2 / (own[1:] + own[:-1]))), 1e-12))
     w = np.minimum(w, seen(x))
     return w * min(1.0, seen(x @ w / w.sum()) / w.sum())
 
 
 def distribution(evidence: Evidence, fit: Fit) -> View:
     """Return the whitened samples in equiprobable cells beside the normal distribution."""
-    if hidden_by(fit, 'distribution'):
+    if hidden_by(evidence, fit, 'distribution'):
         return _nothing('distribution', 'quantile')
     cells = evidence.cells_of(fit.model).astype(float)
     # cells narrower than a few steps of the output would show the converter's own unevenness
@@ -627,7 +660,7 @@ def cell_shares(evidence: Evidence, model: Model, cells: np.ndarray) -> tuple[np
     scale = np.ones(1)
     if model.of(Modulation):
         t, x, w = power_in_time(evidence, model)
-        scale = np.sqrt(modulated(model, t, x, w) @ w / w.sum())
+        scale = np.sqrt(pooled(modulated(model, t, x, w), w))
         scale /= np.sqrt(np.mean(scale**2))
     if tails is not None:
         return tails.fitted(cells, scale)[0], int(np.isfinite(tails.degrees))

@@ -169,7 +169,7 @@ def noise_level(state: State) -> tuple[np.ndarray, np.ndarray, float]:
 
     """
     t, x, w = views.power_in_time(evidence_of(state), state.model, groups=1)
-    return t, (x / views.modulated(state.model, t, x, w))[:, 0], 2 / (9 * float(w[0]))
+    return t, (x / views.modulated(state.model, t, x, w))[:, 0], 2 / (9 * views.degrees_of(w))
 
 
 def chance_of_level(spread: float) -> tuple[float, float]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, NoiseEffect, Parameter, Spectrum
+from ..rounded import coarse
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
@@ -89,9 +90,9 @@ class RateQuantization(Spectrum, Defect):
         step, sigma = float(kept['step']), float(kept['sigma'])
         if not step > 0:
             return None
-        # noise of half a step before the rounding is one of 0.577 steps after it; below, what the
-        # samples show is the crossing of levels, which the white noise of the fit takes as it is
-        white = float(sigma >= 0.577 * step)
+        # where noise is less than half a step what the samples show is the crossing of levels,
+        # which the white noise of the fit takes as it is
+        white = float(not coarse(step, sigma))
         return Finding(
             self.name,
             grid_gain(evidence.n, step, sigma),

@@ -306,7 +306,7 @@ def _degrees(evidence: Evidence, isolated: Tails, together: float,
 
     """
     cells = evidence.cells[-1].astype(float)
-    _, x, w = power_in_time(evidence)
+    _, x, w = power_in_time(evidence.as_rounded)
     level = (x @ w / w.sum())[:len(x) // STRETCH * STRETCH].reshape(-1, STRETCH).mean(axis=1)
     spread = np.ones(1)
     if len(level) > 2:

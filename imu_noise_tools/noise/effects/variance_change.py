@@ -9,7 +9,9 @@ from scipy.optimize import minimize, minimize_scalar
 from ..dying import course
 from ..evidence import Evidence
 from ..kinds import Modulation, Parameter
-from ..views import block_variance, followed_by, power_in_time, rough_degrees
+from ..views import (
+    block_variance, degrees_of, followed_by, pooled, power_in_time, rough_degrees
+)
 from ...core.statistics import interval
 from ...loop.effect import Effect, Estimate, Finding
 
@@ -91,7 +93,7 @@ class VarianceChange(Modulation):
             return None
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
         w = rough_degrees(x, w)
-        some = sorted(self._shapes(t, x @ w / w.sum(), float(w.sum())),
+        some = sorted(self._shapes(t, pooled(x, w), degrees_of(w)),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
         found = [self._refined(e, t, x, w, cost) for e, cost in some[:3]]
         found = [z for z in found if z[0] > 0 and not _is_one(_gained(z[1], t, x, w))]

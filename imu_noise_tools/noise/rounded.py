@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+How loud noise was before it was rounded to a grid as coarse as itself.
+
+The power of such samples moves with the mean's place between two levels, and hides what the noise
+does. How many samples stand on which level tells the mean and the noise apart.
+
+"""
+
+import numpy as np
+from scipy.special import ndtr
+
+BLOCKS, LENGTH = 256, 256  # at most, and samples of one at least
+SPANNED = 0.577  # steps of noise, after the rounding, that are half a step before it
+PIECES = 8  # of a block, over which its mean may move evenly
+REACH = 8  # levels on either side of a block's middle one; what is beyond counts as there
+LOW, HIGH = 0.05, 5.0  # steps between which the noise is looked for
+ROUNDS = 40
+PRIOR = 4.0  # degrees of freedom
+FEWEST = 24.0  # degrees of freedom of a block that tells something
+TELLING = 0.5  # share of the blocks that must
+
+
+def coarse(step: float, sigma: float) -> bool:
+    """Tell whether noise, a standard deviation after the rounding, spans less than half a step."""
+    return bool(step > 0 and sigma < SPANNED * step)
+
+
+def before_rounding(y: np.ndarray, step: float) -> np.ndarray:
+    """
+    Return the variance of normal noise in each block before it was rounded, and what tells it.
+
+    Parameters
+    ----------
+    y : ndarray (n,)
+        Samples on the grid.
+    step : float
+        Of the grid.
+
+    Returns
+    -------
+    ndarray (2, blocks)
+        Variances over their mean, and degrees of freedom of each; 1 and 0 where a block stands
+        on too few levels. Empty, (2, 0), where most do.
+
+    """
+    blocks = int(np.clip(len(y) // LENGTH, 4, BLOCKS))
+    counts = _counted(y, step, blocks)
+    place = _likeliest(counts, np.log(0.4), 0.01)
+    told = _information(counts, place)
+    if not np.any(told >= FEWEST):
+        return np.zeros((2, 0))
+    # by the noise of the whole: by its own a block that happens to be loud would count for more,
+    # and one that happens to stand on two levels, as quiet noise would, says less than it seems
+    usual = float(np.median(place[told >= FEWEST, 2]))
+    place = _likeliest(counts, usual, PRIOR)
+    told = _information(counts, np.column_stack([place[:, :2], np.full(blocks, usual)]))
+    some = told >= FEWEST
+    if np.mean(some) < TELLING:
+        return np.zeros((2, 0))
+    variance = np.exp(2 * place[:, 2])
+    level = np.average(variance[some], weights=told[some])
+    return np.array([np.where(some, variance / level, 1.0), np.where(some, told, 0.0)])
+
+
+def _counted(y: np.ndarray, step: float, blocks: int) -> np.ndarray:
+    """Return how many samples are on each level about a block's own, (blocks, pieces, levels)."""
+    values, often = np.unique(y[:200_000], return_counts=True)
+    level = np.rint((y - values[np.argmax(often)]) / step)
+    piece = np.arange(len(y)) * (blocks * PIECES) // len(y)
+    block = piece // PIECES
+    own = np.rint(np.bincount(block, level) / np.bincount(block))
+    level = np.clip(level - own[block], -REACH, REACH) + REACH
+    levels = 2 * REACH + 1
+    counts = np.bincount(piece * levels + level.astype(int), minlength=blocks * PIECES * levels)
+    return counts.reshape(blocks, PIECES, levels).astype(float)
+
+
+def _shares(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the share of each level, (blocks, pieces, levels), and its derivatives, (3, ...).
+
+    By mean, slope (over the block) and the logarithm of the noise, in steps: (blocks, 3).
+
+    """
+    time = (np.arange(PIECES) + 0.5) / PIECES - 0.5
+    mean, slope, noise = (v[:, None, None] for v in place.T)
+    edges = np.arange(-REACH, REACH) + 0.5
+    u = np.clip((edges - mean - slope * time[:, None]) * np.exp(-noise), -30, 30)
+    density = np.exp(-0.5 * u * u) / np.sqrt(2 * np.pi)
+
+    def cells(v, first, last):
+        ends = (*v.shape[:2], 1)
+        return np.diff(np.concatenate([np.full(ends, first), v, np.full(ends, last)], axis=2))
+
+    # of what lies above the mean the upper tail, which does not round to 1
+    upper = u[..., :-1] > 0
+    share = cells(ndtr(u), 0.0, 1.0)
+    tail = -cells(ndtr(-u), 1.0, 0.0)
+    share[..., 1:-1] = np.where(upper, tail[..., 1:-1], share[..., 1:-1])
+    share[..., -1] = tail[..., -1]
+    by_mean = -cells(density, 0.0, 0.0) * np.exp(-noise)
+    return np.maximum(share, 1e-200), np.array([
+        by_mean, by_mean * time[:, None], -cells(u * density, 0.0, 0.0)])
+
+
+def _likeliest(counts: np.ndarray, usual: float, prior: float) -> np.ndarray:
+    """
+    Return mean, slope and logarithm of the noise of each block (blocks, 3), by scoring.
+
+    That noise is as ``usual`` counts as much as ``prior`` degrees of freedom.
+
+    """
+    level = np.arange(-REACH, REACH + 1)
+    total = counts.sum(axis=1)
+    mean = total @ level / total.sum(axis=1)
+    place = np.column_stack([mean, 0 * mean, np.full(len(mean), np.log(0.4))])
+    damping = np.full(len(mean), 1e-3)
+    share, slope = _shares(place)
+    value = np.sum(counts * np.log(share), axis=(1, 2)) - prior * (place[:, 2] - usual) ** 2
+    size = counts.sum(axis=2)[..., None]
+    for _ in range(ROUNDS):
+        score = np.einsum('bpl,kbpl->bk', counts / share, slope)
+        score[:, 2] -= 2 * prior * (place[:, 2] - usual)
+        known = np.einsum('kbpl,jbpl->bkj', slope * size / share, slope)
+        known[:, 2, 2] += 2 * prior
+        known = known + (damping[:, None] * (1 + np.einsum('bkk->bk', known)))[..., None] \
+            * np.eye(3)
+        move = np.clip(np.linalg.solve(known, score[..., None])[..., 0], -0.5, 0.5)
+        tried = place + move
+        tried[:, 2] = np.clip(tried[:, 2], np.log(LOW), np.log(HIGH))
+        share_there, slope_there = _shares(tried)
+        there = np.sum(counts * np.log(share_there), axis=(1, 2)) \
+            - prior * (tried[:, 2] - usual) ** 2
+        better = there >= value
+        place, value = np.where(better[:, None], tried, place), np.where(better, there, value)
+        share = np.where(better[:, None, None], share_there, share)
+        slope = np.where(better[:, None, None], slope_there, slope)
+        damping = np.clip(np.where(better, damping / 10, damping * 10), 1e-6, 1e6)
+        if np.max(np.abs(move)) < 1e-4:
+            break
+    return place
+
+
+def _information(counts: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return the degrees of freedom (blocks,) that tell the variance, mean and slope unknown."""
+    share, slope = _shares(place)
+    size = counts.sum(axis=2)[..., None]
+    known = np.einsum('kbpl,jbpl->bkj', slope * size / share, slope)
+    known = known + 1e-9 * np.eye(3)
+    # n samples that are not rounded have an information of 2 n about the logarithm
+    return 0.5 / np.linalg.inv(known)[:, 2, 2]
