@@ -237,7 +237,7 @@ class Evidence:
         """Return the cross-power (b,) of this axis with another channel."""
         return self.common.pair(self.axis, channel, part)
 
-    def beside(self) -> list[np.ndarray]:
+    def other_axes(self) -> list[np.ndarray]:
         """Return the powers (b,) of the other axes of the sensor, of the whole record."""
         others = (a for a in self.common.slow if a != self.axis and not derived(a)
                   and a in AXES and sensor_of(a) == self.sensor)

@@ -149,7 +149,7 @@ class LowPass(Response):
         gain2 = self._shape(self.chosen('form'), bins.f, evidence.dt)
         gain2 = np.where(white > ALL * fit.details.v, gain2, 0.0)
         std = fit.estimates[self.label]['behind'].std or behind
-        return sum(alike(bins, power, gain2, behind, std) for power in evidence.beside())
+        return sum(alike(bins, power, gain2, behind, std) for power in evidence.other_axes())
 
     def _shape(self, form, f, dt):
         """Return that of a form, with nothing behind it."""
