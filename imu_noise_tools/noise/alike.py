@@ -22,16 +22,15 @@ SHARES = np.geomspace(1e-4, 10.0, 231)  # of white noise that does not pass, in 
 LEAST = 4  # bands that tell a shape
 FAR = 5.0  # standard errors from which a band counts no more: a line of the other axis is there
 ROUNDS = 3  # of leaving them out
-NEITHER = 3.0  # times what chance leaves, from which an axis holds something else
 
 
 def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: float) -> float:
     """
     Return how much likelier another axis is behind the same filter than beside noise of its own.
 
-    In nats; 0 where it is neither. Of both the spectrum is a sum of white noise and of what passes
-    a filter: behind one filter their ratio is this axis's, else it is any of SHARES (the odds of a
-    point against a range: Jeffreys, Theory of Probability, 1961, 5.0).
+    In nats. Of both the spectrum is a sum of white noise and of what passes a filter: behind one
+    filter their ratio is this axis's, else it is any of SHARES (the odds of a point against a
+    range: Jeffreys, Theory of Probability, 1961, 5.0).
 
     Parameters
     ----------
@@ -63,9 +62,9 @@ def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: 
         w = np.where(away**2 * weight < FAR**2, weight, 0.0)
         away -= (np.sum(w * away, axis=1) / np.maximum(np.sum(w, axis=1), 1e-300))[:, None]
     lost = np.sum(np.minimum(away**2 * weight, FAR**2), axis=1)
-    if np.min(lost) > NEITHER * (len(level) - 2):
-        return 0.0
-    least, step = SHARES[0], np.log(SHARES[1] / SHARES[0])
-    own = -0.5 * (np.log(SHARES / max(behind, least)) / max(std / max(behind, least), step)) ** 2
+    # what else that axis holds makes all of them worse: each says the less
+    lost /= max(1.0, np.min(lost) / (len(level) - 2))
+    wide = max(std, behind * np.log(SHARES[1] / SHARES[0]), SHARES[0])
+    own = np.log(SHARES) - 0.5 * ((SHARES - behind) / wide) ** 2
     return float(logsumexp(own - 0.5 * lost) - logsumexp(own)
                  - logsumexp(-0.5 * lost) + np.log(len(SHARES)))
