@@ -38,6 +38,7 @@ CHANCE = 1e-3           # records in which noise seems to be heard together
 WINDOWS = (1, 3, 5, 9, 19, 39, 79)      # groups that tell a coherence
 CLEAR = (8.0,) * 6 + (3.0,)     # its standard errors: of so many no fewer would tell it
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
+ENDS = (0.05, 0.95)     # of the bins, beyond which a share is where chance put it
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 TALL = 100.0            # times from which it is where nothing else hears it
@@ -150,7 +151,20 @@ def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
             each, shares = _in_phase([pulls[pair] for pair in some], count, [
                 power[a] * power[b] for a, b in some], window)
             _put(both, some, alike & (each > least * 2 * np.sqrt(len(some))), shares)
+    for pair in pulls:
+        _fill_slow_end(both, pair, count)
     return both
+
+
+def _fill_slow_end(both: np.ndarray, pair: Pair, count: np.ndarray) -> None:
+    """Take what a pair shares to go on to the slow end, where too few coefficients could tell."""
+    a, b = pair
+    told = np.flatnonzero(both[a, b])
+    if not len(told):
+        return
+    like = np.median(both[a, b][told[:WINDOWS[1]]])
+    if np.sum(count[:told[0]]) * like**2 < 2 * CLEAR[0]:
+        both[a, b, :told[0]] = both[b, a, :told[0]] = like
 
 
 def _put(both: np.ndarray, some: list[Pair], new: np.ndarray,
@@ -250,7 +264,8 @@ def share(bins: Bins, power: np.ndarray,
     f, heard = common
     heard = np.interp(np.log(bins.f), np.log(f), heard)
     if above is None:
-        return heard if np.min(heard) < ALIKE * np.max(heard) else None
+        low, high = np.quantile(heard, ENDS)
+        return heard if low < ALIKE * high else None
     return np.maximum(above, heard)
 
 

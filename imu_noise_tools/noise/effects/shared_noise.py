@@ -94,8 +94,9 @@ class SharedNoise(Coupling):
 
 def _coherence(evidence, channel: str) -> float:
     """Return what is coherent with another axis, at any phase, in standard errors squared."""
-    bins = evidence.whole.bins
-    level = evidence.whole.power * np.maximum(
-        evidence.common.pair(channel, channel, 'whole'), 1e-300)
-    both = sum(evidence.coupled(evidence.axis, channel + k, 'whole') ** 2 for k in ('', LATER))
-    return float(np.sum(bins.count * both / np.maximum(level, 1e-300)))
+    bins, out = evidence.whole.bins, 0.0
+    for heard in (channel, channel + LATER):    # of a drift that is later has more power
+        level = evidence.whole.power * evidence.common.pair(heard, heard, 'whole')
+        both = evidence.coupled(evidence.axis, heard, 'whole') ** 2
+        out += float(np.sum(bins.count * both / np.maximum(level, 1e-300)))
+    return out
