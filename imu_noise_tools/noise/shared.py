@@ -38,7 +38,6 @@ CHANCE = 1e-3           # records in which noise seems to be heard together
 WINDOWS = (1, 3, 5, 9, 19, 39, 79)      # groups that tell a coherence
 CLEAR = (8.0,) * 6 + (3.0,)     # its standard errors: of so many no fewer would tell it
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
-ENDS = (0.05, 0.95)     # of the bins, beyond which a share is where chance put it
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 TALL = 100.0            # times from which it is where nothing else hears it
@@ -264,8 +263,8 @@ def share(bins: Bins, power: np.ndarray,
     f, heard = common
     heard = np.interp(np.log(bins.f), np.log(f), heard)
     if above is None:
-        low, high = np.quantile(heard, ENDS)
-        return heard if low < ALIKE * high else None
+        even = median_filter(heard, WIDE[0], mode='nearest')    # a few are where chance put them
+        return heard if np.min(even) < ALIKE * np.max(even) else None
     return np.maximum(above, heard)
 
 
