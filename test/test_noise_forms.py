@@ -28,6 +28,7 @@ from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.starts import _background
 from imu_noise_tools.noise.views import p_value, time
 
 BASE = ('white', 'flicker', 'random_walk')
@@ -93,6 +94,15 @@ def test_half_a_swing_is_a_sine_and_not_its_harmonics(periods, phase, size):
     assert swing.gain > swing.penalty and not swing.against
     assert swing.effect['orders'] == 1
     assert swing.effect['period'] == pytest.approx(periods * t[-1], rel=0.1)
+
+
+def test_what_columns_leave_next_to_nothing_of_has_a_level():
+    """Where the slow end is left with nothing, by the columns' doing, nothing is divided by it."""
+    bins = problem_of([])[0].evidence.whole.bins
+    power = np.where(bins.f < 0.05, 1e-300, 1.0)
+    level = _background(bins, power)
+    assert np.all(np.isfinite(level)) and np.all(level > 0)
+    assert np.median(level) == pytest.approx(1.0, rel=0.2)
 
 
 @pytest.mark.parametrize('kind, holds', [

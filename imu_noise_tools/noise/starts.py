@@ -21,6 +21,7 @@ from ..loop.verdict import PRICE
 Start: TypeAlias = tuple[Model, np.ndarray]
 
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
+LEAST = 1e-6  # of its median, that a level is anywhere
 
 
 def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
@@ -136,12 +137,12 @@ def _background(bins: Bins, power: np.ndarray) -> np.ndarray:
 
     """
     shape = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2], axis=1)
-    level = smooth(power)
+    level, least = smooth(power), max(LEAST * float(np.median(power)), 1e-100)
     for _ in range(ROUNDS):
-        w = np.sqrt(bins.count) / level
+        w = np.sqrt(bins.count) / np.maximum(level, least)
         scale = np.max(shape * w[:, None], axis=0)
         level = shape @ (nnls(shape * w[:, None] / scale, power * w)[0] / scale)
-    return level
+    return np.maximum(level, least)
 
 
 def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
