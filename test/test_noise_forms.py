@@ -24,6 +24,7 @@ from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
+from imu_noise_tools.noise.flexible import pieces
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty
@@ -94,6 +95,23 @@ def test_half_a_swing_is_a_sine_and_not_its_harmonics(periods, phase, size):
     assert swing.gain > swing.penalty and not swing.against
     assert swing.effect['orders'] == 1
     assert swing.effect['period'] == pytest.approx(periods * t[-1], rel=0.1)
+
+
+@pytest.mark.parametrize('course', [lambda x: x**4, lambda x: np.exp(-6 * x)])
+def test_a_course_that_axes_have_in_common_is_no_noise(course):
+    """It comes in a few pieces, where noise of however few frequencies comes in many."""
+    rng, n, dt = np.random.default_rng(8), 20_000, 0.05
+    x = np.arange(n) / n
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    gyro += 0.03 * course(x)[:, None] / np.std(course(x)) * [1.0, 0.7, -0.9]
+    record = ImuRecord(gyro, None, dt * np.arange(n), 1 / dt)
+    axes = ('gyro_x', 'gyro_y', 'gyro_z')
+    problem = NoiseProblem(gather(record, axes)['gyro_x'])
+    fit = problem.point(model_of('noise', (*BASE, 'shared_noise')))
+    shared_noise = fit.model['shared_noise']
+    assert pieces(problem.evidence, fit, shared_noise) < 64
+    assert 'no noise' in problem.shape(fit, 'shared_noise', 50.0) or \
+        'not normal' in problem.shape(fit, 'shared_noise', 50.0)
 
 
 def test_what_columns_leave_next_to_nothing_of_has_a_level():

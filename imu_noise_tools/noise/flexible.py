@@ -41,6 +41,7 @@ RARE = 1e-3  # how often chance reaches what refutes a name
 VALLEY = 0.5  # of the lower of two peaks: they are apart where there is less between them
 TOGETHER = 3  # peaks without one
 FEWEST = 64  # differences of block means that tell a kurtosis
+MANY = 4  # times as many, from which so few independent ones are those of a course
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
 
@@ -232,9 +233,13 @@ def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
 
 def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim: float) -> str:
     """Say that what an effect explains is no normal noise, where it is to be."""
-    gain = uneven(evidence, fit, effect) if effect.normal else 0.0
+    if not effect.normal:
+        return ''
+    gain = uneven(evidence, fit, effect)
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'what it explains is not normal noise, by {gain:.0f} nats'
+    if isinstance(effect, Coupling) and pieces(evidence, fit, effect) < FEWEST:
+        return 'what it explains is a course that axes have in common, and no noise'
     return ''
 
 
@@ -443,15 +448,39 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
     Of those in which the effect has most of the power, the kurtosis, beyond chance.
 
     """
+    return sum(0.5 * kurtosis_pull(difference, several) ** 2 - 0.5
+               for difference, several in _differences(evidence, fit, effect)
+               if several >= FEWEST)
+
+
+def pieces(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
+    """
+    Return in how many independent pieces the energy of what an effect makes comes.
+
+    Of a random walk they are some hundreds, the most that the widest differences of block means
+    can be; of a course a dozen. Infinite where the record has too few differences to tell.
+
+    """
+    told = [(2.0**k * float(np.sum(difference**2)), several, len(difference))
+            for k, (difference, several) in enumerate(_differences(evidence, fit, effect))]
+    energy, several, count = np.array(told).reshape(-1, 3).T
+    if not len(told) or count[0] < MANY * FEWEST or not np.sum(energy) > 0:
+        return np.inf
+    return float(np.sum(energy) ** 2 / np.sum(energy**2 / several))
+
+
+def _differences(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling,
+                 ) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield (differences of block means, how many independent ones) of what an effect makes."""
     e, model = evidence, fit.model
     # what those touch is in the block means, and what an axis has in the mean in other axes' too
     if any(d.screens() for d in model.of(Defect)) \
             or isinstance(effect, Coupling) and model.of(Mean):
-        return 0.0
+        return
     y = views.slow_rest(e, model) - views.slow_mean(e, model)
     if isinstance(effect, Coupling):
         y = views.slow_rest(e, model.minus(effect.label)) - views.slow_rest(e, model)
-    f, gain = 1 / (2 * np.diff(e.slow_t[:2])[0]), 0.0
+    f = 1 / (2 * np.diff(e.slow_t[:2])[0])
     while len(y) >= 2 * FEWEST:
         y = y[:len(y) // 2 * 2].reshape(-1, 2)
         difference, y, f = y[:, 0] - y[:, 1], y.mean(axis=1), 0.5 * f
@@ -459,7 +488,4 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
         if isinstance(effect, Spectrum):
             mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
         if mine > 0.5:
-            several = independent_squares(difference)
-            if several >= FEWEST:
-                gain += 0.5 * kurtosis_pull(difference, several) ** 2 - 0.5
-    return gain
+            yield difference, independent_squares(difference)
