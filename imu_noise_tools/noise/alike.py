@@ -35,6 +35,7 @@ def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: 
     Parameters
     ----------
     bins : Bins
+        Of the whole record.
     power : ndarray (b,)
         Of the other axis.
     gain2 : ndarray (b,)
