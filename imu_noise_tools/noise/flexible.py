@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import cast
+from typing import cast, TypeAlias
 
 import numpy as np
 from scipy.special import chdtrc, chdtri
@@ -32,6 +32,9 @@ from ..core.linear import inverse
 from ..core.statistics import independent_squares, kurtosis_pull
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
+
+#: of each octave, the narrowest first: differences of block means, how many are independent
+Differences: TypeAlias = list[tuple[np.ndarray, float]]
 
 KNOTS = 8  # free levels of the smooth form
 QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
@@ -235,10 +238,11 @@ def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim
     """Say that what an effect explains is no normal noise, where it is to be."""
     if not effect.normal:
         return ''
-    gain = uneven(evidence, fit, effect)
+    differences = differences_of(evidence, fit, effect)
+    gain = uneven(differences)
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'what it explains is not normal noise, by {gain:.0f} nats'
-    if isinstance(effect, Coupling) and pieces(evidence, fit, effect) < FEWEST:
+    if isinstance(effect, Coupling) and pieces(differences) < FEWEST:
         return 'what it explains is a course that axes have in common, and no noise'
     return ''
 
@@ -439,7 +443,7 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     return unlike_noise(without, without - views.slow_rest(e, model))
 
 
-def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
+def uneven(differences: Differences) -> float:
     """
     Return what speaks against normal noise on some time scale that an effect makes, nats.
 
@@ -449,11 +453,10 @@ def uneven(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
 
     """
     return sum(0.5 * kurtosis_pull(difference, several) ** 2 - 0.5
-               for difference, several in _differences(evidence, fit, effect)
-               if several >= FEWEST)
+               for difference, several in differences if several >= FEWEST)
 
 
-def pieces(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
+def pieces(differences: Differences) -> float:
     """
     Return in how many independent pieces the energy of what an effect makes comes.
 
@@ -462,25 +465,24 @@ def pieces(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> float:
 
     """
     told = [(2.0**k * float(np.sum(difference**2)), several, len(difference))
-            for k, (difference, several) in enumerate(_differences(evidence, fit, effect))]
+            for k, (difference, several) in enumerate(differences)]
     energy, several, count = np.array(told).reshape(-1, 3).T
     if not len(told) or count[0] < MANY * FEWEST or not np.sum(energy) > 0:
         return np.inf
     return float(np.sum(energy) ** 2 / np.sum(energy**2 / several))
 
 
-def _differences(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling,
-                 ) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield (differences of block means, how many independent ones) of what an effect makes."""
+def differences_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> Differences:
+    """Return (differences of block means, how many independent ones) of what an effect makes."""
     e, model = evidence, fit.model
     # what those touch is in the block means, and what an axis has in the mean in other axes' too
     if any(d.screens() for d in model.of(Defect)) \
             or isinstance(effect, Coupling) and model.of(Mean):
-        return
+        return []
     y = views.slow_rest(e, model) - views.slow_mean(e, model)
     if isinstance(effect, Coupling):
         y = views.slow_rest(e, model.minus(effect.label)) - views.slow_rest(e, model)
-    f = 1 / (2 * np.diff(e.slow_t[:2])[0])
+    f, out = 1 / (2 * np.diff(e.slow_t[:2])[0]), []
     while len(y) >= 2 * FEWEST:
         y = y[:len(y) // 2 * 2].reshape(-1, 2)
         difference, y, f = y[:, 0] - y[:, 1], y.mean(axis=1), 0.5 * f
@@ -488,4 +490,5 @@ def _differences(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling,
         if isinstance(effect, Spectrum):
             mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
         if mine > 0.5:
-            yield difference, independent_squares(difference)
+            out.append((difference, independent_squares(difference)))
+    return out
