@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.fft import dct as _dct
+from scipy.special import digamma
 
 SINGLE = 256  # coefficients kept one by one
 PER_DECADE = 40  # bins a decade above
@@ -56,6 +57,17 @@ class Bins:
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Average values of all coefficients k = 0 ... n-1 over each bin; (n,) -> (b,)."""
         return np.add.reduceat(values[: self.last[-1]], self.first) / self.count
+
+    def log_level(self, power: np.ndarray) -> np.ndarray:
+        """
+        Return the logarithm of the level (b,) that a power (b,) tells, in the mean.
+
+        Chi-squared of w degrees of freedom over w has a logarithm of the mean digamma(w/2) -
+        ln(w/2), which is below zero, and far below it where they are few.
+
+        """
+        half = self.count / 2
+        return np.log(np.maximum(power, 1e-300)) - digamma(half) + np.log(half)
 
     def index(self, k: Any) -> np.ndarray:
         """Return the bin that holds coefficient k (1 <= k < n)."""

@@ -13,7 +13,7 @@ process is as strong in each axis as it may be.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import digamma, logsumexp, polygamma
+from scipy.special import logsumexp, polygamma
 
 from .explained import Bands
 from ..core.spectrum import Bins
@@ -52,10 +52,9 @@ def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: 
     def mean(x):
         return bands.sum(count * x)[some] / bands.sum(count)[some]
 
-    # the logarithm of chi-squared over its degrees of freedom has this mean and variance
-    half = bins.count / 2
-    level = mean(np.log(np.maximum(power, 1e-300)) - digamma(half) + np.log(half))
-    weight = bands.sum(count)[some] / mean(count * polygamma(1, half))
+    level = mean(bins.log_level(power))
+    # one over the variance of the logarithm of chi-squared over its degrees of freedom
+    weight = bands.sum(count)[some] / mean(count * polygamma(1, bins.count / 2))
     passed = np.exp(mean(np.log(np.maximum(gain2, 1e-300))))
     away = level - np.log(passed + SHARES[:, None])
     away -= np.median(away, axis=1, keepdims=True)

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from scipy.fft import dct, idct
 from scipy.ndimage import median_filter
-from scipy.special import digamma
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
 from .shared import derived, LATER, own_noise, SHAKEN
@@ -290,10 +289,9 @@ class Evidence:
         at = bins.index(max(1, min(bins.n - 1, int(2 * self.duration * frequency))))
         near = np.abs(np.arange(len(bins.f)) - at) <= NEAR
         # a bin of few coefficients is mostly below its level, and a line took some of them along
-        half = bins.count[near] / 2
-        log = np.log(np.maximum(self.whole.power[near], 1e-300)) + np.log(half) - digamma(half)
+        log = bins.log_level(self.whole.power)[near]
         low, high = np.quantile(log, (0.1, 0.9))
-        return float(np.exp(np.average(np.clip(log, low, high), weights=half)))
+        return float(np.exp(np.average(np.clip(log, low, high), weights=bins.count[near])))
 
     def no_line(self, frequency: float | None = None) -> Estimate:
         """Return the amplitude of a line that is not there: 95 % of a Rayleigh amplitude."""

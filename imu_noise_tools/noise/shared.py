@@ -23,7 +23,7 @@ import numpy as np
 from scipy.fft import dct, idst
 from scipy.ndimage import median_filter
 from scipy.optimize import nnls
-from scipy.special import chdtri, digamma
+from scipy.special import chdtri
 
 from ..core.spectrum import Bins
 
@@ -293,8 +293,7 @@ def _above_own(bins: Bins, power: np.ndarray, together: bool) -> np.ndarray | No
 
 def _levels(bins: Bins, power: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield (level, coefficients that tell it), (b,) each, of more and more bins."""
-    # the mean of the logarithm of chi-squared over its degrees of freedom
-    log = np.log(np.maximum(power, 1e-300)) - digamma(bins.count / 2) + np.log(bins.count / 2)
+    log = bins.log_level(power)
     for width in (w for w in WIDE if w <= len(log)):
         window = np.ones(width)
         count = np.convolve(bins.count, window, 'same')
@@ -309,8 +308,7 @@ def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     of the spectrum without overshooting it.
 
     """
-    # the mean of the logarithm of chi-squared over its degrees of freedom
-    log = np.log(np.maximum(power, 1e-300)) - digamma(bins.count / 2) + np.log(bins.count / 2)
+    log = bins.log_level(power)
     level, seen = log.copy(), bins.count.astype(float)
     for width in WIDTHS:        # the fewest neighbours that tell a level
         window, few = np.ones(width), seen < ENOUGH
