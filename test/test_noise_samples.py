@@ -67,6 +67,17 @@ def test_a_grid_is_found_whatever_its_size_and_with_spikes_off_it(step, unit, se
     assert grid_step(spiked * unit)[0] == pytest.approx(step * unit, rel=1e-6)
 
 
+@pytest.mark.parametrize('step', [0.06, 0.3, 1.5])
+@pytest.mark.parametrize('stored', [np.float64, np.float32])
+@pytest.mark.parametrize('drift', [77.0, 300.0])
+def test_a_grid_is_found_under_a_drift_that_visits_few_levels_twice(step, stored, drift):
+    y = step * np.round((noise(4) + np.linspace(0, drift, len(noise(4)))) / step + 0.3)
+    y = y.astype(stored).astype(float)
+    assert grid_step(y)[0] == pytest.approx(step, rel=1e-4)
+    assert not repeats(y).held
+    assert step > 1 or repeats(held_at_random(y, 0.3)).held
+
+
 def test_noise_has_no_grid_nor_has_what_is_held_of_it():
     assert grid_step(noise(0))[0] == 0.0
     assert grid_step(held_at_random(noise(0), 0.8))[0] == 0.0

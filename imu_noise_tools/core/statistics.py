@@ -133,20 +133,28 @@ def grid_step(y: np.ndarray, most: int = 4096) -> tuple[float, int]:
 
     Where nearly all samples are on values that come five times and more, these are the levels, and
     one sample in twenty may be off (spikes are added behind the rounding too). Levels are of as
-    many samples as it takes to tell.
+    many samples as it takes to tell. A drift visits more levels than can be told from none;
+    neighbours differ by few steps all the same.
 
     """
     some = y[:200_000]
+    blur = 4e-7 * float(np.max(np.abs(some), initial=0.0))  # float32 storage
+    step, levels = _spacing(some, blur, most)
+    return step or _spacing(np.abs(np.diff(some)), blur, most)[0], levels
+
+
+def _spacing(y: np.ndarray, blur: float, most: int) -> tuple[float, int]:
+    """Return (step, levels) of y (n,), at most ``most``; those within ``blur`` are one."""
     # a tenth of them tells as well that there is none, and is sorted in a tenth of the time
-    few = some[::10]
-    levels, _ = _levels(few)
+    few = y[::10]
+    levels, _ = _levels(few, blur)
     if len(levels) > max(2 * most, len(few) // 2):
         return 0.0, len(levels)
-    levels, counts = _levels(some)
-    if len(levels) < 2 or len(levels) > len(some) // 4:
+    levels, counts = _levels(y, blur)
+    if len(levels) < 2 or len(levels) > len(y) // 4:
         return 0.0, len(levels)
     often = counts >= 5
-    if np.sum(counts[often]) > 0.95 * len(some):
+    if np.sum(counts[often]) > 0.95 * len(y):
         levels = levels[often]
     if not 2 <= len(levels) <= most:
         return 0.0, len(levels)
@@ -158,17 +166,17 @@ def grid_step(y: np.ndarray, most: int = 4096) -> tuple[float, int]:
     return (step, len(levels)) if np.max(on_grid) < 0.05 else (0.0, len(levels))
 
 
-def _levels(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _levels(y: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the values that y takes, and how often each.
 
-    Those that differ by less than a millionth of their spread are one (float32 storage).
+    Those that differ by less than a millionth of their spread, and ``blur``, are one.
 
     """
     levels, counts = np.unique(y, return_counts=True)
     if len(levels) < 2:
         return levels, counts
-    near = 1e-6 * (levels[-1] - levels[0]) + 4e-7 * np.max(np.abs(levels))
+    near = 1e-6 * (levels[-1] - levels[0]) + blur
     first = np.flatnonzero(np.concatenate([[True], np.diff(levels) > near]))
     return levels[first], np.add.reduceat(counts, first)
 
