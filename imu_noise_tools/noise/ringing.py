@@ -56,7 +56,8 @@ MANY = 2.0  # times as much in single samples as in those of knocks: knocks may 
 KINDS = 3  # of knocks in a record
 BETWEEN = 3.0  # nats that are reached between what is told apart
 AGAIN = 3.0  # nats beyond its moments that each knock but the first must have
-UNEVEN, TOLD = 3.0, 20  # nats beyond which a tail is looked at, in so many moments
+UNEVEN, TOLD = 3.0, 20  # nats beyond which a tail is looked at, by so many
+BESIDE = 10  # frequencies on each side by which a tail is told
 APART = 3.0  # time constants between two knocks
 BEFORE, BEHIND = 3, 5  # time constants around a knock in which it has to explain what stands out
 EXPLAINS = 0.7  # share of it
@@ -405,7 +406,7 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
             # among so many single samples some look like anything
             rings = rings.of(single < rings.nats / MANY)
         if judged and len(rings.begin):
-            rings = _beyond(rings, _tail(w, omega, tau))
+            rings = _beyond(rings, _tail(w, omega, tau, lengths))
         if not len(rings.begin):
             continue
         rings.worth[np.argmax(rings.nats)] += AGAIN - form
@@ -414,35 +415,56 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
     return out.of(np.argsort(out.begin))
 
 
-def _tail(w: np.ndarray, omega: float, tau: float) -> float:
+class Tail(NamedTuple):
+    """Chance: nats go beyond a threshold e^-cost of the time, and then by a mean."""
+
+    threshold: float
+    cost: float
+    mean: float
+
+    def beyond(self, nats: np.ndarray) -> np.ndarray:
+        """Return by how much nats (k,) are less than they seem, those of normal noise by none."""
+        return np.maximum(nats - self.cost - (nats - self.threshold) / self.mean, 0.0)
+
+
+NORMAL = Tail(0.0, 0.0, 1.0)    # that of chi-squared with two degrees of freedom
+
+
+def tail_of(nats: np.ndarray) -> Tail:
     """
-    Return the mean by which rings of whitened noise go beyond a threshold, nats, 1 at least.
+    Return the tail of nats (k,), :data:`NORMAL` where it may be that.
 
-    It is 1 of noise that is normal throughout (the tail of chi-squared with two degrees of
-    freedom) and more of noise whose level in that band wanders: that goes beyond any threshold.
+    It is longer where the level of noise wanders, and longest far out: what goes beyond any
+    threshold is told by the few that go farthest (Pickands, Annals of Statistics 3, 1975).
 
     """
-    # rings a time constant apart are independent
-    return tail_of(np.concatenate([x[::max(1, int(tau))]
-                                   for _, x in _throughout(w, omega, tau)]))
+    if len(nats) <= TOLD:
+        return NORMAL
+    top = np.partition(nats, len(nats) - TOLD - 1)[-TOLD - 1:]
+    threshold = float(np.min(top))
+    mean, cost = float(np.sum(top - threshold)) / TOLD, float(np.log(len(nats) / TOLD))
+    if threshold < UNEVEN or mean < 1 + 2 / np.sqrt(TOLD):
+        return NORMAL
+    return Tail(threshold, cost, mean)
 
 
-def tail_of(nats: np.ndarray) -> float:
-    """Return the mean by which nats (k,) go beyond a threshold, 1 where it is that of chance."""
-    some = nats[nats > UNEVEN] - UNEVEN
-    if len(some) < TOLD or np.mean(some) < 1 + 2 / np.sqrt(len(some)):
-        return 1.0
-    return float(np.mean(some))
+def _tail(w: np.ndarray, omega: float, tau: float, lengths: list[int]) -> Tail:
+    """
+    Return the tail of what swings of whitened noise gain around a frequency.
+
+    Normal noise of whatever spectrum has the same at all frequencies. A line that wanders is now
+    here and now there, and in the time of a ring it hardly moves.
+
+    """
+    length = min(lengths, key=lambda x: abs(np.log(x / (FRAME * tau))))
+    power, _, first = _power(w, length)
+    k = int(round(omega / (2 * np.pi) * length)) - first
+    return tail_of(_over_usual(power[:, max(0, k - BESIDE):k + BESIDE + 1]).ravel())
 
 
-def beyond_tail(nats: np.ndarray, tail: float) -> np.ndarray:
-    """Return what of nats (k,) is less than it seems where chance has a longer tail."""
-    return (nats - UNEVEN) * (1 - 1 / tail)
-
-
-def _beyond(rings: Rings, tail: float) -> Rings:
-    """Return the rings that are worth something beside noise of a longer tail, and what."""
-    rings = rings._replace(worth=rings.worth - beyond_tail(rings.nats, tail))
+def _beyond(rings: Rings, tail: Tail) -> Rings:
+    """Return the rings that are worth something beside noise of that tail, and what."""
+    rings = rings._replace(worth=rings.worth - tail.beyond(rings.nats))
     return rings.of(rings.worth > 0)
 
 

@@ -14,7 +14,7 @@ from ..dying import lasting
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
-from ..ringing import beyond_tail, find_rings, loudest, NONE, Rings, tail_of
+from ..ringing import find_rings, loudest, NONE, Rings, tail_of
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
@@ -307,7 +307,7 @@ def _beyond_the_usual(ratio: np.ndarray, degrees: float, length: int,
         power = np.mean(ratio[rest][:count * lasts].reshape(count, lasts), axis=1)
         over = np.maximum(power / np.median(power) - 1, 0)
         tail = tail_of(0.5 * degrees * lasts * (over - np.log1p(over)))
-        left[k] -= beyond_tail(left[k], tail)
+        left[k] -= tail.beyond(left[k])
     return {k: v[left >= SURE] for k, v in kept.items()}
 
 
