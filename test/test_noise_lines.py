@@ -327,6 +327,24 @@ def test_a_line_of_forty_nats_is_borne_out_by_each_half():
     assert min(sides[0]) > 10 and sides[1] == [0.0, 0.0], sides
 
 
+def test_lines_that_beat_are_no_noise_that_swings():
+    """Two of one band swing once in 2.1 s, and seen once in a block of 1.8 s once in 14 s."""
+    rng, n = np.random.default_rng(42), 23_040
+    t = DT * np.arange(n)
+    y = rng.standard_normal(n)
+    for f in (3.9885, 4.4721):
+        y += 2 * np.cos(2 * np.pi * f * t + rng.uniform(0, 6))
+    swings = 2.0 ** np.cos(2 * np.pi * t / 40)      # and what does swing is seen beside them
+    named = []
+    for x in (y, y + 2 * np.sqrt(swings) * rng.standard_normal(n)):
+        record = ImuRecord(1e-3 * np.column_stack([x, x[::-1], x]), None, t, 1 / DT)
+        problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+        assert len(problem.evidence.line_table) == 2
+        found = find_effect('noise', 'variance_change')().measure(problem.evidence)
+        named.append(found.effect['period'] if found and found.gain > 15 else None)
+    assert named[0] is None and named[1] == pytest.approx(40, rel=0.05)
+
+
 @pytest.mark.parametrize(('cycles', 'skew', 'count'),
                          [(7.0, 0.5, 0), (9.3, 0.5, 0), (9.3, 0.0, 1), (14.0, 0.5, 2)])
 def test_the_orders_of_a_slow_swing_are_no_lines(cycles, skew, count):

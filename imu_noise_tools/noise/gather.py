@@ -224,10 +224,8 @@ class _Gathering:
             else:
                 c = cosine_transform(self.clean[axis][begin:begin + length])
             lines[axis] = take_lines_out(c, own['line_table'], begin, self.dt, bins)
-            # what is left is normal only without them
             if whole is not None and len(lines[axis]):
-                cells = _cells_without_lines(c, own['resolution'], self.dt)
-                own['cells'] = np.vstack([own['cells'], cells])
+                self._without_lines(axis, c)
             coefficients[axis] = c if whole is not None else self.memory.keep(c)
             self.memory.rest()
         for other, values in self.covariates.items():
@@ -244,6 +242,20 @@ class _Gathering:
                 length, self.dt, binned[axis, axis], lines[axis], fine, quiet)
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
+
+    def _without_lines(self, axis: str, c: np.ndarray) -> None:
+        """
+        Look at the samples whose coefficients c the lines were taken out of.
+
+        What is left is normal only then, and steady: two lines of one band beat.
+
+        """
+        own, looks = self.own[axis], _looks(self.raw[axis], self.clean[axis], self.used)
+        cells = _cells_without_lines(c, own['resolution'], self.dt)
+        own['cells'] = np.vstack([own['cells'], cells])
+        left = idct(c, type=2, norm='ortho')
+        own.update(_power_of_looks(
+            (left if y is looks[-1] else y - looks[-1] + left for y in looks), self.dt))
 
     def _derived(self, coefficients, bins: Bins, first: bool) -> dict[str, np.ndarray]:
         """Return what is derived of the axes that hear something together."""
