@@ -42,6 +42,7 @@ FRAME = 3  # time constants in a frame, of which it then hears the most
 FRAMES = 64  # of a length, at least
 SWINGS = 0.5  # in a time constant at least: else nothing rings
 HIGHEST = 0.45  # of the rate: nearer to a half hardly more than every second swing is seen
+LOUDLY = 3.0  # standard deviations beyond white noise that are more than it
 LOUDER = 1.25  # times as loud, from which a stretch is
 STRETCHES = 24  # of the record, in which the usual power of a frequency is looked at
 SEEDS = 5  # places from which a search begins
@@ -252,14 +253,16 @@ def _usual(power: np.ndarray, step: int = 1) -> np.ndarray:
     """
     Return the usual power (stretches, ...) of moments (m, ...), in what noise has on average.
 
-    The louder of neighbours where it changes, and never less than that of white noise.
+    The louder of neighbours where it changes, and that of white noise where it may be that: the
+    median of k has a relative standard deviation of 1/(ln 2 sqrt(k)).
 
     """
     parts = np.array_split(power, int(np.clip(len(power) // step // 64, 1, STRETCHES)))
     out = np.array([np.median(x[::max(step, len(x) // 256)], axis=0) for x in parts]) / np.log(2)
     if len(out) > 2:
         out = loudest(out)
-    return np.maximum(out, 1.0)
+    few = max(1, min(len(parts[0]) // step, 256))
+    return np.where(out > 1 + LOUDLY / (np.log(2) * np.sqrt(few)), out, 1.0)
 
 
 def _over_usual(power: np.ndarray, step: int = 1) -> np.ndarray:
@@ -363,22 +366,21 @@ def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, flo
     return (-float(best.fun), *at(best.x))
 
 
-def _throughout(w: np.ndarray, omega: float, tau: float) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (first sample, nats beside what is usual of rings that begin in it) of each piece."""
-    halo, step = _length(tau), max(1, int(tau / 2))
+def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> list[tuple[int, float]]:
+    """
+    Return the samples at which a ring begins that gains so much, the clearest first.
+
+    And what such rings usually gain there, in what they gain of white noise.
+
+    """
+    halo, step, found = _length(tau), max(1, int(tau / 2)), []
     for i in range(0, len(w), PIECE):
-        yield i, _over_usual(_nats(w[i:i + PIECE + halo], omega, tau)[:PIECE], step)
-
-
-def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> np.ndarray:
-    """Return the samples at which a ring begins that gains so much, the clearest first."""
-    found = []
-    for i, nats in _throughout(w, omega, tau):
+        raw = _nats(w[i:i + PIECE + halo], omega, tau)[:PIECE]
+        nats = _over_usual(raw.copy(), step)
         top = nats == maximum_filter1d(nats, 2 * int(APART * tau) + 1)
         k = np.flatnonzero(top & (nats > least))
-        found.append(np.stack([nats[k], k + i]))
-    nats, at = np.concatenate(found, axis=1)
-    return at[np.argsort(-nats)].astype(int)
+        found += zip(-nats[k], k + i, raw[k] / nats[k])
+    return [(int(at), float(usual)) for _, at, usual in sorted(found)]
 
 
 def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings:
@@ -398,7 +400,7 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
         moment, form = _cost(len(w), tau, lengths)
         moments = _moments(w, omega, tau, moment + AGAIN)
         if tau * dt > LONGEST_S or len(moments) * APART * tau > MOST * len(w):
-            for i in moments:
+            for i, _ in moments:
                 w[_around(i, tau)] = 0.0
             continue
         rings, single = _knocks(white, w, omega, tau, moments, moment + AGAIN, judged)
@@ -468,8 +470,8 @@ def _beyond(rings: Rings, tail: Tail) -> Rings:
     return rings.of(rings.worth > 0)
 
 
-def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.ndarray,
-            least: float, judged: bool) -> tuple[Rings, np.ndarray]:
+def _knocks(white: _White, w: np.ndarray, omega: float, tau: float,
+            moments: list[tuple[int, float]], least: float, judged: bool) -> tuple[Rings, np.ndarray]:
     """
     Take what rings at some moments out of whitened samples w, the clearest first.
 
@@ -478,18 +480,19 @@ def _knocks(white: _White, w: np.ndarray, omega: float, tau: float, moments: np.
 
     """
     out, single = [], []
-    for i in moments:
+    for i, usual in moments:
         columns = _columns(min(len(w) - i, _length(tau)), omega, tau)
         size, nats = _fitted(columns, w[i:i + len(columns)])
-        if nats < least:    # it was part of one that is out by now
+        if nats < usual * least:    # it was part of one that is out by now
             continue
         alone = _single(w[_around(i, tau)])
-        beside = np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY)
-        if judged and (nats < beside or nats < _rivals(
-                white, w, i, omega, tau, columns, nats, least)):
+        apart = np.sum(alone) * (1.0 if len(alone) < FEW else NEARLY)
+        if judged and (nats < apart or nats < _rivals(
+                white, w, i, omega, tau, columns, nats, usual * least)):
             w[_around(i, tau)] = 0.0
             continue
-        out.append((i, *(size * white.root(i, omega)), omega, tau, nats, nats - least))
+        beside = nats / usual
+        out.append((i, *(size * white.root(i, omega)), omega, tau, beside, beside - least))
         single.append(np.sum(alone))
         w[i:i + len(columns)] -= columns @ size
     return Rings(*np.reshape(out, (-1, 7)).T), np.array(single)
