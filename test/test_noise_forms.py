@@ -542,6 +542,25 @@ def test_a_faint_source_is_heard_where_an_angle_is_rounded(seed):
         assert np.max(share[bins.f > 25]) < 0.1
 
 
+def test_a_strong_band_is_heard_where_it_is_and_a_line_is_not():
+    """Its skirts are not as coherent as it is, and what turns steadily is no noise."""
+    rng, n, dt = np.random.default_rng(33), 131_072, 0.001
+    r = np.exp(-np.pi * 396 * dt / 34)
+    band = lfilter([1.0], [1.0, -2 * r * np.cos(2 * np.pi * 396 * dt), r * r],
+                   rng.standard_normal(n))
+    line = 0.1 * np.cos(2 * np.pi * 51.47 * dt * np.arange(n))
+    source = 0.25 * band / np.std(band)
+    heard = shared.heard_together(
+        {k: g * (source + line) + rng.standard_normal(n) for k, g in
+         (('gyro_x', 1.0), ('gyro_y', -0.8), ('gyro_z', 1.2))}, dt)
+    f, share = heard['gyro_z']
+    assert np.max(share[np.abs(f - 396) < 4]) > 0.5
+    assert np.mean(share[(f > 30) & (f < 90)]) < 0.005
+    assert np.mean(share[(f > 200) & (f < 350)]) < 0.08
+    assert not shared.heard_together(
+        {k: g * line + rng.standard_normal(n) for k, g in (('gyro_x', 1.0), ('gyro_y', -0.8))}, dt)
+
+
 @pytest.mark.parametrize('seed', range(3))
 def test_a_narrow_source_is_heard_through_axes_that_hide_it(seed):
     """A quarter of each axis's noise where it is, in one part of sixty of their band."""

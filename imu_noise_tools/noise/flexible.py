@@ -415,9 +415,9 @@ def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> tuple[float, 
     And what as many of them reach by chance once in a thousand, as eight levels reach FLEXIBLE.
 
     """
-    view = Likelihood(evidence, 'whole', fit.model, fit)
+    view = Likelihood(evidence, 'whole', fit.model)
     v, w = fit.details.v, view.weight
-    cross, own = view.left_to(fit.model, effect.channels(evidence))
+    cross, own = view.left_to(fit.model, v, effect.channels(evidence))
     bands, gain, free = Bands.on(view.bins), 0.0, 0
     for k in range(bands.count):
         some = bands.of == k

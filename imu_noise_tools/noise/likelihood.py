@@ -284,21 +284,23 @@ class Likelihood:
         """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
         channels = self._channels(model)
         _, cross, own, first = channels
-        cross, own = self._beside_means(model, v, cross, own, first)
+        cross, own = self._beside_means(model, v, cross, own, first, self._slow)
         covariance = inverse(own @ (self.weight / v))
         beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
 
-    def _beside_means(self, model, v, cross, own, first):
+    def _beside_means(self, model, v, cross, own, first, slow):
         """
         Return cross-powers (p, b) and own powers (p, p, b) of channels as beside the mean.
+
+        ``first`` (p, q) are the channels' slow coefficients, ``slow`` (q,) those of the axis.
 
         A step of all axes would else decide the gain. Less the mean that is known; of one that is
         solved for less what its columns can explain of either (Frisch and Waugh 1933), so that
         gains and mean are solved for together.
 
         """
-        if self._slow is None or not self._inside or not len(first):
+        if slow is None or not self._inside or not len(first):
             return cross, own
         if self._known is not None:
             return self._changed(cross, -self._known * first), own
@@ -316,8 +318,8 @@ class Likelihood:
         def left(y):
             return y - (y @ u) @ x.T
 
-        slow, rest = left(self._slow), left(first)
-        return (self._changed(cross, slow * rest - self._slow * first),
+        rest = left(first)
+        return (self._changed(cross, left(slow) * rest - slow * first),
                 self._changed(own, rest[:, None] * rest - first[:, None] * first))
 
     def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
@@ -417,22 +419,31 @@ class Likelihood:
                 for p in e.parameters if p.linear]
         return self._decoupled(np.array(beta), self._channels(model))[0]
 
-    def left_to(self, model: Model, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    def left_to(self, model: Model, v: np.ndarray,
+                names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """
         Return what channels (p) still share with what the model leaves of the axis.
 
-        Cross-powers (p, b), and the channels' own (p, p, b).
+        Cross-powers (p, b), and the channels' own (p, p, b), given a spectrum v (b,); both as
+        beside the mean, which the channels may have too.
 
         """
+        def shared(others):
+            """Return cross-powers, and slow coefficients where there is a mean."""
+            return (np.array([[pair(a, n, here) for n in names] for a in others]),
+                    np.array([] if self._slow is None else [
+                        self.evidence.coupled_first(a, here)[:self._count] for a in others]))
+
         pair, here = self.evidence.coupled, self.part_name
+        gains = {known: c[p.name] for c in (model[c.label] for c in self.couplings)
+                 for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear))}
+        beta = np.array(list(gains.values()))
         cross = np.array([pair(self.evidence.axis, n, here) for n in names])
-        for c in (model[c.label] for c in self.couplings):
-            for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear)):
-                cross = cross - c[p.name] * np.array([pair(known, n, here) for n in names])
-        if self._known is not None and len(names):
-            first = np.array([self.evidence.coupled_first(n, here)[:self._count] for n in names])
-            cross = self._changed(cross, -self._known * first)
-        return cross, np.array([[pair(a, b, here) for b in names] for a in names])
+        known, slow = shared(gains)
+        own, first = shared(names)
+        cross = cross - np.tensordot(beta, known, 1) if len(beta) else cross
+        slow = self._slow if self._slow is None or not len(beta) else self._slow - beta @ slow
+        return self._beside_means(model, v, cross, own, first, slow)
 
     # --- the spectrum
     # -----------------------------------------------------------------------------------------

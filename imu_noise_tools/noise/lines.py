@@ -12,6 +12,7 @@ goes) is no line, and stays in the spectrum.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -671,6 +672,29 @@ def waves(lines: np.ndarray, t: np.ndarray, dt: float, length: int = 1) -> np.nd
     return out
 
 
+def _in_coefficients(table: np.ndarray, n: int, begin: int,
+                     dt: float) -> Iterator[tuple[int, int, np.ndarray]]:
+    """Yield (first, end, what a line has in those) of n coefficients from a sample on."""
+    for frequency, a, b, z in table:
+        angle = 2 * np.pi * frequency * dt * begin
+        a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
+        centre = int(2 * n * dt * frequency)
+        reach = min(1 << 15, 64 + int(40 * z))  # beyond, it is a hundredth of the noise
+        low, high = max(1, centre - reach), min(n, centre + reach)
+        yield low, high, line_coefficients(frequency, a, b, np.arange(low, high), n, dt)
+
+
+def without_lines(c: np.ndarray, dt: float) -> np.ndarray:
+    """Return cosine coefficients c (n,) without the coherent lines in them."""
+    reference = reference_spectrum(c, dt)
+    if not np.any(dt * c[1:]**2 > line_penalty(len(c)) * reference):
+        return c
+    out = c.copy()
+    for low, high, line in _in_coefficients(find_peaks(c, reference, dt)[0], len(c), 0, dt):
+        out[low:high] -= line
+    return out
+
+
 def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,
                    bins: Bins) -> np.ndarray:
     """
@@ -679,16 +703,8 @@ def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,
     Return what each adds to the power of the bins (l, b).
 
     """
-    n = len(c)
     out = np.zeros((len(table), len(bins.first)))
-    for i, (frequency, a, b, z) in enumerate(table):
-        angle = 2 * np.pi * frequency * dt * begin
-        a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
-        centre = int(2 * n * dt * frequency)
-        reach = min(1 << 15, 64 + int(40 * z))  # beyond, it is a hundredth of the noise
-        low, high = max(1, centre - reach), min(n, centre + reach)
-        k = np.arange(low, high)
-        line = line_coefficients(frequency, a, b, k, n, dt)
+    for i, (low, high, line) in enumerate(_in_coefficients(table, len(c), begin, dt)):
         added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
         c[low:high] -= line
         i0, i1 = bins.index(low), bins.index(high - 1) + 1

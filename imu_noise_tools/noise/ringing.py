@@ -18,7 +18,7 @@ lengths are told apart. A first knock pays for all of it, others for their momen
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -373,7 +373,8 @@ def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> list[tupl
     And what such rings usually gain there, in what they gain of white noise.
 
     """
-    halo, step, found = _length(tau), max(1, int(tau / 2)), []
+    halo, step = _length(tau), max(1, int(tau / 2))
+    found: list[tuple[float, int, float]] = []
     for i in range(0, len(w), PIECE):
         raw = _nats(w[i:i + PIECE + halo], omega, tau)[:PIECE]
         nats = _over_usual(raw.copy(), step)
@@ -471,7 +472,8 @@ def _beyond(rings: Rings, tail: Tail) -> Rings:
 
 
 def _knocks(white: _White, w: np.ndarray, omega: float, tau: float,
-            moments: list[tuple[int, float]], least: float, judged: bool) -> tuple[Rings, np.ndarray]:
+            moments: Iterable[tuple[int, float]], least: float,
+            judged: bool) -> tuple[Rings, np.ndarray]:
     """
     Take what rings at some moments out of whitened samples w, the clearest first.
 

@@ -25,6 +25,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import nnls
 from scipy.special import chdtri
 
+from .lines import without_lines
 from ..core.spectrum import Bins
 
 #: two axes, by their numbers, the lower first
@@ -33,10 +34,10 @@ Pair: TypeAlias = tuple[int, int]
 LATER, SHAKEN = '^', '~'
 HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is not its own noise
 LOOKED_AT = 1 << 17     # samples in which axes are compared
-GROUPS, LEAST = 240, 16     # of coefficients, and the least in one
+GROUPS, LEAST = 960, 16     # of coefficients, and the least in one
 CHANCE = 1e-3           # records in which noise seems to be heard together
-WINDOWS = (1, 3, 5, 9, 19, 39, 79)      # groups that tell a coherence
-CLEAR = (8.0,) * 6 + (3.0,)     # its standard errors: of so many no fewer would tell it
+WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
+CLEAR = (8.0,) * 8 + (3.0,)     # its standard errors: of so many no fewer would tell it
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
@@ -88,7 +89,9 @@ def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
     edges = np.unique(np.maximum(np.geomspace(LEAST, n - 1, GROUPS), LEAST
                                  * np.arange(1, GROUPS + 1)).astype(int))
     edges = edges[edges < n - LEAST]
-    c = [dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho') for x in columns.values()]
+    # a line is no noise, and one of a machine is coherent in all axes
+    c = [without_lines(dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho'), dt)
+         for x in columns.values()]
     q = [later(x) for x in c]
     count = np.diff(np.append(edges, n))
     # what is later of a drift may have more power than the drift
@@ -138,12 +141,12 @@ def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
     for some in sets:
         apart, alike = _together([pulls[pair] for pair in some], count, level, stretches)
         for width, least in zip(WINDOWS, CLEAR) if np.any(apart) else ():
-            window = np.ones(min(width, groups))
-            near, seen = (np.convolve(x, window, 'same') for x in (np.ones(groups), count))
             told = square if width < WINDOWS[-1] else capped
-            each = [np.convolve(told[pair], window, 'same') for pair in some]
-            clear = sum(each) > least * 2 * np.sqrt(len(some) * near)
-            _put(both, some, apart & clear, [x / (seen - 2 * near) for x in each])
+            each, near, seen = np.array([
+                _untold([told[pair], np.ones(groups), count], both[pair] > 0, width)
+                for pair in some]).swapaxes(0, 1)
+            clear = np.sum(each, axis=0) > least * 2 * np.sqrt(np.sum(near, axis=0))
+            _put(both, some, apart & clear, each / np.maximum(seen - 2 * near, 1.0))
         # what has one phase is told by less
         for width, least in zip(WINDOWS, CLEAR) if np.any(alike) else ():
             window = np.ones(min(width, groups))
@@ -153,6 +156,17 @@ def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
     for pair in pulls:
         _fill_slow_end(both, pair, count)
     return both
+
+
+def _untold(rows: Iterable[np.ndarray], told: np.ndarray, width: int) -> np.ndarray:
+    """
+    Return the sums (k, g) of rows in windows of so many groups (g,), less what was told before.
+
+    The skirts of a band are not as coherent as the band, which fewer groups tell.
+
+    """
+    window = np.ones(min(width, len(told)))
+    return np.array([np.convolve(np.where(told, 0.0, row), window, 'same') for row in rows])
 
 
 def _fill_slow_end(both: np.ndarray, pair: Pair, count: np.ndarray) -> None:
