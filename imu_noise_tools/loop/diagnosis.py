@@ -33,6 +33,7 @@ LONGEST = 12  # members of a chain
 PLACES = 6  # places at which candidates are fitted; from then on none is begun
 HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
 ROUNDS = 4  # times the search begins anew without what was refuted, unless something came back
+FAR = 10.0  # times as long, or as high, from which it is another one
 LISTED = 8  # candidates that are listed
 
 
@@ -140,6 +141,7 @@ class _Search:
         self.state, self.problem = state, state.problem
         self.base = unfitted(state.model)
         self.refuted: dict[str, Finding] = {}
+        self._disproved: dict[str, list[Finding]] = {}  # all that was refuted of a label
         self._nameless: dict[str, Finding] = {}     # is there, but in no form that is known
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
         self._beside: dict[str, frozenset[str]] = {}  # what is doubted, beside what
@@ -206,7 +208,20 @@ class _Search:
     def open_at(self, place: _Place) -> list[Finding]:
         """Return the candidates at a place, best first, against which nothing speaks yet."""
         return [f for f in place.candidates
-                if not f.against and label(place.model, f) not in self.refuted]
+                if not f.against and not self._fallen(place, f)]
+
+    def _fallen(self, place: _Place, finding: Finding) -> bool:
+        """
+        Tell whether a candidate was refuted.
+
+        What was one of its name may have been what a filter does, and beside the filter another
+        one stands out, far away from there.
+
+        """
+        name = label(place.model, finding)
+        disproved = self._disproved.get(name, [])
+        return name in self.refuted and not (
+            disproved and all(_elsewhere(finding, f) for f in disproved))
 
     # --- forward ----------------------------------------------------------------------------
 
@@ -335,7 +350,7 @@ class _Search:
         here = frozenset(place.model.labels)
         self.scores[here] = max(total, self.scores.get(here, -np.inf))
         for f in place.candidates:
-            if f.against or label(place.model, f) in {*failed, *self.refuted}:
+            if f.against or label(place.model, f) in failed or self._fallen(place, f):
                 continue
             more = here | {label(place.model, f)}
             self.scores[more] = max(total + surplus(f), self.scores.get(more, -np.inf))
@@ -402,6 +417,8 @@ class _Search:
                 break
             chain = [f for k, f in zip(self.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
+            for k, f in refuted.items():
+                self._disproved.setdefault(k, []).append(f)
             if not self._acquitted(self.model_of(chain), refuted) and turn >= ROUNDS:
                 break
         # each held beside the others when it was last looked at
@@ -667,6 +684,15 @@ class _Search:
 def label(model: Model, finding: Finding) -> str:
     """Return the label that a finding would have in a model."""
     return model.plus(_new(finding)).labels[-1]
+
+
+def _elsewhere(one: Finding, other: Finding) -> bool:
+    """Tell whether two findings of a name differ by more than FAR times in what they look for."""
+    assert one.effect is not None and other.effect is not None
+    scales = [p.name for p in one.effect.parameters if p.log and not (
+        p.amplitude or p.linear or p.discrete or p.choices)]
+    pairs = [(one.effect.values.get(k, 0.0), other.effect.values.get(k, 0.0)) for k in scales]
+    return any(min(pair) > 0 and max(pair) > FAR * min(pair) for pair in pairs)
 
 
 def _certain(finding: Finding) -> bool:
