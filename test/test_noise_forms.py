@@ -628,6 +628,29 @@ def test_what_enters_behind_a_filter_is_told_from_what_it_filters(what, seed):
         assert abs(e.point - true) < 4 * e.std
 
 
+@pytest.mark.parametrize('what', ['everything', 'white_noise'])
+def test_a_filter_of_the_element_passes_the_bias_of_its_electronics(what):
+    """An average of four samples, in whose null the flicker stands that was not filtered."""
+    rng, n, dt = np.random.default_rng(9), 60_000, 0.02
+    f = np.maximum(np.fft.rfftfreq(n, dt), 1 / (n * dt))
+    white = rng.standard_normal((n, 3))
+    flicker = np.fft.irfft(
+        np.fft.rfft(rng.standard_normal((n, 3)), axis=0) / np.sqrt(f)[:, None] * 0.5, n, axis=0)
+    average = np.ones(4) / 4, [1.0]
+    y = {'everything': lfilter(*average, white + flicker, axis=0),
+         'white_noise': lfilter(*average, white, axis=0) + flicker}[what]
+    y = 3e-4 * (y + 0.02 * rng.standard_normal((n, 3)))
+    problem = NoiseProblem(gather(ImuRecord(y, None, dt * np.arange(n), 1 / dt),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'low_pass')))
+    assert fit.model['low_pass'].chosen('filters') == what
+    assert fit.model['low_pass']['cutoff'] == pytest.approx(0.443 / (4 * dt), rel=0.01)
+    n_, b = fit.estimates['white']['N'], fit.estimates['flicker']['B']
+    assert abs(n_.point - 3e-4 * np.sqrt(dt)) < 4 * n_.std
+    # 2 dt 0.25/f is B^2/(pi f)
+    assert abs(b.point - 3e-4 * np.sqrt(0.5 * np.pi * dt)) < 4 * b.std
+
+
 @pytest.mark.parametrize('n', [200, 300])
 def test_a_record_of_few_samples_is_diagnosed(n):
     rng = np.random.default_rng(n)

@@ -214,6 +214,8 @@ class Spectrum(NoiseEffect):
     filtered = True
     #: whether it is the noise of the element itself, ahead of every filter
     own: ClassVar[bool] = False
+    #: whether it is the same at all frequencies
+    flat: ClassVar[bool] = False
 
     def path(self, evidence: Evidence) -> np.ndarray | None:
         """Return what it adds to the slow means (s,), where the samples show it; or None."""
@@ -409,8 +411,10 @@ class Coupling(NoiseEffect):
         raise NotImplementedError
 
 
-#: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and then passes
-FILTERS = Parameter.choice('filters', ('everything', 'own_noise'), title='what it filters')
+#: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and so may all
+#: that is slow, where the filter is the element's bandwidth and the bias that of its electronics
+FILTERS = Parameter.choice('filters', ('everything', 'own_noise', 'white_noise'),
+                           title='what it filters')
 
 
 class Response(NoiseEffect):
@@ -428,7 +432,8 @@ class Response(NoiseEffect):
 
     def acts_on(self, effect: Spectrum) -> bool:
         """Tell whether it filters what an effect adds."""
-        return self.last or effect.filtered and (effect.own or not self.values.get('filters'))
+        only = (True, effect.own, effect.flat)[int(self.values.get('filters', 0))]
+        return self.last or effect.filtered and only
 
     def crowd(self) -> float:
         """

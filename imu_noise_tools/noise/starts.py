@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from collections.abc import Iterable
+from typing import cast, TypeAlias
 
 import numpy as np
 from scipy.optimize import nnls
@@ -22,6 +23,7 @@ Start: TypeAlias = tuple[Model, np.ndarray]
 
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 LEAST = 1e-6  # of its median, that a level is anywhere
+SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
 
 def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
@@ -229,16 +231,30 @@ def _gain_alone(found, here, response):
 
 
 def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.ndarray]]:
-    """Return (likelihood, start) of responses that filter the sensor's own noise alone."""
+    """Return (likelihood, start) of responses that some noise passes that would show."""
     here, out = found.with_search(x), []
     searched = {s.label for s in found.slots}
     for e in here.of(Response):
-        if e.values.get(FILTERS.name) == 0 and e.label in searched \
-                and {s.own for s in here.of(Spectrum) if e.acts_on(s)} == {False, True}:
-            model = here.with_effect(e.with_values(filters=1.0))
-            other = found.beside(found.model.with_effect(model[e.label]))
-            out += [(other, x0) for x0 in _with_amplitudes(other, model, (0.02,))]
+        if e.values.get(FILTERS.name) != 0 or e.label not in searched:
+            continue
+        for k in range(1, len(FILTERS.choices)):
+            passes = cast(Response, e.with_values(**{FILTERS.name: float(k)}))
+            model = here.with_effect(passes)
+            acts = {s.label for s in here.of(Spectrum) if passes.acts_on(s)}
+            passing = {s.label for s in here.of(Spectrum) if e.acts_on(s)} - acts
+            if acts and _shows(found, here, model, passing):
+                other = found.beside(found.model.with_effect(model[e.label]))
+                out += [(other, x0) for x0 in _with_amplitudes(other, model, (0.02,))]
     return out
+
+
+def _shows(found: Likelihood, before: Model, after: Model, labels: Iterable[str]) -> bool:
+    """Tell whether some noise has a clear share of the power more in one model than in another."""
+    more = np.zeros(len(found.power))
+    for model, sign in ((after, 1), (before, -1)):
+        each = found.beside(model).spectra(model)[1]
+        more += sign * sum(each[k] for k in labels)
+    return bool(np.any(more > SHOWS * found.power))
 
 
 def _carried(plain: Likelihood, x0: np.ndarray, likelihood: Likelihood) -> np.ndarray:

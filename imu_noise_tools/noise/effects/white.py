@@ -24,7 +24,7 @@ class White(Spectrum):
     reference = 'IEEE 952 C.1.1'
     in_every_sensor = True
     decide = 'record again'
-    own = True
+    own = flat = True
     parameters = (
         Parameter('N', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True, title='noise density'),
     )
