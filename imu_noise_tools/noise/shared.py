@@ -43,8 +43,9 @@ STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 TALL = 100.0            # times from which it is where nothing else hears it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
-WIDTHS = (3, 5, 9)
+WIDTHS = (3, 5, 9, 19)
 WIDE = (9, 19, 39, 79)
+MOST = 0.95     # of an axis's power that is no noise of its own
 OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
 
 
@@ -271,38 +272,42 @@ def share(bins: Bins, power: np.ndarray,
     :func:`heard_together`. Each of them says the least.
 
     """
-    above = _above_own(bins, power, common is not None)
     if common is None:
-        return above
+        return _above_own(bins, power)
     f, heard = common
     heard = np.interp(np.log(bins.f), np.log(f), heard)
+    above = _above_own(bins, power, heard)
     if above is None:
         even = median_filter(heard, WIDE[0], mode='nearest')    # a few are where chance put them
         return heard if np.min(even) < ALIKE * np.max(even) else None
     return np.maximum(above, heard)
 
 
-def _above_own(bins: Bins, power: np.ndarray, together: bool) -> np.ndarray | None:
+def _above_own(bins: Bins, power: np.ndarray,
+               heard: np.ndarray | None = None) -> np.ndarray | None:
     """
     Return what part, (b,), of the power is beyond the axis's own noise; None where none is.
 
-    Where others do not hear it ``together`` with the axis only a tall peak is not its own.
+    Its own noise is what fits the power less what others hear too. Where nothing is ``heard`` (b,)
+    by others together with the axis only a tall peak is not its own.
 
     """
     level, _, own = own_noise(bins, power)
+    if heard is not None:
+        own = own_noise(bins, power * (1 - np.minimum(heard, MOST)))[2]
     there = level > TALL * own
     share = np.zeros(len(own))
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
     for level, seen in _levels(bins, power):
-        if together:
+        if heard is not None:
             there |= (level > ABOVE * own) & (seen >= ENOUGH)
         told = (share == 0) & (level > (1 + 2 * np.sqrt(2 / seen)) * own)
         share[told] = 1 - (own / level)[told]
-    heard = share > 0
+    above = share > 0
     # by chance some bins far off are above it as well, where there is nothing to hear
-    stretch = np.cumsum(np.diff(heard, prepend=False))
-    heard &= np.isin(stretch, stretch[heard & there])
-    return np.where(heard, share, 0.0) if np.any(heard) else None
+    stretch = np.cumsum(np.diff(above, prepend=False))
+    above &= np.isin(stretch, stretch[above & there])
+    return np.where(above, share, 0.0) if np.any(above) else None
 
 
 def _levels(bins: Bins, power: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
