@@ -9,7 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import iirnotch, lfilter
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
@@ -132,6 +132,23 @@ def test_where_a_line_lingers_that_wanders_it_is_no_knock():
 def test_knocks_beside_a_line_that_wanders_are_found():
     y = knocked(wandering(2), (30.0, 80.0), 30.0, 0.2, 40.0, dt=0.005)
     assert np.allclose(find_rings(y, 0.005, LEAST).begin * 0.005, (30.0, 80.0), atol=0.06)
+
+
+def test_a_telegraph_of_short_dwells_is_no_knock():
+    """Of five of these it was one: up and down and up again in 20 ms."""
+    for seed in (3, 11, 14, 18, 22):
+        rng, n = np.random.default_rng(seed), 60_000
+        levels = np.cumsum(rng.random(n) < 0.004) % 2
+        assert not len(find_rings(rng.standard_normal(n) + 6 * levels, 0.001, LEAST).begin)
+
+
+def test_the_ends_of_what_a_notch_filtered_are_no_knocks():
+    """Mirrored there a record has what the filter took out of it: 35 nats of the second."""
+    for seed in (2, 23):
+        rng, n = np.random.default_rng(seed), 17_500
+        y = lfilter(*iirnotch(8.75, 1.6, fs=50), rng.standard_normal(n))
+        y += 0.02 * rng.standard_normal(n)
+        assert not len(find_rings(y, 0.02, LEAST).begin)
 
 
 @pytest.mark.thorough

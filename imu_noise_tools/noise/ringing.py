@@ -40,8 +40,9 @@ SHORTEST_S, LONGEST_S = 0.005, 1.0  # s: time constants that are looked for
 SHORTEST = 4  # samples
 FRAME = 3  # time constants in a frame, of which it then hears the most
 FRAMES = 64  # of a length, at least
-SWINGS = 0.5  # in a time constant at least: else nothing rings
+SWINGS = 1.0  # in a time constant at least: fewer are steps or spikes as well
 HIGHEST = 0.45  # of the rate: nearer to a half hardly more than every second swing is seen
+HOLLOW = 2.0  # times less than around is where a filter takes something out
 LOUDLY = 3.0  # standard deviations beyond white noise that are more than it
 LOUDER = 1.25  # times as loud, from which a stretch is
 STRETCHES = 24  # of the record, in which the usual power of a frequency is looked at
@@ -175,9 +176,15 @@ class _White(NamedTuple):
         k = min(int(omega / np.pi * self.length), len(self.spectrum)) - 1
         return float(self.spectrum[k] * self.loud[i * STRETCHES // len(self.w)])
 
+    def hollow(self, omega: float) -> bool:
+        """Tell whether a filter takes a frequency out: mirrored at its ends, a record has it."""
+        k = int(omega / np.pi * self.length)
+        around = self.spectrum[k // 2:2 * k]
+        return bool(np.median(around) > HOLLOW * self.spectrum[min(k, len(self.spectrum)) - 1])
+
     def steps(self, begin: int, tau: float) -> float:
         """
-        Return the nats of the best pair of steps, the first of them near a moment.
+        Return the nats of the best pair of steps near a moment, or of two if they have more.
 
         A step is whitened by what its cosines are divided by: from sample t on it has coefficients
         -a_k sin(pi k t/n), a_k = (2 n)^(-1/2)/sin(pi k/2n), and two of them have the product
@@ -203,15 +210,34 @@ class _White(NamedTuple):
             both = t + s
             return 0.5 * (products[np.abs(t - s)] - products[np.minimum(both, 2 * n - both)])
 
-        t, s = grid(-tau, 2 * tau, 96), grid(-tau, BEHIND * tau, 192)
-        if not len(t):
+        at = np.union1d(grid(-tau, 2 * tau, 96), grid(-tau, BEHIND * tau, 192))
+        if len(at) < 2:
             return 0.0
-        tt, ss, ts = product(t, t)[:, None], product(s, s), product(t[:, None], s)
-        x, z = sums[t][:, None], sums[s]
-        det = tt * ss - ts**2
-        two = np.where(det > 1e-3 * tt * ss, ss * x**2 - 2 * ts * x * z + tt * z**2, 0.0) \
-            / np.maximum(det, 1e-3 * tt * ss)
-        return 0.5 * float(max(np.max(two), np.max(x**2 / tt)))
+        x, p = sums[at], product(at[:, None], at)
+        one, x, p = _best_pair(x, p)
+        return max(one, one + _best_pair(x, p)[0] - 2 * AGAIN)
+
+
+def _best_pair(x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """
+    Return the nats of the best two of columns, and what is left of sums and products without.
+
+    ``x`` (k,) are the columns' sums over the samples, ``p`` (k, k) their products.
+
+    """
+    size = np.diag(p)
+    alone = size > 1e-3 * np.max(size)      # others are in those that were taken
+    size = np.where(alone, size, np.inf)
+    det = 1 - p**2 / np.outer(size, size)
+    z = x / np.sqrt(size)
+    told = det > 1e-3
+    nats = (z**2 + z[:, None] ** 2 - 2 * p / np.sqrt(np.outer(size, size)) * np.outer(z, z)) / \
+        np.where(told, det, np.inf)
+    i, j = np.unravel_index(np.argmax(nats), nats.shape)
+    best = np.array([i, j] if nats[i, j] > np.max(z**2) else [np.argmax(z**2)])
+    solved = np.linalg.solve(p[np.ix_(best, best)], np.column_stack([x[best], p[best]]))
+    return (0.5 * float(x[best] @ solved[:, 0]), x - p[:, best] @ solved[:, 0],
+            p - p[:, best] @ solved[:, 1:])
 
 
 def _length(tau: float) -> int:
@@ -561,10 +587,12 @@ def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
     As many times ``least`` as noise is louder there than usual, the ring taken out of it. Most
     of what stands out around it, in samples w; more than what swells before it as it fades behind
     it, as of a line that passes; and more than two steps have, as of what switches. What hardly
-    swings and is there from the beginning may as well creep: nothing is before it.
+    swings and is there from the beginning may as well creep: nothing is before it. Nor is what
+    is heard at an end alone where a filter lets nothing pass.
 
     """
-    if begin < max(SHORTEST, 0.1 * tau) and omega * tau < 2 * np.pi:
+    early = begin < max(SHORTEST, 0.1 * tau) and omega * tau < 2 * np.pi
+    if early or min(begin, len(w) - begin) < 2 * tau and white.hollow(omega):
         return np.inf
     at = _around(begin, tau)
     level, count = _beside(w, at)
