@@ -302,9 +302,13 @@ def _refitted(evidence, fit, effect):
         hint = bare
     slow = evidence.whole.bins.last <= SLOW
     slow[:evidence.thermal('whole')] = True
-    if isinstance(effect, Mean) and np.all(hint.on(evidence.whole.bins)[slow] > 0):
-        # it moves nothing but the slow end, which the fit rests on already
-        return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
+    if isinstance(effect, Mean):
+        known = hint.on(evidence.whole.bins)
+        if np.all(known[slow] > 0):
+            # it moves nothing but the slow end, which the fit rests on already
+            return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
+        # what was set aside there may be its doing
+        hint = replace(hint, f=evidence.whole.bins.f, weight=np.where(slow, 1.0, known))
     more = fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
     # nor that of noise beside which it is not needed; what is measured has nothing that is free
     if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
