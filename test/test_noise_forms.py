@@ -561,6 +561,31 @@ def test_a_strong_band_is_heard_where_it_is_and_a_line_is_not():
         {k: g * line + rng.standard_normal(n) for k, g in (('gyro_x', 1.0), ('gyro_y', -0.8))}, dt)
 
 
+@pytest.mark.parametrize('course', [0.0, 20.0])
+def test_how_far_axes_drift_says_nothing_of_what_they_share(course):
+    """A band of 7 Hz beside flicker, and beside ramps that stand far above it."""
+    rng, n, dt = np.random.default_rng(32), 40_000, 0.01
+    f = np.maximum(np.fft.rfftfreq(n, dt), 1 / (n * dt))
+    r = np.exp(-np.pi * 7 * dt / 7)
+    band = lfilter([1.0], [1.0, -2 * r * np.cos(2 * np.pi * 7 * dt), r * r],
+                   rng.standard_normal(n))
+    axes = {}
+    for k, gain in (('gyro_x', 1.0), ('gyro_y', -0.8), ('gyro_z', 1.2)):
+        flicker = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) / np.sqrt(10 * f), n)
+        axes[k] = gain * (0.3 * band / np.std(band) + course * np.linspace(0, 1, n)) \
+            + flicker + rng.standard_normal(n)
+    heard, bins = shared.heard_together(axes, dt), bins_of(n, dt)
+    c = cosine_transform(axes['gyro_y'].copy())
+    power = 2 * dt * np.add.reduceat(c**2, bins.first) / bins.count
+    share = shared.share(bins, power, heard['gyro_y'])
+    slow = bins.f < 1
+    assert np.max(share[np.abs(bins.f - 7) < 0.5]) > 0.3
+    assert np.average(share[slow], weights=bins.count[slow]) < 0.06
+    # what is taken for the source there, over what the axis has of its own noise
+    own = 2 * dt * (1 + 1 / (10 * bins.f))
+    assert np.max((share * (1 - share) * power / own)[slow]) < 10
+
+
 @pytest.mark.parametrize('seed', range(3))
 def test_a_narrow_source_is_heard_through_axes_that_hide_it(seed):
     """A quarter of each axis's noise where it is, in one part of sixty of their band."""

@@ -21,7 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import dct, idst
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.optimize import nnls
 from scipy.special import chdtri
 
@@ -45,6 +45,7 @@ TALL = 100.0            # times from which it is where nothing else hears it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9, 19)
 WIDE = (9, 19, 39, 79)
+BETWEEN = 3     # coefficients of a drift, of which one is large
 MOST = 0.95     # of an axis's power that is no noise of its own
 OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
 
@@ -155,7 +156,7 @@ def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
                 power[a] * power[b] for a, b in some], window)
             _put(both, some, alike & (each > least * 2 * np.sqrt(len(some))), shares)
     for pair in pulls:
-        _fill_slow_end(both, pair, count)
+        _fill_slow_end(both, pair, count, power)
     return both
 
 
@@ -170,15 +171,23 @@ def _untold(rows: Iterable[np.ndarray], told: np.ndarray, width: int) -> np.ndar
     return np.array([np.convolve(np.where(told, 0.0, row), window, 'same') for row in rows])
 
 
-def _fill_slow_end(both: np.ndarray, pair: Pair, count: np.ndarray) -> None:
-    """Take what a pair shares to go on to the slow end, where too few coefficients could tell."""
+def _fill_slow_end(both: np.ndarray, pair: Pair, count: np.ndarray, power: np.ndarray) -> None:
+    """
+    Take what a pair shares to go on to the slow end, where too few coefficients could tell.
+
+    As a source with no more power there, for the axes' own drifts have ever more.
+
+    """
     a, b = pair
     told = np.flatnonzero(both[a, b])
     if not len(told):
         return
-    like = np.median(both[a, b][told[:WINDOWS[1]]])
-    if np.sum(count[:told[0]]) * like**2 < 2 * CLEAR[0]:
-        both[a, b, :told[0]] = both[b, a, :told[0]] = like
+    first, near = told[0], told[:WINDOWS[1]]
+    like = np.median(both[a, b][near])
+    if np.sum(count[:first]) * like**2 < 2 * CLEAR[0]:
+        level = np.sqrt(power[a] * power[b])
+        both[a, b, :first] = both[b, a, :first] = like * np.minimum(
+            np.median(level[near]) / level[:first], 1.0)
 
 
 def _put(both: np.ndarray, some: list[Pair], new: np.ndarray,
@@ -275,7 +284,7 @@ def share(bins: Bins, power: np.ndarray,
     if common is None:
         return _above_own(bins, power)
     f, heard = common
-    heard = np.interp(np.log(bins.f), np.log(f), heard)
+    heard = _beside_drift(bins, power, np.interp(np.log(bins.f), np.log(f), heard))
     above = _above_own(bins, power, heard)
     if above is None:
         even = median_filter(heard, WIDE[0], mode='nearest')    # a few are where chance put them
@@ -283,13 +292,26 @@ def share(bins: Bins, power: np.ndarray,
     return np.maximum(above, heard)
 
 
+def _beside_drift(bins: Bins, power: np.ndarray, heard: np.ndarray) -> np.ndarray:
+    """
+    Return the share (b,) of the power that others hear, less where an axis drifts.
+
+    There it is the share of its noise: how far it drifts says nothing of what others hear.
+
+    """
+    own = own_noise(bins, power * (1 - np.minimum(heard, MOST)))[2]
+    most = maximum_filter1d(power, BETWEEN)     # a straight one has every other coefficient
+    drifts = np.cumprod(most > OUT * own, dtype=bool)
+    return np.where(drifts, heard * own / np.maximum(own, most), heard)
+
+
 def _above_own(bins: Bins, power: np.ndarray,
                heard: np.ndarray | None = None) -> np.ndarray | None:
     """
     Return what part, (b,), of the power is beyond the axis's own noise; None where none is.
 
-    Its own noise is what fits the power less what others hear too. Where nothing is ``heard`` (b,)
-    by others together with the axis only a tall peak is not its own.
+    Its own noise is what fits the power less what others hear too. Only a tall peak is not its own
+    unless others hear it together with the axis, ``heard`` (b,): a drift stands above noise, too.
 
     """
     level, _, own = own_noise(bins, power)
@@ -300,7 +322,7 @@ def _above_own(bins: Bins, power: np.ndarray,
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
     for level, seen in _levels(bins, power):
         if heard is not None:
-            there |= (level > ABOVE * own) & (seen >= ENOUGH)
+            there |= (level > ABOVE * own) & (seen >= ENOUGH) & (heard > ALIKE * (1 - own / level))
         told = (share == 0) & (level > (1 + 2 * np.sqrt(2 / seen)) * own)
         share[told] = 1 - (own / level)[told]
     above = share > 0
