@@ -354,6 +354,20 @@ def test_a_path_is_followed_through_the_first_switches_and_short_visits():
     assert np.mean(np.abs(found.path - found.path.mean() - (y - y.mean())) > 1) < 0.005
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_levels_far_apart_are_told_as_exactly_as_they_are(seed):
+    """To a thousandth: beside them are hundreds of blocks in which any other step is unlikely."""
+    rng, n, step = np.random.default_rng([seed, 31]), 16_384, 30.0
+    ends = np.cumsum(rng.exponential(np.resize((1500, 350), 200)))
+    path = step * (np.searchsorted(ends, np.arange(n)) % 2)
+    drift = 0.01 * np.cumsum(rng.standard_normal(n))
+    found = two_levels(rng.standard_normal(n) + drift + path, 240.0)
+    share = np.mean(path > 0)
+    assert found.lead > 20
+    assert np.std(found.path - path) < 0.02 * step
+    assert found.step == pytest.approx(2 * step * np.sqrt(share * (1 - share)), rel=0.3)
+
+
 def heavy(nu, n=40_000, rate=50.0, seed=0):
     """Return an axis of Student's t with a walk beside it."""
     rng = np.random.default_rng([seed, int(10 * nu)])

@@ -18,7 +18,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from ..loop.verdict import FLEXIBLE
 
@@ -32,10 +32,11 @@ _LEVEL = 1e-3  # share of a step that makes no levels
 _PATHS = 48  # that are followed at once
 _CALM = 9  # blocks of which the middle one tells the drift
 _WIDE = 4.0  # variance of a level before anything is seen, and of such steps; of the record: 1
-_ROUNDS = 7  # of a climb
+_ROUNDS = 14  # of a climb, at most
 _REACH = 0.8  # by how much what is on a log scale moves in the first of them
 _SETTLED = 0.02  # nats that are no gain
 _SLIGHT = 0.1  # step of the search scale that tells a curvature
+_CLEAR = 5.0  # standard deviations of a jump that is seen by itself
 _SURE = 0.02  # relative error that is not undercut: levels of a real sensor are no two numbers
 
 #: ln p (g,) of block means for g values of each parameter
@@ -73,7 +74,8 @@ def two_levels(y: np.ndarray, duration: float) -> Levels | None:
     at, best, curved = _climb(
         lambda *x: _levels(z, *x),
         [(s, r * t, t / r, noise, q) for s, r, t, q in product(
-            (0.5, 1.0, 2.0), (0.6, 1.0, 1.7), z.size / np.array([9, 18, 36]), (1e-5, 1e-3))],
+            (0.5, 1.0, 2.0, *_jump(z, noise)), (0.6, 1.0, 1.7), z.size / np.array([9, 18, 36]),
+            (1e-5, 1e-3))],
         (0.02, 1.0, 1.0, 1e-8, 1e-8), (10.0, z.size / 2, z.size / 2, 10.0, 1.0))
     step, up, down = np.exp(at[:3])
     share = up / (up + down)
@@ -97,6 +99,13 @@ def two_levels(y: np.ndarray, duration: float) -> Levels | None:
     return Levels(float(2 * size * step * np.sqrt(share * (1 - share))),
                   float(tau * per * duration / len(y)), step_error, tau_error, best - rival,
                   path - np.mean(path))
+
+
+def _jump(z: np.ndarray, noise: float) -> list[float]:
+    """Return by how much z (rows, k) jumps in most of its jumps, nothing where none are seen."""
+    far = np.abs(z[:, 2:] - z[:, :-2])      # from before a block within which it does to behind
+    seen = (far == maximum_filter1d(far, 3, axis=1)) & (far > _CLEAR * np.sqrt(2 * noise))
+    return [float(np.median(far[seen]))] if np.any(seen) else []
 
 
 def _errors(curved: np.ndarray, share: float) -> tuple[float, float]:
@@ -182,13 +191,14 @@ def _climb(chance: _Chance, starts: Sequence[Sequence[float]], lower: Sequence[f
     Return logarithms of values (p,) that are most likely, ln p, and its curvatures (p,) there.
 
     Each way by itself is looked at on both sides, and where the parabola through these has its
-    top. Many values at once take hardly longer than one.
+    top: at last as far off as its error, where it is one. Many values at once take hardly longer
+    than one.
 
     """
     some, ends = np.log(np.array(starts)), np.log(np.array([lower, upper]))
     tried = chance(*np.exp(some.T))
     at, best = some[np.argmax(tried)], np.max(tried)
-    ways, reach = np.eye(len(at)), _REACH
+    ways, reach = np.eye(len(at)), np.full(len(at), _REACH)
     for _ in range(_ROUNDS):
         beside = np.clip(np.concatenate([at + reach * ways, at - reach * ways]), *ends)
         seen = chance(*np.exp(beside.T))
@@ -203,12 +213,15 @@ def _climb(chance: _Chance, starts: Sequence[Sequence[float]], lower: Sequence[f
         gain = np.max(tried) - best
         if gain > _SETTLED:
             at, best = trial[np.argmax(tried)], np.max(tried)
-        if reach < 2 * _SLIGHT and gain < 5 * _SETTLED:
+        # levels far apart are told to a thousandth: what is looked at further off is no parabola
+        least = np.minimum(_SLIGHT, reach / np.sqrt(np.maximum(curved, 1e-9)))
+        if np.all(reach < 2 * least) and gain < 5 * _SETTLED:
             break
         if gain < 3:
-            reach = max(reach / (2 if gain > _SETTLED else 3), _SLIGHT)
-    near = chance(*np.exp(np.concatenate([at + _SLIGHT * ways, at - _SLIGHT * ways]).T))
-    return at, float(best), (2 * best - near.reshape(2, -1).sum(axis=0)) / _SLIGHT**2
+            reach = np.maximum(reach / (2 if gain > _SETTLED else 3), least)
+    reach = np.minimum(reach, _SLIGHT)
+    near = chance(*np.exp(np.concatenate([at + reach * ways, at - reach * ways]).T))
+    return at, float(best), (2 * best - near.reshape(2, -1).sum(axis=0)) / reach**2
 
 
 class _Ways:
