@@ -27,7 +27,7 @@ from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.flexible import differences_of, pieces
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
-from imu_noise_tools.noise.measured import penalty
+from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.starts import _background
 from imu_noise_tools.noise.views import p_value, time
@@ -333,6 +333,26 @@ def test_long_dwells_are_read_from_the_path_and_leave_nothing_in_time(seed):
     assert dwell / 2 < rts['tau'] < 2 * dwell
     assert rts.bonus(evidence, fit) > 20
     assert min(p_value(time(evidence, fit, known)) for known in ('odd', 'even')) > 1e-3
+
+
+@pytest.mark.parametrize('louder', [1.0, 1.6])
+@pytest.mark.parametrize('seed', [0, 1, 3])
+def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, louder):
+    """They lie where they will: some stretch has more of them than others."""
+    rng, n, rate = np.random.default_rng([seed, 92]), 30_000, 25.0
+    noise = rng.standard_normal(n)
+    noise[9_000:14_000] *= louder
+    y = noise + 4 * dwelling(seed, 25.0, n, rate)
+    record = ImuRecord(1e-3 * np.column_stack([y, rng.standard_normal((n, 2))]), None,
+                       np.arange(n) / rate, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    model = model_of('noise', ('white', 'rts', 'variance_change'))
+    found = with_measured(evidence, model)[0]['variance_change']
+    if louder == 1:
+        assert found['factor'] == 1
+    else:
+        before, inside, behind = found.variance(np.array([180.0, 460.0, 900.0]))
+        assert before == behind and inside / before == pytest.approx(louder**2, rel=0.1)
 
 
 @pytest.mark.parametrize('kind', ['walk', 'relaxation', 'steps', 'swing', 'white'])

@@ -340,7 +340,7 @@ def _line(evidence, fit, effect):
 
 
 def _measured(evidence, fit, effect):
-    here = evidence.beside(fit.model) if isinstance(effect, Modulation) else evidence
+    here = views.beside(evidence, fit.model) if isinstance(effect, Modulation) else evidence
     finding = here.measured(effect)
     if finding is None or finding.effect is None:
         return None

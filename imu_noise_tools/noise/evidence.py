@@ -168,6 +168,7 @@ class Evidence:
     _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _begun: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    _steadier: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def slow_t(self) -> np.ndarray:
@@ -374,6 +375,13 @@ class Evidence:
         """Return what is seen beside a model: the noise below a grid where that is in it."""
         some = self.unrounded.size and not model_hides(model, 'variance')
         return self.as_rounded if some else self
+
+    def steadier(self, key: tuple, make: Callable[[np.ndarray], np.ndarray]) -> Evidence:
+        """Return the evidence with a power in time that is made of its own, once for a key."""
+        if key not in self._steadier:
+            made = np.array([make(power) for power in self.block_power])
+            self._steadier[key] = replace(self, block_power=made)
+        return self._steadier[key]
 
     def with_power(self, power: np.ndarray) -> Evidence:
         """Return the evidence with another power of the whole (b,), for starts to look at."""

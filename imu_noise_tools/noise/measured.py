@@ -11,6 +11,7 @@ from dataclasses import replace
 from .evidence import Evidence
 from .kinds import Defect, Line, MEASURED, Modulation, NoiseEffect, Response, Spectrum
 from .null import DEFAULT, PENALTY
+from .views import beside
 from ..core import units
 from ..loop.effect import Estimate, find_effect, Finding, Model
 
@@ -27,7 +28,7 @@ def with_measured(evidence: Evidence, model: Model) -> tuple[
                                                   not (isinstance(e, Line) and e.family))):
         if not isinstance(e, MEASURED):
             continue
-        here = evidence.beside(model) if isinstance(e, Modulation) else evidence
+        here = beside(evidence, model) if isinstance(e, Modulation) else evidence
         values, found, note = measure(here, e, claimed)
         model = model.with_effect(e.with_values(**values))
         estimates[e.label] = found

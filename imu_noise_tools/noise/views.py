@@ -446,7 +446,7 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
         t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
         return t, below[0][:, None], below[1][:, None]
     p = evidence.block_power[-1] if model is None else evidence.block_power_of(model)
-    if model is not None and model.of(Mean):
+    if model is not None:
         p = _without_mean(evidence, model, p)
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
@@ -471,13 +471,38 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
     return t, x, w
 
 
+def beside(evidence: Evidence, model: Model) -> Evidence:
+    """
+    Return what is seen beside a model of what changes in time.
+
+    A jump of a path that is seen is no noise that is loud where it comes.
+
+    """
+    here = evidence.beside(model)
+    seen = [s for s in model.of(Spectrum) if s.path(evidence) is not None]
+    return here.steadier(tuple(s.label for s in seen), lambda p: _without(
+        evidence, _followed_by(evidence, Model(tuple(seen))), p)) if seen else here
+
+
 def _without_mean(evidence: Evidence, model: Model, p: np.ndarray) -> np.ndarray:
     """
     Return the power in time (blocks, bands) as beside it where the model's mean is a part of it.
 
-    A step is no noise that is loud where it comes.
+    A step is no noise that is loud where it comes, nor is a jump of a path that is seen.
 
     """
+    known = _followed_by(evidence, model)
+    return _without(evidence, known, p) if np.any(known) else p
+
+
+def _followed_by(evidence: Evidence, model: Model) -> np.ndarray:
+    """Return what the model says of the slow means (s,), with paths that the samples show."""
+    paths = (s.path(evidence) for s in model.of(Spectrum))
+    return sum((x for x in paths if x is not None), slow_mean(evidence, model))
+
+
+def _without(evidence: Evidence, known: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the power in time (blocks, bands) as beside it where slow means (s,) are in it."""
     blocks, slow = len(p), evidence.common.slow_length
     length = evidence.n // blocks
     per = length // slow
@@ -485,7 +510,7 @@ def _without_mean(evidence: Evidence, model: Model, p: np.ndarray) -> np.ndarray
         return p
     window = np.hanning(per + 1)[:per]
     begin = np.arange(blocks) * length // slow
-    pieces = slow_mean(evidence, model)[begin[:, None] + np.arange(per)]
+    pieces = known[begin[:, None] + np.arange(per)]
     pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * window
     own = np.abs(np.fft.rfft(pieces, axis=1)[:, _FIRST]) ** 2
     own *= 2 * evidence.dt * slow / np.sum(window**2)
@@ -567,7 +592,7 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     muted = muted_by(fit, 'variance')
     if muted:  # it scatters otherwise than normal noise: as neighbours do, defects left out
         # alike for all models compared
-        w = rough_degrees(power_in_time(evidence.beside(fit.model))[1], w)
+        w = rough_degrees(power_in_time(beside(evidence, fit.model))[1], w)
     tails = model_tails(fit.model, evidence)
     if tails is not None and not muted:
         w = heavy_degrees(w, tails.kurtosis(), evidence.n // len(t))
