@@ -89,3 +89,20 @@ def test_levels_of_coarsely_rounded_samples(share):
     y = np.round((rng.standard_normal(16_000) + path) / share) * share
     at = levels(y)
     assert at is not None and np.std(y - at) < 1.3
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_a_burst_that_hides_a_jump_is_left_beside_the_levels(seed):
+    """It goes beyond both levels; that the level is another behind it makes it no part of them."""
+    rng = np.random.default_rng([445, seed])
+    n, step, length = 20_000, rng.uniform(9, 12), int(rng.integers(3, 8))
+    path = telegraph(rng, n, (150, 80), step)
+    jumps = np.flatnonzero(np.diff(path))
+    alone = np.minimum(np.diff(jumps, prepend=0), np.diff(jumps, append=n)) > 60
+    where = rng.choice(jumps[alone], 20, replace=False)[:, None] \
+        + np.arange(length) - int(rng.integers(length))
+    y = rng.standard_normal(n) + path
+    y[where] += rng.choice([-1, 1], where.shape) * rng.uniform(1.6, 2.5, where.shape) * step
+    at = levels(y)
+    assert at is not None
+    assert np.mean(np.abs(y - at)[where] > 0.5 * step) > 0.9

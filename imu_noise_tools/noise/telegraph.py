@@ -9,6 +9,7 @@ A short stay at the other level is no defect: what looks for spikes and knocks l
 """
 
 import numpy as np
+from scipy.ndimage import binary_closing
 
 from .lines import PIECE
 from ..core.statistics import repeats
@@ -83,7 +84,8 @@ def _followed(y: np.ndarray, middle: np.ndarray, half: float, near: float) -> np
     # stretches: a stay, or all that is between two of them
     first = long | np.concatenate([[True], long[:-1]])
     begin, stay = begin[first], long[first]
-    beyond = np.maximum.reduceat(np.abs(y - middle), begin) > half + near
+    off_both = np.abs(y - middle) > half + near
+    beyond = np.logical_or.reduceat(off_both, begin)
     least, most = (f.reduceat(at_one, begin) for f in (np.minimum, np.maximum))
     state = np.where(stay, at_one[begin], 0)
     known = np.flatnonzero(stay)
@@ -95,7 +97,14 @@ def _followed(y: np.ndarray, middle: np.ndarray, half: float, near: float) -> np
     passing = ~stay & ((before != after) | visited & ~beyond)
     ends = np.diff(np.append(begin, len(y)))
     level = middle + half * np.repeat(before, ends)
-    return np.where(np.repeat(passing, ends), y, level)
+    out = np.where(np.repeat(passing, ends), y, level)
+    # nor is what goes beyond both as it passes: it may do so unseen, behind a burst
+    wild = binary_closing(off_both, np.ones(_BETWEEN + 1)) & np.repeat(passing, ends)
+    rest, at = np.flatnonzero(~wild), np.flatnonzero(wild)
+    if len(at):
+        nearest = np.rint(np.interp(at, rest, np.arange(len(rest)))).astype(int)
+        out[at] = middle[at] + half * side[rest[nearest]]
+    return out
 
 
 def _jumps(y: np.ndarray, at: np.ndarray, sigma: float):
