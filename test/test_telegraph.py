@@ -106,3 +106,40 @@ def test_a_burst_that_hides_a_jump_is_left_beside_the_levels(seed):
     at = levels(y)
     assert at is not None
     assert np.mean(np.abs(y - at)[where] > 0.5 * step) > 0.9
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_levels_are_seen_beside_lines_that_hide_the_jumps(seed):
+    """A machine swings by more than the noise, and the lines stay as they are."""
+    rng = np.random.default_rng([446, seed])
+    n, t = 40_000, np.arange(40_000)
+    step = rng.uniform(12, 30)
+    path = telegraph(rng, n, rng.uniform(300, 3000, 2), step)
+    lines = sum(rng.uniform(0.1, 0.2) * step * np.cos(2 * np.pi * f * t + 6 * rng.random())
+                for f in rng.uniform(0.05, 0.45, 3))
+    at = levels(rng.standard_normal(n) + path + lines)
+    assert at is not None
+    left = at - path
+    jumps = np.flatnonzero(np.diff(path))
+    left = (left - np.median(left))[jumps[0]:jumps[-1]]
+    assert np.mean(np.abs(left) > 0.1 * step) < 0.01
+
+
+def test_lines_alone_have_no_levels():
+    """Nor have those that come and go, swell or wander, steps beside them, and spikes."""
+    rng = np.random.default_rng(447)
+    n, t = 40_000, np.arange(40_000)
+    for f in rng.uniform(0.02, 0.45, 3):
+        phase = 2 * np.pi * f * t
+        line = 20 * np.cos(phase)
+        wander = np.cumsum(rng.standard_normal(n)) * 0.02
+        records = {
+            'line': line, 'on and off': line * (t // 1500 % 2),
+            'swells': line * (1 + np.cos(2 * np.pi * t / 900)),
+            'wanders': 20 * np.cos(phase + wander),
+            'two steps': line + 30 * ((t > 9_000) & (t < 25_000)),
+            'stairs': line + np.cumsum(rng.normal(0, 20, 40))[t // 1000],
+            'spikes': line + 60 * (rng.random(n) < 0.003) * rng.standard_normal(n),
+        }
+        white = rng.standard_normal(n)
+        assert [k for k, y in records.items() if levels(white + y) is not None] == []

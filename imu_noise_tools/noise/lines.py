@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d
 
 from .steady import unsteady
@@ -26,12 +27,14 @@ from ..core.spectrum import (
     line_basis,
     line_coefficients,
 )
+from ..core.statistics import row_medians
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
 MOST_HUMPS = 8  # of an axis
 MOST_RESOLVED = 16  # of all axes
 PIECE = 1 << 15  # of an array as long as the record: what is worked on at a time
+HALO = 1 << 11  # of a piece at either end, where lines leak
 NEAR = 32  # coefficients on either side from which a line is measured
 CROWD = 12  # coefficients within which lines are neighbours
 BELOW = 2.0  # the level of the search is so much below that at which a line is believed
@@ -107,6 +110,38 @@ def _smoothed_below(top: int, c, dt, centres, level):
         x = k[a - 1:b] - k[centres[i] - 1]
         columns = np.stack([np.ones(len(x)), x, x * x])
         out[i] = np.linalg.solve(columns @ columns.T, columns @ seen[a - 1:b])[0]
+    return out
+
+
+def strong_lines(z: np.ndarray) -> np.ndarray:
+    """
+    Return the narrow lines of a piece (k,): vibration, beside which a spike would not stand out.
+
+    Power beyond forty medians is no noise, which reaches fifteen.
+
+    """
+    c = rfft(z - np.mean(z))
+    groups = len(c) // 128
+    if groups < 2:
+        return np.zeros(len(z))
+    power = np.abs(c) ** 2
+    level = row_medians(power[:128 * groups].reshape(groups, 128))
+    level = np.interp(np.arange(len(c)), 128 * np.arange(groups) + 63.5, level)
+    line = power > 40 * level
+    line[:128] = False  # what is slow its neighbours tell
+    if not np.any(line):
+        return np.zeros(len(z))
+    return irfft(np.where(line, c, 0), len(z))
+
+
+def without_strong_lines(y: np.ndarray) -> np.ndarray:
+    """Return samples (n,) less the narrow lines of each piece."""
+    out, n = np.empty(len(y)), len(y)
+    for i in range(0, n, PIECE - 2 * HALO):
+        first = max(0, min(i - HALO, n - PIECE))
+        z = y[first:first + PIECE]
+        end = min(i + PIECE - 2 * HALO, n)
+        out[i:end] = (z - strong_lines(z))[i - first:end - first]
     return out
 
 

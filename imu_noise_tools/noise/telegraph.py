@@ -11,7 +11,7 @@ A short stay at the other level is no defect: what looks for spikes and knocks l
 import numpy as np
 from scipy.ndimage import binary_closing
 
-from .lines import PIECE
+from .lines import PIECE, strong_lines, without_strong_lines
 from ..core.statistics import repeats
 
 _SOME = 1 << 20  # pairs of samples that tell how much they scatter
@@ -24,6 +24,7 @@ _NEAR = 4.0  # standard deviations of a sample that is at a level
 _OFTEN = 6  # jumps, from which on they are no single steps
 _SELDOM = 40  # samples from one to the next on the average, at least
 _ALIKE = 0.25  # by what share of their size jumps differ
+_HIDDEN = 0.8  # of the scatter is left without lines that hide a jump
 _MOST = 0.8  # share of them that do not differ more, and that go up and down in turn
 
 
@@ -33,9 +34,20 @@ def levels(y: np.ndarray) -> np.ndarray | None:
 
     None as well where samples are held: beside a level that drifts repeats are none. The levels
     follow what is slow. Where the samples pass from one to the other it is they themselves, so
-    that nothing of a jump is left beside it.
+    that nothing of a jump is left beside it. Strong lines hide jumps, which are looked for
+    without them.
 
     """
+    at = _levels(y)
+    some = y[max(0, len(y) - PIECE) // 2:][:PIECE]
+    if at is None and len(y) >= 20 * _FLAT \
+            and _over_lag(some - strong_lines(some)) < _HIDDEN * _over_lag(some):
+        at = _levels(without_strong_lines(y))
+    return at
+
+
+def _levels(y: np.ndarray) -> np.ndarray | None:
+    """Return :func:`levels` of samples as they are."""
     lag = 2 * _BETWEEN
     if len(y) < 20 * _FLAT:
         return None
@@ -62,6 +74,11 @@ def levels(y: np.ndarray) -> np.ndarray | None:
         return None
     middle = np.interp(np.arange(len(y)), at[alike], 0.5 * (low + high)[alike])
     return _followed(y, middle, 0.5 * step, _NEAR * sigma)
+
+
+def _over_lag(y: np.ndarray) -> float:
+    """Return how much samples (k,) scatter that lie so far apart that a jump is between them."""
+    return _scatter(y[2 * _BETWEEN:] - y[:-2 * _BETWEEN])
 
 
 def _scatter(d: np.ndarray) -> float:

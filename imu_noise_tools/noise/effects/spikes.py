@@ -6,12 +6,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import log_ndtr, ndtri
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
+from ..lines import HALO, PIECE, strong_lines
 from ..tails import Tails
 from ..views import power_in_time
 from ...core.statistics import (
@@ -27,8 +27,6 @@ from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, STRIKING
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
-PIECE = 1 << 15  # samples worked on at a time
-HALO = 1 << 11  # of them at either end, where lines leak
 BESIDE = 2  # samples on either side that are its neighbours
 AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
@@ -390,31 +388,10 @@ def _against(y, level):
     for i in range(2, n - 2, PIECE - 2 * HALO):
         first = max(0, min(i - HALO, n - PIECE))
         z = y[first:first + PIECE]
-        z = z - _lines(z)
+        z = z - strong_lines(z)
         begin, end = max(i, first + 2), min(i + PIECE - 2 * HALO, n - 2)
         rest[begin:end] = (z[2:-2] - level(z))[begin - first - 2:end - first - 2]
     return rest
-
-
-def _lines(z):
-    """
-    Return the narrow lines of a piece: vibration, beside which a spike would not stand out.
-
-    Power beyond forty medians is no noise, which reaches fifteen.
-
-    """
-    c = rfft(z - np.mean(z))
-    groups = len(c) // 128
-    if groups < 2:
-        return 0.0
-    power = np.abs(c) ** 2
-    level = row_medians(power[:128 * groups].reshape(groups, 128))
-    level = np.interp(np.arange(len(c)), 128 * np.arange(groups) + 63.5, level)
-    line = power > 40 * level
-    line[:128] = False  # what is slow its neighbours tell
-    if not np.any(line):
-        return 0.0
-    return irfft(np.where(line, c, 0), len(z))
 
 
 def _local_sigma(rest):
