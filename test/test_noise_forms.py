@@ -388,6 +388,23 @@ def test_levels_far_apart_are_told_as_exactly_as_they_are(seed):
     assert found.step == pytest.approx(2 * step * np.sqrt(share * (1 - share)), rel=0.3)
 
 
+@pytest.mark.parametrize('spikes', [0, 400])
+def test_short_stays_at_the_other_level_are_no_spikes(spikes):
+    """Samples drawn of the rest of the model have as many of them, and no more."""
+    rng, n, rate = np.random.default_rng([5, 95]), 60_000, 50.0
+    noise = lfilter(*butter(1, 0.2), rng.standard_normal((n, 3)), axis=0)
+    x = noise / np.std(noise)
+    x[:, 0] += 5.5 * (np.cumsum(rng.random(n) < 1 / 27) % 2)
+    x[rng.choice(n, spikes, replace=False), 0] += rng.normal(0, 20, spikes)
+    evidence = gather(ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate), ['gyro_x'])['gyro_x']
+    claim = find_effect('noise', 'spikes')().find(evidence).gain
+    assert claim > 1000
+    fit = NoiseProblem(evidence).point(
+        model_of('noise', ('white', 'flicker', 'rts', 'spikes', 'low_pass')))
+    said = fit.model['spikes'].otherwise(evidence, fit, claim)
+    assert not said if spikes else said.startswith('beside rts samples that have none claim')
+
+
 def heavy(nu, n=40_000, rate=50.0, seed=0):
     """Return an axis of Student's t with a walk beside it."""
     rng = np.random.default_rng([seed, int(10 * nu)])

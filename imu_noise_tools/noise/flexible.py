@@ -176,7 +176,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         gain = _variance_gain(evidence, fit)
         where = 'in time'
     else:
-        return ''
+        return effect.otherwise(evidence, fit, claim) if isinstance(effect, Defect) else ''
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):

@@ -492,6 +492,10 @@ class Defect(NoiseEffect):
         """Return how the samples are distributed that it leaves; None: normally."""
         return None
 
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that the rest of a fit's model makes most of what it claims, nats, as well."""
+        return ''
+
     @classmethod
     def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
         """

@@ -9,10 +9,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import log_ndtr, ndtri
 
+from ..drawn import drawn
 from ..evidence import Evidence
-from ..kinds import Defect, Inputs, Parameter
+from ..kinds import Defect, Inputs, Parameter, Spectrum
 from ..lines import HALO, PIECE, strong_lines
 from ..tails import Tails
+from ..telegraph import levels
 from ..views import power_in_time
 from ...core.statistics import (
     grid_step,
@@ -22,8 +24,8 @@ from ...core.statistics import (
     repeats,
     row_medians,
 )
-from ...loop.effect import Effect, Estimate, Finding
-from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, STRIKING
+from ...loop.effect import Effect, Estimate, Finding, Fit
+from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, STRIKING
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
@@ -38,6 +40,7 @@ FEW = 1e-5  # share of samples that no cell shows
 AGAINST = 1.139  # standard deviation of normal noise less the median of its four neighbours
 SMOOTH = 65  # samples of a mean that is no part of the tails
 STRETCH = 8  # blocks in time whose loudness is looked at together
+DRAWN = 1 << 17  # samples that are drawn at most
 DEGREES = np.geomspace(1.5, 60, 40)  # of freedom that are tried
 
 
@@ -158,6 +161,21 @@ class Spikes(Defect):
             return Tails(nu, len(kept['size']) / int(kept['n']))
         left = _isolated(kept, self['sigma'], self['rate'] * float(kept['dt']))
         return left if left.hidden > FEW else None
+
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that samples of the rest of the model have as much, as short stays at a level."""
+        paths = [s for s in fit.model.of(Spectrum) if 'distribution' in s.mutes]
+        if not paths:
+            return ''
+        y = drawn(evidence, fit, paths, min(evidence.n, DRAWN))
+        at = levels(y)
+        kept = self.statistics(y if at is None else y - at,
+                               Inputs(np.arange(len(y)) * evidence.dt, evidence.dt, {}))
+        found = _gain(kept) if kept else None
+        gain = found[0] * evidence.n / len(y) if found else 0.0
+        if gain < HEALED * claim:
+            return ''
+        return f'beside {paths[0].name} samples that have none claim {gain:.0f} nats as well'
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """
