@@ -32,6 +32,7 @@ from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.likelihood import Likelihood
+from imu_noise_tools.noise.nonlinear import follows_a_law
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.together import unlike_noise
 from imu_noise_tools.tasks.noise import analyse_record
@@ -414,6 +415,53 @@ def test_what_two_signals_share_is_told_from_noise():
     with np.errstate(all='raise', under='ignore'):  # a channel that tells nothing
         assert np.isfinite(unlike_noise(slow, 1e-4 * np.round(1e4 * np.sin(t / n))))
         assert np.isfinite(unlike_noise(slow, 0 * slow))
+
+
+def lorenz(rng, n, units):
+    """Return n samples of the first coordinate of Lorenz's system over some units of its time."""
+    steps = int(300 * units)
+    path, (x, y, z) = np.empty(steps), rng.normal([0, 0, 25], 5)
+    for k in range(-3000, steps):
+        dx, dy, dz = 10 * (y - x), x * (28 - z) - y, x * y - 8 / 3 * z
+        x, y, z = x + dx / 300, y + dy / 300, z + dz / 300
+        path[max(k, 0)] = x
+    return np.interp(np.linspace(0, steps - 1, n), np.arange(steps), path / 8)
+
+
+def octaves(y):
+    """Yield block means, each of twice as many values as those before."""
+    while len(y) >= 128:
+        yield y
+        y = y[:len(y) // 2 * 2].reshape(-1, 2).mean(axis=1)
+
+
+def test_a_path_that_follows_a_law_is_told_from_noise_of_any_spectrum():
+    """By few values: twenty turns of a chaotic sway; not by bursts, nor a drift at one place."""
+    rng, n = np.random.default_rng(54), 8192
+    white = rng.standard_normal(n)
+    bursts = white * (1 + 3 * (np.arange(n) // 400 % 5 == 0))
+    for noise in (white, bursts, np.cumsum(white), lfilter([1], [1, -0.97], white),
+                  lfilter(*iirpeak(0.01, 10), rng.standard_normal(n)),
+                  lfilter(*iirpeak(0.04, 40), rng.standard_normal(n))):
+        for size in (1.0, 5.0):
+            path = size * noise / np.std(noise) + rng.standard_normal(n)
+            assert follows_a_law(octaves(path)) < FLEXIBLE
+    assert follows_a_law(octaves(lorenz(rng, n, 20) + 0.5 * rng.standard_normal(n))) > FLEXIBLE
+    assert follows_a_law(octaves(np.zeros(n))) < FLEXIBLE
+
+
+@pytest.mark.parametrize('path, holds', [('lorenz', False), ('relaxation', True)])
+def test_a_chaotic_sway_is_neither_noise_that_axes_share_nor_a_relaxation(path, holds):
+    """As often as it turns it is as normal as noise: its differences have no heavy tails."""
+    rng, n = np.random.default_rng(55), 20_000
+    sway = lorenz(rng, n, 20) if path == 'lorenz' else lfilter(
+        [0.14], [1, -0.99], rng.standard_normal(n + 2000))[2000:]
+    x = SIZE * (rng.standard_normal((n, 3)) + sway[:, None] * [1.0, 0.8, -0.9])
+    problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    for name in ('shared_noise', 'gauss_markov'):
+        fit = problem.point(model_of('noise', ['white', name]))
+        effect = fit.model[name]
+        assert ('law' in flexible._not_normal(problem.evidence, fit, effect, 1000.0)) != holds
 
 
 def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_why(monkeypatch):

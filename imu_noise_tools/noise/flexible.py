@@ -26,6 +26,7 @@ from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee
 from .likelihood import Likelihood, spectrum_without, told_by_gains
+from .nonlinear import follows_a_law
 from .sweep import Sweep
 from .together import unlike_noise
 from ..core.linear import inverse
@@ -242,6 +243,11 @@ def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim
     gain = uneven(differences)
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'what it explains is not normal noise, by {gain:.0f} nats'
+    # where a path is seen, or noise is louder at times, the model says that it is not normal
+    if not fit.model.of(Modulation) and not views.followed(evidence, fit):
+        gain = follows_a_law(_octaves(evidence, fit, effect))
+        if gain > FLEXIBLE:     # however strong: of few values it would be as clear
+            return f'what it explains follows a law that is no noise\'s, by {gain:.0f} nats'
     if isinstance(effect, Coupling) and pieces(differences) < FEWEST:
         return 'what it explains is a course that axes have in common, and no noise'
     return ''
@@ -474,21 +480,26 @@ def pieces(differences: Differences) -> float:
 
 def differences_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> Differences:
     """Return (differences of block means, how many independent ones) of what an effect makes."""
+    some = (y[0::2] - y[1::2] for y in _octaves(evidence, fit, effect))
+    return [(difference, independent_squares(difference)) for difference in some]
+
+
+def _octaves(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> Iterator[np.ndarray]:
+    """Yield block means of what an effect makes, in octaves in which it has most of the power."""
     e, model = evidence, fit.model
     # what those touch is in the block means, and what an axis has in the mean in other axes' too
     if any(d.screens() for d in model.of(Defect)) \
             or isinstance(effect, Coupling) and model.of(Mean):
-        return []
+        return
     y = views.slow_rest(e, model) - views.slow_mean(e, model)
     if isinstance(effect, Coupling):
         y = views.slow_rest(e, model.minus(effect.label)) - views.slow_rest(e, model)
-    f, out = 1 / (2 * np.diff(e.slow_t[:2])[0]), []
+    f = 1 / (2 * np.diff(e.slow_t[:2])[0])
     while len(y) >= 2 * FEWEST:
-        y = y[:len(y) // 2 * 2].reshape(-1, 2)
-        difference, y, f = y[:, 0] - y[:, 1], y.mean(axis=1), 0.5 * f
+        y, f = y[:len(y) // 2 * 2], 0.5 * f
         mine = 1.0
         if isinstance(effect, Spectrum):
             mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
         if mine > 0.5:
-            out.append((difference, independent_squares(difference)))
-    return out
+            yield y
+        y = y.reshape(-1, 2).mean(axis=1)
