@@ -50,10 +50,10 @@ BASES = (  # model, and what the sensor lacks
 LEVEL = 1e-3
 LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 # what gains are computed by
-SOURCES = ('alike', 'candidates', 'descent', 'dwells', 'dying', 'evidence', 'explained', 'fit',
-           'gather', 'kinds', 'likelihood', 'lines', 'measured', 'problem', 'quiet', 'response',
-           'ringing', 'robust', 'rounded', 'search', 'shared', 'starts', 'steady', 'tails',
-           'telegraph', 'thermal', 'views', 'effects/*')
+SOURCES = ('alike', 'candidates', 'descent', 'drawn', 'dwells', 'dying', 'evidence', 'explained',
+           'fit', 'gather', 'kinds', 'likelihood', 'lines', 'measured', 'problem', 'quiet',
+           'response', 'ringing', 'robust', 'rounded', 'search', 'shared', 'starts', 'steady',
+           'tails', 'telegraph', 'thermal', 'views', 'effects/*')
 
 
 def source_hash() -> str:

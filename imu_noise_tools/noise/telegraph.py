@@ -117,11 +117,16 @@ def _followed(y: np.ndarray, middle: np.ndarray, half: float, near: float) -> np
     out = np.where(np.repeat(passing, ends), y, level)
     # nor is what goes beyond both as it passes: it may do so unseen, behind a burst
     wild = binary_closing(off_both, np.ones(_BETWEEN + 1)) & np.repeat(passing, ends)
-    rest, at = np.flatnonzero(~wild), np.flatnonzero(wild)
-    if len(at):
-        nearest = np.rint(np.interp(at, rest, np.arange(len(rest)))).astype(int)
-        out[at] = middle[at] + half * side[rest[nearest]]
-    return out
+    return np.where(wild, middle + half * _of_nearest(side, ~wild), out)
+
+
+def _of_nearest(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return values (n,), those that are not known as the nearest that is."""
+    at = np.flatnonzero(known)
+    if not len(at):
+        return values
+    nearest = np.interp(np.arange(len(values)), at, np.arange(len(at)))
+    return values[at[np.rint(nearest).astype(int)]]
 
 
 def _jumps(y: np.ndarray, at: np.ndarray, sigma: float):
