@@ -368,6 +368,18 @@ def test_what_does_not_come_back_to_two_levels_has_none(kind):
         assert two_levels(rng.standard_normal(n) + made[kind], 240.0) is None
 
 
+@pytest.mark.parametrize('seed', [0, 1])
+def test_a_path_of_three_levels_is_none_of_two(seed):
+    """Though it is seldom at one of them, so that steps of any size are no better than two."""
+    rng, n = np.random.default_rng([seed, 33]), 16_384
+    ends = np.cumsum(rng.exponential(n / 30, 200))
+    place = np.where(rng.random(201) < 0.15, 2, np.arange(201) % 2)
+    path = np.array([0.0, 8.0, 20.0])[place[np.searchsorted(ends, np.arange(n))]]
+    y = rng.standard_normal(n) + 0.01 * np.cumsum(rng.standard_normal(n))
+    assert two_levels(y + path, 240.0) is None
+    assert two_levels(y + 8.0 * (path > 0), 240.0).lead > 20
+
+
 def test_a_path_is_followed_through_the_first_switches_and_short_visits():
     y = dwelling(5, 8.0)
     found = two_levels(y + np.random.default_rng(3).standard_normal(len(y)), 240.0)

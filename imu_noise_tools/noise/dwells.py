@@ -5,9 +5,9 @@
 Two levels in the path of a record: how far apart they lie, and how long it dwells in each.
 
 Block means are predicted one after another, by two levels beside a drift, or by whatever else
-moves: a Gauss-Markov process beside a drift and steps of any size. The drift is followed beside
-either. A random walk that is fitted to the spectrum takes dwells of a tenth of the record for its
-own, and what it says of the drift is mostly the telegraph.
+moves: a Gauss-Markov process beside a drift and steps of any size, or three levels. The drift is
+followed beside either. A random walk that is fitted to the spectrum takes dwells of a tenth of the
+record for its own, and what it says of the drift is mostly the telegraph.
 
 """
 
@@ -91,7 +91,7 @@ def two_levels(y: np.ndarray, duration: float) -> Levels | None:
             ((0.1, z.size / 20), (1.0, z.size / 100), (1.0, z.size / 20)), (1e-6, 1e-4, 1e-2),
             ((4.0, 1.0), (0.5, 10.0), (2.0, 20.0)))],
         (1e-3, 1.0, 1e-8, 1e-8, 1e-4, 1e-2 / z.size), (10.0, z.size, 10.0, 1.0, 100.0, 0.5))[1]
-    if best - rival < FLEXIBLE:
+    if best - rival < FLEXIBLE or _third(z, np.exp(at)) - best > FLEXIBLE:
         return None
     step_error, tau_error = _errors(curved[:3], float(share))
     path = size * step * _within(y, per, _upper(z.ravel(), np.exp(at)), size * step,
@@ -99,6 +99,23 @@ def two_levels(y: np.ndarray, duration: float) -> Levels | None:
     return Levels(float(2 * size * step * np.sqrt(share * (1 - share))),
                   float(tau * per * duration / len(y)), step_error, tau_error, best - rival,
                   path - np.mean(path))
+
+
+def _third(z: np.ndarray, values: np.ndarray) -> float:
+    """
+    Return ln p of z (rows, k) as it goes between three levels, two of which are near ``values``.
+
+    The third is below, between or above: its place has one sign, so that a log tells it.
+
+    """
+    def climbed(places, sign):
+        return _climb(
+            lambda *x: _levels(z, *x[:5], sign * x[5], x[6]),
+            [(*values, where, often) for where, often in product(places, (0.05, 0.3))],
+            (0.02, 1.0, 1.0, 1e-8, 1e-8, 0.02, 1e-3),
+            (10.0, z.size / 2, z.size / 2, 10.0, 1.0, 20.0, 0.8))[1]
+
+    return max(climbed((0.25, 0.5, 0.75, 1.5, 2.0, 3.0), 1.0), climbed((0.5, 1.0, 2.0), -1.0))
 
 
 def _jump(z: np.ndarray, noise: float) -> list[float]:
@@ -226,7 +243,7 @@ def _climb(chance: _Chance, starts: Sequence[Sequence[float]], lower: Sequence[f
 
 class _Ways:
     """
-    The ways from one block to the next of two levels in white noise beside a drift.
+    The ways from one block to the next of two levels or three in white noise beside a drift.
 
     They lie a ``step`` apart and last ``up`` and ``down`` blocks; ``drift`` is the variance that
     a random walk gains in one. A block within which it switches is anywhere between. Axes: level
@@ -234,31 +251,38 @@ class _Ways:
 
     """
 
-    def __init__(self, size: int, step, up, down, noise, drift):
+    def __init__(self, size: int, step, up, down, noise, drift, third=None):
         share, keep = up / (up + down), np.exp(-1 / up - 1 / down)
-        rise, fall = share * (1 - keep), (1 - share) * (1 - keep)
-        chance = np.array([[1 - rise, fall], [rise, 1 - fall]])
+        each, level = np.array([1 - share, share]), np.array([-share * step, (1 - share) * step])
+        if third is not None:
+            where, often = third
+            each = np.array([*(1 - often) * each, often])
+            level = np.array([*level, level[0] + where * step])
+        stays = np.eye(len(level))[:, :, None]
         comes = np.array([1 - _STEPS / size, _STEPS / size])[:, None, None]
-        level = np.array([-share * step, (1 - share) * step])
-        apart = 1 - np.eye(2)[:, :, None, None, None]
+        chance = keep * stays + (1 - keep) * each[:, None]
+        between = 0.5 * (level[:, None] + level)
         self.log_chance = np.log(chance[:, :, None, None] * comes)
-        self.log_share = np.log(np.array([1 - share, share]))[:, None]
-        self.between = 0.5 * (level[:, None] + level)[:, :, None, None]
+        self.log_share = np.log(each)[:, None]
+        self.between = between[:, :, None, None]
         self.steps = np.array([0.0, _WIDE])[:, None, None]
-        self.spread = noise + self.steps / 3 + step**2 / 12 * apart
+        apart = (level[:, None] - level)[:, :, None, None]
+        self.spread = noise + self.steps / 3 + apart**2 / 12
         self.drift = drift
 
 
-def _levels(z, step, up, down, noise, drift) -> np.ndarray:
+def _levels(z, step, up, down, noise, drift, *third) -> np.ndarray:
     """
     Return ln p (g,) of z (rows, k) as :class:`_Ways` lead through it.
 
-    Of the drift one normal density is kept for each level (Blom and Bar-Shalom 1988).
+    Of the drift one normal density is kept for each level (Blom and Bar-Shalom 1988). Of a
+    ``third`` level it is told where it is, in steps from the lower one, and how often.
 
     """
-    ways = _Ways(z.size, step, up, down, noise, drift)
-    shape = (2, 4, len(z), len(step))
-    odds = ways.log_share + np.zeros((2, len(z), 1))
+    ways = _Ways(z.size, step, up, down, noise, drift, third or None)
+    count = len(ways.log_share)
+    shape = (count, 2 * count, len(z), len(step))
+    odds = ways.log_share + np.zeros((count, len(z), 1))
     mean, wide = np.zeros(odds.shape), np.full(odds.shape, _WIDE)
     total = np.zeros(len(step))
     for y in z.T:
