@@ -36,6 +36,7 @@ from imu_noise_tools.loop.effect import (
 )
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import Contrast, Step, Study
+from imu_noise_tools.loop.verdict import CANNOT_TELL
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -245,6 +246,16 @@ def test_page_escapes_all_that_comes_from_files(study):
     assert source.count('alert') > 12 and source.count('<script') == 1
     assert 'alert("x")' in page.text
     assert '<script>' in [v for k, v in page.attributes if k == 'alt'][0]
+
+
+def test_what_is_there_but_by_one_of_two_names_is_said_beside_what_is_found():
+    found = Finding('shock', 90.0, None, {}, 6.0, probability=1.0)
+    either = Finding('gauss_markov', 90.0, None, {}, 9.9, probability=0.6,
+                     against=f'{CANNOT_TELL} rts')
+    other = Finding('ramp', 1.0, None, {}, 8.0, probability=0.0, against='no ramp')
+    said = words.diagnosis_in_words(Diagnosis('missing', (found, either, other), found=(found,)))
+    assert said == ('missing: shock, probability 1; and gauss_markov, but this record cannot tell '
+                    'it from rts')
 
 
 def test_page_shows_the_pictures_of_any_domain(study):

@@ -606,16 +606,17 @@ class _Search:
     def with_odds(self, chain: list[Finding]) -> list[Finding]:
         """Return a chain with probabilities, shares explained, and rivals where they matter."""
         out, model = [], self.base
-        whole = self._failing(self.base, self.base)
-        for f, name in zip(chain, self.labels_of(chain)):
+        whole, members = self._failing(self.base, self.base), self.labels_of(chain)
+        for f, name in zip(chain, members):
             before, model = model, model.plus(_new(f))
             sure, rivals = self._odds(before, name)
             explains = None
             if whole > 0:
                 fall = self._failing(before, self.base) - self._failing(model, self.base)
                 explains = float(np.clip(fall / whole, 0, 1))
+            rivals = [x for x in rivals if x not in members]
             against = '' if sure >= rules.SURE else \
-                f'this record cannot tell it from {" or ".join(rivals) or "nothing"}'
+                f'{rules.CANNOT_TELL} {" or ".join(rivals) or "nothing"}'
             out.append(replace(f, probability=sure, explains=explains, against=against))
         return out
 

@@ -52,6 +52,8 @@ SHADOW = 10.0
 #: relative change of the Allan deviation over tau <= T/10 that does not matter
 MATERIAL = 0.05
 
+#: how what is said against one begins that shares its probability with others
+CANNOT_TELL = 'this record cannot tell it from'
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 
 

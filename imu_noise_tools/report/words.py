@@ -21,7 +21,7 @@ from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
 from ..loop.study import Step, Study
-from ..loop.verdict import CHANCE, STRIKING
+from ..loop.verdict import CANNOT_TELL, CHANCE, STRIKING
 
 ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
 
@@ -269,7 +269,10 @@ def diagnosis_in_words(d: Diagnosis) -> str:
     if d.found:
         names = ', then '.join(dict.fromkeys(f.name for f in d.found))
         p = d.found[0].probability
-        return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}')
+        shared = '; '.join(f'{f.name}, but {f.against}' for f in d.ranked
+                           if f.against.startswith(CANNOT_TELL))
+        return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}') + (
+            f'; and {shared}' if shared else '')
     rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty and f.probability != 0)
     if d.verdict == 'undecidable' and rivals:
         return f'undecidable: {rivals}'
