@@ -375,9 +375,12 @@ class _Search:
         able = (b for _, b in begun
                 if self._heals(b[:-1], b[-1]) and self._lowers(b[:-1], b[-1]))
         for begin in islice(able, CHAINS - 1):
+            known = dict(self.scores)
             other = self.chain(begin)
             # a rival with all of the main chain beside it: from there it was seen to gain nothing
-            if not whole < frozenset(self.model_of(other).labels):
+            if whole < frozenset(self.model_of(other).labels):
+                self.scores = known     # nor is what the chain lacked on its way there a rival
+            else:
                 chains.append(other)
         self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
                        or len(k) == len(whole) + 1}
