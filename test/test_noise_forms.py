@@ -649,6 +649,14 @@ def test_how_far_axes_drift_says_nothing_of_what_they_share(course):
     assert np.max((share * (1 - share) * power / own)[slow]) < 10
 
 
+def test_noise_is_told_beside_what_others_hear_and_where_they_do_not():
+    """Where nearly all is heard, even noise that is no stronger than elsewhere is."""
+    bins = bins_of(100_000, 0.01)
+    heard = np.where(bins.f < 1, 0.99, 0.0)
+    own = shared.own_noise(bins, np.ones(len(bins.f)), heard)[2]
+    assert np.all((own > 0.9) & (own < 1.1))
+
+
 @pytest.mark.parametrize('seed', range(3))
 def test_a_narrow_source_is_heard_through_axes_that_hide_it(seed):
     """A quarter of each axis's noise where it is, in one part of sixty of their band."""

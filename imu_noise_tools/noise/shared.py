@@ -175,7 +175,8 @@ def _fill_slow_end(both: np.ndarray, pair: Pair, count: np.ndarray, power: np.nd
     """
     Take what a pair shares to go on to the slow end, where too few coefficients could tell.
 
-    As a source with no more power there, for the axes' own drifts have ever more.
+    As a source with no more power there, for the axes' own drifts have ever more; and less of it
+    where the axes have less.
 
     """
     a, b = pair
@@ -186,8 +187,8 @@ def _fill_slow_end(both: np.ndarray, pair: Pair, count: np.ndarray, power: np.nd
     like = np.median(both[a, b][near])
     if np.sum(count[:first]) * like**2 < 2 * CLEAR[0]:
         level = np.sqrt(power[a] * power[b])
-        both[a, b, :first] = both[b, a, :first] = like * np.minimum(
-            np.median(level[near]) / level[:first], 1.0)
+        ratio = np.median(level[near]) / level[:first]
+        both[a, b, :first] = both[b, a, :first] = like * np.minimum(ratio, 1 / ratio)
 
 
 def _put(both: np.ndarray, some: list[Pair], new: np.ndarray,
@@ -299,7 +300,7 @@ def _beside_drift(bins: Bins, power: np.ndarray, heard: np.ndarray) -> np.ndarra
     There it is the share of its noise: how far it drifts says nothing of what others hear.
 
     """
-    own = own_noise(bins, power * (1 - np.minimum(heard, MOST)))[2]
+    own = own_noise(bins, power, heard)[2]
     most = maximum_filter1d(power, BETWEEN)     # a straight one has every other coefficient
     drifts = np.cumprod(most > OUT * own, dtype=bool)
     return np.where(drifts, heard * own / np.maximum(own, most), heard)
@@ -316,7 +317,7 @@ def _above_own(bins: Bins, power: np.ndarray,
     """
     level, _, own = own_noise(bins, power)
     if heard is not None:
-        own = own_noise(bins, power * (1 - np.minimum(heard, MOST)))[2]
+        own = own_noise(bins, power, heard)[2]
     there = level > TALL * own
     share = np.zeros(len(own))
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
@@ -341,9 +342,12 @@ def _levels(bins: Bins, power: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndar
         yield np.exp(np.convolve(bins.count * log, window, 'same') / count), count
 
 
-def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Return (level, coefficients that tell it, what of it is the axis's own noise), (b,) each.
+
+    ``heard`` is the share that is known not to be; where it is most of it, it hides the noise.
 
     That is what white noise, flicker, a random walk and the rounding of an angle can make at most
     of the spectrum without overshooting it.
@@ -357,11 +361,12 @@ def own_noise(bins: Bins, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
         level[few] = (np.convolve(bins.count * log, window, 'same') / count)[few]
         seen[few] = count[few]
     level = np.exp(level)
-    w = np.minimum(bins.count, ENOUGH).astype(float)
+    rest = 1 - np.minimum(heard, MOST)
+    w = np.minimum(bins.count, ENOUGH) * rest**4
     basis = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2,
                       np.sin(np.pi * bins.f * bins.dt) ** 2], axis=1)
     # relative to what is measured a peak counts once, however high, an overshoot without bound
-    scaled = np.sqrt(w)[:, None] * basis / level[:, None]
+    scaled = np.sqrt(w)[:, None] * basis / (rest * level)[:, None]
     scale = np.max(scaled, axis=0)
     return level, seen, basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
 
