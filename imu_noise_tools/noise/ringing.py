@@ -43,6 +43,7 @@ FRAMES = 64  # of a length, at least
 SWINGS = 1.0  # in a time constant at least: fewer are steps or spikes as well
 HIGHEST = 0.45  # of the rate: nearer to a half hardly more than every second swing is seen
 HOLLOW = 2.0  # times less than around is where a filter takes something out
+MEDIAN = 1 << 12  # moments of a stretch that tell what is usual
 LOUDLY = 3.0  # standard deviations beyond white noise that are more than it
 LOUDER = 1.25  # times as loud, from which a stretch is
 STRETCHES = 24  # of the record, in which the usual power of a frequency is looked at
@@ -284,10 +285,11 @@ def _usual(power: np.ndarray, step: int = 1) -> np.ndarray:
 
     """
     parts = np.array_split(power, int(np.clip(len(power) // step // 64, 1, STRETCHES)))
-    out = np.array([np.median(x[::max(step, len(x) // 256)], axis=0) for x in parts]) / np.log(2)
+    out = np.array([np.median(x[::max(step, len(x) // MEDIAN)], axis=0)
+                    for x in parts]) / np.log(2)
     if len(out) > 2:
         out = loudest(out)
-    few = max(1, min(len(parts[0]) // step, 256))
+    few = max(1, min(len(parts[0]) // step, MEDIAN))
     return np.where(out > 1 + LOUDLY / (np.log(2) * np.sqrt(few)), out, 1.0)
 
 
@@ -392,6 +394,15 @@ def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, flo
     return (-float(best.fun), *at(best.x))
 
 
+def _throughout(w: np.ndarray, omega: float,
+                tau: float) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Yield (first sample, nats, those beside what is usual) of rings that begin in a piece."""
+    halo, step = _length(tau), max(1, int(tau / 2))
+    for i in range(0, len(w), PIECE):
+        nats = _nats(w[i:i + PIECE + halo], omega, tau)[:PIECE]
+        yield i, nats, _over_usual(nats.copy(), step)
+
+
 def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> list[tuple[int, float]]:
     """
     Return the samples at which a ring begins that gains so much, the clearest first.
@@ -399,11 +410,8 @@ def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> list[tupl
     And what such rings usually gain there, in what they gain of white noise.
 
     """
-    halo, step = _length(tau), max(1, int(tau / 2))
     found: list[tuple[float, int, float]] = []
-    for i in range(0, len(w), PIECE):
-        raw = _nats(w[i:i + PIECE + halo], omega, tau)[:PIECE]
-        nats = _over_usual(raw.copy(), step)
+    for i, raw, nats in _throughout(w, omega, tau):
         top = nats == maximum_filter1d(nats, 2 * int(APART * tau) + 1)
         k = np.flatnonzero(top & (nats > least))
         found += zip(-nats[k], k + i, raw[k] / nats[k])
@@ -445,50 +453,61 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
 
 
 class Tail(NamedTuple):
-    """Chance: nats go beyond a threshold e^-cost of the time, and then by a mean."""
+    """
+    Chance, by several accounts (t,): what goes beyond a threshold e^-cost of the time, by a mean.
 
-    threshold: float
-    cost: float
-    mean: float
+    None of them where it is that of chi-squared with two degrees of freedom, e^-x.
+
+    """
+
+    threshold: np.ndarray
+    cost: np.ndarray
+    mean: np.ndarray
 
     def beyond(self, nats: np.ndarray) -> np.ndarray:
         """Return by how much nats (k,) are less than they seem, those of normal noise by none."""
-        return np.maximum(nats - self.cost - (nats - self.threshold) / self.mean, 0.0)
-
-
-NORMAL = Tail(0.0, 0.0, 1.0)    # that of chi-squared with two degrees of freedom
+        x = np.asarray(nats)[..., None]
+        return np.max(x - self.cost - (x - self.threshold) / self.mean, axis=-1, initial=0.0)
 
 
 def tail_of(nats: np.ndarray) -> Tail:
     """
-    Return the tail of nats (k,), :data:`NORMAL` where it may be that.
+    Return the tail of nats (k,), where it is longer than by chance.
 
-    It is longer where the level of noise wanders, and longest far out: what goes beyond any
-    threshold is told by the few that go farthest (Pickands, Annals of Statistics 3, 1975).
+    It is where the level of noise wanders: a little and again and again, which all beyond a
+    threshold tell together, or seldom and far (Pickands, Annals of Statistics 3, 1975), which the
+    few tell that go farthest.
 
     """
-    if len(nats) <= TOLD:
-        return NORMAL
-    top = np.partition(nats, len(nats) - TOLD - 1)[-TOLD - 1:]
-    threshold = float(np.min(top))
-    mean, cost = float(np.sum(top - threshold)) / TOLD, float(np.log(len(nats) / TOLD))
-    if threshold < UNEVEN or mean < 1 + 2 / np.sqrt(TOLD):
-        return NORMAL
-    return Tail(threshold, cost, mean)
+    found = []
+    some = nats[nats > UNEVEN]
+    for top in (some, np.sort(some)[-TOLD - 1:]):
+        if len(top) < TOLD:
+            continue
+        threshold = UNEVEN if top is some else float(top[0])
+        top = top[top > threshold]
+        mean = float(np.mean(top - threshold)) if len(top) else 0.0
+        if mean > 1 + 2 / np.sqrt(max(len(top), 1)):
+            found.append((threshold, np.log(len(nats) / len(top)), mean))
+    return Tail(*np.reshape(found, (-1, 3)).T)
 
 
 def _tail(w: np.ndarray, omega: float, tau: float, lengths: list[int]) -> Tail:
     """
-    Return the tail of what swings of whitened noise gain around a frequency.
+    Return the tail of what swings of whitened noise gain at a frequency, and around it.
 
     Normal noise of whatever spectrum has the same at all frequencies. A line that wanders is now
     here and now there, and in the time of a ring it hardly moves.
 
     """
+    # rings a time constant apart are independent
+    here = tail_of(np.concatenate([x[::max(1, int(tau))]
+                                   for _, _, x in _throughout(w, omega, tau)]))
     length = min(lengths, key=lambda x: abs(np.log(x / (FRAME * tau))))
     power, _, first = _power(w, length)
     k = int(round(omega / (2 * np.pi) * length)) - first
-    return tail_of(_over_usual(power[:, max(0, k - BESIDE):k + BESIDE + 1]).ravel())
+    around = tail_of(_over_usual(power[:, max(0, k - BESIDE):k + BESIDE + 1]).ravel())
+    return Tail(*(np.append(x, y) for x, y in zip(here, around)))
 
 
 def _beyond(rings: Rings, tail: Tail) -> Rings:
