@@ -24,7 +24,7 @@ from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
-from imu_noise_tools.noise.flexible import differences_of, pieces
+from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
@@ -109,7 +109,7 @@ def test_a_course_that_axes_have_in_common_is_no_noise(course):
     problem = NoiseProblem(gather(record, axes)['gyro_x'])
     fit = problem.point(model_of('noise', (*BASE, 'shared_noise')))
     shared_noise = fit.model['shared_noise']
-    assert pieces(differences_of(problem.evidence, fit, shared_noise)) < 64
+    assert pieces(differences_of(octaves_of(problem.evidence, fit, shared_noise))) < 64
     assert 'no noise' in problem.shape(fit, 'shared_noise', 50.0) or \
         'not normal' in problem.shape(fit, 'shared_noise', 50.0)
 

@@ -239,13 +239,14 @@ def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim
     """Say that what an effect explains is no normal noise, where it is to be."""
     if not effect.normal:
         return ''
-    differences = differences_of(evidence, fit, effect)
+    octaves = octaves_of(evidence, fit, effect)
+    differences = differences_of(octaves)
     gain = uneven(differences)
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'what it explains is not normal noise, by {gain:.0f} nats'
     # where a path is seen, or noise is louder at times, the model says that it is not normal
     if not fit.model.of(Modulation) and not views.followed(evidence, fit):
-        gain = follows_a_law(_octaves(evidence, fit, effect))
+        gain = follows_a_law(octaves)
         if gain > FLEXIBLE:     # however strong: of few values it would be as clear
             return f'what it explains follows a law that is no noise\'s, by {gain:.0f} nats'
     if isinstance(effect, Coupling) and pieces(differences) < FEWEST:
@@ -478,22 +479,22 @@ def pieces(differences: Differences) -> float:
     return float(np.sum(energy) ** 2 / np.sum(energy**2 / several))
 
 
-def differences_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> Differences:
-    """Return (differences of block means, how many independent ones) of what an effect makes."""
-    some = (y[0::2] - y[1::2] for y in _octaves(evidence, fit, effect))
+def differences_of(octaves: Iterable[np.ndarray]) -> Differences:
+    """Return (differences, how many independent ones) of the block means of octaves."""
+    some = (y[0::2] - y[1::2] for y in octaves)
     return [(difference, independent_squares(difference)) for difference in some]
 
 
-def _octaves(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> Iterator[np.ndarray]:
-    """Yield block means of what an effect makes, in octaves in which it has most of the power."""
+def octaves_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> list[np.ndarray]:
+    """Return block means of what an effect makes, in octaves in which it has most of the power."""
     e, model = evidence, fit.model
     # what those touch is in the block means, and what an axis has in the mean in other axes' too
     if any(d.screens() for d in model.of(Defect)) \
             or isinstance(effect, Coupling) and model.of(Mean):
-        return
-    y = views.slow_rest(e, model) - views.slow_mean(e, model)
-    if isinstance(effect, Coupling):
-        y = views.slow_rest(e, model.minus(effect.label)) - views.slow_rest(e, model)
+        return []
+    rest, out = views.slow_rest(e, model), []
+    y = views.slow_rest(e, model.minus(effect.label)) - rest if isinstance(effect, Coupling) \
+        else rest - views.slow_mean(e, model)
     f = 1 / (2 * np.diff(e.slow_t[:2])[0])
     while len(y) >= 2 * FEWEST:
         y, f = y[:len(y) // 2 * 2], 0.5 * f
@@ -501,5 +502,6 @@ def _octaves(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> Itera
         if isinstance(effect, Spectrum):
             mine = np.interp(f, e.whole.bins.f, fit.details.each[effect.label] / fit.details.v)
         if mine > 0.5:
-            yield y
+            out.append(y)
         y = y.reshape(-1, 2).mean(axis=1)
+    return out

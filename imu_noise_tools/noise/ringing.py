@@ -605,9 +605,9 @@ def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
 
     As many times ``least`` as noise is louder there than usual, the ring taken out of it. Most
     of what stands out around it, in samples w; more than what swells before it as it fades behind
-    it, as of a line that passes; and more than two steps have, as of what switches. What hardly
-    swings and is there from the beginning may as well creep: nothing is before it. Nor is what
-    is heard at an end alone where a filter lets nothing pass.
+    it, as of a line that passes; and more than two steps or four have, as of what switches. What
+    hardly swings and is there from the beginning may as well creep: nothing is before it. Nor is
+    what is heard at an end alone where a filter lets nothing pass.
 
     """
     early = begin < max(SHORTEST, 0.1 * tau) and omega * tau < 2 * np.pi

@@ -315,9 +315,7 @@ def _above_own(bins: Bins, power: np.ndarray,
     unless others hear it together with the axis, ``heard`` (b,): a drift stands above noise, too.
 
     """
-    level, _, own = own_noise(bins, power)
-    if heard is not None:
-        own = own_noise(bins, power, heard)[2]
+    level, _, own = own_noise(bins, power, 0.0 if heard is None else heard)
     there = level > TALL * own
     share = np.zeros(len(own))
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint

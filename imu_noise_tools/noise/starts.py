@@ -250,10 +250,8 @@ def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, n
 
 def _shows(found: Likelihood, before: Model, after: Model, labels: Iterable[str]) -> bool:
     """Tell whether some noise has a clear share of the power more in one model than in another."""
-    more = np.zeros(len(found.power))
-    for model, sign in ((after, 1), (before, -1)):
-        each = found.beside(model).spectra(model)[1]
-        more += sign * sum(each[k] for k in labels)
+    each = [found.spectra(model)[1] for model in (before, after)]
+    more = sum((each[1][k] - each[0][k] for k in labels), np.zeros(len(found.power)))
     return bool(np.any(more > SHOWS * found.power))
 
 
