@@ -168,7 +168,7 @@ class Likelihood:
             self.weight = self.weight * explained.on(self.bins)
         self._names: dict[tuple, tuple[str, ...]] = {}
         self._spreads = {
-            n: spread(partial(evidence.coupled, part=part), n, self.bins)
+            n: self._spread(n)
             for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
         self._spreads = {k: v for k, v in self._spreads.items() if np.any(v)}
         self._slow: np.ndarray | None = None
@@ -180,6 +180,13 @@ class Likelihood:
         self._values: dict[bytes, tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]] = {}
         if self.means:
             self._prepare_slow(mean)
+
+    def _spread(self, channel: str) -> np.ndarray:
+        """Return what :func:`spread` says of a channel, which is the same for all models."""
+        return self.evidence.remembered(
+            ('spread', self.part_name, channel),
+            lambda: spread(partial(self.evidence.coupled, part=self.part_name), channel,
+                           self.bins))
 
     # --- the mean
     # ---------------------------------------------------------------------------------------------
@@ -450,7 +457,9 @@ class Likelihood:
 
     def beside(self, model: Model) -> Likelihood:
         """Return that of another model of the same part, on the same basis."""
-        return Likelihood(self.evidence, self.part_name, model, self.mean, self.explained)
+        out = Likelihood(self.evidence, self.part_name, model, self.mean, self.explained)
+        out._units = self._units    # what effects of the same values put into the same bins
+        return out
 
     def with_search(self, x: np.ndarray) -> Model:
         """Return the model at a point of the search."""

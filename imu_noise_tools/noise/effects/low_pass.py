@@ -3,6 +3,7 @@
 
 """The sensor's own low-pass filter."""
 
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ..alike import alike
 from ..evidence import Evidence
 from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, Spectrum
+from ...core.spectrum import Bins
 from ...loop.effect import Effect, Fit
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
@@ -85,7 +87,7 @@ class LowPass(Response):
         for form in FORMS:
             behind = (0.0,) if form == AVERAGED else BEHIND
             averaged = SHARES if form == AVERAGED else (0.0,)
-            best, second = self._smoothest(evidence, form, tried[form], averaged, behind)[:2]
+            best, second = self._smoothest(evidence, form, tried[form], averaged, behind)
             if tried[form] is falls:    # forms differ by less than one step of either does
                 e = best[1]
                 best = self._smoothest(evidence, form, e['cutoff'] * FINER, (e['averaged'],),
@@ -94,20 +96,19 @@ class LowPass(Response):
         return [e for _, e in sorted(out, key=lambda z: z[0])]
 
     def _smoothest(self, evidence, form, cutoffs, averaged, behind):
-        """Return (roughness, start) of each cutoff and average, the best behind it, in order."""
-        bins, out = evidence.whole.bins, []
-        behind = np.asarray(behind)[:, None]
+        """Return (roughness, start) of the two best cutoffs and averages, the best behind each."""
+        bins, tried = evidence.whole.bins, tuple(product(map(float, cutoffs), averaged))
+        falls, squares = _falls(bins, form, tried, tuple(behind))
         log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
         weight = bins.count / np.sum(bins.count)
-        for c, share in product(cutoffs, averaged):
-            start = self.with_values(cutoff=float(c), form=form, averaged=share, behind=0.0,
-                                     filters=0.0)
-            gain2 = beside_unfiltered(start.gain2(bins.f, evidence.dt), behind)
-            left = log_power - np.log(gain2)
-            rough = (left - (left @ weight)[:, None]) ** 2 @ weight
-            k = int(np.argmin(rough))
-            out.append((float(rough[k]), start.with_values(behind=float(behind[k, 0]))))
-        return sorted(out, key=lambda z: z[0])
+        log_power = log_power - log_power @ weight
+        # the variance of a difference, of which only the product of both goes with the power
+        rough = squares - 2 * falls @ (weight * log_power) + log_power**2 @ weight
+        best = np.argmin(rough, axis=1)
+        least = rough[np.arange(len(tried)), best]
+        return [(float(least[i]), self.with_values(
+            cutoff=tried[i][0], form=form, averaged=tried[i][1], behind=float(behind[best[i]]),
+            filters=0.0)) for i in np.argsort(least, kind='stable')[:2]]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """
@@ -175,6 +176,25 @@ class LowPass(Response):
     def example(cls) -> Effect:
         """Return a first-order filter of 12 Hz, a quarter of Nyquist at 100 Hz."""
         return cls({'cutoff': 12.0, 'form': POLE, **cls.neutral})
+
+
+@lru_cache(maxsize=32)
+def _falls(bins: Bins, form: str, tried: tuple[tuple[float, float], ...],
+           behind: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return ln gain^2 less its mean (s, r, b), and its variance (s, r), over the coefficients.
+
+    Of each (cutoff, averaged) that is tried, with each share of noise behind it. Every fit looks
+    at the same ones, whatever power it has.
+
+    """
+    shares, weight = np.array(behind)[:, None], bins.count / np.sum(bins.count)
+    falls = np.empty((len(tried), len(behind), len(bins.f)))
+    for out, (cutoff, averaged) in zip(falls, tried):
+        alone = LowPass({**LowPass.neutral, 'cutoff': cutoff, 'form': form, 'averaged': averaged})
+        out[:] = np.log(beside_unfiltered(alone.gain2(bins.f, bins.dt), shares))
+        out -= (out @ weight)[:, None]
+    return falls, falls**2 @ weight
 
 
 _LENGTH = {'moving_average': WINDOW, 'two_averages': CASCADE}
