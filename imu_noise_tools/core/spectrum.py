@@ -161,7 +161,7 @@ def asked(bins: Bins) -> np.ndarray:
 
 
 def gathered(s: np.ndarray, bins: Bins) -> np.ndarray:
-    """Return :func:`expected` of a spectrum that is known where it is asked for, (g,) -> (b,)."""
+    """Return :func:`expected` of what is known where it is asked for, (g, ...) -> (b, ...)."""
     _, weight, alone, pairs = _grid(bins.n, bins.dt, bins.fine)
     return np.concatenate(
         [weight @ s[: weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])]
@@ -210,17 +210,17 @@ def leaked(v: np.ndarray, bins: Bins, along: np.ndarray | None = None) -> np.nda
         The expected power of the bins.
     bins : Bins
         Of the record.
-    along : ndarray (b,) or None
-        A change of v: then how much more leaks with it is returned.
+    along : ndarray (b, p) or None
+        Changes of v: then how much more leaks with each is returned, (b, p).
 
     """
     w, own = _leakage(bins.n, bins.dt, bins.fine)
     low = w.shape[1]    # what lies above leaks into nothing
     if along is None:
         return np.maximum(w @ v[:low] - own * v, 0.0)
-    net, more = (w @ np.column_stack([v, along])[:low] - own[:, None] * np.column_stack(
-        [v, along])).T
-    return np.where(net > 0, more, 0.0)
+    both = np.column_stack([v, along])
+    more = w @ both[:low] - own[:, None] * both
+    return np.where(more[:, :1] > 0, more[:, 1:], 0.0)
 
 
 @lru_cache(maxsize=8)

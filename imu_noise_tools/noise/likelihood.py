@@ -537,19 +537,19 @@ class Likelihood:
             **{amplitude[0]: 1.0}).psd(asked(self.bins), self.dt))
 
     def _turned(self, model, own, turn):
-        """Return the slope (b,) of what is behind a response; ``turn`` (g,) that of ln gain^2."""
-        out = np.zeros(len(self.power))
+        """Return slopes (b, p) of what is behind a response; ``turn`` (g, p) of ln gain^2."""
+        out = np.zeros((len(self.power), turn.shape[1]))
         alike: dict[tuple[str, ...], list[Spectrum]] = {}
         for e in (e for e in model.of(Spectrum) if own.acts_on(e)):
             alike.setdefault(tuple(r.label for r in responses_on(e, model)), []).append(e)
         for spectra in alike.values():
-            turned = self._gain2(responses_on(spectra[0], model)) * turn
+            gain2 = self._gain2(responses_on(spectra[0], model))[:, None]
             units = (self._unit(e) for e in spectra if e.centre is None)
-            smooth = sum((square * one for square, _, one in units), np.zeros(len(turned)))
-            out = out + gathered(smooth * turned, self.bins)
+            smooth = sum((square * one for square, _, one in units), np.zeros(len(turn)))
+            out += gathered(gain2 * turn * smooth[:, None], self.bins)
             peaks = [e.binned(self.bins) for e in spectra if e.centre is not None]
             if peaks:
-                out = out + sum(peaks) * gathered(turned, self.bins)
+                out += np.sum(peaks, axis=0)[:, None] * gathered(gain2 * turn, self.bins)
         return out
 
     def _gain2(self, responses):
@@ -637,8 +637,10 @@ class Likelihood:
                 out[:, j] = closed[slot.label][name] / v
             elif isinstance(effect, Spectrum):
                 out[:, j] = self._slope(x, j, model) / v
-            elif isinstance(effect, Response):
-                out[:, j] = self._response_slope(x, j, model, each) / v
+        for own in model.of(Response):
+            of = [j for j, s in enumerate(self.slots) if s.label == own.label]
+            if of and not isinstance(own, OpenResponse):
+                out[:, of] = self._response_slopes(x, of, own, model, each) / v[:, None]
         return out
 
     def _slopes(self, effect, model):
@@ -656,21 +658,23 @@ class Likelihood:
             slot.parameter.name: slot.from_search(x[j] + step)}), model) for step in (h, -h))
         return (up - down) / (2 * h)
 
-    def _response_slope(self, x, j, model, each, h: float = 1e-4) -> np.ndarray:
+    def _response_slopes(self, x, of, own, model, each, h: float = 1e-4) -> np.ndarray:
         """
-        Return d v/d x_j of a response, (b,): of its gain alone by central differences.
+        Return d v/d x_j (b, p) of a response: of its gain alone by central differences.
 
         Power goes with the gain, and so does what leaks.
 
         """
-        slot, own = self.slots[j], model[self.slots[j].label]
-        up, down = (
-            own.with_values(**{slot.parameter.name: slot.from_search(x[j] + step)}).gain2(
-                asked(self.bins), self.dt) for step in (h, -h))
-        turn = (up - down) / (2 * h * self._gain2([own]))
-        out = self._turned(model, own, turn)
+        turn = []
+        for j in of:
+            slot = self.slots[j]
+            up, down = (
+                own.with_values(**{slot.parameter.name: slot.from_search(x[j] + step)}).gain2(
+                    asked(self.bins), self.dt) for step in (h, -h))
+            turn.append((up - down) / (2 * h))
+        out = self._turned(model, own, np.stack(turn, axis=1) / self._gain2([own])[:, None])
         if any(r.leaks for r in model.of(Response)):
-            out = out + leaked(self._rounded(sum(each.values())), self.bins, out)
+            out += leaked(self._rounded(sum(each.values())), self.bins, out)
         return out
 
     @cached_property

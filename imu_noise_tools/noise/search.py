@@ -14,7 +14,7 @@ import numpy as np
 from .descent import minimise
 from .likelihood import Likelihood
 from .starts import begun_anew, entered_behind, most_promising, reddest, Start
-from ..loop.effect import Fit
+from ..loop.effect import Fit, Model
 from ..loop.verdict import PRICE
 
 _REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
@@ -53,8 +53,13 @@ class Search:
 
     def _anew(self, found: Found) -> Found:
         """Return the best of a minimum and what responses begun anew reach, again from there."""
+        tried: set[tuple[Model, bytes]] = set()
         for _ in range(_ROUNDS):
-            better = self._best(begun_anew(found.likelihood, found.x, _FORMS), found)
+            begins = {(other.model, x0.tobytes()): (other, x0)
+                      for other, x0 in begun_anew(found.likelihood, found.x, _FORMS)}
+            # what began alike in a round before ends where it ended then
+            better = self._best((v for k, v in begins.items() if k not in tried), found)
+            tried |= begins.keys()
             if better is None:
                 break
             found = better
