@@ -77,23 +77,37 @@ def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarra
 def _unit(bins: Bins, f0: float, width: float) -> np.ndarray:
     """Return the expected power of a variance of 1 over the bins, (b,)."""
     theta, alpha = _angles(f0, width, bins.dt)
-    n = bins.n
-    phi = 2 * np.pi * bins.f * bins.dt
-    edge = np.pi * (np.append(bins.first, bins.last[-1]) - 0.5) / n
-    one = bins.count == 1
-    wide, span = ~one, np.diff(edge)[~one]
-    unit = np.zeros(len(phi))
-    reach = span / np.sqrt(12)
-    for line in (theta, -theta):
-        alone = phi[one] + line
-        unit[one] += _bells(alone, alpha) - _steepness(alone, alpha) / n \
-            - _odd(alone, alpha) / (n * np.sin(phi[one]))
-        begin, end = (_risen(x + line, alpha) - _odd(x + line, alpha) / n
-                      for x in (edge[:-1][wide], edge[1:][wide]))
-        unit[wide] += (end - begin) / span
-        for x in (phi[wide] - reach, phi[wide] + reach):
-            unit[wide] -= 0.5 * _odd(x + line, alpha) / (n * np.sin(x))
+    n, (one, wide, points) = bins.n, _points(bins)
+    alone, edge, before, behind = points
+    lines = theta * np.array([[1.0], [-1.0]])
+    # one call for all: most of them hold few points
+    odd = np.split(np.sum(_odd(np.concatenate(points) + lines, alpha), axis=0),
+                   np.cumsum([len(x) for x in points[:-1]]))
+    unit = np.zeros(len(one))
+    unit[one] = np.sum(_bells(alone + lines, alpha) - _steepness(alone + lines, alpha) / n,
+                       axis=0) - odd[0] / (n * np.sin(alone))
+    risen = np.sum(_risen(edge + lines, alpha), axis=0) - odd[1] / n
+    unit[~one] = (np.diff(risen) / np.diff(edge))[wide]
+    for x, there in ((before, odd[2]), (behind, odd[3])):
+        unit[~one] -= 0.5 * there / (n * np.sin(x))
     return 2 * bins.dt * np.maximum(unit, 0.0)
+
+
+@lru_cache(maxsize=8)
+def _points(bins: Bins) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """
+    Return which bins (b,) hold one coefficient, which of the cells others, and angles to ask at.
+
+    Of those that hold one, at all edges of cells from the first that holds several on, and at
+    Gauss' points of these.
+
+    """
+    phi, one = 2 * np.pi * bins.f * bins.dt, bins.count == 1
+    begin = len(one) if one.all() else int(np.argmin(one))
+    edge = np.pi * (np.append(bins.first[begin:], bins.last[-1]) - 0.5) / bins.n
+    wide = ~one[begin:]
+    reach = np.diff(edge)[wide] / np.sqrt(12)
+    return one, wide, (phi[one], edge, phi[~one] - reach, phi[~one] + reach)
 
 
 def _wrapped(x: np.ndarray) -> np.ndarray:
