@@ -24,6 +24,7 @@ from scipy.special import digamma
 SINGLE = 256  # coefficients kept one by one
 PER_DECADE = 40  # bins a decade above
 LINEAR = 128  # no bin is wider than 1/128 of Nyquist: filters act on a linear scale
+BLOCKS = 4  # of a triangle, which hold little of its empty half
 CORRECTED = 32  # coefficients whose expectation differs noticeably from the spectrum at f_k
 
 
@@ -214,19 +215,23 @@ def leaked(v: np.ndarray, bins: Bins, along: np.ndarray | None = None) -> np.nda
         Changes of v: then how much more leaks with each is returned, (b, p).
 
     """
-    w, own = _leakage(bins.n, bins.dt, bins.fine)
-    low = w.shape[1]    # what lies above leaks into nothing
+    blocks, own = _leakage(bins.n, bins.dt, bins.fine)
+
+    def net(v: np.ndarray) -> np.ndarray:
+        return np.concatenate([w @ v[:w.shape[1]] for w in blocks]) - (own * v.T).T
+
     if along is None:
-        return np.maximum(w @ v[:low] - own * v, 0.0)
-    both = np.column_stack([v, along])
-    more = w @ both[:low] - own[:, None] * both
+        return np.maximum(net(v), 0.0)
+    more = net(np.column_stack([v, along]))
     return np.where(more[:, :1] > 0, more[:, 1:], 0.0)
 
 
 @lru_cache(maxsize=8)
-def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[list[np.ndarray], np.ndarray]:
     """
-    Return (w, own): the power that bin b takes from bin j is w[b, j] of its own (b, low).
+    Return (w, own): the power that bin b takes from bin j is w[b, j] of its own.
+
+    In blocks of bins (b, low), for what lies above leaks into nothing.
 
     |Phi_k(omega)|^2 = (8/n) {sin, cos}^2(n omega/2) sin^2(omega/2) cos^2(theta/2) /
     (cos omega - cos theta)^2, theta = pi k/n, Phi_k the Fourier transform of the cosine k; its
@@ -240,8 +245,10 @@ def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[np.ndarray, np
     gap = np.where(by < 0.5 * to, np.cos(by) - np.cos(to), np.inf)
     w = 8 * dt / n * np.cos(to / 2) ** 2 * wave / gap**2
     w[:CORRECTED] = 0.0  # their window is integrated as it is
-    low = int(np.flatnonzero(w.any(axis=0))[-1]) + 1 if w.any() else 0
-    return np.ascontiguousarray(w[:, :low]), w.sum(axis=1)
+    blocks = [np.ascontiguousarray(
+        rows[:, :1 + int(np.max(np.flatnonzero(rows.any(axis=0)), initial=-1))])
+        for rows in np.array_split(w, BLOCKS)]
+    return blocks, w.sum(axis=1)
 
 
 def folded(f: Any, dt: float) -> Any:
