@@ -169,9 +169,11 @@ def test_a_drift_is_named_where_it_is_clear_of_a_ramp(more, holds):
     assert not any(f.against for f in clear_of_less(some[1:]))
 
 
-def test_the_likelihood_of_a_mean_falls_as_its_derivatives_say():
-    problem, _ = problem_of(['slow_periodic'])
-    model = problem.point(model_of('noise', (*BASE, 'slow_periodic'))).model
+@pytest.mark.parametrize('name', ['slow_periodic', 'low_pass'])
+def test_the_likelihood_falls_as_its_derivatives_say(name):
+    """Of a mean, of a filter and what leaks past it."""
+    problem, _ = problem_of([name])
+    model = problem.point(model_of('noise', (*BASE, name))).model
     likelihood = Likelihood(problem.evidence, 'whole', model)
     x = np.array([s.to_search(model[s.label][s.parameter.name]) for s in likelihood.slots]) + 0.3
     _, linear, v, each = likelihood.value(x)

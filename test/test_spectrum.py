@@ -241,3 +241,23 @@ def test_sampled_gauss_markov_against_its_covariance(tc):
     if tc > 1e5:
         exact = 2 / tc * m * DT / 3 * (1 + 1 / (2 * m ** 2))
     assert gauss_markov.avar(np.array([m]), 1.0, tc, DT)[0] == pytest.approx(exact, rel=1e-4)
+
+
+@pytest.mark.parametrize('n', [40, 300, 20_000])
+def test_what_leaks_is_linear_and_the_same_in_blocks_as_in_one_matrix(n, monkeypatch):
+    """Behind a filter that leaves nothing near Nyquist; each change of it leaks as it does itself."""
+    b = spectrum.bins_of(n, DT)
+    v = 1 / (1 + (b.f / 0.02) ** 4)
+    changes = v[:, None] * np.random.default_rng(n).uniform(0.5, 1.5, (len(v), 3))
+    at_once = spectrum.leaked(v, b), spectrum.leaked(v, b, changes)
+    some = at_once[0] > 0
+    assert some.any() and not at_once[1][~some].any()
+    for j in range(3):
+        more = spectrum.leaked(v + 1e-3 * changes[:, j], b) - at_once[0]
+        np.testing.assert_allclose(at_once[1][some, j], 1e3 * more[some], rtol=1e-6, atol=1e-12)
+    monkeypatch.setattr(spectrum, 'BLOCKS', 1)
+    spectrum._leakage.cache_clear()
+    try:
+        np.testing.assert_allclose(spectrum.leaked(v, b, changes), at_once[1], rtol=1e-9, atol=1e-15)
+    finally:
+        spectrum._leakage.cache_clear()
