@@ -412,9 +412,11 @@ class _Search:
 
         """
         chain: list[Finding] = []
+        more = True
         for turn in count(1):
             self._aside = {}
-            chain = self.with_odds(self.forward(chain))
+            # in the end nothing is added, and what was left must hold without what fell
+            chain = self.with_odds(self.forward(chain) if more else chain)
             refuted = self.backward(chain, last=turn >= ROUNDS)
             if not refuted:
                 break
@@ -422,8 +424,7 @@ class _Search:
             self.refuted.update(refuted)
             for k, f in refuted.items():
                 self._disproved.setdefault(k, []).append(f)
-            if not self._acquitted(self.model_of(chain), refuted) and turn >= ROUNDS:
-                break
+            more = self._acquitted(self.model_of(chain), refuted) or turn < ROUNDS
         # each held beside the others when it was last looked at
         self.refuted = {**{k: f for k, f in self._aside.items() if k not in self.labels_of(chain)},
                         **self.refuted}
