@@ -15,7 +15,7 @@ good as a flexible form in its place, and not stand in the shadow of what nothin
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, islice
 from typing import Any
@@ -346,7 +346,7 @@ class _Search:
         predicts no better is no rival.
 
         """
-        total = float(sum(surplus(f) for f in members))
+        total = _gained(members)
         here = frozenset(place.model.labels)
         self.scores[here] = max(total, self.scores.get(here, -np.inf))
         for f in place.candidates:
@@ -359,6 +359,7 @@ class _Search:
         """
         Return the best of the chains: the main one, those that begin with a rival, and ``held``.
 
+        One after which nothing fails goes before one that leaves something, whatever they gain.
         What an earlier chain held may not be reached without what was refuted in it.
 
         """
@@ -389,10 +390,32 @@ class _Search:
         again = self.model_of(held)
         if len(held) > 1 and not whole.issuperset(again.labels) and self.place(again) is not None:
             chains.append(self.chain(held))
-        best = max(chains, key=lambda c: sum(surplus(f) for f in c))
-        self.scores.setdefault(frozenset(self.model_of(best).labels),
-                               float(sum(surplus(f) for f in best)))
+        best = max(chains, key=_gained)
+        left = {frozenset(self.model_of(c).labels): self._left(c) for c in chains}
+        if left[frozenset(self.model_of(best).labels)] > 0 and min(left.values()) == 0:
+            best = max((c for c in chains if not self._left(c)), key=_gained)
+            self._follow(best, left)
+        self.scores.setdefault(frozenset(self.model_of(best).labels), _gained(best))
         return best
+
+    def _left(self, chain: Iterable[Finding]) -> float:
+        """Return what fails after a chain, nats."""
+        return float(sum(f.gain for f in failures(self.tests(self.model_of(chain)))))
+
+    def _follow(self, best: Sequence[Finding], left: Mapping[frozenset[str], float]) -> None:
+        """
+        Give what leaves something the less surplus for it than a chain that leaves nothing.
+
+        What members gain, each at its place, is more than they do together where noise stretches
+        over what they leave. What differs from the best in its last member was not looked at alone.
+
+        """
+        whole, others = (frozenset(self.model_of(c).labels) for c in (best, best[:-1]))
+        most = _gained(best) - min(v for v in left.values() if v > 0)
+        for k in self.scores:
+            if left.get(k, not others < k or len(k) > len(whole)):
+                self.scores[k] = min(self.scores[k], most)
+        self.scores[whole] = _gained(best)
 
     def _rivals(self, chain: list[Finding], i: int) -> list[Finding]:
         """Return what stood out at a place of a chain and is explained away by what was chosen."""
@@ -472,16 +495,18 @@ class _Search:
                 self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
         place, later = self.base, list(members.values())
-        bent: dict[str, str] = {}   # of each name the last one with another shape
+        bent: dict[str, str] = {}   # the last one with another shape, of each that they share
         for k, f in members.items():
             before, place, later = place, place.plus(_new(f)), later[1:]
             against = self._unhealed_with(before, place, f, later)
             if not against and (against := self._shaped(model, k, f)):
-                # what one leaves is held against each of its name: the last one is asked first
+                # what they leave together is held against each: the last one is asked first
+                assert f.effect is not None
+                shared = f.view if f.effect.paired else f.name
                 if not last:
-                    out.pop(bent.get(f.name, ''), None)
-                bent[f.name] = k
-                if f.effect is not None and f.effect.stays:
+                    out.pop(bent.get(shared, ''), None)
+                bent[shared] = k
+                if f.effect.stays:
                     self._nameless[k] = f
             against = against or self._stands_in([g for j, g in members.items() if j not in out],
                                                  model, k, f)
@@ -736,6 +761,11 @@ def _pairs(one: Finding, other: Finding) -> bool:
 def _both(one: Finding, other: Finding) -> Finding:
     """Return what two findings claim together."""
     return replace(one, gain=one.gain + other.gain, elsewhere=one.elsewhere + other.elsewhere)
+
+
+def _gained(chain: Iterable[Finding]) -> float:
+    """Return the surplus of a chain's members together."""
+    return float(sum(surplus(f) for f in chain))
 
 
 def surplus(finding: Finding) -> float:
