@@ -19,7 +19,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.fft import dct, idct
+from scipy.fft import dct, idct, next_fast_len
 from scipy.ndimage import median_filter
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
@@ -31,6 +31,7 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
+QUICK = 1 << 12  # places in a half at which what is smooth in time is asked for, at least
 REMEMBERED = 1 << 21  # numbers (16 MB) of what is worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
@@ -192,6 +193,20 @@ class Evidence:
         more = {} if self.course is None else {
             COURSE: np.std(self.slow_y) * self.course.values}
         return Inputs(self.slow_t, self.dt, {**self.slow_others, **more})
+
+    @cached_property
+    def quick_inputs(self) -> Inputs:
+        """
+        What a smooth effect on the mean may depend on, at so many places that a DCT is quick.
+
+        Of those that the blocks resolve, the lower half of the coefficients is asked for.
+
+        """
+        inputs, n = self.slow_inputs, len(self.slow_t)
+        many = 2 * next_fast_len(max(n // 4, min(n // 2, QUICK)))
+        at, here = (np.arange(many) + 0.5) * n / many - 0.5, np.arange(n)
+        return Inputs(np.interp(at, here, inputs.t), inputs.dt,
+                      {k: np.interp(at, here, x) for k, x in inputs.covariates.items()})
 
     @cached_property
     def course(self) -> Course | None:

@@ -279,6 +279,8 @@ class Mean(NoiseEffect):
 
     views: ClassVar[tuple[str, ...]] = ('time',)
     paired = True
+    #: whether nothing of it jumps, so that it may be asked for between the blocks
+    smooth: ClassVar[bool] = False
     #: parameters that a fit chooses anew where the others are known: beside more, more is seen
     anew: ClassVar[tuple[str, ...]] = ()
 

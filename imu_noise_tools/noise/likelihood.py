@@ -172,6 +172,7 @@ class Likelihood:
             for c in self.couplings for n in c.channels(evidence) if evidence.common.holds(n)}
         self._spreads = {k: v for k, v in self._spreads.items() if np.any(v)}
         self._slow: np.ndarray | None = None
+        self._gains: dict[int, np.ndarray] = {}
         self._path = np.zeros(0)
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
@@ -193,48 +194,53 @@ class Likelihood:
 
     def _prepare_slow(self, mean):
         e = self.evidence
-        total = len(e.slow_y)
-        some = {
-            'whole': slice(None),
-            'first': slice(0, total // 2),
-            'second': slice(total // 2, None),
-        }[self.part_name]
-        # a lag and a mean temperature are those of the whole record
-        self.inputs, self._some = e.slow_inputs, some
-        count = len(e.slow_t[some])
         low = e.common.low[e.axis, self.part_name]
-        q = np.arange(1, min(count // 4, len(low)) + 1)
-        n = self.part.n
-        # the mean over a block passes a cosine with the gain of its Dirichlet kernel
-        gain = np.sin(np.pi * q / (2 * count)) / ((n / count) * np.sin(np.pi * q / (2 * n)))
-        self._to_full = np.sqrt(n / count) / gain
-        self._count = len(q)
-        self._inside = int(np.searchsorted(self.bins.last, len(q) + 1, side='right'))
-        self._slow = low[: len(q)]
+        self._count = min(len(self._in_part(e.slow_t)) // 4, len(low))
+        self._inside = int(np.searchsorted(self.bins.last, self._count + 1, side='right'))
+        self._slow = low[:self._count]
         # a mean is no jump of noise whose path is seen
         paths = [s.path(e) for s in self.model.of(Spectrum)]
-        self._path = sum((self._slow_transform(x[some]) for x in paths if x is not None),
-                         np.zeros(len(q)))
+        self._path = sum((self._slow_transform(self._in_part(x)) for x in paths if x is not None),
+                         np.zeros(self._count))
         if mean:
-            known = sum(mean.model[m.label].mean(self.inputs) for m in self.means)
-            self._known = self._slow_transform(known[some])
+            known = sum(mean.model[m.label].mean(e.slow_inputs) for m in self.means)
+            self._known = self._slow_transform(self._in_part(known))
             self.power = self._less_known(self.power, self._slow)
+
+    def _in_part(self, x):
+        """Return those of values (n, ...) over the record that lie in the part."""
+        half = len(x) // 2
+        return {'whole': x, 'first': x[:half], 'second': x[half:]}[self.part_name]
 
     def slow_columns(self, effect: Mean) -> np.ndarray:
         """Return the slow coefficients (q, p) of the columns of an effect."""
         rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
-        return self.evidence.remembered(
-            (self.part_name, type(effect), *rest.values()),
-            lambda: self._slow_transform(effect.columns(self.inputs, **rest)[self._some]))
+        # a lag and a mean temperature are those of the whole record
+        e = self.evidence
+        return e.remembered(
+            (self.part_name, type(effect), *rest.values()), lambda: self._slow_transform(
+                self._in_part(effect.columns(e.quick_inputs if effect.smooth else e.slow_inputs,
+                                             **rest))))
 
     def _slow_transform(self, y):
-        """Return the slow coefficients (q, ...) of values (n, ...) at the slow means."""
+        """Return the slow coefficients (q, ...) of values (n, ...) at as many places of the part."""
         out = np.zeros((self._count, *y.shape[1:]))
         some = np.any(y, axis=0)    # a form may leave columns empty
         y = y[..., some] if y.ndim > 1 else y
         c = dct((y - np.mean(y, axis=0)).T, type=2, norm='ortho')[..., 1:self._count + 1]
-        out[..., some] = (c * self._to_full).T if y.ndim > 1 else (c * self._to_full)[:, None]
+        c = c * self._to_full(len(y))
+        out[..., some] = c.T if y.ndim > 1 else c[:, None]
         return out
+
+    def _to_full(self, count):
+        """Return by what coefficients (q,) of block means go to those of the samples."""
+        if count not in self._gains:
+            q, n = np.arange(1, self._count + 1), self.part.n
+            # the mean over a block passes a cosine with the gain of its Dirichlet kernel
+            gain = np.sin(np.pi * q / (2 * count)) / (
+                (n / count) * np.sin(np.pi * q / (2 * n)))
+            self._gains[count] = np.sqrt(n / count) / gain
+        return self._gains[count]
 
     def _less_known(self, power, slow):
         """Return the bins' power less the mean that is known, of slow coefficients (q,)."""

@@ -14,6 +14,7 @@ class Transient(Mean):
     """An exponential that dies out: amplitude e^(-t/tc)."""
 
     name = 'transient'
+    smooth = True
     symbol = 'A, tc'
     title = 'warm-up transient'
     equation = 'mean = amplitude e^(-t/tc), t from the beginning of the record'
