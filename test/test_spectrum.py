@@ -245,7 +245,7 @@ def test_sampled_gauss_markov_against_its_covariance(tc):
 
 @pytest.mark.parametrize('n', [40, 300, 20_000])
 def test_what_leaks_is_linear_and_the_same_in_blocks_as_in_one_matrix(n, monkeypatch):
-    """Behind a filter that leaves nothing near Nyquist; each change of it leaks as it does itself."""
+    """Behind a filter that leaves nothing near Nyquist; a change of it leaks as it does."""
     b = spectrum.bins_of(n, DT)
     v = 1 / (1 + (b.f / 0.02) ** 4)
     changes = v[:, None] * np.random.default_rng(n).uniform(0.5, 1.5, (len(v), 3))
@@ -258,6 +258,7 @@ def test_what_leaks_is_linear_and_the_same_in_blocks_as_in_one_matrix(n, monkeyp
     monkeypatch.setattr(spectrum, 'BLOCKS', 1)
     spectrum._leakage.cache_clear()
     try:
-        np.testing.assert_allclose(spectrum.leaked(v, b, changes), at_once[1], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(spectrum.leaked(v, b, changes), at_once[1], rtol=1e-9,
+                                   atol=1e-15)
     finally:
         spectrum._leakage.cache_clear()

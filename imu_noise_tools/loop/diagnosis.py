@@ -407,7 +407,7 @@ class _Search:
         Give what leaves something the less surplus for it than a chain that leaves nothing.
 
         What members gain, each at its place, is more than they do together where noise stretches
-        over what they leave. What differs from the best in its last member was not looked at alone.
+        over what they leave. What differs from the best in its last member was not tried.
 
         """
         whole, others = (frozenset(self.model_of(c).labels) for c in (best, best[:-1]))

@@ -154,7 +154,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     """
     effect, claimed = fit.model[label], claim
     if isinstance(effect, Coupling):
-        return _coupled_otherwise(evidence, fit, effect, claim)
+        return _coupled_otherwise(evidence, fit, effect, claim) or _swept(evidence, effect, claim)
     if isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
@@ -259,15 +259,16 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
     Say that a line that sweeps stands out by more than an effect explains of the spectrum.
 
     What is spread over many frequencies stands out of the spectrum by less than along its path,
-    and bends it like a filter or a drift; a peak it is not.
+    and bends it like a filter or a drift, or is what axes share; a peak it is not.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
     peak = isinstance(effect, Spectrum) and effect.centre is not None
-    if not isinstance(effect, (Spectrum, Response)) or peak or effect.certain \
-            or sweep.sure <= FLEXIBLE or sweep.strong <= claim:
+    imitated = isinstance(effect, Coupling) or not (peak or effect.certain) and isinstance(
+        effect, (Spectrum, Response))
+    if not imitated or sweep.sure <= FLEXIBLE or sweep.strong <= claim:
         return ''
-    return f'a line that sweeps, which bends the spectrum as well, has {sweep.strong:.0f} nats'
+    return f'a line that sweeps, which shows there as well, has {sweep.strong:.0f} nats'
 
 
 def _own(evidence: Evidence, fit: Fit, label: str) -> float:

@@ -223,7 +223,7 @@ class Likelihood:
                                              **rest))))
 
     def _slow_transform(self, y):
-        """Return the slow coefficients (q, ...) of values (n, ...) at as many places of the part."""
+        """Return the slow coefficients (q, ...) of values (n, ...) at n places of the part."""
         out = np.zeros((self._count, *y.shape[1:]))
         some = np.any(y, axis=0)    # a form may leave columns empty
         y = y[..., some] if y.ndim > 1 else y

@@ -87,7 +87,8 @@ def _best_columns(likelihood, model, effect, options, keep=2, finer=True):
     They are judged against the smoothed measured spectrum, beside what else acts on the mean: a
     second step must not land on the first. A form of more columns must be that much better. Where
     there are several forms it is the best of each: one with harmonics bends to a sine whose period
-    lies between two that are tried.
+    lies between two that are tried. Of one form it is the best by either spectrum: a strong one
+    hides in the first, and the second takes for noise what is missing still.
 
     """
     power = smooth(likelihood.power)
@@ -120,7 +121,10 @@ def _best_columns(likelihood, model, effect, options, keep=2, finer=True):
             likelihood._replaced(likelihood.power, likelihood._slow, rest), 1e-300))
         options = [*options, *more]
         proposed += [likelihood.slow_columns(o) for o in more]
-    return [options[i] for i in _best_of_forms(options, gains, effect.anew, keep)]
+    chosen = _best_of_forms(options, gains, effect.anew, keep)
+    if not effect.anew and best[0] not in chosen:
+        chosen = [*chosen[:keep - 1], best[0]]
+    return [options[i] for i in chosen]
 
 
 def _best_of_forms(options, gains, choices, keep) -> list[int]:
