@@ -11,7 +11,7 @@ from scipy.fft import dct, idct
 from scipy.special import expit
 
 from ..dwells import both_ways, Levels, SHORTEST, two_levels
-from ..evidence import claimed_lines, Evidence
+from ..evidence import Evidence
 from ..kinds import (
     Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
 )
@@ -186,7 +186,8 @@ class Rts(Spectrum):
         """
         Return (means, times, width) of a few samples that show the dwells, None where none do.
 
-        Without lines that the model holds, and what is slower than dozens of dwells.
+        Without lines, for one that the model lacks still swings between two levels as well, and
+        what is slower than dozens of dwells.
 
         """
         kept = evidence.kept(self.name)
@@ -199,8 +200,7 @@ class Rts(Spectrum):
         width = length * evidence.dt
         t = (int(kept[f'begin_{length}']) + 0.5 * (length - 1)) * evidence.dt \
             + width * np.arange(len(y))
-        lines = evidence.line_table[list(claimed_lines(evidence, fit.model))]
-        y = y - waves(lines, t, evidence.dt, length)
+        y = y - waves(evidence.line_table, t, evidence.dt, length)
         return self._shrunk(y, width, evidence, fit, 1 / (_BELOW * self['tau'])), t, width
 
     def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
