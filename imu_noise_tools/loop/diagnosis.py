@@ -292,7 +292,7 @@ class _Search:
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
         little by itself; then the second must gain what it lacks. Of others only the best of each
         sort is tried first. A spectrum with one of two has a lower floor, above which the other
-        stands out the more.
+        stands out the more; so has its slow end, above which a mean does.
 
         """
         before, asked = self.model_of(members), set[bool]()
@@ -373,8 +373,7 @@ class _Search:
                  if surplus(rival) > NEAR * max(surplus(main[i]), 0.0)]
         begun.sort(key=lambda z: -z[0])
         whole = frozenset(self.model_of(main).labels)
-        able = (b for _, b in begun
-                if self._heals(b[:-1], b[-1]) and self._lowers(b[:-1], b[-1]))
+        able = (b for b in (self._begun(b, main) for _, b in begun) if b)
         for begin in islice(able, CHAINS - 1):
             known = dict(self.scores)
             other = self.chain(begin)
@@ -397,6 +396,24 @@ class _Search:
             self._follow(best, left)
         self.scores.setdefault(frozenset(self.model_of(best).labels), _gained(best))
         return best
+
+    def _begun(self, begin: list[Finding], main: Sequence[Finding]) -> list[Finding]:
+        """
+        Return what a chain may begin with, nothing where its last does not heal what it claims.
+
+        By itself, or with one of those that the main chain found behind it.
+
+        """
+        members, last = begin[:-1], begin[-1]
+        if self._heals(members, last) and self._lowers(members, last):
+            return begin
+        before = self.model_of(members)
+        for g in main[len(begin):]:
+            after, both = self.model_of([*begin, g]), _both(last, g)
+            if _pairs(last, g) and not self._unhealed(before, after, both) \
+                    and not self._unlowered(before, after, both)[1]:
+                return [*begin, g]
+        return []
 
     def _left(self, chain: Iterable[Finding]) -> float:
         """Return what fails after a chain, nats."""
@@ -752,10 +769,18 @@ def _yields(one: Finding, other: Finding) -> bool:
 
 
 def _pairs(one: Finding, other: Finding) -> bool:
-    """Tell whether one of two findings may hide the other one in the view of both."""
-    some = [f.effect for f in (one, other) if f.effect is not None]
-    return len(some) == 2 and one.view == other.view and (
-        all(e.paired for e in some) or all(e.uncovers for e in some))
+    """
+    Tell whether one of two findings may hide the other one in the view of both.
+
+    Or whether beside the first there is less noise, under which a mean is hidden.
+
+    """
+    if one.effect is None or other.effect is None:
+        return False
+    if one.effect.uncovers and other.effect.paired:
+        return True
+    return one.view == other.view and (one.effect.paired and other.effect.paired
+                                       or one.effect.uncovers and other.effect.uncovers)
 
 
 def _both(one: Finding, other: Finding) -> Finding:

@@ -132,7 +132,8 @@ class Evidence:
     """
     All that is kept of one axis.
 
-    ``resolution`` is the step of the grid that the samples stand on, 0 where there is none.
+    ``resolution`` is the step of the grid that the samples stand on, 0 where there is none, and
+    ``rounding`` (lags,) the autocovariance of what that adds.
     ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z, ``humps`` (h, 3)
     frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or 2,
     blocks, bands) is the power in time, ``block_count`` its coefficients. ``cells`` (1 to 3,
@@ -164,6 +165,7 @@ class Evidence:
     loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     sweep: np.ndarray = field(default_factory=lambda: np.zeros(6))
     unrounded: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
+    rounding: np.ndarray = field(default_factory=lambda: np.zeros(1))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
@@ -564,5 +566,6 @@ def _one_from_arrays(axis, flat, common):
         loud=flat.get('loud', np.zeros((0, 2))),
         sweep=flat.get('sweep', np.zeros(6)),
         unrounded=flat.get('unrounded', np.zeros((2, 0))),
+        rounding=flat.get('rounding', np.atleast_1d(flat['resolution'] ** 2 / 12)),
         statistics=statistics,
     )

@@ -29,7 +29,7 @@ from .lines import (
     also_in, find_peaks, fine_edges, of_a_swing, PIECE, reference_spectrum, take_lines_out, waves
 )
 from .quiet import loud_stretches, quiet_spectrum
-from .rounded import before_rounding, coarse
+from .rounded import added_by_rounding, before_rounding, coarse
 from .sweep import find_sweep
 from .telegraph import levels
 from ..core import allan
@@ -144,7 +144,9 @@ class _Gathering:
         self.step(f'{axis}: Allan curve')
         own['resolution'] = grid_step(y)[0]
         own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
-        if coarse(own['resolution'], robust_sigma(y)):
+        sigma = robust_sigma(y)
+        own['rounding'] = added_by_rounding(self.clean[axis][:self.used], own['resolution'], sigma)
+        if coarse(own['resolution'], sigma):
             own['unrounded'] = before_rounding(self.clean[axis][:self.used], own['resolution'])
         length = self.used // own['block_power'].shape[1]
         loud = length * loud_stretches(own['block_power'][-1], own['block_count'])

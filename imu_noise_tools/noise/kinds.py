@@ -423,6 +423,7 @@ class Response(NoiseEffect):
     """Multiplies power: the sensor's own low-pass."""
 
     views: ClassVar[tuple[str, ...]] = ('frequency',)
+    uncovers = True     # with the fall the slow end is no steeper than it is
     #: whether it comes behind everything else, quantization too
     last: ClassVar[bool] = False
     #: whether it may leave so little that rounding and the record's ends show behind it

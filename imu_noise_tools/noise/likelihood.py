@@ -487,21 +487,31 @@ class Likelihood:
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
         total = sum(each.values())
         if any(r.leaks for r in model.of(Response)):
-            total = self._rounded(total)
+            total = self._rounded(each)
             total = total + leaked(total, self.bins)
         return total, each
 
     def _with_missed(self, total, model):
         return np.maximum(total + self.missed(model) if self._spreads else total, 1e-290)
 
-    def _rounded(self, total):
+    def _rounded(self, each):
         """
-        Return a spectrum (b,) with the output's rounding.
+        Return the sum of spectra (b,) by label, with the output's rounding if none of them is that.
 
         That happens behind the filter: where the filter leaves nothing, it is what is measured.
 
         """
-        return total + self.evidence.resolution**2 * self.dt / 6
+        total = sum(each.values())
+        if any(np.any(each[e.label]) for e in self.model.of(Spectrum) if 'grid' in e.explains):
+            return total
+        return total + self.evidence.remembered(('rounding', self.part_name), self._rounding)
+
+    def _rounding(self):
+        """Return the power (b,) of what the output's rounding adds."""
+        added = self.evidence.rounding
+        lags = 2 * np.pi * self.dt * np.arange(1, len(added))
+        return 2 * self.dt * np.maximum(
+            added[0] + 2 * np.cos(self.bins.f[:, None] * lags) @ added[1:], 0.0)
 
     def missed(self, model: Model) -> np.ndarray:
         """Return the power (b,) of a shared source that the couplings' channels miss."""
@@ -680,7 +690,7 @@ class Likelihood:
             turn.append((up - down) / (2 * h))
         out = self._turned(model, own, np.stack(turn, axis=1) / self._gain2([own])[:, None])
         if any(r.leaks for r in model.of(Response)):
-            out += leaked(self._rounded(sum(each.values())), self.bins, out)
+            out += leaked(self._rounded(each), self.bins, out)
         return out
 
     @cached_property

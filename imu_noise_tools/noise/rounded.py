@@ -19,8 +19,10 @@ REACH = 8  # levels on either side of a block's middle one; what is beyond count
 LOW, HIGH = 0.05, 5.0  # steps between which the noise is looked for
 ROUNDS = 40
 PRIOR = 4.0  # degrees of freedom
+CERTAIN, HALVED = 1e9, 12  # of them, where the noise is known; times that it is narrowed down
 FEWEST = 24.0  # degrees of freedom of a block that tells something
 TELLING = 0.5  # share of the blocks that must
+ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds has a colour
 
 
 def coarse(step: float, sigma: float) -> bool:
@@ -63,6 +65,78 @@ def before_rounding(y: np.ndarray, step: float) -> np.ndarray:
     variance = np.exp(2 * place[:, 2])
     level = np.average(variance[some], weights=told[some])
     return np.array([np.where(some, variance / level, 1.0), np.where(some, told, 0.0)])
+
+
+def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:
+    """
+    Return the autocovariance, from lag 0 on, of what rounding adds to normal noise.
+
+    A twelfth of the squared step and white, where noise spans some of it. Of less noise, most
+    samples stand on one level and few jump by all of a step, which passes little of the noise
+    itself: by Hermite polynomials, of whose coefficients the first is what is passed and all
+    others are added (Bussgang 1952; Price 1958). Noise that is coloured lends its colour to it.
+
+    Parameters
+    ----------
+    y : ndarray (n,)
+        Samples on the grid.
+    step, sigma : float
+        Of the grid, and the standard deviation of the fast part of the samples.
+
+    """
+    if not coarse(step, sigma):
+        return np.array([step**2 / 12])
+    place, variance = _of_one_noise(_counted(y, step, int(np.clip(len(y) // LENGTH, 4, BLOCKS))))
+    power = _powers(place)
+    # by differences, in which a drift is little
+    after = [np.mean((y[k:] - y[:-k]) ** 2) for k in range(1, min(LAGS, len(y) // 2))]
+    of, orders = np.linspace(-1, 1, 2001), np.arange(1, ORDERS + 1)
+    covariance = np.maximum.accumulate(of[:, None] ** orders @ power)
+    rho = np.interp(variance - 0.5 * np.array(after) / step**2, covariance, of)
+    # what orders beyond those have is gone after one sample
+    return step**2 * np.append(variance - power[0], rho[:, None] ** orders[1:] @ power[1:])
+
+
+def _of_one_noise(counts: np.ndarray) -> tuple[np.ndarray, float]:
+    """
+    Return the places of blocks (blocks, 3), all of one noise, and the variance about their means.
+
+    Of the noise that leads to the variance of the blocks: what single ones tell of it is the more
+    certain the louder they happen to be.
+
+    """
+    level = np.arange(-REACH, REACH + 1)
+
+    def variance(share):
+        return float(np.mean(share @ level**2 - (share @ level) ** 2))
+
+    total = counts.sum(axis=1)
+    there = variance(total / total.sum(axis=1, keepdims=True))
+    low, high = np.log(LOW), 0.0
+    for _ in range(HALVED):
+        middle = 0.5 * (low + high)
+        place = _likeliest(counts, middle, CERTAIN)
+        share = _shares(place)[0]
+        if variance(np.mean(share, axis=1)) > there:
+            high = middle
+        else:
+            low = middle
+    return place, variance(share)
+
+
+def _powers(place: np.ndarray) -> np.ndarray:
+    """Return the power (k,) of each Hermite polynomial in levels about means (blocks, 3), steps."""
+    time = (np.arange(PIECES) + 0.5) / PIECES - 0.5
+    mean = place[:, :1] + place[:, 1:2] * time
+    edges = np.arange(-REACH, REACH) + 0.5
+    u = np.clip((edges - mean[..., None]) * np.exp(-place[:, 2])[:, None, None], -30, 30)
+    # orthonormal ones times the density: He_(k+1) = u He_k - k He_(k-1)
+    here, before = np.exp(-0.5 * u * u) / np.sqrt(2 * np.pi), np.zeros(u.shape)
+    out = []
+    for k in range(1, ORDERS + 1):
+        out.append(np.mean(np.sum(here, axis=-1) ** 2) / k)
+        here, before = (u * here - np.sqrt(k - 1) * before) / np.sqrt(k), here
+    return np.array(out)
 
 
 def _counted(y: np.ndarray, step: float, blocks: int) -> np.ndarray:
