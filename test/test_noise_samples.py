@@ -21,7 +21,8 @@ from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.rounded import before_rounding
+from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding
+from imu_noise_tools.tasks.noise import analyse_record
 
 SPIKES, DUPLICATES, SHOCK = (
     find_effect('noise', k) for k in ('spikes', 'duplicates', 'shock'))
@@ -124,6 +125,25 @@ def test_the_noise_below_a_coarse_grid_is_told_by_its_levels(ratio, place):
 
 def test_where_all_samples_stand_on_one_level_nothing_is_told():
     assert not before_rounding(np.r_[8.0 * np.round(noise(6) / 8), 8.0], 8.0).size
+
+
+@pytest.mark.parametrize('drift', [0, 3])
+@pytest.mark.parametrize('keep', [0.2, 0.6, 0.9])
+@pytest.mark.parametrize('sigma, place', [(0.22, 0.0), (0.3, 0.45), (0.5, 0.2)])
+def test_what_a_coarse_grid_adds_has_the_colour_of_the_noise(sigma, place, keep, drift):
+    """What is left of the samples beside the share of the noise that passes, piece by piece."""
+    rng, n = np.random.default_rng(3), 400_000
+    x = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(n))
+    y = np.round(place + drift * np.arange(n) / n + sigma * x)
+    x, left = (v.reshape(100, -1) - np.mean(v.reshape(100, -1), axis=1, keepdims=True)
+               for v in (x, y))
+    left -= np.mean(left * x, axis=1, keepdims=True) * x
+    wanted = [np.mean(left[:, k:] * left[:, :left.shape[1] - k]) for k in range(4)]
+    added = added_by_rounding(y, 1.0, robust_sigma(y))
+    assert added[:4] == pytest.approx(wanted, abs=0.07 * wanted[0])
+    # of finer steps all that is there is white
+    fine = np.round(2 * y + rng.standard_normal(n))
+    assert added_by_rounding(fine, 1.0, 1.0) == pytest.approx([1 / 12])
 
 
 @pytest.mark.parametrize('louder', [1.0, 1.6])
@@ -420,3 +440,20 @@ def test_few_held_samples_show_beside_what_rounding_makes_equal(step, share):
     y = noise(4, 4 * N)
     y = step * np.round((y + 0.6 * np.roll(y, 1)) / step)
     assert repeats(held_at_random(y, share)).held == (share > 0)
+
+
+@pytest.mark.parametrize('counts', [False, True])
+def test_a_filter_is_found_behind_a_grid_as_coarse_as_the_noise(counts):
+    """Of the rate, or of the angle: what rounds that takes the place of the rate's grid."""
+    rng, n, length = np.random.default_rng(8), 45_000, 8
+    x = np.cumsum(rng.standard_normal(n + length))
+    x = (x[length:] - x[:-length]) / np.sqrt(length) + 0.2 * rng.standard_normal(n)
+    x = np.column_stack([x, rng.standard_normal((n, 2))])
+    step = 1.2 if counts else 3.0
+    y = np.diff(np.round(np.cumsum(x, axis=0) / step + 0.3), axis=0, prepend=0) * step if counts \
+        else step * np.round(x / step + 0.2)
+    study = analyse_record(ImuRecord(1e-4 * y, None, 0.01 * np.arange(n), 100.0),
+                           axes=('gyro_x',), keep_motion=True)
+    found = study.diagnose(['gyro_x'])['gyro_x'].found
+    assert {f.name for f in found} == {'quantization' if counts else 'rate_quantization',
+                                       'low_pass'}

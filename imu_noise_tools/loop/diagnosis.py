@@ -401,19 +401,18 @@ class _Search:
         """
         Return what a chain may begin with, nothing where its last does not heal what it claims.
 
-        By itself, or with one of those that the main chain found behind it.
+        By itself, or with that of those behind it in the main chain which lowers the error most.
 
         """
         members, last = begin[:-1], begin[-1]
         if self._heals(members, last) and self._lowers(members, last):
             return begin
         before = self.model_of(members)
-        for g in main[len(begin):]:
-            after, both = self.model_of([*begin, g]), _both(last, g)
-            if _pairs(last, g) and not self._unhealed(before, after, both) \
-                    and not self._unlowered(before, after, both)[1]:
-                return [*begin, g]
-        return []
+        said = [(g, *self._unlowered(before, self.model_of([*begin, g]), _both(last, g)))
+                for g in main[len(begin):] if _pairs(last, g)]
+        g, _, against = max(said, key=lambda z: z[1], default=(last, 0.0, _DOUBT))
+        against = against or self._unhealed(before, self.model_of([*begin, g]), _both(last, g))
+        return [] if against else [*begin, g]
 
     def _left(self, chain: Iterable[Finding]) -> float:
         """Return what fails after a chain, nats."""

@@ -44,6 +44,7 @@ ENOUGH = 4.0  # coefficients for each gain that is free in a band
 RARE = 1e-3  # how often chance reaches what refutes a name
 VALLEY = 0.5  # of the lower of two peaks: they are apart where there is less between them
 TOGETHER = 3  # peaks without one
+UNLIKE_SHARE = 0.005  # of a claim, that noise has whose kurtosis is half of what a line's would be
 FEWEST = 64  # differences of block means that tell a kurtosis
 MANY = 4  # times as many, from which so few independent ones are those of a course
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
@@ -212,7 +213,7 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
     against = _not_normal(evidence, fit, effect, claim)
     if effect.normal and not against:
         gain = _shared_otherwise(evidence, fit, effect)
-        if gain > max(DIRECTED, FLEXIBLE_SHARE * claim):
+        if gain > max(DIRECTED, UNLIKE_SHARE * claim):
             return f'what is shared moves, or comes and goes, as no noise does, by {gain:.0f} nats'
     return against
 
@@ -445,10 +446,12 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
 
     """
     e, model = evidence, fit.model
-    if any((model.of(Mean), model.of(Modulation), [d for d in model.of(Defect) if d.screens()])):
+    if any((model.of(Mean), [d for d in model.of(Defect) if d.screens()])):
         return 0.0
     without = views.slow_rest(e, model.minus(effect.label))
-    return unlike_noise(without, without - views.slow_rest(e, model))
+    loud = np.sqrt(np.prod([np.ones(len(without)), *(
+        m.variance(e.slow_t) for m in model.of(Modulation))], axis=0))
+    return unlike_noise(without / loud, (without - views.slow_rest(e, model)) / loud)
 
 
 def uneven(differences: Differences) -> float:

@@ -496,7 +496,7 @@ class Likelihood:
 
     def _rounded(self, each):
         """
-        Return the sum of spectra (b,) by label, with the output's rounding if none of them is that.
+        Return the sum of spectra (b,) by label, with the output's rounding unless one is that.
 
         That happens behind the filter: where the filter leaves nothing, it is what is measured.
 

@@ -86,7 +86,8 @@ def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:
     """
     if not coarse(step, sigma):
         return np.array([step**2 / 12])
-    place, variance = _of_one_noise(_counted(y, step, int(np.clip(len(y) // LENGTH, 4, BLOCKS))))
+    blocks = int(np.clip(len(y) // LENGTH, 4, BLOCKS))
+    place, variance = _of_one_noise(_counted(y, step, blocks))
     power = _powers(place)
     # by differences, in which a drift is little
     after = [np.mean((y[k:] - y[:-k]) ** 2) for k in range(1, min(LAGS, len(y) // 2))]

@@ -385,7 +385,9 @@ def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarra
         yield axis + SHAKEN, c * weight
     if not together:
         return
-    c = later(c)
+    # a ramp repeated with its sign turned is none a quarter of a period on: it bends
+    ramp = dct(np.arange(len(c)) - 0.5 * (len(c) - 1), norm='ortho')
+    c = later(c - (c @ ramp) / (ramp @ ramp) * ramp)
     yield axis + LATER, c
     if weight is not None:
         yield axis + SHAKEN + LATER, c * weight
