@@ -477,7 +477,7 @@ def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_wh
     monkeypatch.setattr(flexible, 'unlike_noise', lambda x, y: 10.0)
     said = [problem.shape(fit, 'shared_noise', 101.0) for fit in fits]
     assert 'as no noise does' in said[0] and not said[1]
-    assert not problem.shape(fits[0], 'shared_noise', 1000.0), 'a fiftieth of what it claims'
+    assert not problem.shape(fits[0], 'shared_noise', 3000.0), 'a part of what it claims'
 
 
 def test_what_only_stands_for_what_has_no_name_is_refuted():

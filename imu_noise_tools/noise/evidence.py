@@ -31,7 +31,7 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
-QUICK = 1 << 12  # places in a half at which what is smooth in time is asked for, at least
+QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
 REMEMBERED = 1 << 21  # numbers (16 MB) of what is worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
@@ -171,6 +171,7 @@ class Evidence:
     _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _begun: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    _quick: dict[int, Inputs] = field(default_factory=dict, init=False, repr=False, compare=False)
     _steadier: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -196,19 +197,22 @@ class Evidence:
             COURSE: np.std(self.slow_y) * self.course.values}
         return Inputs(self.slow_t, self.dt, {**self.slow_others, **more})
 
-    @cached_property
-    def quick_inputs(self) -> Inputs:
+    def quick_inputs(self, many: int) -> Inputs:
         """
-        What a smooth effect on the mean may depend on, at so many places that a DCT is quick.
+        What a smooth effect on the mean may depend on, at so many places or a few more.
 
-        Of those that the blocks resolve, the lower half of the coefficients is asked for.
+        As many as a DCT is quick for, of the parts as well. The lower half of its coefficients is
+        as good as that of all blocks.
 
         """
-        inputs, n = self.slow_inputs, len(self.slow_t)
-        many = 2 * next_fast_len(max(n // 4, min(n // 2, QUICK)))
-        at, here = (np.arange(many) + 0.5) * n / many - 0.5, np.arange(n)
-        return Inputs(np.interp(at, here, inputs.t), inputs.dt,
-                      {k: np.interp(at, here, x) for k, x in inputs.covariates.items()})
+        if many not in self._quick:
+            inputs, n = self.slow_inputs, len(self.slow_t)
+            places = 2 * next_fast_len(max(many // 2, min(n // 2, QUICK)))
+            at, here = (np.arange(places) + 0.5) * n / places - 0.5, np.arange(n)
+            self._quick[many] = Inputs(
+                np.interp(at, here, inputs.t), inputs.dt,
+                {k: np.interp(at, here, x) for k, x in inputs.covariates.items()})
+        return self._quick[many]
 
     @cached_property
     def course(self) -> Course | None:

@@ -27,7 +27,7 @@ from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Sp
 from .knee import Knee
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
-from .sweep import Sweep
+from .sweep import PARTS as SWEPT, Sweep
 from .together import unlike_noise
 from ..core.linear import inverse
 from ..core.statistics import independent_squares, kurtosis_pull
@@ -260,14 +260,18 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
     Say that a line that sweeps stands out by more than an effect explains of the spectrum.
 
     What is spread over many frequencies stands out of the spectrum by less than along its path,
-    and bends it like a filter or a drift, or is what axes share; a peak it is not.
+    and bends it like a filter or a drift, or is what axes share; a peak it is not. What axes share
+    in all of the record it may do that is seen in a part of it, on a path that is not straight.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     imitated = isinstance(effect, Coupling) or not (peak or effect.certain) and isinstance(
         effect, (Spectrum, Response))
-    if not imitated or sweep.sure <= FLEXIBLE or sweep.strong <= claim:
+    part, sure = 1.0, FLEXIBLE
+    if isinstance(effect, Coupling):
+        part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
+    if not imitated or sweep.sure <= sure or sweep.strong <= claim * part:
         return ''
     return f'a line that sweeps, which shows there as well, has {sweep.strong:.0f} nats'
 

@@ -281,6 +281,8 @@ class Mean(NoiseEffect):
     paired = True
     #: whether nothing of it jumps, so that it may be asked for between the blocks
     smooth: ClassVar[bool] = False
+    #: whether it takes a good part of the record to change: the rest of the spectrum lacks it
+    slow: ClassVar[bool] = False
     #: parameters that a fit chooses anew where the others are known: beside more, more is seen
     anew: ClassVar[tuple[str, ...]] = ()
 

@@ -41,6 +41,7 @@ from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
 
 KEPT = 16  # points of a search at which the value is kept
+SLOWEST = 1024      # coefficients, in which all is that a slow mean does
 
 
 @dataclass(frozen=True)
@@ -196,6 +197,8 @@ class Likelihood:
         e = self.evidence
         low = e.common.low[e.axis, self.part_name]
         self._count = min(len(self._in_part(e.slow_t)) // 4, len(low))
+        if all(m.slow for m in self.means):
+            self._count = min(self._count, SLOWEST)
         self._inside = int(np.searchsorted(self.bins.last, self._count + 1, side='right'))
         self._slow = low[:self._count]
         # a mean is no jump of noise whose path is seen
@@ -217,10 +220,11 @@ class Likelihood:
         rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
         # a lag and a mean temperature are those of the whole record
         e = self.evidence
+        inputs = e.quick_inputs(4 * SLOWEST if effect.slow else len(e.slow_t) // 2) \
+            if effect.smooth else e.slow_inputs
         return e.remembered(
-            (self.part_name, type(effect), *rest.values()), lambda: self._slow_transform(
-                self._in_part(effect.columns(e.quick_inputs if effect.smooth else e.slow_inputs,
-                                             **rest))))
+            (self.part_name, self._count, type(effect), *rest.values()),
+            lambda: self._slow_transform(self._in_part(effect.columns(inputs, **rest))))
 
     def _slow_transform(self, y):
         """Return the slow coefficients (q, ...) of values (n, ...) at n places of the part."""

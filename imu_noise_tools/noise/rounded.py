@@ -126,7 +126,7 @@ def _of_one_noise(counts: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _powers(place: np.ndarray) -> np.ndarray:
-    """Return the power (k,) of each Hermite polynomial in levels about means (blocks, 3), steps."""
+    """Return the power (k,) of each Hermite polynomial in levels about places (blocks, 3)."""
     time = (np.arange(PIECES) + 0.5) / PIECES - 0.5
     mean = place[:, :1] + place[:, 1:2] * time
     edges = np.arange(-REACH, REACH) + 0.5

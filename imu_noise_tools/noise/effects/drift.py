@@ -13,7 +13,7 @@ class Drift(Mean):
     """The mean follows a parabola: a ramp that grows, dies out or turns back."""
 
     name = 'drift'
-    smooth = True
+    smooth = slow = True
     symbol = 'rate, curvature'
     title = 'drift that bends'
     equation = 'mean = rate t + curvature t^2/2'

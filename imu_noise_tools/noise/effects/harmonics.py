@@ -18,7 +18,8 @@ ORDERS = 12
 HIGHEST = (2, 3, 4, 6, 8, ORDERS)  # what the search for f0 takes for the highest order
 LOWEST = 4  # some line must be of this order or a lower one
 CHANCE = 0.01  # that unrelated lines stand so
-CELLS = 0.2  # of 1/T by which a line may be off its order
+CELLS = 0.05, 0.2  # of 1/T by which a line may be off its order: a strong one, a faint one
+KNOWN = 4 * np.sqrt(3) / np.pi  # four errors of a frequency, cells, times the pull of its line
 
 
 class Harmonics(Line):
@@ -76,8 +77,10 @@ class Harmonics(Line):
 
     def _family(self, evidence, free) -> tuple[float, dict[int, int]]:
         """Return f0, and which row stands at each of its orders."""
-        f0, orders = _family_of(tuple(evidence.line_table[free, 0].tolist()),
-                                self.values.get('frequency'), evidence.duration, evidence.dt)
+        f, _, _, pull = evidence.line_table[free].T
+        f0, orders = _family_of(
+            tuple(f.tolist()), tuple(np.clip(KNOWN / np.maximum(pull, 1.0), *CELLS).tolist()),
+            self.values.get('frequency'), evidence.duration, evidence.dt)
         return f0, {order: free[i] for order, i in orders}
 
     def read(self, evidence: Evidence, rows: list[int]) -> dict[str, Estimate]:
@@ -117,25 +120,27 @@ class Harmonics(Line):
 
 
 @lru_cache(maxsize=64)
-def _family_of(lines: tuple[float, ...], given: float | None, duration: float, dt: float,
-               ) -> tuple[float, tuple[tuple[int, int], ...]]:
+def _family_of(lines: tuple[float, ...], cells: tuple[float, ...], given: float | None,
+               duration: float, dt: float) -> tuple[float, tuple[tuple[int, int], ...]]:
     """
     Return f0, and (order, which line) of the largest set; the sets of low orders first.
+
+    Of lines at some frequencies, each of which may be off by some cells.
 
     Worked out once: each fit asks again for the lines of the same record.
 
     """
-    f = np.array(lines)
+    f, within = np.array(lines), np.array(cells) / duration
     best: tuple[float, dict[int, int]] = 0.0, {}
     # then those of which no line is seen as it is, where they hold more
     for is_folded, most in product((False, True), HIGHEST):
         trials = _trials(f, most, is_folded, dt)
-        for f0, k in trials:
+        for f0, k, i in trials:
             if is_folded and f0 * dt > 0.5:    # that of its mirror image
                 continue
             if given and abs(f0 - given) > max(1 / duration, 1e-3 * given):
                 continue
-            found, chance = _at_orders(f, f0, k, most, duration, dt)
+            found, chance = _at_orders(f, within, f0, within[i] / k, most, dt)
             if len(found) <= max(len(best[1]), 1):
                 continue
             likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
@@ -144,32 +149,34 @@ def _family_of(lines: tuple[float, ...], given: float | None, duration: float, d
     return best[0], tuple(best[1].items())
 
 
-def _trials(f: np.ndarray, most: int, is_folded: bool, dt: float) -> list[tuple[float, int]]:
-    """Return (f0, order) as which each line f (l,) may be read, seen as it is or folded."""
+def _trials(f: np.ndarray, most: int, is_folded: bool, dt: float) -> list[
+        tuple[float, int, int]]:
+    """Return (f0, order, which) as which each line f (l,) may be read, as it is or folded."""
     orders = range(1, min(most, LOWEST) + 1)
     if not is_folded:
-        return sorted(((x / k, k) for k in orders for x in f), reverse=True)
-    return sorted({(abs(m / dt + side * x) / k, k) for k in orders for m in range(1, k // 2 + 1)
-                   for side in (1, -1) for x in f}, reverse=True)
+        return sorted(((x / k, k, i) for k in orders for i, x in enumerate(f)), reverse=True)
+    return sorted({(abs(m / dt + side * x) / k, k, i) for k in orders
+                   for m in range(1, k // 2 + 1) for side in (1, -1)
+                   for i, x in enumerate(f)}, reverse=True)
 
 
-def _at_orders(f, f0: float, k: int, most: int, duration: float, dt: float,
+def _at_orders(f: np.ndarray, within: np.ndarray, f0: float, error: float, most: int, dt: float,
                ) -> tuple[dict[int, int], float]:
     """
     Return ({order: which of f stands there}, the chance that an unrelated line stands at one).
 
-    ``f0`` was read from a line at order k, so that its error grows with the order.
+    ``within`` (l,) is how far off each of f may be; that of f0 grows with the order.
 
     """
     order = np.arange(1, most + 1)
-    width = CELLS / duration * (1 + order / k)
-    chance = min(float(np.sum(4 * width * dt)), 1.0)
     if not len(f):
-        return {}, chance
+        return {}, 0.0
+    width = within + order[:, None] * error
+    chance = min(float(np.sum(4 * np.max(width, axis=1) * dt)), 1.0)
     off = np.abs(f - folded(order * f0, dt)[:, None])
-    near = np.argmin(off, axis=1)
+    near = np.argmin(off / width, axis=1)
     found: dict[int, int] = {}
-    for j in np.flatnonzero(off[order - 1, near] < width).tolist():
+    for j in np.flatnonzero((off < width)[order - 1, near]).tolist():
         if int(near[j]) not in found.values():
             found[j + 1] = int(near[j])
     return found, chance

@@ -13,7 +13,7 @@ class Ramp(Mean):
     """R: the mean grows linearly."""
 
     name = 'ramp'
-    smooth = True
+    smooth = slow = True
     symbol = 'R'
     title = 'rate ramp'
     equation = 'mean = R t, sigma^2(tau) = R^2 tau^2/2'

@@ -19,7 +19,7 @@ class SlowPeriodic(Mean):
     """A swing of a few periods in the record: a sine, of part of one too, or with harmonics."""
 
     name = 'slow_periodic'
-    smooth = True
+    smooth = slow = True
     symbol = 'cosine, sine, ..., period'
     title = 'slow periodic change of the bias'
     equation = (
