@@ -375,7 +375,7 @@ def test_a_swing_with_more_orders_than_a_mean_has_is_one_family(cycles):
 def test_strong_lines_stand_at_an_order_as_closely_as_they_are_known():
     """Near the orders 1, 6 and 8 of one frequency, by more than the error of any of them."""
     rng = np.random.default_rng(31)
-    f = np.array([50.1, 300.41, 399.0]) / SPAN
+    f = np.array([61.1, 366.2, 487.4]) / SPAN
     evidence = record_with(sum(np.sin(2 * np.pi * x * T + x) for x in f), rng)
     assert len(evidence.line_table) == 3
     assert find_effect('noise', 'harmonics')().rows(evidence, [0, 1, 2]) == []
