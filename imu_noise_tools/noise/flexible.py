@@ -496,9 +496,11 @@ def differences_of(octaves: Iterable[np.ndarray]) -> Differences:
 def octaves_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> list[np.ndarray]:
     """Return block means of what an effect makes, in octaves in which it has most of the power."""
     e, model = evidence, fit.model
-    # what those touch is in the block means, and what an axis has in the mean in other axes' too
-    if any(d.screens() for d in model.of(Defect)) \
-            or isinstance(effect, Coupling) and model.of(Mean):
+    # what those touch is in the block means, and what one axis has, a mean, levels, samples that
+    # are held, others may have of their own
+    if any(d.screens() for d in model.of(Defect)) or isinstance(effect, Coupling) and (
+            model.of(Mean) or model.of(Defect)
+            or any(s.bonus(e, fit) > 0 for s in model.of(Spectrum))):
         return []
     rest, out = views.slow_rest(e, model), []
     y = views.slow_rest(e, model.minus(effect.label)) - rest if isinstance(effect, Coupling) \
