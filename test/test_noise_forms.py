@@ -756,3 +756,50 @@ def test_a_record_of_few_samples_is_diagnosed(n):
     problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
     fit = problem.fit(model_of('noise', ('white',)))
     assert diagnose(State(problem, fit, problem.held_out(fit.model))).verdict == 'complete'
+
+
+@pytest.mark.parametrize('name', ['ramp', 'slow_periodic', 'transient'])
+def test_what_is_smooth_is_the_same_at_a_quick_number_of_places(name):
+    """Of a record whose number of blocks is twice a prime, beside what all of them say."""
+    n = 2 * 8513
+    y = np.random.default_rng(5).standard_normal((n, 3))
+    evidence = gather(ImuRecord(y, None, 0.01 * np.arange(n), 100.0), ['gyro_x'])['gyro_x']
+    effect = find_effect('noise', name)
+    effect = effect.example().with_values(**{
+        'slow_periodic': {'period': 55.0}, 'transient': {'tc': 3.0}}.get(name, {}))
+    for part in ('whole', 'second'):
+        view = Likelihood(evidence, part, model_of('noise', ('white',)).plus(effect))
+        quick = view.slow_columns(effect)
+        evidence._remembered.clear()
+        exact = view._slow_transform(view._in_part(effect.columns(
+            evidence.slow_inputs, **{p.name: effect[p.name] for p in effect.parameters
+                                     if not p.linear})))
+        error = np.sqrt(np.sum((quick - exact) ** 2, axis=0))
+        assert np.all(error <= 2e-3 * np.sqrt(np.sum(exact**2, axis=0)))
+
+
+def test_a_step_is_looked_for_where_the_best_one_hides_none():
+    """Up, and down again, on a slope: the noise that the second leaves is the slope's as well."""
+    rng, n, dt = np.random.default_rng(12), 45_000, 0.01
+    t = dt * np.arange(n)
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += 4 * ((t > 48.1) & (t < 309.2)) + 0.035 * (t - 225)
+    evidence = gather(ImuRecord(1e-4 * y, None, t, 1 / dt), ['gyro_x'])['gyro_x']
+    problem = NoiseProblem(evidence)
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk', 'step')))
+    assert min(abs(fit.model['step']['time'] - x) for x in (48.1, 309.2)) < 0.5
+    step = next(f for f in problem.candidates(fit) if f.name == 'step')
+    times = sorted((fit.model['step']['time'], step.effect['time']))
+    assert times == pytest.approx([48.1, 309.2], abs=0.5) and step.gain > step.penalty
+
+
+def test_short_dwells_are_told_without_a_line_that_the_model_lacks():
+    rng, n, dt = np.random.default_rng(9), 140_000, 5e-4
+    t = dt * np.arange(n)
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += 0.12 * np.sin(2 * np.pi * 40.0 * t)
+    evidence = gather(ImuRecord(1e-4 * y, None, t, 1 / dt), ['gyro_x'])['gyro_x']
+    rts = find_effect('noise', 'rts')().with_values(step=2e-5, tau=0.02)
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
+    z, at, _ = rts._short(evidence, replace(fit, model=fit.model.with_effect(rts)))
+    assert 2 * abs(np.mean(z * np.exp(2j * np.pi * 40.0 * at))) < 0.02e-4

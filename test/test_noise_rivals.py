@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 from params import daily
 import pytest
+from scipy.fft import dct
 from scipy.signal import butter, chirp, iirnotch, iirpeak, lfilter, sosfilt
 from scipy.stats import kurtosistest
 
@@ -325,13 +326,20 @@ def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
 
 def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     """But no peak is, nor what explains more."""
-    evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]))
+    evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]), duration=600.0)
     filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
     assert flexible._swept(evidence, filtered, 25.0)
     assert not flexible._swept(evidence, filtered, 250.0)
     assert not flexible._swept(evidence, peak, 25.0)
     faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
     assert not flexible._swept(faint, filtered, 25.0)
+    # what axes share it may do all along, on a path that is straight for a while
+    shared_noise = find_effect('noise', 'shared_noise').example()
+    late = SimpleNamespace(sweep=np.array([8.0, 200.0, 500.0, 600.0, 1.0, 5.0]), duration=600.0)
+    assert flexible._swept(late, shared_noise, 1000.0)
+    assert not flexible._swept(late, shared_noise, 1300.0)
+    assert not flexible._swept(evidence, shared_noise, 250.0)
+    assert not flexible._swept(late, filtered, 25.0)
 
 
 @pytest.mark.thorough
@@ -822,3 +830,26 @@ def test_a_line_raises_what_a_shaken_source_is_missed_by_at_its_own_place_alone(
         lambda a, b, own=own: own if a == b else 2 * own, 'accel_x~', bins)
         for own in (noise, loud))
     assert np.max(beside / plain) < 1.9 and np.mean(plain) == pytest.approx(1, rel=0.1)
+
+
+def test_a_ramp_of_another_axis_bends_nothing_a_quarter_of_a_period_later():
+    n = 4096
+    noise = np.random.default_rng(3).standard_normal(n)
+    plain, sloped = (
+        dict(shared.signals('gyro_y', dct(x, norm='ortho'), DT, np.ones(1), None, True))
+        for x in (noise, noise + 0.02 * np.arange(n)))
+    np.testing.assert_allclose(sloped['gyro_y^'], plain['gyro_y^'], atol=1e-6)
+    t = np.arange(n)
+    without = dct(noise - np.polyval(np.polyfit(t, noise, 1), t), norm='ortho')
+    np.testing.assert_allclose(plain['gyro_y^'], shared.later(without), atol=1e-6)
+
+
+def test_samples_that_other_axes_hold_are_no_sign_against_what_they_share(monkeypatch):
+    monkeypatch.setattr(flexible, 'uneven', lambda some: 100.0 if some else 0.0)
+    rng, n = np.random.default_rng(54), 20_000
+    x = SIZE * (rng.standard_normal((n, 3)) + 0.7 * rng.standard_normal((n, 1)))
+    problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    for more, holds in (((), False), (('duplicates',), True), (('ramp',), True)):
+        fit = problem.point(model_of('noise', ['white', 'shared_noise', *more]))
+        said = flexible._not_normal(problem.evidence, fit, fit.model['shared_noise'], 100.0)
+        assert ('not normal' in said) != holds

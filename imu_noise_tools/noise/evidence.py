@@ -199,7 +199,7 @@ class Evidence:
 
     def quick_inputs(self, many: int) -> Inputs:
         """
-        What a smooth effect on the mean may depend on, at so many places or a few more.
+        Return what a smooth effect on the mean may depend on, at so many places or a few more.
 
         As many as a DCT is quick for, of the parts as well. The lower half of its coefficients is
         as good as that of all blocks.
