@@ -498,9 +498,11 @@ def octaves_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> lis
     e, model = evidence, fit.model
     # what those touch is in the block means, and what one axis has, a mean, levels, samples that
     # are held, others may have of their own
-    if any(d.screens() for d in model.of(Defect)) or isinstance(effect, Coupling) and (
-            model.of(Mean) or model.of(Defect)
-            or any(s.bonus(e, fit) > 0 for s in model.of(Spectrum))):
+    own = any(d.screens() for d in model.of(Defect))
+    if isinstance(effect, Coupling):
+        own = own or bool(model.of(Mean)) or bool(model.of(Defect)) \
+            or any(s.bonus(e, fit) > 0 for s in model.of(Spectrum))
+    if own:
         return []
     rest, out = views.slow_rest(e, model), []
     y = views.slow_rest(e, model.minus(effect.label)) - rest if isinstance(effect, Coupling) \
