@@ -457,3 +457,38 @@ def test_a_filter_is_found_behind_a_grid_as_coarse_as_the_noise(counts):
     found = study.diagnose(['gyro_x'])['gyro_x'].found
     assert {f.name for f in found} == {'quantization' if counts else 'rate_quantization',
                                        'low_pass'}
+
+
+@pytest.mark.parametrize('fraction, f', [(0.4533, 9.46), (0.7071, 2.0), (0.1903, 5.5)])
+def test_a_line_has_images_where_a_slower_clock_holds_the_samples(fraction, f):
+    """Their frequencies and shares of its power, beside those of a line that is held."""
+    n, dt = 200_000, 0.04
+    held = find_effect('noise', 'duplicates')().with_values(
+        fraction=fraction, pattern=1.0, run=1.0)
+    t = dt * np.arange(n)
+    y = held.apply(np.cos(2 * np.pi * f * t + 0.3), Inputs(t, dt), np.random.default_rng(1))
+    power = np.abs(np.fft.rfft(y * np.hanning(n))) ** 2
+    images = sorted(held.images(f, dt), key=lambda x: -x[1])
+    assert sum(share for _, share in images) == pytest.approx(1, abs=0.04)
+    at = np.fft.rfftfreq(n, dt)
+    for where, share in images[:4]:
+        there = np.sum(power[np.abs(at - where) < 6 / (n * dt)]) / np.sum(power)
+        assert there == pytest.approx(share, rel=0.03)
+    assert held.with_values(pattern=0.0).images(f, dt) == []
+
+
+def test_a_band_is_found_with_its_images_where_a_slower_clock_holds_the_samples():
+    rng, n, dt, f = np.random.default_rng(17), 7_500, 0.04, 9.46
+    pole = np.exp(2j * np.pi * f * dt - np.pi * 0.12 * dt)
+    band = lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], rng.standard_normal(n + 500))[500:]
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += 0.5 * band / np.std(band)
+    held = find_effect('noise', 'duplicates')().with_values(fraction=0.4533, pattern=1.0, run=1.0)
+    t = dt * np.arange(n)
+    y = np.column_stack([held.apply(x, Inputs(t, dt), rng) for x in y.T])
+    study = analyse_record(ImuRecord(1e-4 * y, None, t, 1 / dt), axes=('gyro_x',),
+                           keep_motion=True)
+    found = {x.name: x.effect for x in study.diagnose(['gyro_x'])['gyro_x'].found}
+    assert set(found) == {'duplicates', 'narrowband'}
+    assert found['narrowband']['frequency'] == pytest.approx(f, abs=0.05)
+    assert found['narrowband']['rms'] == pytest.approx(0.5e-4, rel=0.25)

@@ -230,6 +230,10 @@ class Spectrum(NoiseEffect):
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""
         return None
 
+    def at(self, centre: float) -> Spectrum:
+        """Return the same peak at another frequency, Hz."""
+        raise NotImplementedError(f'{self.name} has no centre')
+
     def binned(self, bins: Bins) -> np.ndarray:
         """Return what the power of a record is expected to be in each bin, (b,)."""
         return expected(lambda f: self.psd(f, bins.dt), bins)
@@ -434,6 +438,10 @@ class Response(NoiseEffect):
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain at f (Hz)."""
         raise NotImplementedError
+
+    def images(self, f: float, dt: float) -> list[tuple[float, float]]:
+        """Return (Hz, share of the power) of what it makes of a line at f; none of a filter."""
+        return []
 
     def acts_on(self, effect: Spectrum) -> bool:
         """Tell whether it filters what an effect adds."""

@@ -25,6 +25,7 @@ from .evidence import Evidence
 from .explained import Explained
 from .kinds import (
     Coupling,
+    gain2_of,
     Mean,
     MEASURED,
     model_crowd,
@@ -531,14 +532,31 @@ class Likelihood:
         """Return what one effect puts into the bins, as expected behind the sensor's responses."""
         behind = responses_on(effect, model)
         if effect.centre is not None:
-            own = effect.binned(self.bins)
-            return own * gathered(self._gain2(behind), self.bins) if behind else own
+            return self._peak(effect, behind)
         square, key, one = self._unit(effect)
         if behind:
             return square * gathered(one * self._gain2(behind), self.bins)
         if not key:
             return gathered(one, self.bins)
         return square * self._kept((*key, ''), lambda: gathered(one, self.bins))
+
+    def _peak(self, effect, behind):
+        """Return what a peak puts into the bins, and its images where samples are held."""
+        images, others = self._images(effect, behind)
+        if not images:
+            own = effect.binned(self.bins)
+            return own * gathered(self._gain2(behind), self.bins) if behind else own
+        # they are of what has passed the others
+        passed = float(gain2_of(others, np.array(effect.centre), self.dt))
+        return passed * sum(share * effect.at(f).binned(self.bins) for f, share in images)
+
+    def _images(self, effect, behind):
+        """Return (images of a peak, the responses that do not make them)."""
+        for r in behind:
+            images = r.images(effect.centre, self.dt)
+            if images:
+                return images, [other for other in behind if other is not r]
+        return [], behind
 
     def _unit(self, effect):
         """
@@ -666,6 +684,8 @@ class Likelihood:
     def _slopes(self, effect, model):
         """Return d v/d x_j, (b,) each, of what a spectrum has in closed form, by name."""
         slopes, behind = effect.slopes(self.bins), responses_on(effect, model)
+        if slopes and self._images(effect, behind)[0]:
+            return {}
         if slopes and behind:
             gain = gathered(self._gain2(behind), self.bins)
             slopes = {name: slope * gain for name, slope in slopes.items()}

@@ -8,12 +8,14 @@ from scipy.special import xlogy
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter, Response
+from ...core.spectrum import folded
 from ...core.statistics import interval, repeats
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 LONGEST = 50  # samples that are held at a time
 STRETCHES = 8  # of the record, in which repeats are counted
 PIECES = (1024, 256)  # samples in which a beat is looked for
+IMAGES, FAINTEST = 16, 1e-3  # of a line, on either side; shares of its power
 
 
 class Duplicates(Defect, Response):
@@ -155,6 +157,26 @@ class Duplicates(Defect, Response):
         k = np.arange(1, len(share) + 1)
         gain = 1 + 2 * np.cos(np.multiply.outer(w, k)) @ share
         return np.maximum(gain / (1 + 2 * np.sum(share)), 1e-9)
+
+    def images(self, f: float, dt: float) -> list[tuple[float, float]]:
+        """
+        Return (Hz, share of the power) of what it makes of a line at f, where it is regular.
+
+        The age of a sample goes with the phase of the two clocks: the line is modulated at the
+        multiples of the sensor's own rate.
+
+        """
+        if self.chosen('pattern') != 'regular':
+            return []
+        rate, w = 1 - self['fraction'], 2 * np.pi * f * dt
+        edges = np.append(np.arange(0, 1, rate), 1.0)
+        k = np.arange(-IMAGES, IMAGES + 1)[:, None]
+        turns = np.exp(-2j * np.pi * k * edges)
+        each = np.where(k == 0, np.diff(edges), np.diff(turns, axis=1) / np.where(
+            k == 0, 1, -2j * np.pi * k))
+        share = np.abs(each @ np.exp(-1j * w * np.arange(len(edges) - 1))) ** 2
+        at = folded(f + k[:, 0] * rate / dt, dt)
+        return [(float(x), float(s)) for x, s in zip(at, share) if s > FAINTEST]
 
     @property
     def _run(self) -> int:
