@@ -26,7 +26,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dct, dst, idct, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
-from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from .lines import reference_spectrum
@@ -363,6 +362,8 @@ def _seeds(w: np.ndarray, lengths: list[int]) -> list[_Seed]:
 
 def _nats(w: np.ndarray, omega: float, tau: float) -> np.ndarray:
     """Return the nats of rings that begin at each sample of w (..., n)."""
+    from scipy.signal import lfilter  # half a second to load
+
     pole = np.exp(-1 / tau - 1j * omega)
     z = lfilter([1.0], [1.0, -pole], w[..., ::-1].astype(complex), axis=-1)[..., ::-1]
     return _both(z, 1 / (1 - np.exp(-2 / tau)), 1 / (1 - pole * pole))
