@@ -33,8 +33,8 @@ MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5
 
 
 def record_of(*columns, dt=0.05) -> ImuRecord:
-    """Return a record of up to three gyroscope axes."""
-    y = np.column_stack([*columns, *[columns[-1]] * (3 - len(columns))])
+    """Return a record of up to three gyroscope axes; the others are dead, and not looked at."""
+    y = np.column_stack([*columns, *[np.zeros(len(columns[0]))] * (3 - len(columns))])
     return ImuRecord(y, None, np.arange(len(y)) * dt, 1 / dt)
 
 
@@ -271,6 +271,18 @@ def sample(seed=11):
     return y + 3e-4 * np.sin(2 * np.pi * 1.234 * 0.1 * np.arange(len(y)))
 
 
+@functools.lru_cache
+def evidence_of_sample(size=1.0, dt=0.1):
+    """Return the evidence of the sample, in units and on a clock of its own."""
+    return gather(record_of(size * sample(), dt=dt), ['gyro_x'])['gyro_x']
+
+
+def fit_sample(effects, size=1.0, dt=0.1):
+    """Return the fit of a model to the sample; what is gathered of it is gathered once."""
+    model = effects if isinstance(effects, Model) else model_of('noise', effects)
+    return fit(evidence_of_sample(size, dt), model)
+
+
 LAWS = {   # powers of (size, time) by which each parameter scales
     'N': (1, 0.5), 'B': (1, 0), 'K': (1, -0.5), 'R': (1, -1), 'amplitude': (1, 0),
     'frequency': (0, -1), 'sigma': (1, 0), 'tc': (0, 1)}
@@ -295,8 +307,7 @@ def assert_scaled(one, other, size=1.0, time=1.0, rtol=1e-3):
 @pytest.mark.parametrize('effects', MODELS.values(), ids=MODELS)
 @pytest.mark.parametrize('size', [1e3, 57.29577951308232])
 def test_units_do_not_matter(effects, size):
-    y = sample()
-    one, other = fit_one(y, effects, 0.1), fit_one(size * y, effects, 0.1)
+    one, other = fit_sample(effects), fit_sample(effects, size=size)
     assert_scaled(one, other, size=size)
     assert one.flags == other.flags
 
@@ -305,44 +316,39 @@ def test_units_do_not_matter(effects, size):
 @pytest.mark.parametrize('time', [100.0, 0.01])
 def test_the_clock_does_not_matter(effects, time):
     """The same samples, declared faster or slower: each coefficient scales by its dimension."""
-    y = sample()
-    assert_scaled(fit_one(y, effects, 0.1), fit_one(y, effects, 0.1 * time), time=time)
+    assert_scaled(fit_sample(effects), fit_sample(effects, dt=0.1 * time), time=time)
 
 
 def test_the_direction_of_time_does_not_matter():
-    y = sample()
-    assert_scaled(fit_one(y), fit_one(y[::-1].copy()))
+    back = fit_one(sample()[::-1].copy(), dt=0.1)
+    assert_scaled(fit_sample(BASE), back)
 
 
 @pytest.mark.thorough
 @settings(max_examples=4)
 @given(st.floats(-10, 10))
 def test_a_constant_does_not_matter(offset):
-    y = sample()
-    assert_scaled(fit_one(y), fit_one(y + offset))
+    assert_scaled(fit_sample(BASE), fit_one(sample() + offset, dt=0.1))
 
 
 @pytest.mark.thorough
 @settings(max_examples=4)
 @given(st.permutations(BASE))
 def test_the_order_of_effects_does_not_matter(order):
-    y = sample()
-    one, other = fit_one(y), fit_one(y, tuple(order))
+    one, other = fit_sample(BASE), fit_sample(tuple(order))
     assert other.model.labels == list(order)
     assert_scaled(one, other, rtol=5e-3)
 
 
 def test_values_given_are_starts_not_constraints():
-    y = sample()
-    one = fit_one(y, ('white', 'gauss_markov'), 0.1)
+    one = fit_sample(('white', 'gauss_markov'))
     off = Model([find_effect('noise', 'white')({'N': 1.0}), find_effect('noise', 'gauss_markov')(
         {'sigma': 1e-9, 'tc': 0.4 * one.model['gauss_markov']['tc']})])
-    assert_scaled(one, fit_one(y, off, 0.1), rtol=5e-3)
+    assert_scaled(one, fit_sample(off), rtol=5e-3)
 
 
 def test_more_effects_never_fit_worse():
-    y = sample()
-    less, more = fit_one(y, ('white', 'flicker'), 0.1), fit_one(y, BASE, 0.1)
+    less, more = fit_sample(('white', 'flicker')), fit_sample(BASE)
     # the reddest amplitude is kept off zero, which costs a fraction of a nat
     assert more.log_likelihood > less.log_likelihood - 0.6
 
@@ -481,7 +487,7 @@ def test_a_fit_of_what_no_model_explains_ends_at_its_minimum_in_few_steps(names)
     for band, order, size in (((6, 14), 4, 1.0), ((0.01, 3), 3, 3.0)):
         some = butter(order, band, 'band', output='sos', fs=rate)
         x[:, 0] += size * sosfilt(some, rng.standard_normal(n))
-    evidence = gather(ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate), ['gyro_x'])['gyro_x']
+    evidence = gather(record_of(1e-3 * x[:, 0], dt=1 / rate), ['gyro_x'])['gyro_x']
     likelihood = Likelihood(evidence, 'whole', model_of('noise', names))
     for begun, start in starts(likelihood, None)[:3]:
         here = Likelihood(evidence, 'whole', begun)
