@@ -40,6 +40,19 @@ def run(*words, status=0, columns=None, folder=None):
     return done.stdout, done.stderr
 
 
+@pytest.fixture
+def here(capsys, monkeypatch):
+    """Return a function that runs a command in this process, where no other is needed."""
+    def run_(*words, status=0, columns=None):
+        if columns:
+            monkeypatch.setenv('COLUMNS', str(columns))
+        capsys.readouterr()
+        assert main([str(w) for w in words]) == status
+        return capsys.readouterr()
+
+    return run_
+
+
 @pytest.fixture(scope='module')
 def analysed(tmp_path_factory):
     """Return a study of two minutes, in which one sample is not finite, and what was printed."""
@@ -67,9 +80,9 @@ def study(analysed):
      'the stamps do not advance'),
     ({'gyro': np.random.default_rng(1).random((500, 3))}, 'neither t nor rate_hz'),
 ])
-def test_a_table_is_refused_for_what_is_so(tmp_path, arrays, words):
+def test_a_table_is_refused_for_what_is_so(tmp_path, here, arrays, words):
     np.savez(tmp_path / 'x.npz', **arrays)
-    _, said = run('analyse', tmp_path / 'x.npz', status=1)
+    _, said = here('analyse', tmp_path / 'x.npz', status=1)
     assert words in said.splitlines()[-1], said
 
 
@@ -82,11 +95,11 @@ def test_an_array_of_objects_is_said(tmp_path):
 
 
 @pytest.mark.parametrize('cut', daily([1, 8, 30], 8))
-def test_a_cut_footer_is_said(tmp_path, cut):
+def test_a_cut_footer_is_said(tmp_path, here, cut):
     """All messages are read, and that the file did not end as it should is said."""
     write_bag(tmp_path / 'x.mcap', bad_input.still(70))
     data = (tmp_path / 'x.mcap').read_bytes()
-    _, said = run('inspect', tmp_path / 'x.mcap')
+    _, said = here('inspect', tmp_path / 'x.mcap')
     assert 'cut short' not in said
     (tmp_path / 'y.mcap').write_bytes(data[:-cut])
     out, said = run('inspect', tmp_path / 'y.mcap')
@@ -165,8 +178,8 @@ def test_a_horizon_covers_flicker_and_says_so(study):
 
 
 @pytest.mark.parametrize('words', [('effects',), ('effects', 'flicker')])
-def test_tables_fit_a_terminal(words):
-    out, _ = run(*words, columns=80)
+def test_tables_fit_a_terminal(words, here):
+    out, _ = here(*words, columns=80)
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
@@ -197,9 +210,9 @@ def test_what_is_mistyped_is_answered_with_the_nearest(words, meant, capsys):
     assert f'did you mean {meant}?' in capsys.readouterr().err
 
 
-def test_the_other_spelling_is_taken(tmp_path):
+def test_the_other_spelling_is_taken(tmp_path, here):
     """American users type analyze."""
-    _, said = run('analyze', tmp_path / 'x.npz', status=1)
+    _, said = here('analyze', tmp_path / 'x.npz', status=1)
     assert 'no such file' in said
 
 
@@ -262,13 +275,15 @@ def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     # one axis at work, which is a third of the time
     np.savez(tmp_path / 'x.npz', t=np.arange(3000) / 100, gyro=np.outer(
         rng.normal(0, 1e-2, 3000), [1, 0, 0]), accel=np.tile([0, 0, 9.81], (3000, 1)))
+    # a second axis shows nothing more of how far it is
+    some = ('--axes', 'gyro_x') if command == 'analyse' else ()
     source = tmp_path / {'simulate': 'spec.yaml', 'calibrate': 'faces.npz', 'filter': 'x.npz',
                          'analyse': analysed[0].parent / 'a.npz'}[command]
     kind = '.npz' if command in ('simulate', 'filter') else ''
-    said = shown_on_a_terminal(command, source, '-o', tmp_path / f'a{kind}')
+    said = shown_on_a_terminal(command, source, '-o', tmp_path / f'a{kind}', *some)
     assert '% ' in said and '[' in said and said.count('\r') > 2, said
     assert '#' in said
-    said = shown_on_a_terminal(command, source, '-o', tmp_path / f'b{kind}', '--json')
+    said = shown_on_a_terminal(command, source, '-o', tmp_path / f'b{kind}', '--json', *some)
     assert '% ' not in said
     _, said = analysed[1:] if command == 'analyse' else run(
         command, source, '-o', tmp_path / f'c{kind}')

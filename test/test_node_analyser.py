@@ -135,6 +135,7 @@ def test_every_message_arrives_twice_in_a_row_while_the_machine_is_busy(ros, sta
         assert np.allclose(rows, wanted, rtol=SAME, atol=0)
 
 
+@pytest.mark.thorough       # of a short bag the loop over services has it
 def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(ros, static_bag):
     ns = ros.namespace()
     analyser = ros.start('analyser', ns, input='buffer')
@@ -191,7 +192,9 @@ def test_the_loop_over_services(ros, small_bag):
     none = ros.latest(f'{base}/coefficients', DiagnosticArray)
     assert [s.level for s in none.status] == [messages.ERROR]
     player(ros, ns, bag, publish='buffer')
-    coefficients(ros, ns)
+    found, about = coefficients(ros, ns)
+    assert int(about['samples']) == record.n and about['complete'] == 'true'
+    assert_as_computed(found, analyse_record(open_record(bag), effects=('white',)))
     success, answer = call('analyse')
     assert success and answer['source']['samples'] == record.n
     assert answer['source']['path'] == str(bag) and answer['source']['topic'] == '/imu/data_raw'

@@ -58,13 +58,15 @@ def test_parameters_are_described_and_config_files_hold_their_defaults(ros, root
             k: v for k, v in given.items() if k != 'bag'}
 
 
-def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table):
+@pytest.mark.parametrize('cases', daily([0, 1], 0), ids=['of meaning', 'of type and range'])
+def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table, cases):
     ns = ros.namespace()
-    cases = [('analyser', {'effects': ['white', 'nothing_such']}, 'nothing_such'),
-             ('analyser', {'input': 'both'}, 'one of messages, buffer'),
-             ('filter', {'alpha': 3.0}, 'alpha'), ('filter', {'motion': ['white']}, 'motion'),
-             ('calibration', {'sensor': 'gyro'}, 'rate_deg_s'),
-             ('calibration', {'still_seconds': 'long'}, 'still_seconds')]
+    cases = [[('analyser', {'effects': ['white', 'nothing_such']}, 'nothing_such'),
+              ('filter', {'motion': ['white']}, 'motion'),
+              ('calibration', {'sensor': 'gyro'}, 'rate_deg_s')],
+             [('analyser', {'input': 'both'}, 'one of messages, buffer'),
+              ('filter', {'alpha': 3.0}, 'alpha'),
+              ('calibration', {'still_seconds': 'long'}, 'still_seconds')]][cases]
     started_ = [(ros.start(node, ns, **given), why) for node, given, why in cases]
     for process, why in started_:
         assert process.end() == 1, process.text
