@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.fft import dct
 
@@ -150,7 +151,7 @@ def check_truth(seed):
     return state
 
 
-@pytest.mark.parametrize('seed', range(8))
+@pytest.mark.parametrize('seed', daily(range(8), 0, 1, 2, 3))
 def test_true_model_finds_the_truth(seed):
     check_truth(seed)
 

@@ -347,7 +347,7 @@ def test_what_is_louder_for_a_while_is_no_shock(louder, lasts):
         assert np.all(kept.get('ring', 0.0 if kept else 1.0) > 0)   # a few of it may seem to ring
 
 
-@pytest.mark.parametrize('memory', [100, 400])
+@pytest.mark.parametrize('memory', daily([100, 400], 100))
 def test_noise_whose_loudness_wanders_has_no_shocks(memory):
     """What is loudest of it is no louder than what else wanders makes likely."""
     shocks = 0
@@ -400,6 +400,7 @@ def test_a_spike_that_was_held_is_no_shock(held):
     assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
 
 
+@pytest.mark.thorough
 def test_spikes_of_which_some_are_held_are_no_shocks():
     """Lines join what is not held; one beside a spike is no ring, but for chance."""
     rang = 0
