@@ -96,10 +96,11 @@ def shell(request, folder):
 
 
 @pytest.mark.parametrize('typed, whole', [
-    ('expo', 'export '), ('analyse --effe', '--effects'),
-    ('export my.study --format openv', 'openvins '),
-    ('analyse x --effects white,flick', 'white,flicker'), ('add my.study --axis gy', 'gyro_'),
-    ('remove my.study random_w', 'random_walk '), ('sheet bmi0', 'bmi088 ')])
+    ('expo', 'export '), ('analyse x --effects white,flick', 'white,flicker'),
+    ('add my.study --axis gy', 'gyro_'),
+    *(pytest.param(*more, marks=pytest.mark.thorough) for more in (
+        ('analyse --effe', '--effects'), ('export my.study --format openv', 'openvins '),
+        ('remove my.study random_w', 'random_walk '), ('sheet bmi0', 'bmi088 ')))])
 def test_a_shell_completes_at_the_tab_key(shell, typed, whole):
     """The line is shown as the shell completes it."""
     shell.type(f'imu_noise {typed}\t')
@@ -110,16 +111,17 @@ def test_a_shell_completes_at_the_tab_key(shell, typed, whole):
 @needs_command
 @pytest.mark.parametrize('typed, some, none', [
     ('', ('analyse', 'calibrate', 'filter', 'export', 'completion'), ('bmi088',)),
-    ('export my.study --format ', ('kalibr', 'gtsam', 'px4'), ('bmi088', '_values')),
-    ('export my.study --axes ', ('worst', 'mean', 'each'), ('gyro_x',)),
-    ('add my.study ', ('sinusoid', 'gauss_markov'), ('ar_increment', 'tilt')),
     ('add my.study --axis ', ('gyro_x', 'gyro_z'), ('gyro_y', 'accel_x')),
-    ('remove my.study ', ('white', 'flicker', 'random_walk'), ('sinusoid',)),
-    ('effects ', ('flicker', 'ar_increment', 'tilt'), ()),
     ('analyse x --effects white,', ('white,flicker',), ('white,white',)),
-    ('filter x --noise ', ('outliers', 'gauss_markov'), ('constant_rate',)),
     ('sheet ', ('bmi088', 'mine.yaml'), ()),
-    ('calibrate x --sensor ', ('accel', 'gyro'), ())])
+    *(pytest.param(*more, marks=pytest.mark.thorough) for more in (
+        ('export my.study --format ', ('kalibr', 'gtsam', 'px4'), ('bmi088', '_values')),
+        ('export my.study --axes ', ('worst', 'mean', 'each'), ('gyro_x',)),
+        ('add my.study ', ('sinusoid', 'gauss_markov'), ('ar_increment', 'tilt')),
+        ('remove my.study ', ('white', 'flicker', 'random_walk'), ('sinusoid',)),
+        ('effects ', ('flicker', 'ar_increment', 'tilt'), ()),
+        ('filter x --noise ', ('outliers', 'gauss_markov'), ('constant_rate',)),
+        ('calibrate x --sensor ', ('accel', 'gyro'), ())))])
 def test_fish_offers_what_fits(folder, typed, some, none):
     """By the shell's own ``complete -C``; where there is no fish, by what fish would run."""
     fish = shutil.which('fish')

@@ -52,14 +52,25 @@ def loaded(made):
     return store.load(made)
 
 
-@pytest.fixture
-def session(folder):
+def opened(folder):
+    """Yield a session of a folder."""
     s = Session(folder)
     s.begin()
     s.wait()
     assert s.study is not None, s.said
     yield s
     s.close()
+
+
+@pytest.fixture
+def session(folder):
+    yield from opened(folder)
+
+
+@pytest.fixture(scope='module')
+def reading(made, tmp_path_factory):
+    """Return a session for who changes nothing: each begins a process of its own."""
+    yield from opened(shutil.copytree(made, tmp_path_factory.mktemp('reading') / 'a.study'))
 
 
 def done(session, what, *args):
@@ -127,9 +138,9 @@ def test_what_is_stopped_leaves_everything_as_it_was(session, folder):
     assert done(session, 'diagnose', ['accel_z']) is None        # and it goes on
 
 
-def test_a_refusal_is_said(session):
-    assert done(session, 'remove', 'gyro_x', 'ramp').kind == 'bad'
-    assert 'unknown label ramp' in session.said.text
+def test_a_refusal_is_said(reading):
+    assert done(reading, 'remove', 'gyro_x', 'ramp').kind == 'bad'
+    assert 'unknown label ramp' in reading.said.text
 
 
 # --- others at the same study
@@ -223,11 +234,11 @@ def test_the_studies_beside_it_are_offered(session, folder):
         session.go_to(folder.parent / 'other')
 
 
-def test_every_format_can_be_exported(session):
+def test_every_format_can_be_exported(reading):
     refused = []
     for name in export.formats():
         try:
-            assert len(session.export(name)) > 20
+            assert len(reading.export(name)) > 20
         except UsageError as error:             # said on the page
             refused.append((name, error.remedy))
     assert all('--calibration' in remedy for _, remedy in refused) and len(refused) < 3
