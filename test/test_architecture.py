@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 from pathlib import Path
 import subprocess
@@ -64,11 +65,19 @@ class Source:
 
     def imports(self, run=False):
         """
-        Yield (line, absolute name as a tuple, at module level?), of functions too.
+        Return (line, absolute name as a tuple, at module level?) of each, of functions too.
 
         With ``run``, those alone that are run: a type may know what a thing is handed to.
 
         """
+        return [found for *found, is_run in self._imports if is_run or not run]
+
+    @functools.cached_property
+    def _imports(self):
+        """All imports, and whether each is run."""
+        return list(self._every_import())
+
+    def _every_import(self):
         typed = {id(n) for check in ast.walk(self.tree) if isinstance(check, ast.If)
                  and getattr(check.test, 'id', '') == 'TYPE_CHECKING' for n in ast.walk(check)}
         functions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
@@ -84,10 +93,8 @@ class Source:
                 names = [(*base, a.name) for a in node.names]
             else:
                 continue
-            if run and id(node) in typed:
-                continue
             for name in names:
-                yield node.lineno, name, id(node) not in inside
+                yield node.lineno, name, id(node) not in inside, id(node) not in typed
 
     def upward(self):
         """Yield places that import a layer which is not below."""

@@ -132,6 +132,15 @@ def in_turn(inputs, commands):
     return [(i, commands[k % len(commands)]) for k, i in enumerate(inputs)]
 
 
+def in_turn_daily(inputs, commands):
+    """Return each input with each command: every day as in turn, else with thorough tests."""
+    every = [(i, c) for i in inputs for c in commands]
+    some = in_turn(inputs, commands)
+    return [pytest.param(*pair, marks=() if pair in some else pytest.mark.thorough,
+                         id='-'.join(str(x if isinstance(x, str) else x[0]) for x in pair))
+            for pair in every]
+
+
 # -- bags
 
 READING = {
@@ -149,8 +158,8 @@ def on_a_bag(command, case, good, run):
     return run(*(c.format(**names) for c in READING[command]))
 
 
-@pytest.mark.parametrize('command', READING)
-@pytest.mark.parametrize('name', [n for n in BAGS if n not in bad_input.opening()])
+@pytest.mark.parametrize('name, command', in_turn_daily(
+    [n for n in BAGS if n not in bad_input.opening()], READING))
 def test_bags_that_are_none(name, command, corpus, good, run, tmp_path):
     """Each command that reads a bag refuses what is none, and writes nothing."""
     assert_one_line(*on_a_bag(command, corpus[name], good, run), corpus[name].words)
@@ -191,8 +200,8 @@ TAKING = {
 
 @pytest.mark.parametrize('name, command', [
     *in_turn(SPOILT, [c for c in TAKING if c != 'filter']),
-    *((n, c) for c in ('history', 'filter') for n in SPOILT
-      if n in bad_studies.STUDY or n.startswith('history'))])
+    *(pytest.param(n, c, marks=pytest.mark.thorough) for c in ('history', 'filter')
+      for n in SPOILT if n in bad_studies.STUDY or n.startswith('history'))])
 def test_spoilt_studies(name, command, good, run, tmp_path):
     """A damaged study is refused by every command that takes one, and not touched."""
     bad = bad_studies.spoil(good / 'x.study', tmp_path / 'bad', SPOILT[name])
@@ -204,8 +213,8 @@ def test_spoilt_studies(name, command, good, run, tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {'tmp', 'bad'}
 
 
-@pytest.mark.parametrize('where', ['missing', 'file', 'link', 'fifo'])
-@pytest.mark.parametrize('command', ['compare', 'diagnose', 'history', 'add', 'plan'])
+@pytest.mark.parametrize('command, where', in_turn_daily(
+    ['compare', 'diagnose', 'history', 'add', 'plan'], ['missing', 'file', 'link', 'fifo']))
 def test_no_study_at_all(where, command, run, tmp_path):
     """What is no folder is refused."""
     if where == 'file':
@@ -225,12 +234,11 @@ def test_specifications(name, run, tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {'tmp', 'spec.yaml'}
 
 
-@pytest.mark.parametrize('command', [
-    ('apply', '{good}/x.mcap', '-o', 'out.mcap', '--calibration', 'bad.yaml'),
-    ('export', '{good}/x.study', '--format', 'openvins', '--calibration', 'bad.yaml',
-     '-o', 'out.yaml'),
-], ids=lambda c: c[0])
-@pytest.mark.parametrize('name', [*bad_studies.CALIBRATIONS, 'missing', 'fifo', 'folder'])
+@pytest.mark.parametrize('name, command', in_turn_daily(
+    [*bad_studies.CALIBRATIONS, 'missing', 'fifo', 'folder'],
+    [('apply', '{good}/x.mcap', '-o', 'out.mcap', '--calibration', 'bad.yaml'),
+     ('export', '{good}/x.study', '--format', 'openvins', '--calibration', 'bad.yaml',
+      '-o', 'out.yaml')]))
 def test_calibrations(name, command, good, run, tmp_path):
     """A calibration that cannot be used is refused."""
     path = Path('bad.yaml')
@@ -254,14 +262,13 @@ def test_own_effects(text, good, run):
 
 # -- output
 
-@pytest.mark.parametrize('command', [
+@pytest.mark.parametrize('command, where', in_turn_daily([
     ('analyse', '{good}/x.mcap', '-o'), ('calibrate', '{good}/x.mcap', '-o'),
     ('apply', '{good}/x.mcap', '--calibration', '{good}/calibration.yaml', '-o'),
     ('filter', '{good}/x.mcap', '--motion', 'constant_rate', '-o'),
     ('export', '{good}/x.study', '--format', 'kalibr', '-o'),
     ('simulate', 'spec.yaml', '-o'),
-], ids=lambda c: c[0])
-@pytest.mark.parametrize('where', ['/proc/x.mcap', 'file/x.mcap', 'held', 'x' * 300])
+], ['/proc/x.mcap', 'file/x.mcap', 'held', 'x' * 300]))
 def test_unwritable(where, command, good, run, tmp_path):
     """Where nothing can be written nothing is, and it is said."""
     Path('file').write_text('mine')
