@@ -31,9 +31,10 @@ else:
 ROOT = Path(__file__).resolve().parents[1]
 # The files that take longest come first: where files run side by side, the last of them would
 # otherwise run alone. One that is missing here costs time and nothing else.
-LONG_FILES = ('noise_loop', 'ladder_processes', 'filter_loop', 'manual', 'clean_install',
-              'node_analyser', 'first_use', 'two_topics', 'noise_robust', 'noise_fit',
-              'own_effects')
+LONG_FILES = ('noise_loop', 'noise_rivals', 'noise_fit', 'manual', 'clean_install', 'noise_forms',
+              'first_use', 'ladder_processes', 'node_analyser', 'explore', 'explore_browser',
+              'filter_loop', 'commands_bad_input', 'noise_robust', 'noise_effects', 'fleet',
+              'noise_lines', 'plots', 'own_effects', 'node_filter', 'two_topics')
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
