@@ -443,6 +443,7 @@ def test_few_held_samples_show_beside_what_rounding_makes_equal(step, share):
     assert repeats(held_at_random(y, share)).held == (share > 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('counts', [False, True])
 def test_a_filter_is_found_behind_a_grid_as_coarse_as_the_noise(counts):
     """Of the rate, or of the angle: what rounds that takes the place of the rate's grid."""
