@@ -71,7 +71,8 @@ def test_what_is_whole_is_read(name, tmp_path):
     np.testing.assert_array_equal(record.accel, truth.accel[index])
 
 
-@pytest.mark.parametrize('kind', ['.mcap', '.db3', '.bag'])
+@pytest.mark.parametrize('kind', [
+    '.mcap', pytest.param('.db3', marks=pytest.mark.thorough), '.bag'])
 def test_cut_anywhere(kind, tmp_path):
     """
     Wherever a file is cut, there is a record or an error for a person.

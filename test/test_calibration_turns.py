@@ -156,6 +156,7 @@ def test_wrong_axes_are_refused_by_name(sensor, way, words):
     assert 'left-handed' in str(refusal.value)
 
 
+@pytest.mark.thorough       # of the accelerometer test_ladder_processes.py has it
 def test_both_sensors_from_one_recording(tmp_path, capsys):
     """One calibration.yaml with two parts, one study, one apply for both."""
     record, accel, gyro = session(6)

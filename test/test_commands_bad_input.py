@@ -362,7 +362,8 @@ def test_full_disk_in_between(command, good, run, quick, tmp_path, monkeypatch):
     assert content(tmp_path) == before
 
 
-@pytest.mark.parametrize('command', [FULL[0], FULL[1]], ids=lambda c: c[0])
+@pytest.mark.parametrize('command', [
+    pytest.param(FULL[0], marks=pytest.mark.thorough), FULL[1]], ids=lambda c: c[0])
 def test_full_disk_in_a_process(command, good, tmp_path, monkeypatch):
     """The same, said by the system itself."""
     monkeypatch.chdir(tmp_path)
