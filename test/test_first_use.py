@@ -133,13 +133,13 @@ def test_each_warning_is_printed_once(tmp_path, analysed):
 
 
 @pytest.mark.thorough
-def test_two_records_in_one_folder_keep_their_truths(tmp_path, here):
+def test_two_records_in_one_folder_keep_their_truths(tmp_path):
     spec = {'rate_hz': 100, 'duration_s': 20, 'targets': {'gyro_x': {'white': {'N': 1e-3}}}}
     for name, n in (('a', 1e-3), ('b', 2e-3)):
         spec['targets']['gyro_x']['white']['N'] = n
         (tmp_path / f'{name}.yaml').write_text(yaml.safe_dump(spec))
-        here('simulate', tmp_path / f'{name}.yaml', '-o', tmp_path / f'{name}.mcap')
-    here('simulate', tmp_path / 'a.yaml', '-o', tmp_path / 'a.mcap', '--force')
+        run('simulate', tmp_path / f'{name}.yaml', '-o', tmp_path / f'{name}.mcap')
+    run('simulate', tmp_path / 'a.yaml', '-o', tmp_path / 'a.mcap', '--force')
     first = yaml.safe_load((tmp_path / 'truth.yaml').read_text())
     second = yaml.safe_load((tmp_path / 'b.mcap.truth.yaml').read_text())
     assert (first['bag'], second['bag']) == ('a.mcap', 'b.mcap')
@@ -171,9 +171,9 @@ def test_an_export_refuses_what_it_cannot_hold(tmp_path, study, capsys):
 
 
 @pytest.mark.thorough
-def test_a_horizon_covers_flicker_and_says_so(study, here):
-    plain, _ = here('export', study, '--format', 'kalibr', '-o', '-')
-    wide, _ = here('export', study, '--format', 'kalibr', '-o', '-', '--horizon', '20')
+def test_a_horizon_covers_flicker_and_says_so(study):
+    plain, _ = run('export', study, '--format', 'kalibr', '-o', '-')
+    wide, _ = run('export', study, '--format', 'kalibr', '-o', '-', '--horizon', '20')
     assert 'flicker' in plain and 'flicker' not in wide
 
 
@@ -184,9 +184,9 @@ def test_tables_fit_a_terminal(words, here):
 
 
 @pytest.mark.thorough
-def test_a_comparison_fits_a_terminal(study, here):
+def test_a_comparison_fits_a_terminal(study):
     for words in ((), (study,)):
-        out, _ = here('compare', study, *words, columns=80)
+        out, _ = run('compare', study, *words, columns=80)
         assert max(len(line) for line in out.splitlines() if str(study) not in line) <= 80
 
 
@@ -225,7 +225,7 @@ def test_what_a_study_has_not_is_answered_with_the_nearest(study, capsys):
 
 
 @pytest.mark.thorough
-def test_si_stands_beside_the_units_of_the_field(tmp_path, here, analysed):
+def test_si_stands_beside_the_units_of_the_field(tmp_path, analysed):
     """Of every command that prints coefficients; without --si they are in the field's alone."""
     study, printed, _ = analysed
     source, mine = study.parent / 'a.npz', tmp_path / 'a'
@@ -233,11 +233,11 @@ def test_si_stands_beside_the_units_of_the_field(tmp_path, here, analysed):
             (('analyse', source, '-o', mine), 'rad/s/sqrt(Hz)', printed),
             (('plan', mine), 'm/s^2/sqrt(Hz)', None),
             (('compare', mine, '--sheet', 'bmi088'), 'rad/s/sqrt(Hz)', None)):
-        plain, with_si = plain or here(*words)[0], here(*words, '--si')[0]
+        plain, with_si = plain or run(*words)[0], run(*words, '--si')[0]
         assert unit not in plain and unit in with_si
         assert plain.count('ug/sqrt(Hz)') == with_si.count('ug/sqrt(Hz)') > 0
-    assert ' rad/s' in here('add', mine, 'gauss_markov', '--axis', 'gyro_y', '--si')[0]
-    assert ' rad/s' in here('filter', source, '-o', tmp_path / 'f.npz', '--si', *ONE_MODEL)[0]
+    assert ' rad/s' in run('add', mine, 'gauss_markov', '--axis', 'gyro_y', '--si')[0]
+    assert ' rad/s' in run('filter', source, '-o', tmp_path / 'f.npz', '--si', *ONE_MODEL)[0]
 
 
 def shown_on_a_terminal(*words):
