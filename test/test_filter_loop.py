@@ -340,7 +340,8 @@ def test_nothing_is_replaced_without_force(recording, tmp_path, capsys):
 def test_a_real_bag_keeps_its_topics_and_stamps(shared_data, tmp_path, capsys):
     from imu_noise_tools.bag import open_record, topics
     source, out = shared_data / 'bags' / 'xsens_mti_multipos', tmp_path / 'out'
-    assert main(['filter', str(source), '-o', str(out), '--motion', 'constant_rate']) == 0
+    assert main(['filter', str(source), '-o', str(out), '--motion',
+                 'constant_rate,ar_increment,angular_acceleration']) == 0
     before, after = ({i.name: (i.type, i.samples) for i in topics(p)} for p in (source, out))
     new = set(after) - set(before)
     assert new == {'/imu/data_filtered'} and all(after[k] == v for k, v in before.items())

@@ -201,6 +201,10 @@ class _Search:
             model = model.plus(_new(f))
         return model
 
+    def _set_of(self, chain: Iterable[Finding]) -> frozenset[str]:
+        """Return what a model with a chain's members holds, in whichever order they came."""
+        return frozenset(self.model_of(chain).labels)
+
     def able(self, place: _Place) -> list[Finding]:
         """Return what stands out at a place, best first."""
         return [f for f in self.open_at(place) if f.gain > f.penalty]
@@ -372,13 +376,13 @@ class _Search:
                  for i in range(len(main)) for rival in self._rivals(main, i)[:2]
                  if surplus(rival) > NEAR * max(surplus(main[i]), 0.0)]
         begun.sort(key=lambda z: -z[0])
-        whole = frozenset(self.model_of(main).labels)
+        whole = self._set_of(main)
         able = (b for b in (self._begun(b, main) for _, b in begun) if b)
         for begin in islice(able, CHAINS - 1):
             known = dict(self.scores)
             other = self.chain(begin)
             # a rival with all of the main chain beside it: from there it was seen to gain nothing
-            if whole < frozenset(self.model_of(other).labels):
+            if whole < self._set_of(other):
                 self.scores = known     # nor is what the chain lacked on its way there a rival
             else:
                 chains.append(other)
@@ -390,11 +394,12 @@ class _Search:
         if len(held) > 1 and not whole.issuperset(again.labels) and self.place(again) is not None:
             chains.append(self.chain(held))
         best = max(chains, key=_gained)
-        left = {frozenset(self.model_of(c).labels): self._left(c) for c in chains}
-        if left[frozenset(self.model_of(best).labels)] > 0 and min(left.values()) == 0:
-            best = max((c for c in chains if not self._left(c)), key=_gained)
+        left = {self._set_of(c): self._left(c) for c in chains}
+        whole_ones = [c for c in chains if not left[self._set_of(c)]]
+        if whole_ones and left[self._set_of(best)]:
+            best = max(whole_ones, key=_gained)
             self._follow(best, left)
-        self.scores.setdefault(frozenset(self.model_of(best).labels), _gained(best))
+        self.scores.setdefault(self._set_of(best), _gained(best))
         return best
 
     def _begun(self, begin: list[Finding], main: Sequence[Finding]) -> list[Finding]:
@@ -426,7 +431,7 @@ class _Search:
         over what they leave. What differs from the best in its last member was not tried.
 
         """
-        whole, others = (frozenset(self.model_of(c).labels) for c in (best, best[:-1]))
+        whole, others = self._set_of(best), self._set_of(best[:-1])
         most = _gained(best) - min(v for v in left.values() if v > 0)
         for k in self.scores:
             if left.get(k, not others < k or len(k) > len(whole)):

@@ -265,13 +265,13 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
-    peak = isinstance(effect, Spectrum) and effect.centre is not None
-    imitated = isinstance(effect, Coupling) or not (peak or effect.certain) and isinstance(
-        effect, (Spectrum, Response))
     part, sure = 1.0, FLEXIBLE
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
-    if not imitated or sweep.sure <= sure or sweep.strong <= claim * part:
+    elif not isinstance(effect, (Spectrum, Response)) or effect.certain \
+            or isinstance(effect, Spectrum) and effect.centre is not None:
+        return ''
+    if sweep.sure <= sure or sweep.strong <= claim * part:
         return ''
     return f'a line that sweeps, which shows there as well, has {sweep.strong:.0f} nats'
 

@@ -492,27 +492,25 @@ class Likelihood:
             return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
         total = sum(each.values())
         if any(r.leaks for r in model.of(Response)):
-            total = self._rounded(each)
+            total = total + self._rounding(each)
             total = total + leaked(total, self.bins)
         return total, each
 
     def _with_missed(self, total, model):
         return np.maximum(total + self.missed(model) if self._spreads else total, 1e-290)
 
-    def _rounded(self, each):
+    def _rounding(self, each):
         """
-        Return the sum of spectra (b,) by label, with the output's rounding unless one is that.
+        Return the power of the output's rounding (b,), none where a spectrum by label is that.
 
         That happens behind the filter: where the filter leaves nothing, it is what is measured.
 
         """
-        total = sum(each.values())
         if any(np.any(each[e.label]) for e in self.model.of(Spectrum) if 'grid' in e.explains):
-            return total
-        return total + self.evidence.remembered(('rounding', self.part_name), self._rounding)
+            return 0.0
+        return self.evidence.remembered(('rounding', self.part_name), self._added_by_rounding)
 
-    def _rounding(self):
-        """Return the power (b,) of what the output's rounding adds."""
+    def _added_by_rounding(self):
         added = self.evidence.rounding
         lags = 2 * np.pi * self.dt * np.arange(1, len(added))
         return 2 * self.dt * np.maximum(
@@ -714,7 +712,7 @@ class Likelihood:
             turn.append((up - down) / (2 * h))
         out = self._turned(model, own, np.stack(turn, axis=1) / self._gain2([own])[:, None])
         if any(r.leaks for r in model.of(Response)):
-            out += leaked(self._rounded(each), self.bins, out)
+            out += leaked(sum(each.values()) + self._rounding(each), self.bins, out)
         return out
 
     @cached_property

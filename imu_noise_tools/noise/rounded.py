@@ -22,6 +22,7 @@ PRIOR = 4.0  # degrees of freedom
 CERTAIN, HALVED = 1e9, 12  # of them, where the noise is known; times that it is narrowed down
 FEWEST = 24.0  # degrees of freedom of a block that tells something
 TELLING = 0.5  # share of the blocks that must
+STRETCH = 1 << 16  # samples looked at together: a day of them is not held twice
 ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds has a colour
 
 
@@ -48,8 +49,7 @@ def before_rounding(y: np.ndarray, step: float) -> np.ndarray:
         on too few levels. Empty, (2, 0), where most do.
 
     """
-    blocks = int(np.clip(len(y) // LENGTH, 4, BLOCKS))
-    counts = _counted(y, step, blocks)
+    counts = _counted(y, step)
     place = _likeliest(counts, np.log(0.4), 0.01)
     told = _information(counts, place)
     if not np.any(told >= FEWEST):
@@ -58,7 +58,7 @@ def before_rounding(y: np.ndarray, step: float) -> np.ndarray:
     # and one that happens to stand on two levels, as quiet noise would, says less than it seems
     usual = float(np.median(place[told >= FEWEST, 2]))
     place = _likeliest(counts, usual, PRIOR)
-    told = _information(counts, np.column_stack([place[:, :2], np.full(blocks, usual)]))
+    told = _information(counts, np.column_stack([place[:, :2], np.full(len(place), usual)]))
     some = told >= FEWEST
     if np.mean(some) < TELLING:
         return np.zeros((2, 0))
@@ -86,16 +86,24 @@ def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:
     """
     if not coarse(step, sigma):
         return np.array([step**2 / 12])
-    blocks = int(np.clip(len(y) // LENGTH, 4, BLOCKS))
-    place, variance = _of_one_noise(_counted(y, step, blocks))
+    place, variance = _of_one_noise(_counted(y, step))
     power = _powers(place)
     # by differences, in which a drift is little
-    after = [np.mean((y[k:] - y[:-k]) ** 2) for k in range(1, min(LAGS, len(y) // 2))]
+    after = [_mean_square_after(y, k) for k in range(1, min(LAGS, len(y) // 2))]
     of, orders = np.linspace(-1, 1, 2001), np.arange(1, ORDERS + 1)
     covariance = np.maximum.accumulate(of[:, None] ** orders @ power)
     rho = np.interp(variance - 0.5 * np.array(after) / step**2, covariance, of)
     # what orders beyond those have is gone after one sample
     return step**2 * np.append(variance - power[0], rho[:, None] ** orders[1:] @ power[1:])
+
+
+def _mean_square_after(y: np.ndarray, k: int) -> float:
+    """Return the mean square by which samples (n,) differ k later, a stretch at a time."""
+    total = 0.0
+    for begin in range(0, len(y) - k, STRETCH):
+        some = y[begin:begin + STRETCH + k]
+        total += float(np.sum((some[k:] - some[:-k]) ** 2))
+    return total / (len(y) - k)
 
 
 def _of_one_noise(counts: np.ndarray) -> tuple[np.ndarray, float]:
@@ -140,8 +148,9 @@ def _powers(place: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-def _counted(y: np.ndarray, step: float, blocks: int) -> np.ndarray:
+def _counted(y: np.ndarray, step: float) -> np.ndarray:
     """Return how many samples are on each level about a block's own, (blocks, pieces, levels)."""
+    blocks = int(np.clip(len(y) // LENGTH, 4, BLOCKS))
     values, often = np.unique(y[:200_000], return_counts=True)
     level = np.rint((y - values[np.argmax(often)]) / step)
     piece = np.arange(len(y)) * (blocks * PIECES) // len(y)
