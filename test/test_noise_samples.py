@@ -14,12 +14,12 @@ from scipy.signal import butter, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
-from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
+from imu_noise_tools.noise.kinds import Inputs, model_avar, model_psd, Response, Spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding
 from imu_noise_tools.tasks.noise import analyse_record
@@ -494,3 +494,18 @@ def test_a_band_is_found_with_its_images_where_a_slower_clock_holds_the_samples(
     assert set(found) == {'duplicates', 'narrowband'}
     assert found['narrowband']['frequency'] == pytest.approx(f, abs=0.05)
     assert found['narrowband']['rms'] == pytest.approx(0.5e-4, rel=0.25)
+
+
+def test_a_band_with_its_images_has_the_allan_variance_of_what_is_held():
+    rng, n, dt = np.random.default_rng(18), 400_000, 0.04
+    band = find_effect('noise', 'narrowband')().with_values(
+        frequency=9.46, width=0.16, rms=1.0, form=0.0)
+    held = find_effect('noise', 'duplicates')().with_values(fraction=0.4533, pattern=1.0, run=1.0)
+    inputs = Inputs(dt * np.arange(n), dt)
+    y = held.apply(band.apply(np.zeros(n), inputs, rng), inputs, rng)
+    m = np.array([1, 2, 4, 9])
+    means = [y[:n // k * k].reshape(-1, k).mean(axis=1) for k in m]
+    wanted = [0.5 * np.mean(np.diff(x) ** 2) for x in means]
+    assert model_avar(Model((band, held)), m, dt) == pytest.approx(wanted, rel=0.05)
+    f = np.linspace(0.01, 12.49, 20_000)
+    assert np.mean(model_psd(Model((band, held)), f, dt)) * 12.5 == pytest.approx(1, rel=0.05)

@@ -13,9 +13,9 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
+from typing import Any, cast, ClassVar, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -554,7 +554,23 @@ def model_tails(model: Model, evidence: Evidence) -> Tails | None:
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the one-sided PSD of an effect behind the model's responses that act on it."""
+    images = images_of(effect, responses_on(effect, model), dt)
+    if images:
+        return sum((share * image.psd(f, dt) for image, share in images), np.zeros(np.shape(f)))
     return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
+
+
+def images_of(effect: Spectrum, behind: Sequence[Response], dt: float) -> list[
+        tuple[Spectrum, float]]:
+    """Return (peak, share of the power) of each image that holding samples makes of a peak."""
+    centre = effect.centre
+    for r in behind if centre is not None else ():
+        images = r.images(cast(float, centre), dt)
+        if images:      # of what has passed the others
+            others = [other for other in behind if other is not r]
+            passed = float(gain2_of(others, np.array(centre), dt))
+            return [(effect.at(f), passed * share) for f, share in images]
+    return []
 
 
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
@@ -615,7 +631,10 @@ def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
         rest = Model((*some, *model.of(Response)))
         total = quadrature_avar(lambda f: model_psd(rest, f, dt), m, dt)
         for e in (e for e in model.of(Spectrum) if e.centre is not None):
-            total = total + e.avar(m, dt) * float(_gain2_on(e, model, np.array(e.centre), dt))
+            behind = responses_on(e, model)
+            passed = images_of(e, behind, dt) or [
+                (e, float(gain2_of(behind, np.array(e.centre), dt)))]
+            total = total + sum(share * image.avar(m, dt) for image, share in passed)
     else:
         total = sum((e.avar(m, dt) for e in model.of(Spectrum)), np.zeros(len(m)))
     return total + sum(

@@ -25,7 +25,7 @@ from .evidence import Evidence
 from .explained import Explained
 from .kinds import (
     Coupling,
-    gain2_of,
+    images_of,
     Mean,
     MEASURED,
     model_crowd,
@@ -540,21 +540,11 @@ class Likelihood:
 
     def _peak(self, effect, behind):
         """Return what a peak puts into the bins, and its images where samples are held."""
-        images, others = self._images(effect, behind)
-        if not images:
-            own = effect.binned(self.bins)
-            return own * gathered(self._gain2(behind), self.bins) if behind else own
-        # they are of what has passed the others
-        passed = float(gain2_of(others, np.array(effect.centre), self.dt))
-        return passed * sum(share * effect.at(f).binned(self.bins) for f, share in images)
-
-    def _images(self, effect, behind):
-        """Return (images of a peak, the responses that do not make them)."""
-        for r in behind:
-            images = r.images(effect.centre, self.dt)
-            if images:
-                return images, [other for other in behind if other is not r]
-        return [], behind
+        images = images_of(effect, behind, self.dt)
+        if images:
+            return sum(share * image.binned(self.bins) for image, share in images)
+        own = effect.binned(self.bins)
+        return own * gathered(self._gain2(behind), self.bins) if behind else own
 
     def _unit(self, effect):
         """
@@ -682,7 +672,7 @@ class Likelihood:
     def _slopes(self, effect, model):
         """Return d v/d x_j, (b,) each, of what a spectrum has in closed form, by name."""
         slopes, behind = effect.slopes(self.bins), responses_on(effect, model)
-        if slopes and self._images(effect, behind)[0]:
+        if slopes and images_of(effect, behind, self.dt):
             return {}
         if slopes and behind:
             gain = gathered(self._gain2(behind), self.bins)
