@@ -782,6 +782,24 @@ def test_a_step_is_looked_for_where_the_best_one_hides_none():
     assert times == pytest.approx([48.1, 309.2], abs=0.5) and step.gain > step.penalty
 
 
+def test_loud_steps_end_within_the_means_in_which_they_fall_and_leave_no_power():
+    """Ten standard deviations each, on flicker and a swing that is louder than they are."""
+    rng, n, dt, begin, end = np.random.default_rng(31), 120_000, 0.005, 243.376, 379.653
+    t = dt * np.arange(n)
+    y = rng.standard_normal(n) + hidden.flicker(n, dt, 0.15, rng) + 6 * np.sin(0.474 * t)
+    y += 9 * (t >= begin) - 7 * (t >= end)
+    problem = NoiseProblem(evidence_of(1e-3 * y, 1 / dt))
+    model = model_of('noise', ('white', 'random_walk', 'sinusoid', 'step'))
+    fit = problem.point(model.plus(find_effect('noise', 'step')()).plus(
+        find_effect('noise', 'flicker')()))
+    times = sorted(fit.model[k]['time'] for k in ('step', 'step.2'))
+    assert times == pytest.approx([begin, end], abs=2 * dt) and not fit.details.set_aside
+    # what an edge claims within the means of the view of time is not that view's
+    sure = next(f for f in problem.candidates(problem.point(model.minus('step')))
+                if f.name == 'step')
+    assert 0.2 * sure.gain < sure.elsewhere < sure.gain
+
+
 def test_short_dwells_are_told_without_a_line_that_the_model_lacks():
     rng, n, dt = np.random.default_rng(9), 140_000, 5e-4
     t = dt * np.arange(n)

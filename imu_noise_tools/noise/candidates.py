@@ -155,6 +155,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
     whole, partly = (_gain(evidence, fit, more, k) for k in (False, True))
+    fast = _within_means(evidence, fit, more) if isinstance(effect, Mean) else 0.0
     finding = Finding(
         effect.name,
         float(partly if peak else whole) + bonus,
@@ -165,7 +166,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where,
         against=at_bound(evidence, more.model[label], more.estimates[label]),
         shapes=_shapes(effect, more.estimates[label]),
-        elsewhere=max(bonus, 0.0),
+        elsewhere=max(bonus, 0.0) + fast,
     )
     return Tried(finding, whole, partly, peak)
 
@@ -195,6 +196,13 @@ def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:
                                            _known(evidence, before), after.details, CAP, partly))
         gain = min(gain, told_by_gains(evidence, after, label)) / model_crowd(before.model)
     return gain
+
+
+def _within_means(evidence: Evidence, before: Fit, after: Fit) -> float:
+    """Return what an edge gains that no view shows: it falls within the means of that of time."""
+    resolved = views.TIME_BLOCKS / (2 * evidence.duration)
+    bands = Bands.on(evidence.whole.bins)
+    return max(gained(bands, before.details, after.details, CAP, above=resolved), 0.0)
 
 
 def _known(evidence: Evidence, fit: Fit) -> Details:

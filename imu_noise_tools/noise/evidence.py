@@ -197,6 +197,18 @@ class Evidence:
             COURSE: np.std(self.slow_y) * self.course.values}
         return Inputs(self.slow_t, self.dt, {**self.slow_others, **more})
 
+    @property
+    def even_inputs(self) -> Inputs:
+        """
+        Return the same at times that share out the record evenly, as a transform has them.
+
+        The means leave out what remains of the last one.
+
+        """
+        step = self.n * self.dt / len(self.slow_t)
+        return replace(self.slow_inputs, t=(np.arange(len(self.slow_t)) + 0.5) * step
+                       - 0.5 * self.dt)
+
     def quick_inputs(self, many: int) -> Inputs:
         """
         Return what a smooth effect on the mean may depend on, at so many places or a few more.

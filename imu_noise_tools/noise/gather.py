@@ -39,7 +39,8 @@ from ..core.statistics import grid_step, robust_sigma, sum_of_squares
 from ..loop.effect import Effect, registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
-LOW = 1024  # signed coefficients kept
+LOW = 4096  # signed coefficients kept: what jumps shows in all of them
+CALM = 1024  # of them, in which a thermometer is looked at for lines
 BLOCKS = 256  # blocks in time
 BANDS = 20  # bands of the power in time
 CELLS = 64  # equiprobable cells of the distribution
@@ -201,7 +202,7 @@ class _Gathering:
         beside = set(self.record.covariates) & set(self.covariates) - {*AXES, SQUARE}
         for name in sorted(beside) if len(lines) else ():
             slow = _block_means(self.covariates[name][:self.used], length)
-            out |= also_in(lines, slow, length * self.dt, LOW)
+            out |= also_in(lines, slow, length * self.dt, CALM)
         return out
 
     def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:

@@ -222,19 +222,25 @@ class Likelihood:
         # a lag and a mean temperature are those of the whole record
         e = self.evidence
         inputs = e.quick_inputs(4 * SLOWEST if effect.slow else len(e.slow_t) // 2) \
-            if effect.smooth else e.slow_inputs
+            if effect.smooth else e.even_inputs
         return e.remembered(
             (self.part_name, self._count, type(effect), *rest.values()),
             lambda: self._slow_transform(self._in_part(effect.columns(inputs, **rest))))
 
     def _slow_transform(self, y):
-        """Return the slow coefficients (q, ...) of values (n, ...) at n places of the part."""
+        """
+        Return the slow coefficients (q, ...) of values (n, ...) at n places of the part.
+
+        What is asked for at fewer places is too smooth to have any beyond half as many.
+
+        """
         out = np.zeros((self._count, *y.shape[1:]))
+        top = min(self._count, len(y) // 2)
         some = np.any(y, axis=0)    # a form may leave columns empty
         y = y[..., some] if y.ndim > 1 else y
-        c = dct((y - np.mean(y, axis=0)).T, type=2, norm='ortho')[..., 1:self._count + 1]
-        c = c * self._to_full(len(y))
-        out[..., some] = c.T if y.ndim > 1 else c[:, None]
+        c = dct((y - np.mean(y, axis=0)).T, type=2, norm='ortho')[..., 1:top + 1]
+        c = c * self._to_full(len(y))[:top]
+        out[:top, some] = c.T if y.ndim > 1 else c[:, None]
         return out
 
     def _to_full(self, count):

@@ -51,6 +51,10 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
                 **{s: known[s] for s in shapes if s not in e.anew}))
         elif begun:
             options = [e.with_values(**{s: known[s] for s in shapes})]
+            if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
+                # nothing else moves it to where it is seen once more is in the model
+                near = e.with_values(**options[0].values).finer(likelihood.evidence)
+                options += cast('list[Mean]', near)
         else:
             options = likelihood.evidence.starts(e)
             if not options:
@@ -58,7 +62,8 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
                 )
         if isinstance(e, Mean) and len(options) > 2:
-            options = _best_columns(likelihood, grid[0], e, options, finer=not begun)
+            options = _best_columns(likelihood, grid[0], e, options, 1 if begun and not e.anew
+                                    else 2, finer=not begun)
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
@@ -80,7 +85,7 @@ def _with_given(likelihood, given, x0):
     return out
 
 
-def _best_columns(likelihood, model, effect, options, keep=2, finer=True):
+def _best_columns(likelihood, model, effect, options, keep, finer):
     """
     Return the options whose columns explain most of the slow part.
 

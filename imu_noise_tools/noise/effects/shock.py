@@ -319,16 +319,16 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
     Blocks of one swing are loud together, which a count of loud blocks takes for several that are
     loud by chance. The whitened samples of a stretch tell: of a crest their squares are as large
     as those around, of a shock they are not. Taken out, crests would leave more slow power than
-    they hold. A shock swings to both sides: what goes off to one side there, as a creep that sets
-    in or a step do, is a parabola through the stretch, and does not count.
+    they hold. A shock swings to both sides and comes back: what goes off to one side there, as a
+    creep that sets in, is a parabola through the stretch, and that and a step do not count.
 
     """
     sure = []
-    for white, at in _each_whitened(y, kept, dt):
+    for white, at, edge in _each_whitened(y, kept, dt):
         some = white[at]
-        t = np.linspace(-1.0, 1.0, len(some))
-        some = (some - np.polyval(np.polyfit(t, some, SIDE), t)) ** 2
-        over = float(np.sum(some)) / (len(some) - SIDE - 1)
+        other = np.column_stack([np.vander(np.linspace(-1.0, 1.0, len(some)), SIDE + 1), edge[at]])
+        some = some - other @ np.linalg.lstsq(other, some, rcond=None)[0]
+        over = float(np.sum(some**2)) / (len(some) - SIDE - 2)
         sure.append(0.5 * len(some) * (over - 1 - np.log(over)) > SURE if over > 1 else False)
     return {k: v[np.array(sure, bool)] for k, v in kept.items()}
 
@@ -345,7 +345,7 @@ def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], dt: float) -> dict[st
     if not kept:
         return {}
     told = [lasting(white[max(0, 2 * at.start - at.stop):2 * at.stop - at.start])
-            for white, at in _each_whitened(y, kept, dt)]
+            for white, at, _ in _each_whitened(y, kept, dt)]
     gain, uneven, more = np.reshape(told, (-1, 3)).T
     level = (chdtrc(more, 2 * uneven) > UNEVEN) & (kept['worth'] > 0)
     even = chdtrc(np.sum(more[level]), 2 * np.sum(uneven[level])) > UNEVEN
@@ -355,8 +355,13 @@ def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], dt: float) -> dict[st
 
 
 def _each_whitened(y: np.ndarray, kept: Mapping[str, np.ndarray], dt: float,
-                   ) -> Iterator[tuple[np.ndarray, slice]]:
-    """Yield samples around each stretch, whitened, of variance 1 without it, and where it is."""
+                   ) -> Iterator[tuple[np.ndarray, slice, np.ndarray]]:
+    """
+    Yield samples around each stretch, whitened, of variance 1 without it, and where it is.
+
+    And a step where the samples jump the most in it, whitened alike.
+
+    """
     clean = _mirrored(y, kept)
     for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
         wide = max(AROUND, 4 * (end - begin))
@@ -365,11 +370,19 @@ def _each_whitened(y: np.ndarray, kept: Mapping[str, np.ndarray], dt: float,
         at = slice(begin - first, end - first)
         alone = around.copy()
         alone[at] = y[begin:end]
+        step = (np.arange(len(alone)) >= begin - first + _jump(alone[at])).astype(float)
         white = np.sqrt(reference_spectrum(cosine_transform(around), dt))
-        alone, around = (
+        alone, around, step = (
             idct(np.append(0.0, cosine_transform(x)[1:] / white), norm='ortho')
-            for x in (alone, around))
-        yield alone / np.sqrt(np.median(around**2) / MEDIAN), at
+            for x in (alone, around, step))
+        yield alone / np.sqrt(np.median(around**2) / MEDIAN), at, step
+
+
+def _jump(y: np.ndarray) -> int:
+    """Return the sample of (n,) from which on the mean differs the most from that before."""
+    k = np.arange(1, len(y))
+    before = np.cumsum(y - np.mean(y))[:-1]
+    return int(k[np.argmax(before**2 / (k * (len(y) - k)))]) if len(k) else 0
 
 
 def _share(values: np.ndarray, error: np.ndarray) -> float:

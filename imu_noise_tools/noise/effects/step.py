@@ -7,10 +7,13 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter
+from ..lines import waves
 from ...loop.effect import Effect
 
-REACHES, PEAKS = (64, 256), 8   # means of such parts of the record are compared; the largest
+REACHES, PEAKS = (64, 256, 1024), 8   # means of such parts of the record are compared; the largest
 BESIDE, FINER = 4, 8    # slow means on either side of those, and of the best of them
+WITHIN = 0.25 * np.arange(-3, 4)
+BLURRED = 1.5   # samples in a mean from which it is one of several
 
 
 class Step(Mean):
@@ -61,9 +64,11 @@ class Step(Mean):
         each is tried, for beside another none may be seen from nearby.
 
         """
-        t = evidence.slow_t
+        t, lines = evidence.slow_t, evidence.line_table
         grid = np.linspace(t[0], t[-1], 258)[2:-2]
-        y = np.concatenate([[0.0], np.cumsum(evidence.slow_y)])
+        # what swings from one mean to the next is no contrast that lasts
+        swing = waves(lines, t, evidence.dt, evidence.common.slow_length)
+        y = np.concatenate([[0.0], np.cumsum(evidence.slow_y - swing)])
         fine = []
         for reach in {max(4, len(t) // k) for k in REACHES}:
             i = np.arange(reach, len(t) - reach)
@@ -76,15 +81,19 @@ class Step(Mean):
         return [self.with_values(time=float(x)) for x in np.unique(np.concatenate([grid, *fine]))]
 
     def finer(self, evidence: Evidence) -> list[Effect]:
-        """Return the times around its own, as far as its edge is blurred."""
+        """Return the times around its own, as far as its edge is blurred, and within a mean."""
         t = evidence.slow_t
         width = float(t[1] - t[0])
-        some = self['time'] + width * np.arange(-FINER, FINER + 1)
+        some = self['time'] + width * np.union1d(np.arange(-FINER, FINER + 1), WITHIN)
         return [self.with_values(time=float(x)) for x in some if t[0] < x < t[-1]]
 
     def columns(self, inputs: Inputs, time: float) -> np.ndarray:
-        """0 before, 1 after."""
-        return (inputs.t >= time).astype(float)[:, None]
+        """0 before, 1 after; of means of blocks the one in which it falls has a part of it."""
+        t = inputs.t
+        width = (t[-1] - t[0]) / max(len(t) - 1, 1)
+        if width < BLURRED * inputs.dt:
+            return (t >= time).astype(float)[:, None]
+        return np.clip((t - time) / width + 0.5, 0.0, 1.0)[:, None]
 
     @classmethod
     def example(cls) -> Effect:
