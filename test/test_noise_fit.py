@@ -25,6 +25,7 @@ from imu_noise_tools.noise.descent import minimise
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
+from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.search import Search
 from imu_noise_tools.noise.starts import _carried, starts
 
@@ -495,3 +496,18 @@ def test_a_fit_of_what_no_model_explains_ends_at_its_minimum_in_few_steps(names)
         free = (found > low) & (found < high)
         away = np.abs(gradient) / np.sqrt(np.maximum(np.diag(information), 1e-9))
         assert np.max(away[free]) < 0.05
+
+
+def test_a_filter_begins_anew_beside_what_arises_behind_it():
+    """The spectrum falls and rises again: what a filter alone makes of that is another one."""
+    rng, n = np.random.default_rng(41), 60_000
+    pole = np.exp(-2 * np.pi * 0.22)
+    y = lfilter([1 - pole], [1, -pole], rng.standard_normal(n))
+    y += 0.28 * np.diff(rng.standard_normal(n + 1))
+    problem = NoiseProblem(gather(record_of(1e-3 * y), ['gyro_x'])['gyro_x'])
+    both = model_of('noise', ('white', 'low_pass', 'quantization'))
+    likely = problem.fit(both).log_likelihood
+    for names in (['white', 'low_pass'], ['white', 'gauss_markov', 'low_pass']):
+        later = NoiseProblem(problem.evidence)
+        later.point(model_of('noise', names))
+        assert later.point(both).log_likelihood == pytest.approx(likely, abs=1.0)

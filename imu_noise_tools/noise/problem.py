@@ -16,7 +16,7 @@ from .candidates import at_bound, candidates, Tried
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
-from .kinds import Coupling, Defect, Mean, NoiseEffect, Response, Spectrum
+from .kinds import Coupling, Defect, Mean, MEASURED, NoiseEffect, Response, Spectrum
 from .level import with_level_notes
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
@@ -110,6 +110,10 @@ class NoiseProblem(Problem):
             return {}
         fit = self._begun[near]
         out: dict[str, Any] = {'start': fit.model}
+        if set(near) - wanted:
+            # beside noise that is no longer there a filter had another form
+            out['start'] = Model(e for e in fit.model
+                                 if isinstance(e, MEASURED) or not isinstance(e, Response))
         other = {label.partition('.')[0] for label in wanted ^ set(near)}
         if not other and any(fit is settled for settled in self._points.values()):
             return {**out, 'basis': fit.details.hint}

@@ -203,7 +203,7 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
 
     """
     here, out = found.with_search(x), []
-    coloured = {e.label for e in here.of(Spectrum) if e.filtered and not e.own}
+    coloured = {e.label for e in here.of(Spectrum) if not (e.own or isinstance(e, MEASURED))}
     if not coloured or here.labels[-1] not in coloured | {e.label for e in here.of(Response)}:
         return []
     known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
