@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from imu_noise_tools.loop.diagnosis import _pairs, _Search, ROUNDS
@@ -62,7 +64,7 @@ def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     held = [main[0], main[2], found('random_walk', gain=40.0)]
     search.chain = lambda begin=(): [*begin] or main
     search._rivals = lambda *_: []
-    search.place = lambda model: object()
+    search.place = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=None))
     search.tests = leaves({'transient, ramp, narrowband': 27.0})
     sets = [search.model_of(c).labels for c in (
         main, main[:2], [*held[:2], found('slow_periodic')])]
@@ -74,6 +76,40 @@ def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     assert [search.scores[frozenset(k)] - best for k in sets] == [-27.0, -27.0, -5.0]
     search.tests = leaves({})
     assert search.forward(held) == main
+
+
+@pytest.mark.parametrize(('names', 'left', 'best'), [
+    # each of two says little alone, and a third that does some of both needs either beside it
+    (['gauss_markov', 'low_pass'], {}, ['low_pass', 'quantization']),
+    (['gauss_markov', 'low_pass'], {'low_pass, quantization': 90.0}, ['gauss_markov', 'low_pass']),
+    # three where two do
+    (['gauss_markov', 'low_pass', 'notch'], {
+        'gauss_markov, low_pass': 9.0, 'gauss_markov, quantization': 9.0,
+        'gauss_markov, notch': 9.0, 'low_pass, notch': 9.0, 'quantization, notch': 9.0, 'notch, quantization': 9.0,
+        'notch, low_pass': 9.0}, ['low_pass', 'quantization']),
+])
+def test_what_stood_out_is_taken_in_the_fewest_that_leave_nothing(search, names, left, best):
+    ramp, main = found('ramp', 'time'), [found(k) for k in names]
+    other = [*main[:-1], found('quantization')]
+    worth = {frozenset(('low_pass', 'quantization')): 515.0}
+    search._rivals = lambda chain, i: []
+    search.place = lambda model: SimpleNamespace(fit=SimpleNamespace(
+        supported=worth.get(frozenset(model.labels[2:]), 505.0)))
+    search.tests = leaves({f'ramp, {k}': v for k, v in left.items()})
+    chains = [[ramp, *main], [ramp, *other]]
+    search.scores = {search._set_of(c): 300.0 for c in chains}
+    got = search._as_few(chains[0], chains)
+    assert {f.name for f in got} == {'ramp', *best}
+    here = search.scores[search._set_of(got)]
+    assert here == max(search.scores.values()) and not any(
+        k > search._set_of(got) for k in search.scores)
+
+
+def test_one_that_needs_no_other_is_left_alone(search):
+    """Nothing is fitted where the last member of a chain is in no doubt."""
+    main = [found('gauss_markov'), found('low_pass')]
+    search.scores = {search._set_of(main): 300.0, search._set_of(main[:1]): 200.0}
+    assert search._as_few(main, [main, [found('rts')]]) == main
 
 
 def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import count, islice
+from itertools import combinations, count, islice
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ NEAR = 0.1  # share of the surplus of what was chosen from which a rival is foll
 LONGEST = 12  # members of a chain
 PLACES = 6  # places at which candidates are fitted; from then on none is begun
 HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
+SETS = 12  # of what stood out that are tried in a chain's place
 ROUNDS = 4  # times the search begins anew without what was refuted, unless something came back
 FAR = 10.0  # times as long, or as high, from which it is another one
 LISTED = 8  # candidates that are listed
@@ -400,7 +401,47 @@ class _Search:
             best = max(whole_ones, key=_gained)
             self._follow(best, left)
         self.scores.setdefault(self._set_of(best), _gained(best))
-        return best
+        return self._as_few(best, chains)
+
+    def _as_few(self, best: list[Finding], chains: Sequence[list[Finding]]) -> list[Finding]:
+        """
+        Return the best of the sets of what stood out that leave nothing, no larger than a chain.
+
+        Of two that bend a view to and fro each alone gains little, and less than a third that does
+        some of both: what then is added to that may be three for two. Where it is two it may be
+        another two, so that the last of them seems to be either.
+
+        """
+        tell = [f for f in best if _bends(f)]
+        sure = self.scores[self._set_of(best)] - float(np.log(rules.SURE / (1 - rules.SURE)))
+        doubted = any(v > sure and k != self._set_of(best) for k, v in self.scores.items())
+        if len(tell) < 2 or len(tell) < 3 and not doubted:
+            return best
+        stood = [f for c in chains for i in range(len(c)) for f in (c[i], *self._rivals(c, i))]
+        pool = list({f.name: f for f in reversed([*tell, *(f for f in stood if _bends(f))])
+                     }.values())[::-1]
+        other = [f for f in best if not _bends(f)]
+        worth: dict[frozenset[str], float] = {}
+        sets: list[list[Finding]] = []
+        for some in islice((c for size in range(2, len(tell) + 1)
+                            for c in combinations(pool, size)), SETS):
+            if sets and len(some) > len(sets[0]) - len(other):
+                break   # what fewer explain needs no more
+            chain = [*other, *some]
+            here = self.place(self.model_of(chain))
+            supported = None if here is None else here.fit.supported
+            if supported is not None and not self._left(chain):
+                sets.append(chain)
+                worth[self._set_of(chain)] = supported - sum(
+                    f.penalty + rules.PRICE * f.shapes for f in some)
+        if not sets:
+            return best
+        found = max(sets, key=lambda c: worth[self._set_of(c)])
+        most = max(self.scores.values())
+        if len(found) < len(best):
+            self.scores = {k: v for k, v in self.scores.items() if not k > self._set_of(found)}
+        self.scores.update({k: most + v - worth[self._set_of(found)] for k, v in worth.items()})
+        return found
 
     def _begun(self, begin: list[Finding], main: Sequence[Finding]) -> list[Finding]:
         """
@@ -749,6 +790,11 @@ def _elsewhere(one: Finding, other: Finding) -> bool:
 def _certain(finding: Finding) -> bool:
     """Tell whether nothing else could imitate what shows a finding."""
     return finding.effect is not None and finding.effect.certain
+
+
+def _bends(finding: Finding) -> bool:
+    """Tell whether a finding bends a view that others of its kind bend as well."""
+    return finding.effect is not None and finding.effect.uncovers and not finding.effect.certain
 
 
 def _new(finding: Finding) -> Effect:
