@@ -243,6 +243,35 @@ def test_noise_of_a_slow_quantity_holds_no_line():
     assert count <= 4       # of 400, each asked of three powers
 
 
+def test_a_line_beside_a_thermometer_that_is_read_now_and_then_is_its_own():
+    """Its drift has images at the multiples of its rate; what follows it shows the drift."""
+    rng, n, step, every = np.random.default_rng(19), 9000, 0.02, 150
+    t = np.arange(n) * step
+    count = own = 0
+    for _ in range(20):
+        course = np.cumsum(rng.standard_normal(n // every)) / 2
+        read = np.repeat(np.round(course + 0.3 * rng.standard_normal(len(course))), every)
+        lines = rng.uniform(100, 1000, 20) / (2 * n * step)
+        near = lines[also_in(lines, read, step, 1024)]
+        count += len(near)
+        for f in near:
+            noise = rng.standard_normal(n)
+            own += also_in(np.array([f]), read, step, 1024,
+                           noise + 0.2 * np.sin(2 * np.pi * f * t))[0]
+    assert count > 4 and own == 0       # of 400
+
+
+def test_an_axis_that_follows_a_late_thermometer_keeps_its_cycle():
+    rng, n, step = np.random.default_rng(20), 9000, 0.2
+    t = np.arange(n) * step
+    f = 41.3 / (n * step)
+    course = np.cumsum(rng.standard_normal(n)) / 60 + np.sin(2 * np.pi * f * t)
+    late = lfilter([step / 30], [1, step / 30 - 1], course)
+    read = 0.25 * np.round(4 * (late + 0.1 * rng.standard_normal(n)))
+    axis = 3 * course + rng.standard_normal(n)
+    assert also_in(np.array([f]), read, step, 1024, axis)[0]
+
+
 def test_intervals_of_lines_hold_the_truth():
     """Beside flicker and a random walk, where single coefficients tell the level."""
     pulls = []

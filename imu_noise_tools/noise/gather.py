@@ -182,17 +182,17 @@ class _Gathering:
         self.step(f'{axis}: distribution')
         table, own['humps'] = find_peaks(c, reference, self.dt)
         length = max(1, self.used // SLOW)
-        slow = of_a_swing(
-            table[:, 0], _block_means(self.clean[axis][:self.used], length), length * self.dt)
-        own['line_table'] = table[~(self._followed(table[:, 0]) | slow)]
+        means = _block_means(self.clean[axis][:self.used], length)
+        slow = of_a_swing(table[:, 0], means, length * self.dt)
+        own['line_table'] = table[~(self._followed(table[:, 0], means) | slow)]
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')
         return kept
 
-    def _followed(self, lines: np.ndarray) -> np.ndarray:
+    def _followed(self, lines: np.ndarray, means: np.ndarray) -> np.ndarray:
         """
-        Tell which lines, Hz (l,), something recorded beside the axes has too: they stay.
+        Tell which lines, Hz (l,), of an axis something recorded beside it has too: they stay.
 
         A heater's cycle is a line of the temperature and of all that follows it: what explains
         that explains the line, and could not if it were taken out.
@@ -202,7 +202,7 @@ class _Gathering:
         beside = set(self.record.covariates) & set(self.covariates) - {*AXES, SQUARE}
         for name in sorted(beside) if len(lines) else ():
             slow = _block_means(self.covariates[name][:self.used], length)
-            out |= also_in(lines, slow, length * self.dt, CALM)
+            out |= also_in(lines, slow, length * self.dt, CALM, means)
         return out
 
     def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:

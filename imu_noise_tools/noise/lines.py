@@ -53,6 +53,7 @@ OFF, STEP = 0.2, 0.15  # of 1/T by which a line may be off its order, and by whi
 POWERS = 3  # of a slow quantity that a mean may follow
 SWING, ORDERS = 10.0, 3  # cycles in the record up to which what recurs is slow, and its orders
 CELL = 1  # coefficients by which lines of one cause may be apart: half a cycle in the record
+SHOWN = 4.0  # times its power that an axis may be foretold to have: its own may be opposite
 
 
 def _reach(k, n: int):
@@ -612,12 +613,15 @@ def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
     return np.column_stack([f, amplitudes])
 
 
-def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.ndarray:
+def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int,
+            axis: np.ndarray | None = None) -> np.ndarray:
     """
     Tell which lines of an axis, Hz (l,), a slow quantity has too: it, its square or its cube.
 
     Where one stands is known, so that noise exceeds what is asked of each once in a thousand
-    times; it must be the highest near by, or it is the skirt of another.
+    times; it must be the highest near by, or it is the skirt of another. But the quantity has
+    cycles of its own, and images of them where it is read now and then: an axis that follows it as
+    far as the line says must show what it is foretold at lower frequencies.
 
     Parameters
     ----------
@@ -629,6 +633,8 @@ def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.nda
         Its interval, s.
     top : int
         Coefficient up to which what follows the quantity is told from it.
+    axis : ndarray (s,) or None
+        The axis in the same means; None where x is the axis.
 
     """
     n, out = len(x), np.zeros(len(frequency), bool)
@@ -637,6 +643,7 @@ def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.nda
         return out
     u = x - np.mean(x)
     u = u / np.sqrt(np.mean(u * u))
+    seen = None if axis is None else cosine_transform(axis)
     offsets = np.arange(-2 * CROWD, 2 * CROWD + 1) / (4 * n * dt)
     near = np.abs(offsets) <= CELL / (2 * n * dt)
     for power in range(1, POWERS + 1):
@@ -646,12 +653,39 @@ def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int) -> np.nda
             middle = int(2 * n * dt * frequency[i])
             k = np.arange(max(1, middle - NEAR), min(n, middle + NEAR + 1))
             root = np.sqrt(2 * dt / level[k - 1])
-            wave = root * line_basis((frequency[i] + offsets)[:, None], k, n, dt)
-            energy = _projected(wave, root * c[k])[0]
+            wave = line_basis((frequency[i] + offsets)[:, None], k, n, dt)
+            energy, a, b = _projected(root * wave, root * c[k])
             best = int(np.argmax(energy))
             # chi-squared with two degrees of freedom, at as many places as there are cells near
-            out[i] |= near[best] and energy[best] > 2 * np.log(1000 * POWERS * 2 * CELL)
+            if near[best] and energy[best] > 2 * np.log(1000 * POWERS * 2 * CELL):
+                own = 2 * CROWD
+                noise = level[middle - 1] / (2 * dt)
+                out[i] |= seen is None or _shows(
+                    seen, c, noise, middle, wave[own:own + 1], k, a[own]**2 + b[own]**2)
     return out
+
+
+def _shows(seen: np.ndarray, c: np.ndarray, noise: float, middle: int, wave: np.ndarray,
+           k: np.ndarray, size: float) -> bool:
+    """
+    Tell whether an axis shows what it is foretold by a line at a coefficient, octave by octave.
+
+    Of the coefficients of the axis and of a quantity, whose line has the square ``size`` and
+    beside it as much noise as it may have anywhere.
+
+    """
+    _, a, b = _projected(wave, seen[k])
+    gain = (a[0]**2 + b[0]**2) / size
+    high = middle - CROWD // 2
+    while high > 4:
+        low = high // 2
+        some = np.arange(low, high)
+        # a quantity that is read late loses of the line more than of what is slower, up to f
+        foretold = gain * (some / middle) ** 2 @ (c[some]**2 - noise)
+        if foretold > SHOWN * np.sum(seen[some]**2):
+            return False
+        high = low
+    return True
 
 
 def of_a_swing(frequency: np.ndarray, y: np.ndarray, dt: float) -> np.ndarray:
