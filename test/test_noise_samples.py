@@ -19,6 +19,7 @@ from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.held import clock
 from imu_noise_tools.noise.kinds import Inputs, model_avar, model_psd, Response, Spectrum
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding
@@ -477,6 +478,32 @@ def test_a_line_has_images_where_a_slower_clock_holds_the_samples(fraction, f):
         there = np.sum(power[np.abs(at - where) < 6 / (n * dt)]) / np.sum(power)
         assert there == pytest.approx(share, rel=0.03)
     assert held.with_values(pattern=0.0).images(f, dt) == []
+
+
+@pytest.mark.parametrize('rate, phase, rounded', [
+    (0.58801, 0.3, 0.0), (0.31713, 0.9, 0.1), (0.93017, 0.02, 0.02), (0.47112, 0.7, 0.05)])
+def test_the_clock_of_a_slower_sensor_is_read_from_what_it_repeats(rate, phase, rounded):
+    n = 50_000
+    turns = (rate * np.arange(n) + phase) % 1
+    same = ((turns >= rate) | (np.random.default_rng(2).random(n) < rounded))[1:]
+    found = clock(same, 1 - rate + 0.003)
+    assert abs(found[0] - rate) * n < 0.02
+    assert abs((found[1] + found[0] * n / 2 - phase - rate * n / 2 + 0.5) % 1 - 0.5) < 0.003
+    assert clock(np.random.default_rng(3).random(n - 1) > rate, 1 - rate) is None
+
+
+@pytest.mark.parametrize('evenly', [False, True])
+def test_the_images_of_lines_behind_a_slower_clock_are_no_lines(evenly):
+    """More than a table holds of a strong line, whichever clock says when it was measured."""
+    rng, n, dt, rate = np.random.default_rng(19), 60_000, 0.01, 0.5811
+    late = (np.arange(n) * rate) % 1 / rate
+    at = np.arange(n) - np.floor(late).astype(int)
+    t = dt * (np.arange(n) - late if evenly else at)
+    wave = 3 * np.cos(2 * np.pi * 4.31 * t + 1) + 0.2 * np.cos(2 * np.pi * 11.7 * t)
+    y = np.column_stack([rng.standard_normal(n)[at] + wave, *rng.standard_normal((2, n))[:, at]])
+    y, t = np.round(y, 4), dt * np.arange(n)
+    evidence = gather(ImuRecord(1e-4 * y, None, t, 1 / dt), ['gyro_x'])['gyro_x']
+    assert np.sort(evidence.line_table[:, 0]) == pytest.approx([4.31, 11.7], abs=1e-3)
 
 
 def test_a_band_is_found_with_its_images_where_a_slower_clock_holds_the_samples():

@@ -24,9 +24,11 @@ from scipy.special import ndtri
 
 from . import shared
 from .evidence import Common, Evidence, Part
+from .held import images_of_lines
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
-    also_in, find_peaks, fine_edges, of_a_swing, PIECE, reference_spectrum, take_lines_out, waves
+    also_in, find_peaks, fine_edges, MOST_LINES, of_a_swing, PIECE, reference_spectrum, ROUNDS,
+    take_lines_out, waves
 )
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
@@ -172,12 +174,17 @@ class _Gathering:
         if self.gaps.left_out:
             lines = find_peaks(c, reference, self.dt)[0]
         if len(lines):  # broken off by what was left out, they would look like a narrow band
-            whole = self.memory.keep(_bridged(self.clean[axis], self.gaps, lines))
-            if self.clean[axis] is self.raw[axis]:  # without defects they are one
-                self.raw[axis] = whole
-            self.clean[axis] = whole
-            c = cosine_transform(self.clean[axis][:self.used])
-            reference = reference_spectrum(c, self.dt)
+            c, reference = self._instead(axis, _bridged(self.clean[axis], self.gaps, lines))
+        clock = next((kept['clock'] for kept in self.kept[axis].values() if 'clock' in kept),
+                     np.zeros(0))
+        held = self.clean[axis]
+        for _ in range(ROUNDS if len(clock) else 0):
+            if not len(lines := find_peaks(c, reference, self.dt)[0]):
+                break
+            images = images_of_lines(held, lines, clock.tolist(), self.dt)
+            c, reference = self._instead(axis, held - images)
+            if len(lines) < MOST_LINES:     # there may be fainter ones behind the images
+                break
         self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
         table, own['humps'] = find_peaks(c, reference, self.dt)
@@ -189,6 +196,15 @@ class _Gathering:
         self.memory.rest()
         self.step(f'{axis}: spectrum')
         return kept
+
+    def _instead(self, axis: str, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take other samples for those of an axis; return their coefficients and reference."""
+        whole = self.memory.keep(y)
+        if self.clean[axis] is self.raw[axis]:  # without defects they are one
+            self.raw[axis] = whole
+        self.clean[axis] = whole
+        c = cosine_transform(whole[:self.used])
+        return c, reference_spectrum(c, self.dt)
 
     def _followed(self, lines: np.ndarray, means: np.ndarray) -> np.ndarray:
         """

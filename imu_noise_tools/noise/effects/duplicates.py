@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import xlogy
 
 from ..evidence import Evidence
+from ..held import clock
 from ..kinds import Defect, Inputs, Parameter, Response
 from ...core.spectrum import folded
 from ...core.statistics import interval, repeats
@@ -94,6 +95,9 @@ class Duplicates(Defect, Response):
             alike = (longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
                      and np.mean(runs < shorter) < 0.02)
             out['regular'] = np.array(float(alike or _beats(same, fraction, expected)))
+            share = (fraction - expected) / (1 - expected)
+            found = clock(same, share) if out['regular'] and 0 < share < 1 else None
+            out['clock'] = np.array(found or ())
             # rounding makes some equal as well, mostly one at a time
             often = np.bincount(more, minlength=2).astype(float)
             often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))
