@@ -425,6 +425,25 @@ def test_what_jumps_between_three_levels_rings_not(seed):
     assert 'ring' not in SHOCK.statistics(y, Inputs(np.arange(n) * 0.00025, 0.00025))
 
 
+@pytest.mark.parametrize('fraction', [0.28, 0.41, 0.63])
+def test_knocks_ring_beside_a_slower_clock(fraction):
+    """Its own samples are even, so that they are looked at alone; without knocks nothing rings."""
+    rng, t = np.random.default_rng([21, int(100 * fraction)]), np.arange(N) * 0.01
+    held = DUPLICATES().with_values(fraction=fraction, pattern=1.0, run=1.0)
+    plain, begins = rng.standard_normal(N), np.array([51.7, 180.0, 333.3])
+    knocks = sum(np.where(t >= b, 4 * np.exp(-np.maximum(t - b, 0) / 0.3)
+                          * np.cos(2 * np.pi * 7.3 * (t - b)), 0) for b in begins)
+    inputs = Inputs(t, 0.01)
+    y = held.apply(plain + knocks, inputs, rng)
+    kept = SHOCK.statistics(y, inputs)
+    assert kept['begin'] * 0.01 == pytest.approx(begins, abs=0.06)
+    assert kept['ring'] == pytest.approx(7.3, abs=0.2)
+    assert kept['decay'] == pytest.approx(0.3, rel=0.4)
+    left = SHOCK.screen(y, kept, inputs) - held.apply(plain, inputs, rng)
+    assert np.sum(left**2) < 0.2 * np.sum(knocks**2)
+    assert not SHOCK.statistics(held.apply(plain, inputs, rng), inputs)
+
+
 def test_knocks_ring_beside_a_few_samples_that_are_held():
     y, t = noise(23), np.arange(60)
     for begin in (9_000, 21_000, 33_000):

@@ -12,6 +12,7 @@ from scipy.special import binom, chdtrc, chdtri, digamma, polygamma
 
 from ..dying import lasting
 from ..evidence import Evidence
+from ..held import clock
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
 from ..ringing import find_rings, loudest, NONE, Rings, tail_of
@@ -82,12 +83,9 @@ class Shock(Defect):
         is worth more.
 
         """
-        held = repeats(y)
-        joined = _joined_by_lines(y) if held.held and held.seen < FEW_HELD else y
-        # where many are held a spike is a swing of the frequencies that holding removes; what
-        # jumps between two levels or three is nothing like the noise that rings stand out of
-        none = held.held and joined is y or grid_step(y)[0] > COARSE * np.std(y)
-        rings = NONE if none else find_rings(joined, inputs.dt, RINGS)
+        # what jumps between two levels or three is nothing like the noise that rings stand out of
+        coarse = grid_step(y)[0] > COARSE * np.std(y)
+        rings = NONE if coarse else _rings_in(y, inputs.dt)
         out = _dying_out(y, _loud(y, inputs.dt), inputs.dt)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
@@ -194,6 +192,29 @@ class Shock(Defect):
     def example(cls) -> Effect:
         """Return one a minute (0.015 Hz), of 2.9 deg/s (0.05 rad/s), gone within a second."""
         return cls({'rate': 0.015, 'size': 0.05, 'decay': 0.2, 'ring': 0.0})
+
+
+def _rings_in(y: np.ndarray, dt: float) -> Rings:
+    """
+    Return what rings in samples (n,), of which some may be held.
+
+    Where few are, others are drawn between; where many are, a spike is a swing of the frequencies
+    that holding removes, unless they are those of a slower clock, at which the rest is even.
+
+    """
+    held = repeats(y)
+    if not held.held:
+        return find_rings(y, dt, RINGS)
+    if held.seen < FEW_HELD:
+        return find_rings(_joined_by_lines(y), dt, RINGS)
+    own = clock(np.diff(y) == 0, (held.seen - held.chance) / (1 - held.chance))
+    if own is None:
+        return NONE
+    rate, phase = own
+    new = np.flatnonzero((rate * np.arange(len(y)) + phase) % 1 < rate)
+    rings = find_rings(y[new], dt / rate, RINGS)
+    return rings._replace(begin=new[rings.begin.astype(int)].astype(float),
+                          omega=rings.omega * rate, tau=rings.tau / rate)
 
 
 def _joined_by_lines(y: np.ndarray) -> np.ndarray:
