@@ -641,28 +641,32 @@ def also_in(frequency: np.ndarray, x: np.ndarray, dt: float, top: int,
     able = np.flatnonzero(2 * n * dt * frequency < min(top, n // 4))
     if not len(able) or n < 200 or not np.ptp(x) > 0:
         return out
+    seen = None if axis is None else cosine_transform(axis)
     u = x - np.mean(x)
     u = u / np.sqrt(np.mean(u * u))
-    seen = None if axis is None else cosine_transform(axis)
-    offsets = np.arange(-2 * CROWD, 2 * CROWD + 1) / (4 * n * dt)
-    near = np.abs(offsets) <= CELL / (2 * n * dt)
     for power in range(1, POWERS + 1):
         c = cosine_transform(u**power)
         level = reference_spectrum(c, dt)
         for i in able:
-            middle = int(2 * n * dt * frequency[i])
-            k = np.arange(max(1, middle - NEAR), min(n, middle + NEAR + 1))
-            root = np.sqrt(2 * dt / level[k - 1])
-            wave = line_basis((frequency[i] + offsets)[:, None], k, n, dt)
-            energy, a, b = _projected(root * wave, root * c[k])
-            best = int(np.argmax(energy))
-            # chi-squared with two degrees of freedom, at as many places as there are cells near
-            if near[best] and energy[best] > 2 * np.log(1000 * POWERS * 2 * CELL):
-                own = 2 * CROWD
-                noise = level[middle - 1] / (2 * dt)
-                out[i] |= seen is None or _shows(
-                    seen, c, noise, middle, wave[own:own + 1], k, a[own]**2 + b[own]**2)
+            out[i] |= _is_in(float(frequency[i]), c, level, dt, seen)
     return out
+
+
+def _is_in(frequency: float, c: np.ndarray, level: np.ndarray, dt: float,
+           seen: np.ndarray | None) -> bool:
+    """Tell whether coefficients c (n,) have a line, and an axis's own, ``seen``, as much of it."""
+    n, offsets = len(c), np.arange(-2 * CROWD, 2 * CROWD + 1)
+    middle = int(2 * n * dt * frequency)
+    k = np.arange(max(1, middle - NEAR), min(n, middle + NEAR + 1))
+    root = np.sqrt(2 * dt / level[k - 1])
+    wave = line_basis((frequency + offsets / (4 * n * dt))[:, None], k, n, dt)
+    energy, a, b = _projected(root * wave, root * c[k])
+    best, here = int(np.argmax(energy)), 2 * CROWD
+    # chi-squared with two degrees of freedom, at as many places as there are cells near
+    if abs(offsets[best]) > 2 * CELL or energy[best] <= 2 * np.log(1000 * POWERS * 2 * CELL):
+        return False
+    return seen is None or _shows(seen, c, level[middle - 1] / (2 * dt), middle,
+                                  wave[here:here + 1], k, float(a[here]**2 + b[here]**2))
 
 
 def _shows(seen: np.ndarray, c: np.ndarray, noise: float, middle: int, wave: np.ndarray,
