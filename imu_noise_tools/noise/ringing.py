@@ -404,11 +404,13 @@ def _throughout(w: np.ndarray, omega: float,
         yield i, nats, _over_usual(nats.copy(), step)
 
 
-def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> list[tuple[int, float]]:
+def _moments(w: np.ndarray, omega: float, tau: float,
+             least: float) -> list[tuple[int, float, float]]:
     """
     Return the samples at which a ring begins that gains so much, the clearest first.
 
-    And what such rings usually gain there, in what they gain of white noise.
+    With what it gains beside what such rings usually gain there, and that in what they gain of
+    white noise.
 
     """
     found: list[tuple[float, int, float]] = []
@@ -416,7 +418,7 @@ def _moments(w: np.ndarray, omega: float, tau: float, least: float) -> list[tupl
         top = nats == maximum_filter1d(nats, 2 * int(APART * tau) + 1)
         k = np.flatnonzero(top & (nats > least))
         found += zip(-nats[k], k + i, raw[k] / nats[k])
-    return [(int(at), float(usual)) for _, at, usual in sorted(found)]
+    return [(int(at), -float(less), float(usual)) for less, at, usual in sorted(found)]
 
 
 def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings:
@@ -435,8 +437,8 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
             break
         moment, form = _cost(len(w), tau, lengths)
         moments = _moments(w, omega, tau, moment + AGAIN)
-        if tau * dt > LONGEST_S or len(moments) * APART * tau > MOST * len(w):
-            for i, _ in moments:
+        if tau * dt > LONGEST_S or _many(moments) * APART * tau > MOST * len(w):
+            for i, _, _ in moments:
                 w[_around(i, tau)] = 0.0
             continue
         rings, single = _knocks(white, w, omega, tau, moments, moment + AGAIN, judged)
@@ -451,6 +453,18 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
         if np.sum(rings.worth) >= least:
             out = Rings(*(np.concatenate(x) for x in zip(out, rings)))
     return out.of(np.argsort(out.begin))
+
+
+def _many(moments: Iterable[tuple[int, float, float]]) -> float:
+    """
+    Return how many moments there are, as many as would all gain alike: (sum x)^2/sum x^2.
+
+    Beside knocks one that chance has made counts next to nothing, of a swing that goes on all the
+    time nearly one.
+
+    """
+    nats = np.array([gained for _, gained, _ in moments])
+    return float(np.sum(nats) ** 2 / np.sum(nats**2)) if len(nats) else 0.0
 
 
 class Tail(NamedTuple):
@@ -518,7 +532,7 @@ def _beyond(rings: Rings, tail: Tail) -> Rings:
 
 
 def _knocks(white: _White, w: np.ndarray, omega: float, tau: float,
-            moments: Iterable[tuple[int, float]], least: float,
+            moments: Iterable[tuple[int, float, float]], least: float,
             judged: bool) -> tuple[Rings, np.ndarray]:
     """
     Take what rings at some moments out of whitened samples w, the clearest first.
@@ -528,7 +542,7 @@ def _knocks(white: _White, w: np.ndarray, omega: float, tau: float,
 
     """
     out, single = [], []
-    for i, usual in moments:
+    for i, _, usual in moments:
         columns = _columns(min(len(w) - i, _length(tau)), omega, tau)
         size, nats = _fitted(columns, w[i:i + len(columns)])
         if nats < usual * least:    # it was part of one that is out by now
