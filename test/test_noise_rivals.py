@@ -640,6 +640,16 @@ def test_a_peak_over_several_bins_asks_for_something(monkeypatch):
 
 
 @pytest.mark.thorough
+def test_a_notch_that_takes_out_most_of_the_band_is_one():
+    """40 Hz of 50 between its -3 dB points: at a bound below that it was none."""
+    rng = np.random.default_rng(1)
+    y = lfilter(*iirnotch(40.0, 1.0, fs=1 / DT), rng.standard_normal(N))
+    y += 0.05 * rng.standard_normal(N)
+    problem, fit = alone(SIZE * y, 'white', 'notch')
+    assert not problem.shape(fit, 'notch', 100.0)
+    assert fit.estimates['notch']['width'].point == pytest.approx(40.0, rel=0.03)
+
+
 def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
     rng = np.random.default_rng(22)
     b, a = iirnotch(30, 5, 1 / DT)

@@ -11,6 +11,7 @@ from ...loop.effect import Effect
 
 WIDEST = 1.5  # of the centre that a fit starts at: a filter that takes out more is no notch
 BEHIND = 0.002  # share of the white noise behind it from which a fit starts
+WHOLE = 0.45  # of the rate: a filter so wide leaves next to nothing
 
 
 class Notch(Response):
@@ -59,7 +60,7 @@ class Notch(Response):
         reach = min(2 * width, 0.5 * f)
         return {
             'frequency': (f - reach, min(f + reach, top)),
-            'width': (1 / evidence.duration, min(WIDEST * f, 0.25 / evidence.dt)),
+            'width': (1 / evidence.duration, min(WIDEST * f, WHOLE / evidence.dt)),
         }
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
