@@ -419,6 +419,38 @@ def test_short_stays_at_the_other_level_are_no_spikes(spikes):
     assert not said if spikes else said.startswith('beside rts samples that have none claim')
 
 
+def telegraph(rng, n, high, low):
+    """Return a path (n,) of 0 and 1 that stays so many samples, on the average, at either."""
+    stays = (np.arange(n) + rng.integers(2)) % 2
+    ends = np.cumsum(rng.geometric(1 / np.array([low, high])[stays]))
+    return stays[np.searchsorted(ends, np.arange(n), 'right')]
+
+
+@pytest.mark.parametrize('share', [0.15, 0.78])
+def test_samples_are_drawn_of_two_levels_as_unlike_as_those_of_the_record(share):
+    """Their third moment tells it, in means of two samples as well."""
+    rng, n = np.random.default_rng([133, int(100 * share)]), 40_000
+    x = rng.standard_normal(n) + 10.0 * telegraph(rng, n, 20 * share, 20 * (1 - share))
+    evidence = evidence_of(1e-3 * x, 50.0)
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'flicker', 'rts')))
+    y = fit.model['rts'].drawing(evidence, fit)(n, rng)
+    assert np.mean(y == np.max(y)) == pytest.approx(share, abs=0.04)
+    assert np.ptp(y) == pytest.approx(1e-2, rel=0.05)
+
+
+@pytest.mark.parametrize('seed', daily((0, 9, 15, 36, 39), 39))
+def test_what_one_path_of_dozens_has_by_chance_is_no_spikes(seed):
+    """Single samples at the other level, where it is left sooner; of stays alike none has them."""
+    rng, n = np.random.default_rng([77, seed]), 9000
+    x = rng.standard_normal(n) + 10.4 * telegraph(rng, n, 12.9, 3.6)
+    evidence = evidence_of(1e-3 * x, 50.0)
+    claim = find_effect('noise', 'spikes')().find(evidence).gain
+    assert claim > 50
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'flicker', 'rts', 'spikes')))
+    said = fit.model['spikes'].otherwise(evidence, fit, claim)
+    assert said.startswith('beside rts samples that have none claim')
+
+
 def heavy(nu, n=40_000, rate=50.0, seed=0):
     """Return an axis of Student's t with a walk beside it."""
     rng = np.random.default_rng([seed, int(10 * nu)])

@@ -32,6 +32,7 @@ if TYPE_CHECKING:       # evidence knows the kinds; they know it by its type alo
 __all__ = [
     'Coupling',
     'Defect',
+    'Drawing',
     'FILTERS',
     'Inputs',
     'Line',
@@ -56,6 +57,9 @@ __all__ = [
 
 #: (Phi, Q, H)
 StateSpace: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+#: draws so many samples, (n,)
+Drawing: TypeAlias = Callable[[int, np.random.Generator], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -269,6 +273,11 @@ class Spectrum(NoiseEffect):
         s[: len(low)] = low
         c = np.concatenate([[0.0], rng.standard_normal(n - 1) * np.sqrt(s / (2 * dt))])
         return x + idct(c, type=2, norm='ortho')
+
+    def drawing(self, evidence: Evidence, fit: Fit) -> Drawing:
+        """Return what draws it as a record shows it, which may be more than its parameters say."""
+        return lambda n, rng: self.apply(
+            np.zeros(n), Inputs(np.arange(n) * evidence.dt, evidence.dt, {}), rng)
 
 
 class Mean(NoiseEffect):

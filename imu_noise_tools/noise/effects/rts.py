@@ -13,7 +13,7 @@ from scipy.special import expit
 from ..dwells import both_ways, Levels, SHORTEST, two_levels
 from ..evidence import Evidence
 from ..kinds import (
-    Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
+    Drawing, Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
 )
 from ..lines import waves
 from ..views import slow_mean, slow_rest
@@ -21,6 +21,7 @@ from ...core import gauss_markov
 from ...loop.effect import Effect, Fit
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
+_LEAST_AND_MOST = 0.05, 0.95  # of the same, where the third moment tells it
 _SHOWN, _FOLLOWED = 30, 8192  # dwells in a picture, block means that are told apart
 SLOW = 1 << 14  # block means of a record
 _SHORT = (1, 4, 16)  # samples in means that tell dwells which the record's block means smear
@@ -134,9 +135,7 @@ class Rts(Spectrum):
         seen = self._seen(evidence)
         if seen is not None:
             return seen.lead
-        slow = evidence.common.slow_length * evidence.dt
-        short = self._short(evidence, fit) if self['tau'] < 3 * slow else None
-        z, t, width = short or (self._without_drift(evidence, fit), evidence.slow_t, slow)
+        z, t, width = self._means(evidence, fit)
         some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
         width *= some
         rows = len(z) // some // _SEGMENT
@@ -158,6 +157,29 @@ class Rts(Spectrum):
         gaussian = _gauss_markov(z, loud, step, tau, noise, width)
         levels = max(_two_levels(z, loud, step, tau, noise, width, s) for s in _SHARES)
         return float(levels - gaussian - np.log(len(_SHARES)))
+
+    def _means(self, evidence, fit):
+        """Return (means, times, width) without drift: of the record, or of less if they smear."""
+        slow = evidence.common.slow_length * evidence.dt
+        short = self._short(evidence, fit) if self['tau'] < 3 * slow else None
+        return short or (self._without_drift(evidence, fit), evidence.slow_t, slow)
+
+    def _share(self, evidence: Evidence, fit: Fit) -> float:
+        """
+        Return the share s of the time in the upper level, which the third moment of means tells.
+
+        That of levels of variance (step/2)^2 is (1 - 2 s)/sqrt(s (1 - s)) (step/2)^3, that of
+        three samples e^(-2 (t3 - t1)/tau) of it, and that of noise beside them zero.
+
+        """
+        z, _, width = self._means(evidence, fit)
+        if width > self['tau']:
+            return 0.5
+        m = round(width / evidence.dt)
+        d = np.arange(m)
+        smeared = (m + np.sum(6 * d * (m - d) * np.exp(-2 * d * evidence.dt / self['tau']))) / m**3
+        skew = float(np.mean((z - np.mean(z)) ** 3)) / (smeared * (0.5 * self['step']) ** 3)
+        return float(np.clip(0.5 - 0.5 * skew / np.hypot(2.0, skew), *_LEAST_AND_MOST))
 
     def _without_drift(self, evidence, fit):
         """
@@ -264,6 +286,20 @@ class Rts(Spectrum):
         flip = rng.random(len(x)) < -0.5 * np.expm1(-2 * inputs.dt / self['tau'])
         flip[0] = rng.random() < 0.5
         return x + self['step'] * (np.cumsum(flip) % 2 - 0.5)
+
+    def drawing(self, evidence: Evidence, fit: Fit) -> Drawing:
+        """Return what draws two levels, in each of which it is as long as the record shows."""
+        share = self._share(evidence, fit)
+        # of the same second moments: what leaves either level goes at 2/tau together
+        leaves = -np.expm1(-2 * evidence.dt / self['tau']) * np.array([share, 1 - share])
+        apart = 0.5 * self['step'] / np.sqrt(share * (1 - share))
+
+        def draw(n: int, rng: np.random.Generator) -> np.ndarray:
+            stays = (np.arange(n) + (rng.random() < share)) % 2
+            ends = np.cumsum(rng.geometric(leaves[stays]))
+            return apart * (stays[np.searchsorted(ends, np.arange(n), 'right')] - share)
+
+        return draw
 
     @classmethod
     def example(cls) -> Effect:

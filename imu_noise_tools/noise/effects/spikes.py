@@ -40,7 +40,8 @@ FEW = 1e-5  # share of samples that no cell shows
 AGAINST = 1.139  # standard deviation of normal noise less the median of its four neighbours
 SMOOTH = 65  # samples of a mean that is no part of the tails
 STRETCH = 8  # blocks in time whose loudness is looked at together
-DRAWN = 1 << 17  # samples that are drawn at most
+DRAWN = 1 << 17  # samples that are drawn at most of a record
+DRAWS, ALL = 100, 1 << 20  # records that are drawn at most, and samples of all of them
 DEGREES = np.geomspace(1.5, 60, 40)  # of freedom that are tried
 
 
@@ -167,15 +168,18 @@ class Spikes(Defect):
         paths = [s for s in fit.model.of(Spectrum) if 'distribution' in s.mutes]
         if not paths:
             return ''
-        y = drawn(evidence, fit, paths, min(evidence.n, DRAWN))
-        at = levels(y)
-        kept = self.statistics(y if at is None else y - at,
-                               Inputs(np.arange(len(y)) * evidence.dt, evidence.dt, {}))
-        found = _gain(kept) if kept else None
-        gain = found[0] * evidence.n / len(y) if found else 0.0
-        if gain < HEALED * claim:
-            return ''
-        return f'beside {paths[0].name} samples that have none claim {gain:.0f} nats as well'
+        n = min(evidence.n, DRAWN)
+        # a short record may be one of the few that have them by chance
+        for y in drawn(evidence, fit, paths, n, min(ALL // n, DRAWS)):
+            at = levels(y)
+            kept = self.statistics(y if at is None else y - at,
+                                   Inputs(np.arange(n) * evidence.dt, evidence.dt, {}))
+            found = _gain(kept) if kept else None
+            gain = found[0] * evidence.n / n if found else 0.0
+            if gain >= HEALED * claim:
+                return (f'beside {paths[0].name} samples that have none claim {gain:.0f} nats as '
+                        'well')
+        return ''
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """
