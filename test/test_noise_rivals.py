@@ -640,6 +640,20 @@ def test_a_peak_over_several_bins_asks_for_something(monkeypatch):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(('high', 'told'), [(10.0, True), (0.1, False)])
+def test_skirts_of_a_sharp_resonance_that_stands_high_tell_what_is_heard_of_it(high, told):
+    """A faint one is tried as displacement alone: nothing is seen of its skirts."""
+    rng = np.random.default_rng(7)
+    w, r = 2 * np.pi * 9.0 * DT, np.exp(-np.pi * 0.05 * DT)
+    y = lfilter([1.0, 0.0, -1.0], [1.0, -2 * r * np.cos(w), r * r], rng.standard_normal(2 * N))[N:]
+    problem, _ = alone(SIZE * (high * y / np.std(y) + rng.standard_normal(N)), 'white')
+    (f, width, _), *_ = problem.evidence.humps
+    assert f > 30 * width
+    tried = {e.chosen('form') for e in find_effect('noise', 'narrowband')().starts(
+        problem.evidence) if e['frequency'] == pytest.approx(f)}
+    assert 'displacement' in tried and ('velocity' in tried) == told
+
+
 def test_a_notch_that_takes_out_most_of_the_band_is_one():
     """40 Hz of 50 between its -3 dB points: at a bound below that it was none."""
     rng = np.random.default_rng(1)

@@ -15,7 +15,7 @@ SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
 CLEAR = 5.0  # standard errors of one of those
-BLUNT = 30.0  # f0/width: above, both of a resonance look alike
+BLUNT = 30.0  # f0/width of a faint one: above, both of a resonance look alike
 FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
 
 
@@ -74,7 +74,8 @@ class Narrowband(Spectrum):
         return [self.with_values(
             frequency=f, width=max(width, least) if form == WANDERING else width, form=form)
             for form in forms for f, width in some if form == forms[0] or (
-                width > 2 * least if form == WANDERING else f < BLUNT * width)]
+                width > 2 * least if form == WANDERING
+                else f < BLUNT * width * _height(evidence, f, width))]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
@@ -180,3 +181,19 @@ class Narrowband(Spectrum):
     def example(cls) -> Effect:
         """Return a resonance of Q 10 at 4 Hz, of 20.6 deg/h rms (1e-4 rad/s)."""
         return cls({'frequency': 4.0, 'width': 0.4, 'rms': 1e-4, 'form': 'displacement'})
+
+
+def _height(evidence: Evidence, f: float, width: float) -> float:
+    """
+    Return how high a peak stands above the spectrum around it, 1 at least, as a root of power.
+
+    Its skirts reach so many half widths from it, of P times their power: there, both forms of a
+    resonance differ by P^(1/2) width/f0 of it.
+
+    """
+    bins, power = evidence.whole.bins, evidence.whole.power
+    at, around = np.abs(bins.f - f) < 0.5 * width, np.abs(np.log(bins.f / f)) < np.log(2)
+    if not np.any(at):
+        return 1.0
+    top = np.average(power[at], weights=bins.count[at])
+    return max(1.0, float(np.sqrt(top / np.median(power[around]))))
