@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import rfft
+from scipy.ndimage import uniform_filter1d
 
 from ..loop.effect import Finding
 
@@ -24,6 +25,8 @@ SHORTEST = 32   # blocks along which a line is followed at least
 PARTS = 8       # of the record, the shortest that is looked at
 LEAST = 8       # cells through which it sweeps at least: what stays is a line or a narrow band
 CAP = 8.0       # times the mean power that a cell counts at most
+LINE, BESIDE, AROUND = 1, 6, 17     # cells to either side of a line and beside it, and blocks
+LOUD = 1.3      # times the mean power of those beside, which by chance are four deviations less
 NONE = np.zeros(6)
 
 
@@ -61,6 +64,9 @@ def find_sweep(white: np.ndarray, dt: float) -> np.ndarray:
     power /= np.mean(power, axis=0)
     power /= np.mean(power, axis=1, keepdims=True)
     power = np.minimum(power, CAP)
+    # nor a band that is switched on and off, and what it leaks into: a line has calm beside it
+    beside = _beside(power)
+    power /= np.where(beside > LOUD, beside, np.float32(1.0))
     up = _along_lines(power, depth)
     down = _along_lines(power[:, ::-1], depth)
     best = NONE
@@ -72,6 +78,14 @@ def find_sweep(white: np.ndarray, dt: float) -> np.ndarray:
         if sure > best[0]:
             best = np.array(Sweep(sure, strong, *s, *hz))
     return best
+
+
+def _beside(power: np.ndarray) -> np.ndarray:
+    """Return the mean of cells (blocks, m) on both sides of each, in the blocks around it."""
+    near = uniform_filter1d(power, AROUND, axis=0, mode='nearest')
+    both, line = (width * uniform_filter1d(near, width, axis=1, mode='nearest')
+                  for width in (2 * BESIDE + 1, 2 * LINE + 1))
+    return (both - line) / np.float32(2 * (BESIDE - LINE))
 
 
 def _along_lines(power: np.ndarray, depth: int) -> tuple[float, float, int, int, int, int]:
