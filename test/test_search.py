@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from imu_noise_tools.loop.diagnosis import _pairs, _Search, ROUNDS
+from imu_noise_tools.loop.diagnosis import _pairs, _Place, _Search, ROUNDS
 from imu_noise_tools.loop.effect import Finding, model_of, registry
 
 
@@ -85,7 +85,8 @@ def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     # three where two do
     (['gauss_markov', 'low_pass', 'notch'], {
         'gauss_markov, low_pass': 9.0, 'gauss_markov, quantization': 9.0,
-        'gauss_markov, notch': 9.0, 'low_pass, notch': 9.0, 'quantization, notch': 9.0, 'notch, quantization': 9.0,
+        'gauss_markov, notch': 9.0, 'low_pass, notch': 9.0, 'quantization, notch': 9.0,
+        'notch, quantization': 9.0,
         'notch, low_pass': 9.0}, ['low_pass', 'quantization']),
 ])
 def test_what_stood_out_is_taken_in_the_fewest_that_leave_nothing(search, names, left, best):
@@ -110,6 +111,40 @@ def test_one_that_needs_no_other_is_left_alone(search):
     main = [found('gauss_markov'), found('low_pass')]
     search.scores = {search._set_of(main): 300.0, search._set_of(main[:1]): 200.0}
     assert search._as_few(main, [main, [found('rts')]]) == main
+
+
+@pytest.mark.parametrize(('other', 'first'), [(300.0, True), (320.0, False)])
+def test_of_chains_that_leave_nothing_the_simpler_may_explain_as_much(search, other, first):
+    """Three relaxations for flicker: what each gains at its place is more than all together."""
+    main = [found('flicker', gain=150.0), found('narrowband', gain=200.0)]
+    held = [found('rts', gain=170.0), main[1], found('gauss_markov', gain=50.0)]
+    supported = {frozenset(('flicker', 'narrowband')): 310.0,
+                 frozenset(('rts', 'narrowband', 'gauss_markov')): other}
+    search.chain = lambda begin=(): [*begin] or main
+    search._rivals = lambda *_: []
+    search.place = lambda model: SimpleNamespace(fit=SimpleNamespace(
+        supported=supported.get(frozenset(model.labels[1:]))))
+    search.tests = leaves({})
+    search._explained_away = lambda *_: search.scores.update({
+        frozenset(search.model_of(c).labels): sum(f.gain for f in c) for c in (
+            main, held, held[:1], main[:1])})
+    assert search.forward(held) == (main if first else held)
+    if first:
+        best = search.scores[frozenset(search.model_of(main).labels)]
+        assert all(best - search.scores[frozenset(search.model_of(held[:k]).labels)] >= 10
+                   for k in (1, 3))
+
+
+def test_two_that_hide_each_other_go_before_a_lesser_one_in_another_view(search):
+    """Drift beside a band that is switched on: the noise changes in time, which says no more."""
+    some = [found('flicker', gain=500.0), found('variance_change', 'variance', 400.0)]
+    search.place = lambda model: _Place(model, None, tuple(
+        f for f in some if f.name not in model))
+    search._heals = lambda members, f: f.name == 'variance_change'
+    search._lowers = lambda *_: True
+    search._pair = lambda members, place, first=None: [
+        some[0], found('narrowband')] if first == some[:1] else []
+    assert [f.name for f in search.chain()] == ['flicker', 'narrowband', 'variance_change']
 
 
 def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):

@@ -15,7 +15,7 @@ good as a flexible form in its place, and not stand in the shadow of what nothin
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count, islice
 from typing import Any
@@ -247,6 +247,9 @@ class _Search:
                 best = self._first(members, first, failed) or first and self._pair(members, place)
                 self._yielded += [f] if best else []
                 best = best or self._first(members, [f], failed)
+                if not best and f is able[0]:
+                    # before a lesser one in another view, beside which neither would heal
+                    best = self._pair(members, place, [f])
                 if best:
                     break
             self._note(members, place, failed)
@@ -289,9 +292,12 @@ class _Search:
                 self.scores = {k: v for k, v in self.scores.items() if name not in k}
                 self._beside.setdefault(name, frozenset(self.labels_of(members)))
 
-    def _pair(self, members: list[Finding], place: _Place) -> list[Finding]:
+    def _pair(self, members: list[Finding], place: _Place,
+              some: Iterable[Finding] | None = None) -> list[Finding]:
         """
         Return two that heal together, behind a chain, what one of them does not.
+
+        The first is one of ``some``, or of all that are open.
 
         Noise is stretched over both, and what one of them leaves stands out the more: of two
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
@@ -302,7 +308,7 @@ class _Search:
         """
         before, asked = self.model_of(members), set[bool]()
         failing = {t.view for t in failures(self.tests(before))}
-        for f in self.open_at(place):
+        for f in self.open_at(place) if some is None else some:
             if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
             paired = f.effect.paired
@@ -409,7 +415,8 @@ class _Search:
 
         Of two that bend a view to and fro each alone gains little, and less than a third that does
         some of both: what then is added to that may be three for two. Where it is two it may be
-        another two, so that the last of them seems to be either.
+        another two, so that the last of them seems to be either. What members gain, each at its
+        place, is more than they do together: it is by that that sets are compared.
 
         """
         tell = [f for f in best if _bends(f)]
@@ -417,31 +424,36 @@ class _Search:
         doubted = any(v > sure and k != self._set_of(best) for k, v in self.scores.items())
         if len(tell) < 2 or len(tell) < 3 and not doubted:
             return best
-        stood = [f for c in chains for i in range(len(c)) for f in (c[i], *self._rivals(c, i))]
-        pool = list({f.name: f for f in reversed([*tell, *(f for f in stood if _bends(f))])
-                     }.values())[::-1]
         other = [f for f in best if not _bends(f)]
         worth: dict[frozenset[str], float] = {}
-        sets: list[list[Finding]] = []
-        for some in islice((c for size in range(2, len(tell) + 1)
-                            for c in combinations(pool, size)), SETS):
-            if sets and len(some) > len(sets[0]) - len(other):
-                break   # what fewer explain needs no more
-            chain = [*other, *some]
-            here = self.place(self.model_of(chain))
+        found, least = best, LONGEST
+        for some in [*islice(self._sets(tell, chains), SETS), tell]:
+            chain = best if some is tell else [*other, *some]
+            here = self.place(self.model_of(chain)) if len(some) <= least or some is tell else None
             supported = None if here is None else here.fit.supported
-            if supported is not None and not self._left(chain):
-                sets.append(chain)
-                worth[self._set_of(chain)] = supported - sum(
-                    f.penalty + rules.PRICE * f.shapes for f in some)
-        if not sets:
+            if supported is None or self._left(chain):
+                continue
+            # what fewer explain needs no more
+            least = min(least, len(some))
+            whole = self._set_of(chain)
+            worth[whole] = supported - sum(f.penalty + rules.PRICE * f.shapes for f in some)
+            if worth[whole] >= max(worth.values()):
+                found = chain
+        if not worth:
             return best
-        found = max(sets, key=lambda c: worth[self._set_of(c)])
-        most = max(self.scores.values())
-        if len(found) < len(best):
-            self.scores = {k: v for k, v in self.scores.items() if not k > self._set_of(found)}
-        self.scores.update({k: most + v - worth[self._set_of(found)] for k, v in worth.items()})
+        whole, most = self._set_of(found), max(self.scores.values())
+        if found is not best:
+            self.scores = {k: v for k, v in self.scores.items() if not k > whole}
+        self.scores.update({k: most + v - worth[whole] for k, v in worth.items()})
         return found
+
+    def _sets(self, members: list[Finding], chains: Iterable[list[Finding]],
+              ) -> Iterator[tuple[Finding, ...]]:
+        """Yield sets of two and more of what bent the spectrum on the way, as many at most."""
+        stood = [f for c in chains for i in range(len(c)) for f in (c[i], *self._rivals(c, i))]
+        named = {f.name: f for f in reversed([*members, *(f for f in stood if _bends(f))])}
+        for size in range(2, len(members) + 1):
+            yield from combinations(reversed(named.values()), size)
 
     def _begun(self, begin: list[Finding], main: Sequence[Finding]) -> list[Finding]:
         """
