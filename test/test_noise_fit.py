@@ -511,3 +511,19 @@ def test_a_filter_begins_anew_beside_what_arises_behind_it():
         later = NoiseProblem(problem.evidence)
         later.point(model_of('noise', names))
         assert later.point(both).log_likelihood == pytest.approx(likely, abs=1.0)
+
+
+def test_a_filter_begins_by_what_passes_it_and_not_by_the_other_noise():
+    """Beside strong relaxation below and quantization above its own fall is hardly seen."""
+    rng, n = np.random.default_rng(43), 60_000
+    y = 0.17 * lfilter(*butter(2, 0.87), rng.standard_normal(n))
+    y += np.diff(rng.standard_normal(n + 1))
+    y += lfilter([0.1], [1, -0.9935], rng.standard_normal(n))
+    problem = NoiseProblem(gather(record_of(1e-3 * y), ['gyro_x'])['gyro_x'])
+    before = problem.point(model_of('noise', ('white', 'gauss_markov', 'quantization')))
+    low = find_effect('noise', 'low_pass')()
+    evidence, model = problem.evidence, before.model.plus(low)
+    blind = low.starts(evidence)
+    known = [m['low_pass'] for m, _ in starts(Likelihood(evidence, 'whole', model), before.model)]
+    assert min(abs(e['cutoff'] / 8.7 - 1) for e in known) < 0.1
+    assert min(abs(e['cutoff'] / 8.7 - 1) for e in blind if e['form'] == 1.0) > 0.1

@@ -23,6 +23,7 @@ Start: TypeAlias = tuple[Model, np.ndarray]
 
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 LEAST = 1e-6  # of its median, that a level is anywhere
+BESIDE = 6  # of the starts of a filter beside noise of a smaller model
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
 
@@ -56,7 +57,7 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
                 options += cast('list[Mean]', near)
         else:
-            options = likelihood.evidence.starts(e)
+            options = [*_of_what_passes(likelihood, given, e), *likelihood.evidence.starts(e)]
             if not options:
                 raise FitError(
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
@@ -72,6 +73,21 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
             found.append(_with_given(likelihood, given, found[0]))
         out += [(candidate, x0) for x0 in found]
     return out
+
+
+def _of_what_passes(likelihood, given, effect):
+    """
+    Return the starts of a filter by what a smaller model leaves of the noise that passes it.
+
+    Of the measured spectrum its own shape is the less the more other noise there is.
+
+    """
+    if given is None or not isinstance(effect, Response) or not given.of(Spectrum) \
+            or likelihood.part_name != 'whole' or not any(
+                not (e.own or isinstance(e, MEASURED)) for e in given.of(Spectrum)):
+        return []
+    before = Likelihood(likelihood.evidence, 'whole', given)
+    return _gain_alone(before, given.plus(effect), effect).starts(effect)[:BESIDE]
 
 
 def _with_given(likelihood, given, x0):
