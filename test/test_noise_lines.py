@@ -210,6 +210,21 @@ def test_orders_that_are_all_folded_are_those_of_one_machine(f0, orders):
     assert {k for k in range(1, 13) if read[f'amplitude_{k}'].value is not None} == set(orders)
 
 
+def test_faint_orders_are_looked_for_beside_sure_ones_that_are_folded():
+    """Two sure lines of which none is seen at its own frequency tell where the others are."""
+    rng, f0, heights = np.random.default_rng(61), 28.089, {2: 14.0, 4: 12.0, 5: 4.5, 8: 4.5}
+    t, found = 0.01 * np.arange(30_000), 0
+    for _ in range(8):
+        y = rng.standard_normal(len(t)) + sum(
+            z * np.sqrt(2 / len(t)) * np.cos(2 * np.pi * k * f0 * t + rng.uniform(0, 6))
+            for k, z in heights.items())
+        c = cosine_transform(y)
+        f = find_peaks(c, reference_spectrum(c, 0.01), 0.01)[0][:, 0]
+        orders = folded(f0 * np.array(list(heights)), 0.01)
+        found += int(np.sum(np.abs(f[:, None] - orders) < 0.005))
+    assert found > 23       # of 32, of which 16 are sure
+
+
 @pytest.mark.thorough
 def test_unrelated_lines_are_no_family():
     rng, effect = np.random.default_rng(5), find_effect('noise', 'harmonics')()

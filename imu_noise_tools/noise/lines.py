@@ -47,6 +47,7 @@ DOMINANT = 0.8  # share of the power around a line that it takes where it is coh
 CLEAN = 0.98  # share that two lines side by side must take
 SEEDS = 8  # lines, sure ones and faint ones, whose multiples are looked for
 LOWER, HIGHER = 8, 12  # orders that a line may be of, and its company
+FOLDED = 32  # readings of a line as one of those orders, folded at Nyquist
 MULTIPLE = 3.5  # nats that one of a dozen frequencies reaches by chance every third time
 MEMBER = 2.5  # nats beyond that from which it is a line: then one of a dozen in fifteen families
 OFF, STEP = 0.2, 0.15  # of 1/T by which a line may be off its order, and by which it is sought
@@ -366,22 +367,34 @@ class _Search:
         Return fainter lines: at multiples of one frequency, each too faint to be sure by itself.
 
         Of a line that is known few frequencies are multiples, so that chance reaches less there;
-        and several that are none by themselves may be sure together.
+        and several that are none by themselves may be sure together, or beside others that stand
+        at multiples.
 
         """
         best, most = [], 0.0
         sure = sorted(found, key=lambda s: -s.height)[:SEEDS]
         for seed in [*sure, *self._faint()]:
-            # once in a thousand records, by whichever line and order
-            wanted = np.log(1000 * LOWER * max(len(sure), 1))
-            if seed not in found:
-                wanted += max(line_penalty(self.n) - 0.5 * seed.height, 0.0)
-            for order in range(1, LOWER + 1):
-                company = self._multiples(seed.frequency / order, order, found)
-                gain = sum(more for _, more in company) - wanted
+            for f0, order, is_folded in self._readings(seed.frequency, seed in found):
+                # once in a thousand records, by whichever line and reading of it
+                tried = np.log((FOLDED if is_folded else LOWER) * max(len(sure), 1))
+                if seed not in found:
+                    tried += max(line_penalty(self.n) - 0.5 * seed.height, 0.0)
+                company, known = self._multiples(f0, order, is_folded, seed, found)
+                # lines that are known tell which reading it is, and nothing of those that are not
+                gain = sum(more for _, more in company) - max(tried - known, 0.0) - np.log(1000)
                 if gain > most:
                     best, most = [seed, *(s for s, more in company if more > MEMBER)], gain
         return [s for s in best if s not in found]
+
+    def _readings(self, f: float, folds: bool) -> Iterator[tuple[float, int, bool]]:
+        """Yield (f0, order, whether folded at Nyquist) as which a line may be read."""
+        for order in range(1, LOWER + 1):
+            yield f / order, order, False
+        for order in range(2, LOWER + 1 if folds else 2):
+            for m in range(1, order // 2 + 1):
+                for f0 in (abs(m / self.dt + side * f) / order for side in (1, -1)):
+                    if f0 * self.dt < 0.5:      # beyond, it is the mirror image of another
+                        yield f0, order, True
 
     def _faint(self) -> list[_Spot]:
         """Return the highest of what is too low for a line, what is near one left out."""
@@ -411,32 +424,47 @@ class _Search:
         level = max(level, 2 * self.dt * float(np.mean(self.c[some[beside]] ** 2)))
         return 2 * self.dt * energy / level, a, b
 
-    def _multiples(self, f0: float, order: int,
-                   known: list[_Spot]) -> list[tuple[_Spot, float]]:
+    def _multiples(self, f0: float, order: int, is_folded: bool, seed: _Spot,
+                   known: list[_Spot]) -> tuple[list[tuple[_Spot, float]], float]:
         """
         Return what stands at the other orders of f0, read from a line of ``order``.
 
-        With each how many nats it has beyond what one of them has by chance.
+        With each how many nats it has beyond what one of them has by chance; and how many lines
+        that are known have by standing at one.
 
         """
         out: list[tuple[_Spot, float]] = []
-        for k in (k for k in range(1, HIGHER + 1) if k != order):
-            at, off = folded(k * f0, self.dt), OFF * (1 + k / order)
-            middle, reach = int(2 * self.n * self.dt * at), int(2 * off) + 2
-            chance = MULTIPLE + np.log1p(2 * off)
-            if not 2 * NEAR < middle < self.n - 2 * NEAR or np.max(
-                    self.window[middle - reach:middle + reach]) < 2 * chance:
+        orders = np.delete(np.arange(1, HIGHER + 1), order - 1)
+        places, off = folded(orders * f0, self.dt), OFF * (1 + orders / order)
+        others = np.array([s.frequency for s in known if s != seed])
+        stands = np.any(np.abs(places[:, None] - others) * self.n * self.dt < off[:, None], axis=1)
+        if is_folded and not np.any(stands):    # one line alone may be read in so many ways
+            return out, 0.0
+        by_chance = 4 * off[stands] * HIGHER * len(others) / self.n
+        chances = 2 * (MULTIPLE + np.log1p(2 * off))
+        high = self._high(places, int(2 * np.max(off)) + 2)
+        for i in np.flatnonzero(~stands & (high > chances)):
+            if self._near([*known, *(s for s, _ in out)], _Spot(float(places[i]), 0.0, 0.0, 0.0)):
                 continue
-            if self._near([*known, *(s for s, _ in out)], _Spot(at, 0.0, 0.0, 0.0)):
-                continue
-            count = int(np.ceil(off / STEP))
-            f = at + off / (self.n * self.dt) * np.linspace(-1, 1, 2 * count + 1)
-            height, a, b = self._height(f)
-            i = int(np.argmax(height))
-            if height[i] > 2 * chance:
-                spot = _Spot(float(f[i]), float(a[i]), float(b[i]), float(height[i]))
-                out.append((spot, 0.5 * spot.height - chance))
-        return out
+            spot = self._highest(float(places[i]), float(off[i]))
+            if spot.height > chances[i]:
+                out.append((spot, 0.5 * (spot.height - float(chances[i]))))
+        return out, float(-np.sum(np.log(np.minimum(by_chance, 1.0))))
+
+    def _high(self, f: np.ndarray, reach: int) -> np.ndarray:
+        """Return the highest window (f,) near frequencies; none near the ends."""
+        middle = (2 * self.n * self.dt * f).astype(int)
+        near = middle[:, None] + np.arange(-reach, reach)
+        inside = (middle > 2 * NEAR) & (middle < self.n - 2 * NEAR)
+        return np.where(inside, np.max(self.window[np.clip(near, 0, self.n - 2)], axis=1), 0.0)
+
+    def _highest(self, at: float, off: float) -> _Spot:
+        """Return the highest line at most so many 1/T from a frequency."""
+        count = int(np.ceil(off / STEP))
+        f = at + off / (self.n * self.dt) * np.linspace(-1, 1, 2 * count + 1)
+        height, a, b = self._height(f)
+        i = int(np.argmax(height))
+        return _Spot(float(f[i]), float(a[i]), float(b[i]), float(height[i]))
 
     def _more(self, settled: list[_Spot]) -> None:
         """Add to the lines what stands out of the coefficients now."""
