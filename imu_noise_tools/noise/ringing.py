@@ -437,7 +437,7 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
             break
         moment, form = _cost(len(w), tau, lengths)
         moments = _moments(w, omega, tau, moment + AGAIN)
-        if tau * dt > LONGEST_S or _many(moments) * APART * tau > MOST * len(w):
+        if tau * dt > LONGEST_S or _many(moments) * tau > MOST * len(w):
             for i, _, _ in moments:
                 w[_around(i, tau)] = 0.0
             continue
@@ -460,7 +460,7 @@ def _many(moments: Iterable[tuple[int, float, float]]) -> float:
     Return how many moments there are, as many as would all gain alike: (sum x)^2/sum x^2.
 
     Beside knocks one that chance has made counts next to nothing, of a swing that goes on all the
-    time nearly one.
+    time nearly one. The time of a ring is, counted so, its time constant: (tau/2)^2/(tau/4).
 
     """
     nats = np.array([gained for _, gained, _ in moments])
