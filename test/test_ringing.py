@@ -203,3 +203,12 @@ def test_a_knock_where_noise_is_louder_than_in_all_of_the_record_stands_out_of_t
         y[begins:begins + 700] += 2.8 * np.exp(-t / 85) * np.cos(0.62 * t)
         rings = find_rings(y, 0.002, 7.0)
         assert np.sum(np.abs(rings.begin - begins) < 8) == 1 and np.sum(rings.nats) < 100
+
+
+def test_a_knock_that_ends_where_noise_falls_stands_out_of_the_louder():
+    """Beside the mean of both sides all that is louder there would, and be no ring."""
+    for seed in range(3):
+        rng = np.random.default_rng([43, seed])
+        noise = rng.standard_normal(60_000) * np.where(np.arange(60_000) < 8000, 1.2, 1.0)
+        y = knocked(noise, (5.9, 30.0), 27.0, 0.3, 150.0, dt=0.001, rng=rng)
+        assert np.any(np.abs(find_rings(y, 0.001, LEAST).begin - 5900) < 30)

@@ -571,14 +571,20 @@ def _beside(w: np.ndarray, at: slice) -> tuple[float, int]:
 
     The spectrum by which they were whitened is that of all the record: where the stretch is, noise
     may be louder or less so. And of how many samples it is: of many, for what is louder for a
-    while stands out as well.
+    while stands out as well. What is louder before the stretch than behind it may go on in it.
 
     """
+    def power(side: np.ndarray) -> float:
+        return float(np.mean(np.minimum(side**2, SINGLE**2)))
+
     width = max(len(w) // STRETCHES, at.stop - at.start)
-    beside = np.append(w[max(0, at.start - width):at.start], w[at.stop:at.stop + width])
+    before, behind = w[max(0, at.start - width):at.start], w[at.stop:at.stop + width]
+    beside = np.append(before, behind)
     if not len(beside):
         return 1.0, 1
-    return float(np.mean(np.minimum(beside**2, SINGLE**2))), len(beside)
+    if len(before) > 0.5 * len(behind) and power(before) > power(beside):
+        beside = before
+    return power(beside), len(beside)
 
 
 def _single(w: np.ndarray) -> np.ndarray:
