@@ -57,6 +57,7 @@ FEW, NEARLY = 7, 0.9  # share of that of so many and more that a ring has: none 
 MANY = 2.0  # times as much in single samples as in those of knocks: knocks may be chance
 KINDS = 3  # of knocks in a record
 BETWEEN = 3.0  # nats that are reached between what is told apart
+CLEARLY = 2.0  # times the nats of a moment that chance may have made
 AGAIN = 3.0  # nats beyond its moments that each knock but the first must have
 UNEVEN, TOLD = 3.0, 20  # nats beyond which a tail is looked at, by so many
 BESIDE = 10  # frequencies on each side by which a tail is told
@@ -437,7 +438,10 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
             break
         moment, form = _cost(len(w), tau, lengths)
         moments = _moments(w, omega, tau, moment + AGAIN)
-        if tau * dt > LONGEST_S or _many(moments) * tau > MOST * len(w):
+        # what lingers here and there gains little each time; knocks that are clear may be more
+        faint = np.median([x for _, x, _ in moments] or [0.0]) < CLEARLY * (moment + AGAIN)
+        time = tau * (APART if faint else 1.0)
+        if tau * dt > LONGEST_S or _many(moments) * time > MOST * len(w):
             for i, _, _ in moments:
                 w[_around(i, tau)] = 0.0
             continue
