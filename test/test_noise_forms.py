@@ -23,6 +23,7 @@ from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
+from imu_noise_tools.noise import likelihood
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather, unrounded
@@ -830,6 +831,20 @@ def test_loud_steps_end_within_the_means_in_which_they_fall_and_leave_no_power()
     sure = next(f for f in problem.candidates(problem.point(model.minus('step')))
                 if f.name == 'step')
     assert 0.2 * sure.gain < sure.elsewhere < sure.gain
+
+
+@pytest.mark.parametrize('lines', [0, likelihood.LINES])
+def test_a_line_that_was_measured_beside_a_step_leaves_nothing_there(lines, monkeypatch):
+    """What the step has at the line's frequency went with it, and came back as a slow wave."""
+    monkeypatch.setattr(likelihood, 'LINES', lines)
+    rng, n, dt = np.random.default_rng(33), 54_000, 0.01
+    t = dt * np.arange(n)
+    y = rng.standard_normal(n) + 0.5 * np.sin(2 * np.pi * 0.0403 * t) + 2.5 * (t >= 117.3)
+    problem = NoiseProblem(evidence_of(1e-3 * y, 1 / dt))
+    fit = problem.point(model_of('noise', ('white', 'random_walk', 'sinusoid', 'step')))
+    near = np.abs(problem.evidence.whole.bins.f - 0.0403) < 0.005
+    left = np.sum((fit.details.power / fit.details.v)[near])
+    assert (left < 2 * np.sum(near)) == bool(lines)
 
 
 def test_short_dwells_are_told_without_a_line_that_the_model_lacks():

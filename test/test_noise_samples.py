@@ -555,3 +555,18 @@ def test_a_band_with_its_images_has_the_allan_variance_of_what_is_held():
     assert model_avar(Model((band, held)), m, dt) == pytest.approx(wanted, rel=0.05)
     f = np.linspace(0.01, 12.49, 20_000)
     assert np.mean(model_psd(Model((band, held)), f, dt)) * 12.5 == pytest.approx(1, rel=0.05)
+
+
+@pytest.mark.parametrize('what', ['rate', 'angle'])
+def test_an_angle_has_its_error_in_full_where_noise_spans_its_step(what):
+    """Of a grid as fine as .6 standard deviations only that tells a rate from an angle."""
+    rng, n, dt, step = np.random.default_rng(51), 36_000, 0.02, 0.6
+    x = rng.standard_normal(n + 1)
+    y = step * (np.round(x[1:] / step) if what == 'rate'
+                else np.diff(np.round(np.cumsum(x) / step)))
+    record = ImuRecord(np.outer(1e-3 * y, [1, 0, 0]), None, np.arange(n) * dt, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk')))
+    gain = {f.name: f.gain for f in problem.candidates(fit)}
+    better = gain['rate_quantization'] - gain['quantization']
+    assert better > 6 if what == 'rate' else better < -6

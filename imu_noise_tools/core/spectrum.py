@@ -327,3 +327,9 @@ def quadrature_avar(
             out[i] = np.sum(psd(f) * wave * w / np.sin(np.pi * u / k) ** 2)
         out[i] *= 2 / (k * k) / (k * dt)
     return out
+
+
+def smooth(power: np.ndarray) -> np.ndarray:
+    """Return the power (b,) as the geometric mean over nine bins."""
+    window = np.ones(9) / 9
+    return np.exp(np.convolve(np.pad(np.log(power), 4, mode='edge'), window, mode='valid'))

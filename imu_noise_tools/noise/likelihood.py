@@ -37,11 +37,12 @@ from .kinds import (
 from .response import OpenResponse
 from .shared import spread
 from ..core.linear import inverse, least_squares
-from ..core.spectrum import asked, Bins, gathered, leaked
+from ..core.spectrum import asked, Bins, gathered, leaked, smooth
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
 
 KEPT = 16  # points of a search at which the value is kept
+LINES = 4       # that are slow, the strongest, whose values are solved for beside a mean
 SLOWEST = 1024      # coefficients, in which all is that a slow mean does
 
 
@@ -209,6 +210,9 @@ class Likelihood:
         if mean:
             known = sum(mean.model[m.label].mean(e.slow_inputs) for m in self.means)
             self._known = self._slow_transform(self._in_part(known))
+            self._known = self._known + self._change_of_lines(
+                self._slow - self._path - self._known,
+                np.sqrt(2 * self.dt / self._fine(smooth(self.power))))
             self.power = self._less_known(self.power, self._slow)
 
     def _in_part(self, x):
@@ -375,11 +379,21 @@ class Likelihood:
             covariances.append(covariance)
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             assert slow is not None
-            x = self.design(model)
-            root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
-            beta, covariance, leverage, log_det = least_squares(
-                x * root[:, None], (slow - self._path) * root)
-            left = self._replaced(power, slow, slow - x @ beta)
+            x, y = self.design(model), slow - self._path
+            every = np.sqrt(2 * self.dt / self._fine(v))
+            root, more = every * self._counted(), self._of_lines
+            if more.shape[1]:   # beside a mean a line has other values than it had by itself
+                own = np.linalg.qr(more * root[:, None])[0]
+                taken = own @ (own.T @ (x * root[:, None]))
+                beta, covariance, leverage, log_det = least_squares(
+                    x * root[:, None] - taken, y * root - own @ (own.T @ (y * root)))
+                change = x @ beta
+                # what is set aside may be the line's rest itself
+                change = change + self._change_of_lines(y - change, every)
+            else:
+                beta, covariance, leverage, log_det = least_squares(x * root[:, None], y * root)
+                change = x @ beta
+            left = self._replaced(power, slow, slow - change)
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
@@ -394,6 +408,29 @@ class Likelihood:
             covariance[at:at + len(c), at:at + len(c)] = c
             at += len(c)
         return Linear(beta, covariance, power, weight, *solved)
+
+    @cached_property
+    def _of_lines(self) -> np.ndarray:
+        """
+        Return the slow coefficients (q, 3 l) of changes of the lines that are slow.
+
+        Of cosine, sine and frequency, which were measured beside no mean: what a step has there
+        went with them. The spectrum has lost what three free values take already.
+
+        """
+        inputs, top = self.evidence.even_inputs, SLOWEST / (2 * self.evidence.duration)
+        rows = [row for row in self.evidence.line_table if row[0] < top]
+        rows = sorted(rows, key=lambda row: -abs(row[3]))[:LINES]
+        t, out = inputs.t - np.mean(inputs.t), [np.zeros((len(inputs.t), 0))]
+        for f, a, b, _ in rows:
+            cos, sin = (g(2 * np.pi * f * inputs.t) for g in (np.cos, np.sin))
+            out.append(np.stack([cos, sin, t / t[-1] * (b * cos - a * sin) / np.hypot(a, b)], 1))
+        return self._slow_transform(self._in_part(np.concatenate(out, axis=1)))
+
+    def _change_of_lines(self, slow, root):
+        """Return the change of the lines (q,) that slow coefficients (q,) show, of such roots."""
+        more = self._of_lines
+        return more @ np.linalg.lstsq(more * root[:, None], slow * root, rcond=None)[0]
 
     def _counted(self):
         """Return the root of what each slow coefficient (q,) counts."""

@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from .kinds import Defect, FILTERS, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.errors import FitError
-from ..core.spectrum import Bins
+from ..core.spectrum import Bins, smooth
 from ..loop.effect import Fit, Model
 from ..loop.verdict import PRICE
 
@@ -63,8 +63,10 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
                 )
         if isinstance(e, Mean) and len(options) > 2:
-            options = _best_columns(likelihood, grid[0], e, options, 1 if begun and not e.anew
-                                    else 2, finer=not begun)
+            first, moved = options[0], begun and not e.anew
+            options = _best_columns(likelihood, grid[0], e, options, 1 if moved else 2, not begun)
+            if moved and first not in options:
+                options.append(first)   # what is likely beside a rough spectrum may be less so
         grid = [g.with_effect(o) for g in grid for o in options]
     out = []
     for candidate in grid[:64]:
@@ -355,12 +357,6 @@ def _squares(likelihood, model, names):
         a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
         level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
     return a2, np.max(shape / level[:, None], axis=0)
-
-
-def smooth(power: np.ndarray) -> np.ndarray:
-    """Return the power (b,) as the geometric mean over nine bins."""
-    window = np.ones(9) / 9
-    return np.exp(np.convolve(np.pad(np.log(power), 4, mode='edge'), window, mode='valid'))
 
 
 def reddest(likelihood: Likelihood, x: np.ndarray) -> int | None:

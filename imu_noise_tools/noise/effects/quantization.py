@@ -9,6 +9,7 @@ from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
+from ..rounded import coarse
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 from ...loop.effect import Effect, Fit
 
@@ -55,7 +56,9 @@ class Quantization(Spectrum):
         if not gain:
             return 0.0
         wanted = step * evidence.dt / np.sqrt(12)
-        near = float(np.clip(self['Q'], 0.7 * wanted, 2.0 * wanted))  # a dithered one has sqrt(2)
+        # a dithered one has sqrt(2) of it; errors of noise that spans no step go together
+        least = 0.7 if coarse(step, float(kept['sigma'])) else 1.0
+        near = float(np.clip(self['Q'], least * wanted, 2.0 * wanted))
         if near == self['Q']:
             return gain
         # both on what the fit explains: with all of the spectrum either could come out the better

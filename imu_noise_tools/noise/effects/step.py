@@ -12,7 +12,7 @@ from ...loop.effect import Effect
 
 REACHES, PEAKS = (64, 256, 1024), 8   # means of such parts of the record are compared; the largest
 BESIDE, FINER = 4, 8    # slow means on either side of those, and of the best of them
-WITHIN = 0.25 * np.arange(-3, 4)
+WITHIN = np.outer([-1.0, 1.0], [0.75, *0.5 ** np.arange(1.0, 7.0)])  # of a mean
 BLURRED = 1.5   # samples in a mean from which it is one of several
 
 
