@@ -22,8 +22,8 @@ from imu_noise_tools.loop.effect import find_effect, Finding, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
-from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise import likelihood
+from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather, unrounded

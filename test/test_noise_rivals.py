@@ -742,7 +742,7 @@ def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not():
 
 
 @pytest.mark.parametrize(('seed', 'size'), [
-    (42, 2.4), pytest.param(49, 2.2, marks=pytest.mark.thorough)])
+    (51, 2.2), pytest.param(49, 2.2, marks=pytest.mark.thorough)])
 def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone(seed, size):
     rng = np.random.default_rng(seed)
     b = 0.05 * SIZE

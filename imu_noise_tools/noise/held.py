@@ -11,12 +11,17 @@ apart: it has images at the multiples of the sensor's own rate, which are lines 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from ..core.spectrum import folded
 
+#: complex values, of size 1, at numbered samples (n,)
+Wave: TypeAlias = Callable[[np.ndarray], np.ndarray]
+
+PIECE = 1 << 18  # samples of a wave that are made at once
 AROUND = 0.02   # of the sample rate in which the sensor's own is looked for
 STEADY = 0.5    # share of what a steady clock has at its rate that one needs to have
 SHARP = 0.01    # turns by which the times of new samples may be off
@@ -47,10 +52,10 @@ def clock(same: np.ndarray, fraction: float) -> tuple[float, float] | None:
     near = (low + int(np.argmax(power[low:centre + reach + 1]))) / n
     rate = min((near, 1 - near), key=lambda x: abs(x - (1 - fraction)))
     for _ in range(3):      # between two frequencies: how far the second half is ahead
-        first, second = (np.sum(x) for x in np.array_split(
-            new * np.exp(-2j * np.pi * rate * np.arange(n)), 2))
+        first, second = (_size(half, _turning(rate, begin)) for half, begin in (
+            (new[:n // 2], 0), (new[n // 2:], n // 2)))
         rate += float(np.angle(second * np.conj(first))) / (np.pi * n)
-    whole = np.mean(new * np.exp(-2j * np.pi * rate * np.arange(n)))
+    whole = 0.5 * _size(new, _turning(rate))
     if abs(whole) < np.sqrt(STEADY) * np.sin(np.pi * rate) / np.pi:
         return None
     phase = float(np.angle(whole) / (2 * np.pi) + rate / 2)
@@ -80,39 +85,52 @@ def images_of_lines(y: np.ndarray, lines: np.ndarray, own: Sequence[float],
         Interval, s.
 
     """
-    rate, phase = own
-    n = len(y)
-    j = np.arange(n)
-    late = (j * rate + phase) % 1 / rate
-    rest, out = y - np.mean(y), np.zeros(n)
+    rest, out = y - np.mean(y), np.zeros(len(y))
     for f, a, b, _ in lines.tolist():
-        wave = np.exp(2j * np.pi * f * dt * j)
+        wave = _turning(f * dt)
         if abs(_size(rest, wave)) < LEFT * np.hypot(a, b):
             continue
-        whole = max((_held(rest, wave, f * dt, late, rate, order)
-                     for order in (None, *ORIGINS)), key=lambda x: x @ x)
-        out += whole - np.real(_size(whole, wave) * wave)
-        rest -= whole
+        forms = [_late(f * dt, own, order) for order in (None, *ORIGINS)]
+        size, form = max(((_size(rest, x), x) for x in forms), key=lambda z: abs(z[0]))
+        share = sum(len(j) * _size(np.real(size * form(j)), wave, j[0])
+                    for j in _pieces(len(y))) / len(y)
+        for j in _pieces(len(y)):
+            whole = np.real(size * form(j))
+            rest[j] -= whole
+            out[j] += whole - np.real(share * wave(j))
     return out
 
 
-def _held(y: np.ndarray, wave: np.ndarray, f: float, late: np.ndarray, rate: float,
-          order: int | None) -> np.ndarray:
+def _pieces(n: int) -> list[np.ndarray]:
+    """Return the numbers 0 ... n - 1 in pieces: no wave of a day is held at once."""
+    return [np.arange(k, min(k + PIECE, n)) for k in range(0, n, PIECE)]
+
+
+def _turning(f: float, begin: int = 0) -> Wave:
+    """Return the wave of f (a sample) of which the first sample asked for is a later one."""
+    return lambda j: np.exp(2j * np.pi * f * (j + begin))
+
+
+def _late(f: float, own: Sequence[float], order: int | None) -> Wave:
     """
-    Return what of samples (n,) is a wave of f (a sample) that is so many samples late.
+    Return a wave of f (a sample) that is late by what two clocks stand apart.
 
     Of the wave whose image of an ``order`` that is, late by whole samples; None: late evenly, when
     all of them are one.
 
     """
-    if order is None:
-        form = wave * np.exp(-2j * np.pi * f * late)
-    else:
-        turns = order * rate * np.arange(len(y))
-        form = wave * np.exp(2j * np.pi * (turns - (f + order * rate) * np.floor(late)))
-    return np.real(_size(y, form) * form)
+    rate, phase = own
+
+    def form(j):
+        late = (j * rate + phase) % 1 / rate
+        if order is None:
+            return np.exp(2j * np.pi * f * (j - late))
+        return np.exp(2j * np.pi * (f + order * rate) * (j - np.floor(late)))
+
+    return form
 
 
-def _size(y: np.ndarray, wave: np.ndarray) -> complex:
-    """Return the amplitude, and phase, of a complex wave (n,) of size 1 in samples (n,)."""
-    return complex(2 * np.mean(y * np.conj(wave)))
+def _size(y: np.ndarray, wave: Wave, begin: int = 0) -> complex:
+    """Return the amplitude, and phase, of a wave of size 1 in samples (n,) from one on."""
+    return complex(2 / len(y) * sum(
+        np.sum(y[j] * np.conj(wave(j + begin))) for j in _pieces(len(y))))
