@@ -326,18 +326,22 @@ def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
 
 
 def test_what_a_sweeping_line_outweighs_may_be_its_doing():
-    """But no peak is, nor what explains more."""
+    """Nor is a peak of which it passes all, most of the time; but what explains more."""
     evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]), duration=600.0)
     filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
     assert flexible._swept(evidence, filtered, 25.0)
     assert not flexible._swept(evidence, filtered, 250.0)
-    assert not flexible._swept(evidence, peak, 25.0)
+    for frequency, width, is_none in ((3.0, 1.0, True), (1.4, 1.0, False), (3.0, 4.5, False)):
+        one = peak.with_values(frequency=frequency, width=width)
+        assert bool(flexible._swept(evidence, one, 25.0)) == is_none
+        assert not flexible._swept(evidence, one, 250.0)
     faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
     assert not flexible._swept(faint, filtered, 25.0)
     # what axes share it may do all along, on a path that is straight for a while
     shared_noise = find_effect('noise', 'shared_noise').example()
     late = SimpleNamespace(sweep=np.array([8.0, 200.0, 500.0, 600.0, 1.0, 5.0]), duration=600.0)
     assert flexible._swept(late, shared_noise, 1000.0)
+    assert not flexible._swept(late, peak.with_values(frequency=3.0, width=1.0), 0.5)
     assert not flexible._swept(late, shared_noise, 1300.0)
     assert not flexible._swept(evidence, shared_noise, 250.0)
     assert not flexible._swept(late, filtered, 25.0)

@@ -154,6 +154,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
 
     """
     effect, claimed = fit.model[label], claim
+    peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
         return _coupled_otherwise(evidence, fit, effect, claim) or _swept(evidence, effect, claim)
     if isinstance(effect, (Spectrum, Response)) and not effect.certain:
@@ -163,7 +164,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
-        if isinstance(effect, Spectrum) and effect.centre is not None:
+        if peak:
             claim = max(claim, min(fit.details.ml - without.details.ml,
                                    _own(evidence, fit, label)))
         if isinstance(effect, Response):    # of a claim no band counts more than a little
@@ -183,7 +184,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
         return _beside_a_knee(evidence, fit, label, claim)
-    against = _swept(evidence, effect, claim)
+    against = _swept(evidence, effect, claimed if peak else claim)
     if against:
         return against
     gain = -effect.bonus(evidence, fit)
@@ -260,17 +261,23 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
     Say that a line that sweeps stands out by more than an effect explains of the spectrum.
 
     What is spread over many frequencies stands out of the spectrum by less than along its path,
-    and bends it like a filter or a drift, or is what axes share; a peak it is not. What axes share
-    in all of the record it may do that is seen in a part of it, on a path that is not straight.
+    and bends it like a filter or a drift, or is what axes share; a peak only where it passes all
+    of its band, and takes most of the record for it. What axes share in all of the record it may
+    do that is seen in a part of it, on a path that is not straight.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
     part, sure = 1.0, FLEXIBLE
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
-    elif not isinstance(effect, (Spectrum, Response)) or effect.certain \
-            or isinstance(effect, Spectrum) and effect.centre is not None:
+    elif not isinstance(effect, (Spectrum, Response)) or effect.certain:
         return ''
+    elif isinstance(effect, Spectrum) and effect.centre is not None:
+        low, high = sorted((sweep.first, sweep.last))
+        half = 0.5 * effect.values.get('width', 0.0)
+        if not low < effect.centre - half < effect.centre + half < high \
+                or sweep.end - sweep.begin < 0.5 * evidence.duration:
+            return ''
     if sweep.sure <= sure or sweep.strong <= claim * part:
         return ''
     return f'a line that sweeps, which shows there as well, has {sweep.strong:.0f} nats'
