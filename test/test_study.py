@@ -333,6 +333,18 @@ def test_the_loop_finds_two_one_after_another():
     assert s.diagnosis['points'].verdict == 'complete'
 
 
+def test_what_shows_only_beside_another_is_added_after_it(monkeypatch):
+    """The first of what is found that raises nothing; of what was tried before nothing is left."""
+    first = [f.name for f in parabola(bend=8.0).diagnose()['points'].found][0]
+    higher = Study._higher
+    monkeypatch.setattr(Study, '_higher', lambda self, t, before, step: (
+        step.added == first and len(before.model) == 1 or higher(self, t, before, step)))
+    s = parabola(bend=8.0)
+    steps = s.complete()
+    assert [x.added for x in steps] == [*({'slope', 'bend'} - {first}), first]
+    assert s.history[-2:] == steps and s.diagnosis['points'].verdict == 'complete'
+
+
 def test_the_loop_adds_the_best_by_itself():
     s = parabola(bend=0.0)
     (step,) = s.add()

@@ -274,6 +274,7 @@ class Study:
         """
         Diagnose and add until nothing more is found in any target; return all rungs.
 
+        Of what is found the first that raises nothing is added: one may show only beside another.
         A rung that raises the held-out deviance, or the printed error beyond what chance allows,
         is taken back and ends the ladder.
 
@@ -287,15 +288,29 @@ class Study:
                 if not self.diagnosis[t].found:
                     break
                 before = self.states[t]
-                (step,) = self.add(None, [t])
-                steps.append(step)
-                now = self.states[t].error
-                higher = now.excess > before.error.excess and not now.within_chance
-                if higher or step.fall is not None and step.fall < 0:
-                    steps.append(self._taken_back(t, before, step))
+                steps.append(self._next(t))
+                if self._higher(t, before, steps[-1]):
+                    steps.append(self._taken_back(t, before, steps[-1]))
                     break
             self.diagnose([t])
         return steps
+
+    def _next(self, target: str) -> Step:
+        """Add the first of what was found that raises no error; the first where each does."""
+        before, said, rungs = self.states[target], self.diagnosis[target], len(self.history)
+        for name in dict.fromkeys(f.name for f in said.found):
+            (step,) = self.add([name], [target])
+            if not self._higher(target, before, step):
+                return step
+            self.states[target], self.diagnosis[target] = before, said
+            del self.history[rungs:]
+        return self.add(None, [target])[0]
+
+    def _higher(self, target: str, before: State, step: Step) -> bool:
+        """Tell whether a rung raised the held-out deviance, or the printed error beyond chance."""
+        now = self.states[target].error
+        return step.fall is not None and step.fall < 0 \
+            or now.excess > before.error.excess and not now.within_chance
 
     def _taken_back(self, target: str, state: State, step: Step) -> Step:
         """Return to the state before a rung; append the rung that says so."""
