@@ -411,7 +411,7 @@ class _Search:
 
     def _as_few(self, best: list[Finding], chains: Sequence[list[Finding]]) -> list[Finding]:
         """
-        Return the best of the sets of what stood out that leave nothing, no larger than a chain.
+        Return the best set of what stood out that leaves nothing, as a chain does, and no larger.
 
         Of two that bend a view to and fro each alone gains little, and less than a third that does
         some of both: what then is added to that may be three for two. Where it is two it may be
@@ -422,7 +422,7 @@ class _Search:
         tell = [f for f in best if _bends(f)]
         sure = self.scores[self._set_of(best)] - float(np.log(rules.SURE / (1 - rules.SURE)))
         doubted = any(v > sure and k != self._set_of(best) for k, v in self.scores.items())
-        if len(tell) < 2 or len(tell) < 3 and not doubted:
+        if len(tell) < 2 or len(tell) < 3 and not doubted or self._left(best):
             return best
         other = [f for f in best if not _bends(f)]
         worth: dict[frozenset[str], float] = {}
