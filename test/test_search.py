@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from imu_noise_tools.loop.diagnosis import _pairs, _Place, _Search, ROUNDS
+from imu_noise_tools.loop.diagnosis import _pairs, _Search, ROUNDS
 from imu_noise_tools.loop.effect import Finding, model_of, registry
 
 
@@ -133,18 +133,6 @@ def test_of_chains_that_leave_nothing_the_simpler_may_explain_as_much(search, ot
         best = search.scores[frozenset(search.model_of(main).labels)]
         assert all(best - search.scores[frozenset(search.model_of(held[:k]).labels)] >= 10
                    for k in (1, 3))
-
-
-def test_two_that_hide_each_other_go_before_a_lesser_one_in_another_view(search):
-    """Drift beside a band that is switched on: the noise changes in time, which says no more."""
-    some = [found('flicker', gain=500.0), found('variance_change', 'variance', 400.0)]
-    search.place = lambda model: _Place(model, None, tuple(
-        f for f in some if f.name not in model))
-    search._heals = lambda members, f: f.name == 'variance_change'
-    search._lowers = lambda *_: True
-    search._pair = lambda members, place, first=None: [
-        some[0], found('narrowband')] if first == some[:1] else []
-    assert [f.name for f in search.chain()] == ['flicker', 'narrowband', 'variance_change']
 
 
 def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):

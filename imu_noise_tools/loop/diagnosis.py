@@ -247,9 +247,6 @@ class _Search:
                 best = self._first(members, first, failed) or first and self._pair(members, place)
                 self._yielded += [f] if best else []
                 best = best or self._first(members, [f], failed)
-                if not best and f is able[0]:
-                    # before a lesser one in another view, beside which neither would heal
-                    best = self._pair(members, place, [f])
                 if best:
                     break
             self._note(members, place, failed)
@@ -292,12 +289,9 @@ class _Search:
                 self.scores = {k: v for k, v in self.scores.items() if name not in k}
                 self._beside.setdefault(name, frozenset(self.labels_of(members)))
 
-    def _pair(self, members: list[Finding], place: _Place,
-              some: Iterable[Finding] | None = None) -> list[Finding]:
+    def _pair(self, members: list[Finding], place: _Place) -> list[Finding]:
         """
         Return two that heal together, behind a chain, what one of them does not.
-
-        The first is one of ``some``, or of all that are open.
 
         Noise is stretched over both, and what one of them leaves stands out the more: of two
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
@@ -308,7 +302,7 @@ class _Search:
         """
         before, asked = self.model_of(members), set[bool]()
         failing = {t.view for t in failures(self.tests(before))}
-        for f in self.open_at(place) if some is None else some:
+        for f in self.open_at(place):
             if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
             paired = f.effect.paired
