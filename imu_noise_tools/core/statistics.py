@@ -188,6 +188,11 @@ class Repeats(NamedTuple):
     chance: float
     held: bool
 
+    @property
+    def share(self) -> float:
+        """Share of the samples that are held, beside which chance makes some equal."""
+        return (self.seen - self.chance) / (1 - self.chance)
+
 
 def _by_rounding(y: np.ndarray, step: float) -> float:
     """

@@ -413,24 +413,23 @@ class _Search:
         place, is more than they do together: it is by that that sets are compared.
 
         """
-        tell = [f for f in best if _bends(f)]
-        sure = self.scores[self._set_of(best)] - float(np.log(rules.SURE / (1 - rules.SURE)))
-        doubted = any(v > sure and k != self._set_of(best) for k, v in self.scores.items())
+        tell, known = [f for f in best if _bends(f)], self._set_of(best)
+        sure = self.scores[known] - float(np.log(rules.SURE / (1 - rules.SURE)))
+        doubted = any(v > sure and k != known for k, v in self.scores.items())
         if len(tell) < 2 or len(tell) < 3 and not doubted or self._left(best):
             return best
         other = [f for f in best if not _bends(f)]
         worth: dict[frozenset[str], float] = {}
-        found, least = best, LONGEST
-        for some in [*islice(self._sets(tell, chains), SETS), tell]:
-            chain = best if some is tell else [*other, *some]
-            here = self.place(self.model_of(chain)) if len(some) <= least or some is tell else None
-            supported = None if here is None else here.fit.supported
-            if supported is None or self._left(chain):
+        found, least = best, len(best)
+        for chain in [*([*other, *some] for some in islice(self._sets(tell, chains), SETS)), best]:
+            if len(chain) > least and chain is not best:
+                continue    # what fewer explain needs no more
+            here = self.place(self.model_of(chain))
+            if here is None or here.fit.supported is None or self._left(chain):
                 continue
-            # what fewer explain needs no more
-            least = min(least, len(some))
-            whole = self._set_of(chain)
-            worth[whole] = supported - sum(f.penalty + rules.PRICE * f.shapes for f in some)
+            least, whole = min(least, len(chain)), self._set_of(chain)
+            worth[whole] = here.fit.supported - sum(
+                f.penalty + rules.PRICE * f.shapes for f in chain)
             if worth[whole] >= max(worth.values()):
                 found = chain
         if not worth:

@@ -382,17 +382,13 @@ class Likelihood:
             x, y = self.design(model), slow - self._path
             every = np.sqrt(2 * self.dt / self._fine(v))
             root, more = every * self._counted(), self._of_lines
-            if more.shape[1]:   # beside a mean a line has other values than it had by itself
-                own = np.linalg.qr(more * root[:, None])[0]
-                taken = own @ (own.T @ (x * root[:, None]))
-                beta, covariance, leverage, log_det = least_squares(
-                    x * root[:, None] - taken, y * root - own @ (own.T @ (y * root)))
-                change = x @ beta
-                # what is set aside may be the line's rest itself
-                change = change + self._change_of_lines(y - change, every)
-            else:
-                beta, covariance, leverage, log_det = least_squares(x * root[:, None], y * root)
-                change = x @ beta
+            # beside a mean a line has other values than it had by itself
+            own, columns = np.linalg.qr(more * root[:, None])[0], x * root[:, None]
+            beta, covariance, leverage, log_det = least_squares(
+                columns - own @ (own.T @ columns), y * root - own @ (own.T @ (y * root)))
+            change = x @ beta
+            # what is set aside may be the line's rest itself
+            change = change + self._change_of_lines(y - change, every)
             left = self._replaced(power, slow, slow - change)
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
@@ -418,6 +414,11 @@ class Likelihood:
         went with them. The spectrum has lost what three free values take already.
 
         """
+        return self.evidence.remembered(
+            ('lines', self.part_name, self._count),
+            lambda: self._slow_transform(self._in_part(self._changes_of_lines())))
+
+    def _changes_of_lines(self):
         inputs, top = self.evidence.even_inputs, SLOWEST / (2 * self.evidence.duration)
         rows = [row for row in self.evidence.line_table if row[0] < top]
         rows = sorted(rows, key=lambda row: -abs(row[3]))[:LINES]
@@ -425,7 +426,7 @@ class Likelihood:
         for f, a, b, _ in rows:
             cos, sin = (g(2 * np.pi * f * inputs.t) for g in (np.cos, np.sin))
             out.append(np.stack([cos, sin, t / t[-1] * (b * cos - a * sin) / np.hypot(a, b)], 1))
-        return self._slow_transform(self._in_part(np.concatenate(out, axis=1)))
+        return np.concatenate(out, axis=1)
 
     def _change_of_lines(self, slow, root):
         """Return the change of the lines (q,) that slow coefficients (q,) show, of such roots."""

@@ -10,7 +10,7 @@ from ..evidence import Evidence
 from ..held import clock
 from ..kinds import Defect, Inputs, Parameter, Response
 from ...core.spectrum import folded
-from ...core.statistics import interval, repeats
+from ...core.statistics import interval, Repeats, repeats
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 LONGEST = 50  # samples that are held at a time
@@ -94,8 +94,8 @@ class Duplicates(Defect, Response):
             merged = expected if shorter > 1 else 0.0
             alike = (longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
                      and np.mean(runs < shorter) < 0.02)
-            out['regular'] = np.array(float(alike or _beats(same, fraction, expected)))
-            share = (fraction - expected) / (1 - expected)
+            share = Repeats(fraction, expected, held).share
+            out['regular'] = np.array(float(alike or _beats(same, share)))
             found = clock(same, share) if out['regular'] and 0 < share < 1 else None
             out['clock'] = np.array(found or ())
             # rounding makes some equal as well, mostly one at a time
@@ -132,7 +132,7 @@ class Duplicates(Defect, Response):
         if not kept or not kept['held']:
             return None
         n, seen, chance = int(kept['n']), float(kept['fraction']), float(kept['expected'])
-        share = (seen - chance) / (1 - chance)
+        share = Repeats(seen, chance, True).share
         # likelihood ratio of the binomial count of equal neighbours
         q = min(max(chance, 0.5 / n), 0.999)
         gain = n * (seen * np.log(seen / q) + (1 - seen) * np.log(max(1 - seen, 1e-12) / (1 - q)))
@@ -236,9 +236,9 @@ class Duplicates(Defect, Response):
         return cls({'fraction': 0.2, 'pattern': 'random', 'run': 1.0})
 
 
-def _beats(same: np.ndarray, fraction: float, expected: float) -> bool:
+def _beats(same: np.ndarray, p: float) -> bool:
     """
-    Tell whether samples are held in the beat of two rates, whatever rounding makes equal beside.
+    Tell whether a share p is held in the beat of two rates, whatever rounding makes equal beside.
 
     A sensor that is read 1/(1-p) times as often as it measures is held at the frequency p of the
     reading: the indicator has 2 (sin(pi p)/pi)^2 of its variance p (1 - p) there (the first
@@ -248,7 +248,6 @@ def _beats(same: np.ndarray, fraction: float, expected: float) -> bool:
     length = next((n for n in PIECES if len(same) >= 8 * n), 0)
     if not length:
         return False
-    p = (fraction - expected) / (1 - expected)
     rows = same[:len(same) // length * length].reshape(-1, length)
     rows = rows - rows.mean(axis=1, keepdims=True)
     window = np.hanning(length + 1)[:length]

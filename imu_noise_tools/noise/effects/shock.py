@@ -207,7 +207,7 @@ def _rings_in(y: np.ndarray, dt: float) -> Rings:
         return find_rings(y, dt, RINGS)
     if held.seen < FEW_HELD:
         return find_rings(_joined_by_lines(y), dt, RINGS)
-    own = clock(np.diff(y) == 0, (held.seen - held.chance) / (1 - held.chance))
+    own = clock(np.diff(y) == 0, held.share)
     if own is None:
         return NONE
     rate, phase = own
