@@ -833,6 +833,18 @@ def test_loud_steps_end_within_the_means_in_which_they_fall_and_leave_no_power()
     assert 0.2 * sure.gain < sure.elsewhere < sure.gain
 
 
+def test_a_mean_that_is_known_stands_where_it_was_solved_for():
+    """Means of seven samples leave the last six out: they are no seventh of all there are."""
+    n, dt = 120_000, 0.005
+    y = np.random.default_rng(37).standard_normal(n) + 9 * (dt * np.arange(n) >= 500.2)
+    problem = NoiseProblem(evidence_of(1e-3 * y, 1 / dt))
+    fit = problem.point(model_of('noise', ('white', 'step')))
+    evidence, step = problem.evidence, fit.model['step']
+    known = Likelihood(evidence, 'whole', fit.model, fit)._known
+    solved = Likelihood(evidence, 'whole', fit.model).slow_columns(step)[:, 0] * step['size']
+    assert np.max(np.abs(known - solved)) < 1e-9 * np.max(np.abs(solved))
+
+
 @pytest.mark.parametrize('lines', [0, likelihood.LINES])
 def test_a_line_that_was_measured_beside_a_step_leaves_nothing_there(lines, monkeypatch):
     """What the step has at the line's frequency went with it, and came back as a slow wave."""

@@ -218,7 +218,7 @@ class Evidence:
 
         """
         if many not in self._quick:
-            inputs, n = self.slow_inputs, len(self.slow_t)
+            inputs, n = self.even_inputs, len(self.slow_t)
             places = 2 * next_fast_len(max(many // 2, min(n // 2, QUICK)))
             at, here = (np.arange(places) + 0.5) * n / places - 0.5, np.arange(n)
             self._quick[many] = Inputs(

@@ -208,7 +208,7 @@ class Likelihood:
         self._path = sum((self._slow_transform(self._in_part(x)) for x in paths if x is not None),
                          np.zeros(self._count))
         if mean:
-            known = sum(mean.model[m.label].mean(e.slow_inputs) for m in self.means)
+            known = sum(mean.model[m.label].mean(e.even_inputs) for m in self.means)
             self._known = self._slow_transform(self._in_part(known))
             self._known = self._known + self._change_of_lines(
                 self._slow - self._path - self._known,

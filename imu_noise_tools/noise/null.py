@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 360
-SOURCES = 'ff1764aa0099cf47'
+SOURCES = '0b5d9ace8ae07e8e'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 10.32,
