@@ -23,8 +23,9 @@ from .spectrum import Bins
 PER_WIDTH = 1 / np.sqrt(8 * np.log(2))  # the deviation of a bell in its full width at half height
 LEAST = 2.2  # cells of 1/T: of a wider bell the ends of a record are independent
 GONE = 9.0  # deviations: exp(-9^2/2) is lost in rounding
-IMAGES = 2 * np.pi * np.array([-1.0, 0.0, 1.0])
-STEP = 1e-4  # of ln f0, in widths, and of ln width: what slopes are taken over
+IMAGES = 2 * np.pi * np.array([-1.0, 0.0, 1.0])  # of angles; below they stand in an axis before
+STEP = 1e-5  # of ln f0, in widths, and of ln width: what slopes are taken over
+SERIES = 10.0  # from here on Dawson's integral is its series, to 1e-6 of what images add
 
 
 def _angles(f0: float, width: float, dt: float) -> tuple[float, float]:
@@ -64,13 +65,11 @@ def binned(bins: Bins, sigma: float, f0: float, width: float) -> np.ndarray:
 
 
 def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return d :func:`binned`/d ln f0 and d ln width, (b,) each, by differences."""
-    out = []
-    for f, w, step in ((1.0, 0.0, STEP * width / f0), (0.0, 1.0, STEP)):
-        up, down = (binned(bins, sigma, f0 * np.exp(f * h), width * np.exp(w * h))
-                    for h in (step, -step))
-        out.append((up - down) / (2 * step))
-    return out[0], out[1]
+    """Return d :func:`binned`/d ln f0 and d ln width, (b,) each, by differences upwards."""
+    step = STEP * width / f0
+    here = binned(bins, sigma, f0, width)
+    return ((binned(bins, sigma, f0 * np.exp(step), width) - here) / step,
+            (binned(bins, sigma, f0, width * np.exp(STEP)) - here) / STEP)
 
 
 @lru_cache(maxsize=64)
@@ -115,16 +114,16 @@ def _wrapped(x: np.ndarray) -> np.ndarray:
 
 
 def _bells(x: np.ndarray, alpha: float) -> np.ndarray:
-    """Return 1/2 + Re G."""
-    x = _wrapped(x)[..., None] + IMAGES
-    return np.sqrt(np.pi / 2) / alpha * np.exp(-0.5 * (x / alpha) ** 2).sum(-1)
+    """Return 1/2 + Re G at angles (2, a), as all that follow."""
+    x = _wrapped(x) + IMAGES[:, None, None]
+    return np.sqrt(np.pi / 2) / alpha * np.exp(-0.5 * (x / alpha) ** 2).sum(0)
 
 
 def _risen(x: np.ndarray, alpha: float) -> np.ndarray:
     """Return the integral of :func:`_bells` from 0 (x within -pi and 2 pi)."""
     from scipy.special import erf
-    centres = 2 * np.pi * np.array([-1.0, 0.0, 1.0, 2.0])
-    return 0.5 * np.pi * erf((x[..., None] - centres) / (alpha * np.sqrt(2))).sum(-1)
+    centres = np.append(IMAGES, 4 * np.pi)[:, None, None]
+    return 0.5 * np.pi * erf((x - centres) / (alpha * np.sqrt(2))).sum(0)
 
 
 def _odd(x: np.ndarray, alpha: float) -> np.ndarray:
@@ -133,9 +132,17 @@ def _odd(x: np.ndarray, alpha: float) -> np.ndarray:
     x = _wrapped(x)
     size = alpha * np.sqrt(2)
     near = 2 / size * dawsn(x / size)
-    # of images there is left what Dawson's integral differs by from 1/(2 x)
-    far = x[..., None] + IMAGES[[0, 2]]
-    return near + (2 / size * dawsn(far / size) - 1 / far).sum(-1) + _cotangent(x)
+    far = x + IMAGES[[0, 2], None, None]
+    return near + 2 / size * _beyond(far / size).sum(0) + _cotangent(x)
+
+
+def _beyond(x: np.ndarray) -> np.ndarray:
+    """Return D(x) - 1/(2 x), what Dawson's integral leaves of an image; far out its series."""
+    from scipy.special import dawsn
+    if np.min(np.abs(x), initial=np.inf) < SERIES:
+        return dawsn(x) - 0.5 / x
+    square = 0.5 / (x * x)
+    return square / (2 * x) * (1 + 3 * square * (1 + 5 * square * (1 + 7 * square)))
 
 
 def _cotangent(x: np.ndarray) -> np.ndarray:
@@ -151,13 +158,12 @@ def _steepness(x: np.ndarray, alpha: float) -> np.ndarray:
     x = _wrapped(x)
     size = alpha * np.sqrt(2)
     u = x / size
-    far = x[..., None] + IMAGES[[0, 2]]
-    v = far / size
+    v = (x + IMAGES[[0, 2], None, None]) / size
     small = np.abs(x) < 1e-3
     safe = np.where(small, 1.0, x)
     images = np.where(small, -1 / 12, 1 / safe**2 - 0.25 / np.sin(0.5 * safe) ** 2)
     return 2 / size**2 * (1 - 2 * u * dawsn(u)) + images \
-        + (2 / size**2 * (1 - 2 * v * dawsn(v)) + 1 / far**2).sum(-1)
+        + (2 / size**2 * (0.5 / (v * v) - 2 * v * _beyond(v))).sum(0)
 
 
 def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:

@@ -177,6 +177,7 @@ class Likelihood:
         self._slow: np.ndarray | None = None
         self._gains: dict[int, np.ndarray] = {}
         self._path = np.zeros(0)
+        self._last = np.zeros(0), np.zeros(0)
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
         self._units: dict[tuple, np.ndarray] = {}
@@ -441,9 +442,16 @@ class Likelihood:
         return np.sqrt(self.explained.on(self.bins)[at])
 
     def _fine(self, v):
-        k = np.arange(1, self._count + 1)
-        centre = 0.5 * (self.bins.first + self.bins.last - 1)
-        return np.exp(np.interp(np.log(k), np.log(centre), np.log(v)))
+        """Return a spectrum (b,) at each slow coefficient (q,); the last one is kept."""
+        if self._last[0] is not v:      # it is asked for again where means move and v stays
+            self._last = v, np.exp(np.interp(*self._places, np.log(v)))
+        return self._last[1]
+
+    @cached_property
+    def _places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ln of the slow coefficients' numbers (q,) and of the bins' centres (b,)."""
+        return (np.log(np.arange(1, self._count + 1)),
+                np.log(0.5 * (self.bins.first + self.bins.last - 1)))
 
     def _channels_of(self, coupling):
         """Return the channels of a coupling, which go with its choices alone."""
@@ -730,21 +738,19 @@ class Likelihood:
             slot.parameter.name: slot.from_search(x[j] + step)}), model) for step in (h, -h))
         return (up - down) / (2 * h)
 
-    def _response_slopes(self, x, of, own, model, each, h: float = 1e-4) -> np.ndarray:
+    def _response_slopes(self, x, of, own, model, each, h: float = 1e-6) -> np.ndarray:
         """
-        Return d v/d x_j (b, p) of a response: of its gain alone by central differences.
+        Return d v/d x_j (b, p) of a response: of its gain alone by differences upwards.
 
         Power goes with the gain, and so does what leaks.
 
         """
-        turn = []
+        turn, here = [], self._gain2([own])
         for j in of:
             slot = self.slots[j]
-            up, down = (
-                own.with_values(**{slot.parameter.name: slot.from_search(x[j] + step)}).gain2(
-                    asked(self.bins), self.dt) for step in (h, -h))
-            turn.append((up - down) / (2 * h))
-        out = self._turned(model, own, np.stack(turn, axis=1) / self._gain2([own])[:, None])
+            up = own.with_values(**{slot.parameter.name: slot.from_search(x[j] + h)})
+            turn.append((up.gain2(asked(self.bins), self.dt) - here) / h)
+        out = self._turned(model, own, np.stack(turn, axis=1) / here[:, None])
         if any(r.leaks for r in model.of(Response)):
             out += leaked(sum(each.values()) + self._rounding(each), self.bins, out)
         return out
