@@ -33,8 +33,8 @@ TOP = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TOP), str(TOP / 'test')]
 
 from hidden import draw, draw_sensor  # noqa: E402
-from imu_noise_tools.loop.diagnosis import failures  # noqa: E402
 from imu_noise_tools.loop.effect import model_of, registry  # noqa: E402
+from imu_noise_tools.loop.findings import failures  # noqa: E402
 from imu_noise_tools.noise.candidates import candidates  # noqa: E402
 from imu_noise_tools.noise.gather import gather  # noqa: E402
 from imu_noise_tools.noise.kinds import Line  # noqa: E402

@@ -24,7 +24,6 @@ import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import Bins
 from imu_noise_tools.core.statistics import kurtosis_pull
-from imu_noise_tools.loop.diagnosis import _Search
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
 from imu_noise_tools.noise import flexible, shared, views
@@ -494,35 +493,6 @@ def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_wh
     assert not problem.shape(fits[0], 'shared_noise', 3000.0), 'a part of what it claims'
 
 
-def test_what_only_stands_for_what_has_no_name_is_refuted():
-    def found(name, view='frequency'):
-        return Finding(name, 30.0, registry('noise')[name](), view=view)
-
-    search = object.__new__(_Search)
-    search.base = model_of('noise', ('white',))
-    search._nameless = {'shared_noise': found('shared_noise', 'coherence')}
-    filters, step, line = found('low_pass'), found('step', 'time'), found('spikes')
-    weak, bent = replace(filters, gain=-1.0), replace(filters, against='its form is another')
-    able = {'shared_noise': [found('spikes'), weak, bent],
-            'shared_noise, spikes': [found('quantization')]}
-    search.place = lambda model: SimpleNamespace(
-        model=model, candidates=able[', '.join(model.labels[1:])])
-    search.refuted = {}
-
-    def stands_in(members, finding):
-        return search._stands_in(members, search.model_of(members), finding.name, finding)
-
-    assert stands_in([filters], filters)
-    assert not stands_in([line], line)
-    filled = found('quantization')
-    assert not stands_in([line, filled], filled), 'it stands out beside both'
-    assert not stands_in([step], step), 'what axes share yields to it'
-    search.refuted = {'spikes': line}
-    assert not stands_in([line], line), 'another of its name was refuted, and left it the label'
-    search._nameless = {}
-    assert not stands_in([filters], filters)
-
-
 def test_a_step_of_all_axes_is_a_step():
     """What axes share is not only noise; each step is told from the one before it."""
     rng = np.random.default_rng(51)
@@ -678,73 +648,6 @@ def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
     assert said.remaining is None, said
 
 
-def test_a_claim_is_counted_in_the_view_that_shows_it():
-    """Beside something else that fails there; or in all views in which an effect is judged."""
-    def found(name, view, gain, elsewhere=0.0):
-        effect = registry('noise')[name]()
-        return Finding(name, gain, effect, view=view, elsewhere=elsewhere)
-
-    def unhealed(finding, before, after, scores=None):
-        search = object.__new__(_Search)
-        search.tests = lambda some: [
-            Finding(k, x, view=k, p_value=0.0, log_score=scores and scores[some is after])
-            for k, x in some.items()]
-        return search._unhealed(before, after, finding)
-
-    alone = found('rts', 'frequency', 1600.0)
-    beside = found('rts', 'frequency', 1600.0, elsewhere=1400.0)    # the samples say so much of it
-    assert unhealed(alone, {'frequency': 1150.0}, {'frequency': 730.0})
-    assert not unhealed(beside, {'frequency': 1150.0}, {'frequency': 730.0})
-    assert unhealed(beside, {'frequency': 1150.0}, {'frequency': 1100.0})
-    shock = found('shock', 'distribution', 1400.0)
-    assert unhealed(shock, {'distribution': 15.0}, {'distribution': 10.0})
-    loud = {'distribution': 15.0, 'variance': 2000.0}
-    assert not unhealed(shock, loud, {'distribution': 10.0, 'variance': 100.0})
-    assert unhealed(shock, loud, {'distribution': 10.0, 'variance': 1990.0})
-    assert unhealed(shock, loud, {'distribution': 10.0}), 'a view that is hidden is not healed'
-    # with less noise taken for it, what is left stands out as much; the data are likelier
-    step = found('step', 'time', 80.0)
-    assert unhealed(step, {'time': 300.0}, {'time': 310.0})
-    assert unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5060.0))
-    assert not unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5100.0))
-    relaxing = found('gauss_markov', 'frequency', 80.0)     # by another view than its own
-    search = object.__new__(_Search)
-    search.tests = lambda some: [Finding(k, x, view=k, p_value=0.0, log_score=y)
-                                 for k, (x, y) in some.items()]
-    assert search._unhealed({'frequency': (300.0, None), 'time': (50.0, -5000.0)},
-                            {'frequency': (500.0, None), 'time': (50.0, -5200.0)}, relaxing)
-
-
-def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not():
-    def found(name, view='time', gain=800.0):
-        return Finding(name, gain, registry('noise')[name](), view=view)
-
-    step, swing, rts = found('step'), found('slow_periodic', gain=400.0), found('rts', 'frequency')
-    ramp, base = found('ramp', gain=1200.0), model_of('noise', ('white',))
-    search = object.__new__(_Search)
-    # the step leaves the swing, which stands out more, and the swing the step
-    left = {'': 1200.0, 'step': 900.0, 'slow_periodic': 1000.0, 'slow_periodic, step': 30.0,
-            'ramp': 0.0, 'ramp, step': 0.0, 'rts': 1100.0, 'rts, step': 1000.0}
-
-    def tests(model):
-        gain = left[', '.join(sorted(model.labels[1:]))]
-        return [Finding('time', gain, view='time', p_value=0.0 if gain else 0.5)]
-
-    search.tests = tests
-    beside = base.plus(step.effect)
-    assert search._unhealed_with(base, beside, step, [])
-    assert search._unhealed_with(base, beside, step, [rts])
-    assert not search._unhealed_with(base, beside, step, [rts, swing])
-    assert search._unhealed_with(base, beside, step, [ramp]), 'the ramp does it alone'
-    assert not search._unhealed_with(base, beside, step, [ramp, swing])
-    left['slow_periodic, step'] = 880.0
-    assert search._unhealed_with(base, beside, step, [rts, swing])
-    # noise that something adds to hides a step as well, but does nothing of what it does
-    left['rts, step'] = 20.0
-    assert not search._unhealed_with(base, beside, step, [rts, swing])
-    assert search._unhealed_with(base, base.plus(rts.effect), rts, [step]) == ''
-
-
 def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone():
     rng, size = np.random.default_rng(67), 2.1
     b = 0.05 * SIZE
@@ -836,20 +739,6 @@ def test_no_form_of_the_spectrum_stands_for_samples_that_are_equal():
     held = registry('noise')['duplicates']()
     fit = SimpleNamespace(model={'duplicates': held})
     assert flexible.shape(None, fit, None, 'duplicates', 1.0) == ''
-
-
-@pytest.mark.parametrize(('last', 'fall'), [(False, 1), (True, 2)])
-def test_of_several_of_one_name_the_last_is_asked_first(last, fall):
-    """What they leave together is held against each of them."""
-    search = object.__new__(_Search)
-    search.base, search._beside = model_of('noise', ('white',)), {}
-    search._unconfirmed = lambda *_: (100.0, '')
-    search._unhealed_with = lambda *_: ''
-    search._shadowed = lambda *_: ''
-    search._shaped = lambda model, name, f: 'a smooth form fits better'
-    band = Finding('narrowband', 100.0, registry('noise')['narrowband'](), view='frequency')
-    out = search.backward([band, band], last=last)
-    assert [*out] == ['narrowband', 'narrowband.2'][-fall:]
 
 
 def test_a_line_raises_what_a_shaken_source_is_missed_by_at_its_own_place_alone():

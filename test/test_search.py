@@ -5,27 +5,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from imu_noise_tools.loop.diagnosis import _pairs, _Search, ROUNDS
-from imu_noise_tools.loop.effect import Finding, model_of, registry
+from imu_noise_tools.loop.effect import Finding, Fit, Model, model_of, registry
+from imu_noise_tools.loop.findings import pairs
+from imu_noise_tools.loop.prediction import State
+from imu_noise_tools.loop.search import ROUNDS, Search
 
 
-def found(name, view='frequency', gain=100.0):
+def found(name, view='frequency', gain=100.0, **more):
     """Return a finding of an effect of noise."""
-    return Finding(name, gain, registry('noise')[name](), view=view)
+    return Finding(name, gain, registry('noise')[name](), view=view, **more)
 
 
 @pytest.fixture
 def search():
     """Return a search that has looked at nothing yet."""
-    out = object.__new__(_Search)
-    out.base = model_of('noise', ('white',))
-    out.refuted, out.scores, out._yielded = {}, {}, []
-    out._beside, out._disproved, out._aside, out._nameless = {}, {}, {}, {}
-    return out
+    return Search(State(None, Fit(model_of('noise', ('white',)), {}, 0.0), None))
 
 
 def leaves(nats):
@@ -45,14 +45,15 @@ def leaves(nats):
 ])
 def test_what_hides_another(one, other, hides):
     """Two means each other; what lowers the noise all that it stood beside, a mean too."""
-    assert _pairs(one, other) == hides
+    assert pairs(one, other) == hides
 
 
 @pytest.mark.parametrize('last', [False, True])
 def test_what_means_leave_is_held_against_the_last_of_them(search, last):
-    search._unconfirmed = lambda *_: (100.0, '')
-    search._unhealed_with = search._shadowed = lambda *_: ''
-    search._shaped = lambda model, name, f: '' if f.view != 'time' else 'a smooth form fits better'
+    search.against.unconfirmed = lambda *_: (100.0, '')
+    search.against.unhealed_with = search.against.shadowed = lambda *_: ''
+    search.against.shaped = lambda model, name, f: (
+        'a smooth form fits better' if f.view == 'time' else '')
     out = search.backward([found('transient', 'time'), found('narrowband'),
                            found('ramp', 'time')], last=last)
     assert [*out] == ['transient', 'ramp'][-1 - last:]
@@ -64,17 +65,17 @@ def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     held = [main[0], main[2], found('random_walk', gain=40.0)]
     search.chain = lambda begin=(): [*begin] or main
     search._rivals = lambda *_: []
-    search.place = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=None))
-    search.tests = leaves({'transient, ramp, narrowband': 27.0})
-    sets = [search.model_of(c).labels for c in (
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=None))
+    search.places.tests = leaves({'transient, ramp, narrowband': 27.0})
+    sets = [search.places.model_of(c).labels for c in (
         main, main[:2], [*held[:2], found('slow_periodic')])]
     search.scores = {}
     search._explained_away = lambda *_: search.scores.update(zip(map(frozenset, sets), (
         1600.0, 1500.0, 1035.0)))
     assert search.forward(held) == held
-    best = search.scores.pop(frozenset(search.model_of(held).labels))
+    best = search.scores.pop(frozenset(search.places.model_of(held).labels))
     assert [search.scores[frozenset(k)] - best for k in sets] == [-27.0, -27.0, -5.0]
-    search.tests = leaves({})
+    search.places.tests = leaves({})
     assert search.forward(held) == main
 
 
@@ -94,22 +95,22 @@ def test_what_stood_out_is_taken_in_the_fewest_that_leave_nothing(search, names,
     other = [*main[:-1], found('quantization')]
     worth = {frozenset(('low_pass', 'quantization')): 515.0}
     search._rivals = lambda chain, i: []
-    search.place = lambda model: SimpleNamespace(fit=SimpleNamespace(
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(
         supported=worth.get(frozenset(model.labels[2:]), 505.0)))
-    search.tests = leaves({f'ramp, {k}': v for k, v in left.items()})
+    search.places.tests = leaves({f'ramp, {k}': v for k, v in left.items()})
     chains = [[ramp, *main], [ramp, *other]]
-    search.scores = {search._set_of(c): 300.0 for c in chains}
+    search.scores = {search.places.set_of(c): 300.0 for c in chains}
     got = search._as_few(chains[0], chains)
     assert {f.name for f in got} == {'ramp', *best}
-    here = search.scores[search._set_of(got)]
+    here = search.scores[search.places.set_of(got)]
     assert here == max(search.scores.values()) and not any(
-        k > search._set_of(got) for k in search.scores)
+        k > search.places.set_of(got) for k in search.scores)
 
 
 def test_one_that_needs_no_other_is_left_alone(search):
     """Nothing is fitted where the last member of a chain is in no doubt."""
     main = [found('gauss_markov'), found('low_pass')]
-    search.scores = {search._set_of(main): 300.0, search._set_of(main[:1]): 200.0}
+    search.scores = {search.places.set_of(main): 300.0, search.places.set_of(main[:1]): 200.0}
     assert search._as_few(main, [main, [found('rts')]]) == main
 
 
@@ -122,16 +123,16 @@ def test_of_chains_that_leave_nothing_the_simpler_may_explain_as_much(search, ot
                  frozenset(('rts', 'narrowband', 'gauss_markov')): other}
     search.chain = lambda begin=(): [*begin] or main
     search._rivals = lambda *_: []
-    search.place = lambda model: SimpleNamespace(fit=SimpleNamespace(
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(
         supported=supported.get(frozenset(model.labels[1:]))))
-    search.tests = leaves({})
+    search.places.tests = leaves({})
     search._explained_away = lambda *_: search.scores.update({
-        frozenset(search.model_of(c).labels): sum(f.gain for f in c) for c in (
+        frozenset(search.places.model_of(c).labels): sum(f.gain for f in c) for c in (
             main, held, held[:1], main[:1])})
     assert search.forward(held) == (main if first else held)
     if first:
-        best = search.scores[frozenset(search.model_of(main).labels)]
-        assert all(best - search.scores[frozenset(search.model_of(held[:k]).labels)] >= 10
+        best = search.scores[frozenset(search.places.model_of(main).labels)]
+        assert all(best - search.scores[frozenset(search.places.model_of(held[:k]).labels)] >= 10
                    for k in (1, 3))
 
 
@@ -139,11 +140,11 @@ def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):
     main = [found('rate_quantization'), found('notch'), found('low_pass')]
     rival = found('quantization')
     search._heals = lambda *_: False
-    search._unlowered = lambda before, after, both: (
+    search.against.unlowered = lambda before, after, both: (
         {'notch': 10.0, 'low_pass': 300.0}[after.labels[-1]], '')
-    search.tests = leaves({'': 500.0, 'quantization, notch': 100.0})
+    search.places.tests = leaves({'': 500.0, 'quantization, notch': 100.0})
     assert search._begun([rival], main) == [rival, main[2]]
-    search.tests = leaves({'': 500.0, 'quantization, low_pass': 450.0})
+    search.places.tests = leaves({'': 500.0, 'quantization, low_pass': 450.0})
     assert search._begun([rival], main) == []
     search._heals = search._lowers = lambda *_: True
     assert search._begun([rival], main) == [rival]
@@ -155,5 +156,107 @@ def test_what_is_left_in_the_end_is_asked_again(search):
     search.forward = lambda held=(): chain[:len(chain) - len(search.refuted)]
     search.with_odds = list
     search.backward = lambda some, last: {
-        search.labels_of(some)[-1]: some[-1]} if len(some) > 1 else {}
+        search.places.labels_of(some)[-1]: some[-1]} if len(some) > 1 else {}
     assert search.settled() == chain[:1]
+
+
+def test_what_only_stands_for_what_has_no_name_is_refuted(search):
+    search._nameless = {'shared_noise': found('shared_noise', 'coherence')}
+    filters, step, line = found('low_pass'), found('step', 'time'), found('spikes')
+    weak, bent = replace(filters, gain=-1.0), replace(filters, against='its form is another')
+    able = {'shared_noise': [found('spikes'), weak, bent],
+            'shared_noise, spikes': [found('quantization')]}
+    search.places.at = lambda model: SimpleNamespace(
+        model=model, candidates=able[', '.join(model.labels[1:])])
+
+    def stands_in(members, finding):
+        return search._stands_in(members, search.places.model_of(members), finding.name, finding)
+
+    assert stands_in([filters], filters)
+    assert not stands_in([line], line)
+    filled = found('quantization')
+    assert not stands_in([line, filled], filled), 'it stands out beside both'
+    assert not stands_in([step], step), 'what axes share yields to it'
+    search.refuted = {'spikes': line}
+    assert not stands_in([line], line), 'another of its name was refuted, and left it the label'
+    search._nameless = {}
+    assert not stands_in([filters], filters)
+
+
+def test_a_claim_is_counted_in_the_view_that_shows_it(search):
+    """Beside something else that fails there; or in all views in which an effect is judged."""
+    def unhealed(finding, before, after, scores=None):
+        search.places.tests = lambda some: [
+            Finding(k, x, view=k, p_value=0.0, log_score=scores and scores[some is after])
+            for k, x in some.items()]
+        return search.against.unhealed(before, after, finding)
+
+    alone = found('rts', 'frequency', 1600.0)
+    beside = found('rts', 'frequency', 1600.0, elsewhere=1400.0)    # the samples say so much of it
+    assert unhealed(alone, {'frequency': 1150.0}, {'frequency': 730.0})
+    assert not unhealed(beside, {'frequency': 1150.0}, {'frequency': 730.0})
+    assert unhealed(beside, {'frequency': 1150.0}, {'frequency': 1100.0})
+    shock = found('shock', 'distribution', 1400.0)
+    assert unhealed(shock, {'distribution': 15.0}, {'distribution': 10.0})
+    loud = {'distribution': 15.0, 'variance': 2000.0}
+    assert not unhealed(shock, loud, {'distribution': 10.0, 'variance': 100.0})
+    assert unhealed(shock, loud, {'distribution': 10.0, 'variance': 1990.0})
+    assert unhealed(shock, loud, {'distribution': 10.0}), 'a view that is hidden is not healed'
+    # with less noise taken for it, what is left stands out as much; the data are likelier
+    step = found('step', 'time', 80.0)
+    assert unhealed(step, {'time': 300.0}, {'time': 310.0})
+    assert unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5060.0))
+    assert not unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5100.0))
+    relaxing = found('gauss_markov', 'frequency', 80.0)     # by another view than its own
+    search.places.tests = lambda some: [Finding(k, x, view=k, p_value=0.0, log_score=y)
+                                        for k, (x, y) in some.items()]
+    assert search.against.unhealed(
+        {'frequency': (300.0, None), 'time': (50.0, -5000.0)},
+        {'frequency': (500.0, None), 'time': (50.0, -5200.0)}, relaxing)
+
+
+def test_two_that_are_in_the_mean_heal_together_what_one_of_them_does_not(search):
+    step, swing = found('step', 'time', 800.0), found('slow_periodic', 'time', 400.0)
+    ramp, rts = found('ramp', 'time', 1200.0), found('rts', 'frequency', 800.0)
+    base = search.places.base
+    # the step leaves the swing, which stands out more, and the swing the step
+    left = {'': 1200.0, 'step': 900.0, 'slow_periodic': 1000.0, 'slow_periodic, step': 30.0,
+            'ramp': 0.0, 'ramp, step': 0.0, 'rts': 1100.0, 'rts, step': 1000.0}
+
+    def tests(model):
+        gain = left[', '.join(sorted(model.labels[1:]))]
+        return [Finding('time', gain, view='time', p_value=0.0 if gain else 0.5)]
+
+    search.places.tests = tests
+    beside = base.plus(step.effect)
+    assert search.against.unhealed_with(base, beside, step, [])
+    assert search.against.unhealed_with(base, beside, step, [rts])
+    assert not search.against.unhealed_with(base, beside, step, [rts, swing])
+    assert search.against.unhealed_with(base, beside, step, [ramp]), 'the ramp does it alone'
+    assert not search.against.unhealed_with(base, beside, step, [ramp, swing])
+    left['slow_periodic, step'] = 880.0
+    assert search.against.unhealed_with(base, beside, step, [rts, swing])
+    # noise that something adds to hides a step as well, but does nothing of what it does
+    left['rts, step'] = 20.0
+    assert not search.against.unhealed_with(base, beside, step, [rts, swing])
+    assert search.against.unhealed_with(base, base.plus(rts.effect), rts, [step]) == ''
+
+
+@pytest.mark.parametrize(('last', 'fall'), [(False, 1), (True, 2)])
+def test_of_several_of_one_name_the_last_is_asked_first(search, last, fall):
+    """What they leave together is held against each of them."""
+    search.against.unconfirmed = lambda *_: (100.0, '')
+    search.against.unhealed_with = lambda *_: ''
+    search.against.shadowed = lambda *_: ''
+    search.against.shaped = lambda model, name, f: 'a smooth form fits better'
+    band = Finding('narrowband', 100.0, registry('noise')['narrowband'](), view='frequency')
+    out = search.backward([band, band], last=last)
+    assert [*out] == ['narrowband', 'narrowband.2'][-fall:]
+
+
+def test_rivals_that_share_alike_come_in_one_order(search):
+    """A set's own order differs from run to run; what is said of the same input must not."""
+    rivals = [f'rival_{k}' for k in range(8)]
+    search.scores = {frozenset(['chosen']): 1.0, frozenset(reversed(rivals)): 0.0}
+    probability, said = search.odds(Model(), 'chosen')
+    assert said == rivals[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))

@@ -14,7 +14,7 @@ import pytest
 import hidden
 from imu_noise_tools.core.errors import FitError, UsageError
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop import diagnosis, effect, prediction, verdict
+from imu_noise_tools.loop import effect, findings, prediction, verdict
 from imu_noise_tools.loop.effect import (
     Effect,
     Estimate,
@@ -395,7 +395,7 @@ def test_rivals_that_cannot_be_told_apart_are_undecidable():
 def test_holm():
     def failed(*p):
         found = [Finding('x', 0, p_value=v) for v in p]
-        return [f.p_value for f in diagnosis.failures(found, 0.05)]
+        return [f.p_value for f in findings.failures(found, 0.05)]
     assert failed(0.5, 0.9) == []
     assert failed(0.001, 0.9, 0.02) == [0.001, 0.02]       # 0.02 <= 0.05/2
     assert failed(0.03, 0.03, 0.03) == []                  # 0.03 > 0.05/3: none passes the first
@@ -445,12 +445,3 @@ def test_what_stands_in_the_shadow_of_the_unknown_is_not_named():
     gain = with_shadow(0.0).ranked[0].gain
     assert with_shadow(0.5 * verdict.SHADOW * gain).verdict == 'missing'
     assert with_shadow(2.0 * verdict.SHADOW * gain).verdict == 'unknown'
-
-
-def test_rivals_that_share_alike_come_in_one_order():
-    """A set's own order differs from run to run; what is said of the same input must not."""
-    search = object.__new__(diagnosis._Search)
-    rivals = [f'rival_{k}' for k in range(8)]
-    search.scores = {frozenset(['chosen']): 1.0, frozenset(reversed(rivals)): 0.0}
-    probability, said = search._odds(Model(), 'chosen')
-    assert said == rivals[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))

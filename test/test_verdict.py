@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imu_noise_tools.loop import diagnosis, verdict
+from imu_noise_tools.loop import findings, verdict
 from imu_noise_tools.loop.effect import Finding, Score, View
 from imu_noise_tools.loop.prediction import fall_in_words
 from imu_noise_tools.report import words
@@ -60,8 +60,8 @@ def test_what_is_beyond_chance_fails_for_the_diagnosis_too():
     """What `analyse` calls beyond chance, `diagnose` does not call complete."""
     for some in (score(0.6), score(0.55, -0.15, -0.15, -0.15), score(0.25, 0.25, 0.25, 0.25)):
         assert some.side == 'beyond chance'
-        assert diagnosis.beyond_chance(some)
-    assert diagnosis.beyond_chance(score(0.23)) == []
+        assert findings.beyond_chance(some)
+    assert findings.beyond_chance(score(0.23)) == []
 
 
 @pytest.mark.parametrize('found, rivals, failed, said', [
@@ -78,5 +78,5 @@ def test_sufficient_is_five_per_cent():
 
 def test_of_nested_names_with_equal_gain_the_simpler_is_sure():
     simple, shaped = Finding('a', 30.0, penalty=7.0), Finding('b', 30.0, penalty=7.0, shapes=1)
-    odds = np.exp([diagnosis.surplus(simple), diagnosis.surplus(shaped)])
+    odds = np.exp([findings.surplus(simple), findings.surplus(shaped)])
     assert odds[0] / odds.sum() >= verdict.SURE

@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Models on the way of a search, each looked at once: its fit, candidates, tests and error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from .effect import Finding, Fit, Model, Score, unfitted
+from .findings import failures, fresh, surplus
+from .prediction import State
+from ..core.errors import FitError
+
+LOOKS = 6  # places at which candidates are fitted; from then on none is begun
+
+
+@dataclass(frozen=True)
+class Place:
+    """A model on the way, its fit, and its candidates, best first."""
+
+    model: Model
+    fit: Fit[Any]
+    candidates: tuple[Finding, ...]
+
+
+class Places:
+    """
+    The models of one target that a search comes to, with what it sees there.
+
+    A model is known by its labels: in whichever order its effects came, it is looked at once.
+
+    """
+
+    def __init__(self, state: State):
+        self.state, self.problem = state, state.problem
+        self.base = unfitted(state.model)
+        self._places: dict[frozenset[str], Place | None] = {}
+        self._tested: dict[frozenset[str], list[Finding]] = {}
+        self._scored: dict[frozenset[str], Score | None] = {}
+        self._looked = 0
+
+    def at(self, model: Model) -> Place | None:
+        """Return a model fitted, with its candidates; None where the record cannot hold it."""
+        key = frozenset(model.labels)
+        if key not in self._places:
+            try:
+                here = self.state.fit if model == self.base else self.problem.point(model)
+                # the effort is bounded: where everything fails, each place takes seconds
+                looks = model == self.base or (
+                    self.problem.looks_again and self._looked < LOOKS)
+                self._looked += looks and not self.problem.knows_candidates(here)
+                found = self.problem.candidates(here) if looks else []
+                self._places[key] = Place(model, here, tuple(
+                    sorted((f for f in found if f.effect is not None), key=lambda f: -surplus(f))))
+            except FitError:
+                self._places[key] = None
+        return self._places[key]
+
+    def tests(self, model: Model) -> list[Finding]:
+        """Return the tests of a model; none where the record cannot hold it."""
+        model = unfitted(model)
+        key = frozenset(model.labels)
+        if key not in self._tested:
+            try:
+                here = self.state.fit if model == self.base else self.problem.point(model)
+                self._tested[key] = self.problem.omnibus(here)
+            except FitError:
+                self._tested[key] = []
+        return self._tested[key]
+
+    def error(self, model: Model) -> Score | None:
+        """Return the held-out deviance of a model, None where none is had."""
+        key = frozenset(model.labels)
+        if key not in self._scored:
+            try:
+                self._scored[key] = (self.state.error if model == self.base
+                                     else self.problem.held_out(model))
+            except FitError:
+                self._scored[key] = None
+        return self._scored[key]
+
+    def model_of(self, chain: Iterable[Finding]) -> Model:
+        """Return the base model with a chain's members added, not fitted."""
+        model = self.base
+        for f in chain:
+            model = model.plus(fresh(f))
+        return model
+
+    def set_of(self, chain: Iterable[Finding]) -> frozenset[str]:
+        """Return what a model with a chain's members holds, in whichever order they came."""
+        return frozenset(self.model_of(chain).labels)
+
+    def labels_of(self, chain: Iterable[Finding]) -> list[str]:
+        """Return the labels of a chain's members."""
+        return self.model_of(chain).labels[len(self.base):]
+
+    def left(self, chain: Iterable[Finding]) -> float:
+        """Return what fails after a chain, nats."""
+        return float(sum(f.gain for f in failures(self.tests(self.model_of(chain)))))
+
+    def failing(self, model: Model) -> float:
+        """Return what a model leaves failing in the views that fail under the base, nats."""
+        views = {f.view for f in failures(self.tests(self.base))}
+        return float(sum(max(f.gain, 0.0) for f in self.tests(model) if f.view in views))

@@ -1,0 +1,495 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The search for what is missing from a model: forward along chains of candidates, then backward.
+
+Several effects may be missing at once, and what explains a part is worth finding though the rest
+goes on failing. The search goes forward: the most probable candidate into the model, refitted, and
+on from there until nothing is gained beyond chance; where a rival is explained away by what was
+chosen, a chain that begins with the rival is followed as well. Then backward: each member must
+lower the held-out deviance beside all the others, heal what it claims to heal, be as
+good as a flexible form in its place, and not stand in the shadow of what nothing explains.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations, count, islice
+
+import numpy as np
+
+from . import verdict as rules
+from .against import Against, DOUBT
+from .effect import Finding, Model
+from .findings import (
+    bends, certain, elsewhere, failures, fresh, gained, label, pairs, surplus, together, yields
+)
+from .places import Place, Places
+from .prediction import State
+
+CHAINS = 2  # chains that are followed, rivals' included
+NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
+LONGEST = 12  # members of a chain
+HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
+SETS = 12  # of what stood out that are tried in a chain's place
+ROUNDS = 4  # times the search begins anew without what was refuted, unless something came back
+
+
+class Search:
+    """The chains of candidates of one target, and what was refuted on the way."""
+
+    def __init__(self, state: State):
+        self.places = Places(state)
+        self.against = Against(self.places)
+        self.refuted: dict[str, Finding] = {}
+        self._disproved: dict[str, list[Finding]] = {}  # all that was refuted of a label
+        self._nameless: dict[str, Finding] = {}     # is there, but in no form that is known
+        self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
+        self._beside: dict[str, frozenset[str]] = {}  # what is doubted, beside what
+        self.scores: dict[frozenset[str], float] = {}
+        self._yielded: list[Finding] = []       # what gave way to another on the last chain
+
+    # --- forward ----------------------------------------------------------------------------
+
+    def able(self, place: Place) -> list[Finding]:
+        """Return what stands out at a place, best first."""
+        return [f for f in self.open_at(place) if f.gain > f.penalty]
+
+    def open_at(self, place: Place) -> list[Finding]:
+        """Return the candidates at a place, best first, against which nothing speaks yet."""
+        return [f for f in place.candidates
+                if not f.against and not self._fallen(place, f)]
+
+    def _fallen(self, place: Place, finding: Finding) -> bool:
+        """
+        Tell whether a candidate was refuted.
+
+        What was one of its name may have been what a filter does, and beside the filter another
+        one stands out, far away from there.
+
+        """
+        name = label(place.model, finding)
+        disproved = self._disproved.get(name, [])
+        return name in self.refuted and not (
+            disproved and all(elsewhere(finding, f) for f in disproved))
+
+    def chain(self, begin: Iterable[Finding] = ()) -> list[Finding]:
+        """Return the chain that follows the most probable candidate from a beginning on."""
+        members = list(begin)
+        self._yielded = []
+        while len(members) < LONGEST:
+            place = self.places.at(self.places.model_of(members))
+            if place is None:
+                return members[:-1]
+            # at once, or what follows is looked for beside something that is not there
+            best: list[Finding] = []
+            failed: set[str] = set()
+            able = self.able(place)
+            for f in able:
+                first = [g for g in able if yields(f, g)]
+                best = self._first(members, first, failed) or first and self._pair(members, place)
+                self._yielded += [f] if best else []
+                best = best or self._first(members, [f], failed)
+                if best:
+                    break
+            self._note(members, place, failed)
+            best = best or self._pair(members, place)
+            if not best:
+                break
+            members += best
+        return members
+
+    def _first(self, members: list[Finding], some: Iterable[Finding],
+               failed: set[str]) -> list[Finding]:
+        """Return the first of some that heals and lowers the error behind a chain, if any."""
+        before = self.places.model_of(members)
+        for f in some:
+            if label(before, f) in failed:
+                continue
+            if self._heals(members, f) and self._lowers(members, f):
+                return [f]
+            failed.add(label(before, f))
+        return []
+
+    def _explained_away(self, members: list[Finding], some: Iterable[Finding]) -> None:
+        """
+        Refute what yielded to members of a chain and does not stand out beside them.
+
+        Or, where no more candidates are begun, is not needed there.
+
+        """
+        here = self.places.model_of(members)
+        place = self.places.at(here)
+        for f in (f for f in some if f.name not in here):
+            more = here.plus(fresh(f))
+            name = more.labels[-1]
+            there = place is not None and (f.name in {g.name for g in self.able(place)}
+                                           if place.candidates else
+                                           not self.against.unlowered(here, more, f)[1])
+            if not there:
+                self.refuted[name] = replace(f, against='beside what several axes have in the '
+                                             'mean it explains nothing')
+                self.scores = {k: v for k, v in self.scores.items() if name not in k}
+                self._beside.setdefault(name, frozenset(self.places.labels_of(members)))
+
+    def _pair(self, members: list[Finding], place: Place) -> list[Finding]:
+        """
+        Return two that heal together, behind a chain, what one of them does not.
+
+        Noise is stretched over both, and what one of them leaves stands out the more: of two
+        steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
+        little by itself; then the second must gain what it lacks. Of others only the best of each
+        sort is tried first. A spectrum with one of two has a lower floor, above which the other
+        stands out the more; so has its slow end, above which a mean does.
+
+        """
+        before, asked = self.places.model_of(members), set[bool]()
+        failing = {t.view for t in failures(self.places.tests(before))}
+        for f in self.open_at(place):
+            if f.effect is None or not (f.effect.paired or f.effect.uncovers):
+                continue
+            paired = f.effect.paired
+            clear = surplus(f) > 0 and f.view in failing and paired not in asked
+            if not clear and not (paired and f.effect.several and f.gain >= HINT * f.penalty):
+                continue
+            if clear:
+                asked.add(paired)
+            between = self.places.at(before.plus(fresh(f)))
+            if between is None:
+                continue
+            g = next((g for g in self.able(between)
+                      if g.name == f.name or clear and pairs(f, g)), None)
+            if g is None or surplus(f) + surplus(g) <= 0:
+                continue
+            after = between.model.plus(fresh(g))
+            both = together(f, g)
+            if not self.against.unhealed(before, after, both) and not self.against.unlowered(
+                    before, after, both)[1]:
+                return [f, g]
+        return []
+
+    def _heals(self, members: list[Finding], finding: Finding) -> bool:
+        """Tell whether a candidate heals what it claims behind a chain; what not is kept aside."""
+        before = self.places.model_of(members)
+        return self._stands(before, finding, self.against.unhealed(
+            before, before.plus(fresh(finding)), finding))
+
+    def _lowers(self, members: list[Finding], finding: Finding) -> bool:
+        """Tell whether it lowers the error behind a chain; what does not may do so later."""
+        before = self.places.model_of(members)
+        after = before.plus(fresh(finding))
+        return self._stands(before, finding, self.against.unconfirmed(
+            after, label(before, finding), finding)[1])
+
+    def _stands(self, before: Model, finding: Finding, against: str) -> bool:
+        if against:
+            self._aside[label(before, finding)] = replace(finding, against=against)
+        return not against
+
+    def _note(self, members: list[Finding], place: Place, failed: Collection[str]) -> None:
+        """
+        Keep the surplus of the set reached, and of each set one candidate further on.
+
+        But for those that do not heal what they claim there, or do not lower the error: what
+        predicts no better is no rival.
+
+        """
+        total = gained(members)
+        here = frozenset(place.model.labels)
+        self.scores[here] = max(total, self.scores.get(here, -np.inf))
+        for f in place.candidates:
+            if f.against or label(place.model, f) in failed or self._fallen(place, f):
+                continue
+            more = here | {label(place.model, f)}
+            self.scores[more] = max(total + surplus(f), self.scores.get(more, -np.inf))
+
+    def forward(self, held: Sequence[Finding] = ()) -> list[Finding]:
+        """
+        Return the best of the chains: the main one, those that begin with a rival, and ``held``.
+
+        One after which nothing fails goes before one that leaves something, whatever they gain.
+        What an earlier chain held may not be reached without what was refuted in it.
+
+        """
+        self.scores = {}
+        main = self.chain()
+        self._explained_away(main, self._yielded)
+        chains = [main]
+        # the first of two that say little alone has a surplus below zero
+        begun = [(surplus(rival) - max(surplus(main[i]), 0.0), [*main[:i], rival])
+                 for i in range(len(main)) for rival in self._rivals(main, i)[:2]
+                 if surplus(rival) > NEAR * max(surplus(main[i]), 0.0)]
+        begun.sort(key=lambda z: -z[0])
+        whole = self.places.set_of(main)
+        able = (b for b in (self._begun(b, main) for _, b in begun) if b)
+        for begin in islice(able, CHAINS - 1):
+            known = dict(self.scores)
+            other = self.chain(begin)
+            # a rival with all of the main chain beside it: from there it was seen to gain nothing
+            if whole < self.places.set_of(other):
+                self.scores = known     # nor is what the chain lacked on its way there a rival
+            else:
+                chains.append(other)
+        self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
+                       or len(k) == len(whole) + 1}
+        held = [f for f in held if f.effect is not None
+                and (f.effect.several or f.name not in self.refuted)]
+        again = self.places.model_of(held)
+        new = len(held) > 1 and not whole.issuperset(again.labels)
+        if new and self.places.at(again) is not None:
+            chains.append(self.chain(held))
+        best = max(chains, key=gained)
+        left = {self.places.set_of(c): self.places.left(c) for c in chains}
+        whole_ones = [c for c in chains if not left[self.places.set_of(c)]]
+        if whole_ones and left[self.places.set_of(best)]:
+            best = max(whole_ones, key=gained)
+            self._follow(best, left)
+        self.scores.setdefault(self.places.set_of(best), gained(best))
+        return self._as_few(best, chains)
+
+    def _as_few(self, best: list[Finding], chains: Sequence[list[Finding]]) -> list[Finding]:
+        """
+        Return the best set of what stood out that leaves nothing, as a chain does, and no larger.
+
+        Of two that bend a view to and fro each alone gains little, and less than a third that does
+        some of both: what then is added to that may be three for two. Where it is two it may be
+        another two, so that the last of them seems to be either. What members gain, each at its
+        place, is more than they do together: it is by that that sets are compared.
+
+        """
+        tell, known = [f for f in best if bends(f)], self.places.set_of(best)
+        sure = self.scores[known] - float(np.log(rules.SURE / (1 - rules.SURE)))
+        doubted = any(v > sure and k != known for k, v in self.scores.items())
+        if len(tell) < 2 or len(tell) < 3 and not doubted or self.places.left(best):
+            return best
+        other = [f for f in best if not bends(f)]
+        worth: dict[frozenset[str], float] = {}
+        found, least = best, len(best)
+        for chain in [*([*other, *some] for some in islice(self._sets(tell, chains), SETS)), best]:
+            if len(chain) > least and chain is not best:
+                continue    # what fewer explain needs no more
+            here = self.places.at(self.places.model_of(chain))
+            if here is None or here.fit.supported is None or self.places.left(chain):
+                continue
+            least, whole = min(least, len(chain)), self.places.set_of(chain)
+            worth[whole] = here.fit.supported - sum(
+                f.penalty + rules.PRICE * f.shapes for f in chain)
+            if worth[whole] >= max(worth.values()):
+                found = chain
+        if not worth:
+            return best
+        whole, most = self.places.set_of(found), max(self.scores.values())
+        if found is not best:
+            self.scores = {k: v for k, v in self.scores.items() if not k > whole}
+        self.scores.update({k: most + v - worth[whole] for k, v in worth.items()})
+        return found
+
+    def _sets(self, members: list[Finding], chains: Iterable[list[Finding]],
+              ) -> Iterator[tuple[Finding, ...]]:
+        """Yield sets of two and more of what bent the spectrum on the way, as many at most."""
+        stood = [f for c in chains for i in range(len(c)) for f in (c[i], *self._rivals(c, i))]
+        named = {f.name: f for f in reversed([*members, *(f for f in stood if bends(f))])}
+        for size in range(2, len(members) + 1):
+            yield from combinations(reversed(named.values()), size)
+
+    def _begun(self, begin: list[Finding], main: Sequence[Finding]) -> list[Finding]:
+        """
+        Return what a chain may begin with, nothing where its last does not heal what it claims.
+
+        By itself, or with that of those behind it in the main chain which lowers the error most.
+
+        """
+        members, last = begin[:-1], begin[-1]
+        if self._heals(members, last) and self._lowers(members, last):
+            return begin
+        before = self.places.model_of(members)
+        others = [g for g in main[len(begin):] if pairs(last, g)]
+        said = [(g, *self.against.unlowered(
+            before, self.places.model_of([*begin, g]), together(last, g))) for g in others]
+        g, _, against = max(said, key=lambda z: z[1], default=(last, 0.0, DOUBT))
+        against = against or self.against.unhealed(
+            before, self.places.model_of([*begin, g]), together(last, g))
+        return [] if against else [*begin, g]
+
+    def _follow(self, best: Sequence[Finding], left: Mapping[frozenset[str], float]) -> None:
+        """
+        Give what leaves something the less surplus for it than a chain that leaves nothing.
+
+        What members gain, each at its place, is more than they do together where noise stretches
+        over what they leave. What differs from the best in its last member was not tried.
+
+        """
+        whole, others = self.places.set_of(best), self.places.set_of(best[:-1])
+        most = gained(best) - min(v for v in left.values() if v > 0)
+        for k in self.scores:
+            if left.get(k, not others < k or len(k) > len(whole)):
+                self.scores[k] = min(self.scores[k], most)
+        self.scores[whole] = gained(best)
+
+    def _rivals(self, chain: list[Finding], i: int) -> list[Finding]:
+        """Return what stood out at a place of a chain and is explained away by what was chosen."""
+        place, after = (self.places.at(self.places.model_of(chain[:k])) for k in (i, i + 1))
+        if place is None or after is None or not after.candidates:
+            return []
+        still = {f.name for f in self.able(after)} | {f.name for f in chain[i:]}
+        return [f for f in self.able(place) if f.name not in still]
+
+    # --- backward ---------------------------------------------------------------------------
+
+    def settled(self) -> list[Finding]:
+        """
+        Return the chain that holds, each member with its probability at its place.
+
+        A member that shares its probability with rivals stays, with what speaks against it.
+
+        """
+        chain: list[Finding] = []
+        more = True
+        for turn in count(1):
+            self._aside = {}
+            # in the end nothing is added, and what was left must hold without what fell
+            chain = self.with_odds(self.forward(chain) if more else chain)
+            refuted = self.backward(chain, last=turn >= ROUNDS)
+            if not refuted:
+                break
+            chain = [f for k, f in zip(self.places.labels_of(chain), chain) if k not in refuted]
+            self.refuted.update(refuted)
+            for k, f in refuted.items():
+                self._disproved.setdefault(k, []).append(f)
+            more = self._acquitted(self.places.model_of(chain), refuted) or turn < ROUNDS
+        # each held beside the others when it was last looked at
+        kept = self.places.labels_of(chain)
+        self.refuted = {**{k: f for k, f in self._aside.items() if k not in kept},
+                        **self.refuted}
+        return chain
+
+    def _acquitted(self, model: Model, refuted: Collection[str]) -> bool:
+        """
+        Take back what was doubted beside what is refuted now.
+
+        Of two that do the same the one that was kept has fallen, for another reason. Each is taken
+        back once.
+
+        """
+        back = []
+        for k, others in self._beside.items():
+            if k in self.refuted and not others.isdisjoint(refuted):
+                f = self.refuted[k]
+                more = model.plus(fresh(f))
+                if not self.against.unconfirmed(more, more.labels[-1], f)[1]:
+                    del self.refuted[k]
+                    back.append(k)
+        self._beside.update((k, frozenset()) for k in back)
+        return bool(back)
+
+    def backward(self, chain: list[Finding], last: bool = True) -> dict[str, Finding]:
+        """
+        Return the members by label, with what speaks against each, that do not hold.
+
+        Unless it is the last look, none is refuted for what another one left when it was refuted
+        itself: a candidate that was not tried yet may explain that.
+
+        """
+        labels, model = self.places.labels_of(chain), self.places.model_of(chain)
+        members = dict(zip(labels, chain))
+        out: dict[str, Finding] = {}
+        doubted = list(members)     # what holds beside more holds beside less
+        while doubted:
+            said = {k: self.against.unconfirmed(model, k, members[k]) for k in doubted}
+            doubted = [k for k in doubted if said[k][1]]
+            if doubted:
+                # of two that do the same, the one that something else could imitate
+                worst = min(doubted, key=lambda k: (said[k][0], certain(members[k])))
+                doubted.remove(worst)
+                out[worst] = replace(members.pop(worst), against=said[worst][1])
+                self._beside.setdefault(worst, frozenset(members))
+                model = model.minus(worst)
+        place, later = self.places.base, list(members.values())
+        bent: dict[str, str] = {}   # the last one with another shape, of each that they share
+        for k, f in members.items():
+            before, place, later = place, place.plus(fresh(f)), later[1:]
+            against = self.against.unhealed_with(before, place, f, later)
+            if not against and (against := self.against.shaped(model, k, f)):
+                # what they leave together is held against each: the last one is asked first
+                assert f.effect is not None
+                shared = f.view if f.effect.paired else f.name
+                if not last:
+                    out.pop(bent.get(shared, ''), None)
+                bent[shared] = k
+                if f.effect.stays:
+                    self._nameless[k] = f
+            against = against or self._stands_in([g for j, g in members.items() if j not in out],
+                                                 model, k, f)
+            if against:
+                out[k] = replace(f, against=against)
+        for k, f in members.items() if last or not out else ():
+            against = self.against.shadowed(model, f)
+            if against:
+                out.setdefault(k, replace(f, against=against))
+        return out
+
+    def _stands_in(self, members: list[Finding], model: Model, name: str,
+                   finding: Finding) -> str:
+        """
+        Say that a member only stands for what is there, though by no name that is known.
+
+        Beside that and the members before it, it does not stand out; where no candidates are begun
+        it is not needed. What nothing could imitate, or others yield to, stands for itself.
+
+        """
+        assert finding.effect is not None
+        if finding.effect.certain or finding.effect.paired:
+            return ''
+        before = members[:members.index(finding)]
+        for other in (f for k, f in self._nameless.items() if k not in model):
+            place = self.places.at(self.places.model_of([other, *before]))
+            if place is not None and place.candidates:
+                # its label may be that of one of its name that was refuted
+                there = any(f.name == finding.name and not f.against and f.gain > f.penalty
+                            for f in place.candidates)
+            else:
+                more = model.plus(fresh(other))
+                there = not self.against.unlowered(more.minus(name), more, finding)[1]
+            if not there:
+                return f'beside what {other.name} tells, though it is none, it explains nothing'
+        return ''
+
+    # --- probabilities ----------------------------------------------------------------------
+
+    def with_odds(self, chain: list[Finding]) -> list[Finding]:
+        """Return a chain with probabilities, shares explained, and rivals where they matter."""
+        out, model = [], self.places.base
+        whole, members = self.places.failing(model), self.places.labels_of(chain)
+        for f, name in zip(chain, members):
+            before, model = model, model.plus(fresh(f))
+            sure, rivals = self.odds(before, name)
+            explains = None
+            if whole > 0:
+                fall = self.places.failing(before) - self.places.failing(model)
+                explains = float(np.clip(fall / whole, 0, 1))
+            rivals = [x for x in rivals if x not in members]
+            against = '' if sure >= rules.SURE else \
+                f'{rules.CANNOT_TELL} {" or ".join(rivals) or "nothing"}'
+            out.append(replace(f, probability=sure, explains=explains, against=against))
+        return out
+
+    def odds(self, before: Model, name: str) -> tuple[float, list[str]]:
+        """Return a member's probability at its place, and the rivals that take the rest."""
+        here = frozenset(before.labels)
+        some = {k - here: v for k, v in self.scores.items() if k >= here}
+        top = max(some.values())
+        weight = {k: float(np.exp(max(v - top, -700.0))) for k, v in some.items()}
+        total = sum(weight.values())
+        with_it = sum(v for k, v in weight.items() if name in k)
+        others: dict[str, float] = {}
+        for k, v in weight.items():
+            if name not in k:
+                for x in k:
+                    others[x] = others.get(x, 0.0) + v
+        # those that come together have the same: a set's own order differs from run to run
+        rivals = [x for x in sorted(others, key=lambda x: (-others[x], x))
+                  if others[x] > 0.02 * total]
+        return with_it / total, rivals[:3]
