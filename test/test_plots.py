@@ -27,6 +27,7 @@ from imu_noise_tools.loop.diagnosis import Diagnosis
 from imu_noise_tools.loop.effect import Finding, Model, model_of, registry, Score
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import assess, Step, Study
+from imu_noise_tools.noise.curve import model_curve
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Coupling, Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -157,6 +158,46 @@ def test_variance_of_a_drift():
     rise = 1e-3 * 10 / some.t[-1]
     np.testing.assert_allclose(curves.effect_avar(evidence, Model([effect]), effect, m),
                                (rise * m * DT) ** 2 / 2, rtol=0.01)
+
+
+def test_variance_of_several_means():
+    """A step up and a step down are one pulse beside a ramp: their variances do not add up."""
+    some = record(n=40000)
+    evidence = gather(some, ['gyro_x'])['gyro_x']
+    e, length = evidence.curve, evidence.common.slow_length
+    step = KNOWN['step']
+    means = [KNOWN['ramp']({'R': 3e-5}), step({'size': 0.01, 'time': 150.0}, 'step'),
+             step({'size': -0.02, 'time': 210.0}, 'step.2')]
+    model = Model([KNOWN['white']({'N': 1e-9}), *means])
+    m = e.m[e.m > 4 * length]
+    t = some.t - some.t[0]
+    true = np.sqrt(allan.overlapping_variance(
+        3e-5 * t + 0.01 * (t >= 150) - 0.02 * (t >= 210), m))
+    np.testing.assert_allclose(np.sqrt(model_curve(evidence, model, m)), true, rtol=0.01)
+    each = sum(curves.effect_avar(evidence, model, e, m) for e in means)
+    assert np.max(np.sqrt(each) / true) > 1.3
+    state = SimpleNamespace(problem=SimpleNamespace(evidence=evidence), model=model)
+    np.testing.assert_allclose(curves.curves(state).model[e.m > 4 * length], true ** 2, rtol=0.02)
+
+
+def test_variance_of_couplings_that_hold_the_same():
+    """What shakes an accelerometer shakes another axis too: shares of both are one."""
+    some = record(seed=5)
+    shake = some.accel[:, 0]
+    gyro = 0.01 * some.gyro
+    gyro[:, 1:] += 0.5 * shake[:, None]
+    gyro[:, 0] += 0.5 * gyro[:, 1] + 0.5 * shake
+    some = replace(some, gyro=gyro)
+    evidence = gather(some, some.axes)['gyro_x']
+    couplings = [KNOWN['accel_coupling']({p.name: 0.0 for p in KNOWN['accel_coupling'].parameters}
+                                         | {'gain_x': 0.5}),
+                 KNOWN['shared_noise']({p.name: 0.0 for p in KNOWN['shared_noise'].parameters}
+                                       | {'gain': 0.5, 'source': 'gyro_y', 'other': 'gyro_z'})]
+    model, m = Model(couplings), np.array([1, 10, 100])
+    wanted = allan.overlapping_variance(gyro[:, 0], m)
+    np.testing.assert_allclose(model_curve(evidence, model, m), wanted, rtol=0.1)
+    each = sum(curves.effect_avar(evidence, model, e, m) for e in couplings)
+    assert np.all(each > 1.2 * wanted)
 
 
 def test_variance_of_a_coupling():

@@ -16,9 +16,29 @@ from ..loop.effect import Effect, Model
 
 
 def model_curve(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:
-    """Return the Allan variance (k,) of a fitted model at cluster sizes m (k,)."""
-    parts = (effect_avar(evidence, model, e, m) for e in model)
-    return np.maximum(sum((p for p in parts if p is not None), np.zeros(len(m))), 1e-300)
+    """
+    Return the Allan variance (k,) of a fitted model at cluster sizes m (k,).
+
+    Noises are independent, and their variances add up. What has one course in the record, a mean
+    or another channel, is added up before it is squared.
+
+    """
+    out = mean_avar(evidence, model, m)
+    if couplings := model.of(Coupling):
+        out = out + _coupled_avar(evidence, couplings, m)
+    rest = (effect_avar(evidence, model, e, m) for e in model
+            if not isinstance(e, (Coupling, Mean)))
+    return np.maximum(sum((p for p in rest if p is not None), out), 1e-300)
+
+
+def mean_avar(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:
+    """Return the Allan variance (k,) of a model's mean, all of its effects together."""
+    means = model.of(Mean)
+    if not means:
+        return np.zeros(len(m))
+    if len(means) == 1 and type(means[0]).avar is not Mean.avar:
+        return means[0].avar(m, evidence.dt)
+    return _drift_avar(evidence, means, m)
 
 
 def bin_weights(bins: Bins, m: np.ndarray) -> np.ndarray:
@@ -37,35 +57,40 @@ def bin_weights(bins: Bins, m: np.ndarray) -> np.ndarray:
 
 def effect_avar(evidence: Evidence, model: Model, effect: Effect,
                 m: np.ndarray) -> np.ndarray | None:
-    """Return what one effect adds to the Allan variance at cluster sizes m (k,); None: nothing."""
+    """Return the Allan variance (k,) of one effect by itself at cluster sizes m; None: nothing."""
     dt = evidence.dt
-    if isinstance(effect, Mean) and type(effect).avar is Mean.avar:
-        return _drift_avar(evidence, effect, m)
+    if isinstance(effect, Mean):
+        return mean_avar(evidence, Model([effect]), m)
     if isinstance(effect, Spectrum):
         behind = [r for r in model.of(Response) if r is not effect]
         return model_avar(Model([effect, *behind]), m, dt)
-    if isinstance(effect, (Mean, Line)):
+    if isinstance(effect, Line):
         return effect.avar(m, dt)
     if isinstance(effect, Coupling):
-        return _coupled_avar(evidence, effect, m)
+        return _coupled_avar(evidence, [effect], m)
     if isinstance(effect, Defect) and effect.screens():
         return _screened_avar(evidence, m)
     return None
 
 
-def _drift_avar(evidence, effect, m):
+def _drift_avar(evidence, means, m):
     """Allan variance of a fitted mean by its block means; below a block, of a straight line."""
     length = evidence.common.slow_length
-    y = effect.mean(evidence.slow_inputs)
+    y = sum(e.mean(evidence.slow_inputs) for e in means)
     blocks = np.unique(np.clip(np.round(m / length), 1, len(y) // 3).astype(int))
     v = np.maximum(overlapping_variance(y, blocks), 1e-300)
     out = np.exp(np.interp(np.log(m), np.log(blocks * length), np.log(v)))
     return np.where(m < length, v[0] * (m / length) ** 2, out)
 
 
-def _coupled_avar(evidence, effect, m):
-    """Allan variance of what other channels put into this one, from the binned cross-spectra."""
-    alone = Model([effect])
+def _coupled_avar(evidence, couplings, m):
+    """
+    Allan variance of what other channels put into this one, from the binned cross-spectra.
+
+    With it comes what they share with the rest of the axis, its mean for one.
+
+    """
+    alone = Model(couplings)
     likelihood = Likelihood(evidence, 'whole', alone)
     s = np.maximum(likelihood.power - likelihood.without_couplings(alone), 0)
     at = np.log(likelihood.bins.f)

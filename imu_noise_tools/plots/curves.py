@@ -18,9 +18,9 @@ from ..loop.prediction import State
 from ..loop.verdict import CHANCE, STRIKING
 from ..noise import views
 from ..noise.classic import FLAT, READINGS
-from ..noise.curve import effect_avar
+from ..noise.curve import effect_avar, mean_avar, model_curve
 from ..noise.evidence import Evidence
-from ..noise.kinds import Line, Mean
+from ..noise.kinds import Line
 from ..noise.likelihood import Likelihood
 from ..noise.problem import NoiseProblem
 
@@ -36,6 +36,8 @@ TAU = 'averaging time τ, s'
 class Curves:
     """
     Allan variances at the curve's averaging times, all (k,): the model's and of each effect.
+
+    Those of several means or couplings do not add up to the model's: they have one course.
 
     ``pull`` is how far the measured curve lies from the model, in standard errors under the model;
     positive: more noise than the model has.
@@ -60,8 +62,9 @@ def curves(state: State) -> Curves | None:
     if c.deviation not in ('oadev', 'adev'):
         return None
     each = {x.label: v for x in model if (v := effect_avar(e, model, x, c.m)) is not None}
-    total = np.maximum(sum(each.values(), np.zeros(len(c.m))), 1e-300)
-    steady = sum((v for k, v in each.items() if isinstance(model[k], (Mean, Line))), 0.0 * total)
+    total = model_curve(e, model, c.m)
+    steady = mean_avar(e, model, c.m) + sum(v for k, v in each.items()
+                                            if isinstance(model[k], Line))
     pull = gamma_pull(c.dev ** 2 / total, _degrees(c, total, steady))
     return Curves(c.tau, total, each, pull)
 
