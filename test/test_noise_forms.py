@@ -11,7 +11,7 @@ import numpy as np
 from params import daily
 import pytest
 from scipy.fft import dct
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, iirnotch, lfilter
 
 import hidden
 from imu_noise_tools.core.errors import FitError
@@ -180,11 +180,11 @@ def test_a_drift_is_named_where_it_is_clear_of_a_ramp(more, holds):
     assert not any(f.against for f in clear_of_less(some[1:]))
 
 
-@pytest.mark.parametrize('name', ['slow_periodic', 'low_pass'])
-def test_the_likelihood_falls_as_its_derivatives_say(name):
-    """Of a mean, of a filter and what leaks past it."""
-    problem, _ = problem_of([name])
-    model = problem.point(model_of('noise', (*BASE, name))).model
+@pytest.mark.parametrize('names', [['slow_periodic'], ['low_pass'], ['low_pass', 'duplicates']])
+def test_the_likelihood_falls_as_its_derivatives_say(names):
+    """Of a mean, of a filter and what leaks past it, or what holding samples fills of it."""
+    problem, _ = problem_of(names)
+    model = problem.point(model_of('noise', (*BASE, *names))).model
     likelihood = Likelihood(problem.evidence, 'whole', model)
     x = np.array([s.to_search(model[s.label][s.parameter.name]) for s in likelihood.slots]) + 0.3
     _, linear, v, each = likelihood.value(x)
@@ -209,6 +209,22 @@ def test_samples_held_in_runs_or_by_a_slower_clock_are_named_and_nothing_remains
     fit = problem.fit(model_of('noise', BASE))
     found = diagnose(State(problem, fit, problem.held_out(fit.model)))
     assert [f.name for f in found.found] == ['duplicates'] and found.remaining is None
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('name, filters', [('notch', iirnotch(0.3, 1.5)),
+                                           ('low_pass', butter(2, 0.4))])
+def test_a_filter_is_named_before_samples_that_are_held_at_random(name, filters):
+    rng, rate, n = np.random.default_rng(9), 50.0, 90_000
+    sensor = hidden.draw_sensor(rng)
+    y = np.column_stack([lfilter(*filters, hidden.base_noise(n, 1 / rate, sensor, rng))
+                         for _ in range(3)])
+    at = np.maximum.accumulate(np.where(rng.random(n) < 0.35, 0, np.arange(n)))
+    record = ImuRecord(y[at], None, np.arange(n) / rate, rate)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert {f.name for f in found.found} == {'duplicates', name} and found.remaining is None
 
 
 def test_runs_are_told_from_what_rounding_makes_equal():

@@ -12,6 +12,7 @@ from params import daily
 import pytest
 from scipy.signal import butter, lfilter
 
+from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
@@ -223,6 +224,38 @@ def test_what_comes_last_acts_on_quantization_too():
     plain = model_psd(q + find_effect('noise', 'white')({'N': 1e-12}), f, 0.01)
     assert model_psd(q + low, f, 0.01) == pytest.approx(q.psd(f, 0.01), rel=1e-12)
     assert model_psd(q + held, f, 0.01) == pytest.approx(plain * held.gain2(f, 0.01), rel=1e-3)
+
+
+@pytest.mark.parametrize('share', [0.1, 0.3, 0.6])
+@pytest.mark.parametrize('name, values', [
+    ('low_pass', {'cutoff': 0.12, 'form': 'butterworth_2'}),
+    ('low_pass', {'cutoff': 0.443 / 4, 'form': 'moving_average'}),
+    ('notch', {'frequency': 0.2, 'width': 0.15})])
+def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, values, share):
+    """At every frequency, and the level at low ones is N."""
+    low = find_effect('noise', name)
+    low = low({**low.neutral, **values})
+    inputs, rng = Inputs(np.arange(2**18) * 1.0, 1.0), np.random.default_rng(3)
+    plain = low.apply(rng.standard_normal(2**18), inputs, rng)
+    y, bins = held_at_random(plain, share), spectrum.bins_of(2**18, 1.0)
+    seen = spectrum.power(spectrum.cosine_transform(y), 1.0, bins)
+    held = DUPLICATES({'fraction': share, 'pattern': 'random', 'run': 1.0})
+    # of the variance, int S = 2 N^2 int gain^2, none is lost
+    f = (np.arange(4096) + 0.5) / 8192
+    white = find_effect('noise', 'white')
+    model = Model([white({'N': 1.0}), low, held])
+    n = np.sqrt(np.var(plain) / (0.5 * np.mean(model_psd(model, f, 1.0))))
+    expected = spectrum.expected(lambda f: model_psd(Model([white({'N': n}), low, held]), f, 1.0),
+                                 bins)
+    some = bins.f > 0.03
+    rows = np.array_split(np.flatnonzero(some), 16)
+    ratio = [np.average(seen[i] / expected[i], weights=bins.count[i]) for i in rows]
+    np.testing.assert_allclose(ratio, 1.0, atol=0.05)
+    # and what the filter does is told from that
+    own = expected / spectrum.expected(lambda f: 2 * n**2 * held.gain2(f, 1.0), bins)
+    back = held.unscattered(own, bins)
+    np.testing.assert_allclose(back, spectrum.expected(lambda f: low.gain2(f, 1.0), bins),
+                               atol=0.01)
 
 
 # --- spikes beside others ------------------------------------------------------------------------

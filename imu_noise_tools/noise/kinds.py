@@ -13,8 +13,9 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 from typing import Any, cast, ClassVar, TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -452,6 +453,24 @@ class Response(NoiseEffect):
         """Return (Hz, share of the power) of what it makes of a line at f; none of a filter."""
         return []
 
+    def scattered(self, before: Sequence[Response], dt: float) -> float:
+        """
+        Return the level of what it scatters over all frequencies, a filter nothing.
+
+        Of white noise that has passed the responses before it, over its level at zero frequency.
+
+        """
+        return 0.0
+
+    def unscattered(self, gain2: np.ndarray, bins: Bins) -> np.ndarray:
+        """Return the squared gain (b,) of filters before it from that of :func:`together`."""
+        return gain2
+
+    @property
+    def scatters(self) -> bool:
+        """Whether it scatters anything."""
+        return False
+
     def acts_on(self, effect: Spectrum) -> bool:
         """Tell whether it filters what an effect adds."""
         only = (True, effect.own, effect.flat)[int(self.values.get('filters', 0))]
@@ -584,7 +603,7 @@ def images_of(effect: Spectrum, behind: Sequence[Response], dt: float) -> list[
 
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) of the model's responses that act on an effect."""
-    return gain2_of(responses_on(effect, model), f, dt)
+    return gain2_of(responses_on(effect, model), f, dt, effect.flat)
 
 
 def responses_on(effect: Spectrum, model: Model) -> list[Response]:
@@ -593,8 +612,8 @@ def responses_on(effect: Spectrum, model: Model) -> list[Response]:
 
 
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the squared gain at f (Hz) of all the model's responses."""
-    return gain2_of(model.of(Response), f, dt)
+    """Return the squared gain at f (Hz) of all the model's responses on white noise."""
+    return gain2_of(model.of(Response), f, dt, True)
 
 
 def beside_unfiltered(gain2: np.ndarray, share: float | np.ndarray) -> np.ndarray:
@@ -607,11 +626,28 @@ def beside_unfiltered(gain2: np.ndarray, share: float | np.ndarray) -> np.ndarra
     return np.maximum((gain2 + share) / (1 + share), 1e-9)
 
 
-def gain2_of(responses: Iterable[Response], f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the squared gain at f (Hz) of responses, one behind the other."""
-    out = np.ones(np.shape(f))
-    for r in responses:
-        out = out * r.gain2(f, dt)
+def gain2_of(responses: Sequence[Response], f: np.ndarray, dt: float,
+             white: bool = False) -> np.ndarray:
+    """Return the squared gain at f (Hz) of responses, one behind the other (:func:`together`)."""
+    return np.ones(np.shape(f)) * together(
+        responses, [r.gain2(f, dt) for r in responses], dt, white)
+
+
+def together(responses: Sequence[Response], each: Sequence[np.ndarray], dt: float,
+             white: bool) -> np.ndarray | float:
+    """
+    Return the squared gain (k,) of responses, one behind the other, from ``each`` one's own.
+
+    On white noise, what holds samples at random fills what the filters before it left empty. Of
+    other noise it scatters as well: into what is white, and counts as that.
+
+    """
+    before = [r for r in responses if not r.last]
+    out: Any = prod((g for r, g in zip(responses, each) if not r.last), start=1.0)
+    for r, g in zip(responses, each):
+        if r.last:
+            level = r.scattered(before, dt) if white and before else 0.0
+            out = g * (beside_unfiltered(out, level) if level else out)
     return out
 
 

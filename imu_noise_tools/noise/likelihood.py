@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial, reduce
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.fft import dct
@@ -33,6 +33,7 @@ from .kinds import (
     Response,
     responses_on,
     Spectrum,
+    together,
 )
 from .response import OpenResponse
 from .shared import spread
@@ -585,7 +586,7 @@ class Likelihood:
             return self._peak(effect, behind)
         square, key, one = self._unit(effect)
         if behind:
-            return square * gathered(one * self._gain2(behind), self.bins)
+            return square * gathered(one * self._gain2(behind, effect.flat), self.bins)
         if not key:
             return gathered(one, self.bins)
         return square * self._kept((*key, ''), lambda: gathered(one, self.bins))
@@ -614,27 +615,40 @@ class Likelihood:
         return size**2, key, self._kept(key, lambda: effect.with_values(
             **{amplitude[0]: 1.0}).psd(asked(self.bins), self.dt))
 
-    def _turned(self, model, own, turn):
-        """Return slopes (b, p) of what is behind a response; ``turn`` (g, p) of ln gain^2."""
-        out = np.zeros((len(self.power), turn.shape[1]))
-        alike: dict[tuple[str, ...], list[Spectrum]] = {}
+    def _turned(self, model, own, moved, h):
+        """Return slopes (b, p) of what is behind a response, of what it is ``moved`` to by h."""
+        out = np.zeros((len(self.power), len(moved)))
+        alike: dict[tuple, list[Spectrum]] = {}
         for e in (e for e in model.of(Spectrum) if own.acts_on(e)):
-            alike.setdefault(tuple(r.label for r in responses_on(e, model)), []).append(e)
-        for spectra in alike.values():
-            gain2 = self._gain2(responses_on(spectra[0], model))[:, None]
+            behind = responses_on(e, model)
+            key = *(r.label for r in behind), e.flat and any(r.scatters for r in behind)
+            alike.setdefault(key, []).append(e)
+        for (*_, flat), spectra in alike.items():
+            behind = responses_on(spectra[0], model)
+            here = self._gain2(behind, flat)
+            turn = np.stack([(self._gain2(behind, flat, up) - here) / h for up in moved], axis=1)
             units = (self._unit(e) for e in spectra if e.centre is None)
             smooth = sum((square * one for square, _, one in units), np.zeros(len(turn)))
-            out += gathered(gain2 * turn * smooth[:, None], self.bins)
+            out += gathered(turn * smooth[:, None], self.bins)
             peaks = [e.binned(self.bins) for e in spectra if e.centre is not None]
             if peaks:
-                out += np.sum(peaks, axis=0)[:, None] * gathered(gain2 * turn, self.bins)
+                out += np.sum(peaks, axis=0)[:, None] * gathered(turn, self.bins)
         return out
 
-    def _gain2(self, responses):
-        """Return the squared gain (g,) of responses where :func:`gathered` wants it."""
-        return reduce(np.multiply, (
-            self._kept((r.label, *r.values.values()), partial(r.gain2, asked(self.bins), self.dt))
-            for r in responses))
+    def _gain2(self, responses, white=False, moved=None):
+        """
+        Return the squared gain (g,) of responses where :func:`gathered` wants it.
+
+        On white noise or other; one of them as ``moved`` where there is that.
+
+        """
+        at = asked(self.bins)
+        each = [self._kept((r.label, *r.values.values()), partial(r.gain2, at, self.dt))
+                if moved is None or r.label != moved.label else moved.gain2(at, self.dt)
+                for r in responses]
+        if moved is not None:
+            responses = [moved if r.label == moved.label else r for r in responses]
+        return together(responses, each, self.dt, white)
 
     def _kept(self, key, make):
         """Return what was made for a key, or make it."""
@@ -745,12 +759,9 @@ class Likelihood:
         Power goes with the gain, and so does what leaks.
 
         """
-        turn, here = [], self._gain2([own])
-        for j in of:
-            slot = self.slots[j]
-            up = own.with_values(**{slot.parameter.name: slot.from_search(x[j] + h)})
-            turn.append((up.gain2(asked(self.bins), self.dt) - here) / h)
-        out = self._turned(model, own, np.stack(turn, axis=1) / here[:, None])
+        moved = [own.with_values(**{slot.parameter.name: slot.from_search(x[j] + h)})
+                 for j, slot in ((j, self.slots[j]) for j in of)]
+        out = self._turned(model, own, moved, h)
         if any(r.leaks for r in model.of(Response)):
             out += leaked(sum(each.values()) + self._rounding(each), self.bins, out)
         return out

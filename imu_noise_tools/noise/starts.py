@@ -24,6 +24,7 @@ Start: TypeAlias = tuple[Model, np.ndarray]
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 LEAST = 1e-6  # of its median, that a level is anywhere
 BESIDE = 6  # of the starts of a filter beside noise of a smaller model
+LOWEST = 1e-3  # of what is seen behind held samples, that a filter before them is taken to leave
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
 
@@ -86,7 +87,8 @@ def _of_what_passes(likelihood, given, effect):
     """
     if given is None or not isinstance(effect, Response) or not given.of(Spectrum) \
             or likelihood.part_name != 'whole' or not any(
-                not (e.own or isinstance(e, MEASURED)) for e in given.of(Spectrum)):
+                not (e.own or isinstance(e, MEASURED)) for e in given.of(Spectrum)) \
+            and not any(r.scatters for r in given.of(Response)):
         return []
     before = Likelihood(likelihood.evidence, 'whole', given)
     return _gain_alone(before, given.plus(effect), effect).starts(effect)[:BESIDE]
@@ -254,7 +256,11 @@ def _gain_alone(found, here, response):
     power = found.evidence.whole.power
     beside = sum(each[e.label] for e in here.of(Spectrum) if not response.acts_on(e))
     before = sum(each[e.label] for e in here.of(Spectrum) if response.acts_on(e))
-    return found.evidence.with_power(np.maximum(power - beside, 1e-3 * power) / before)
+    gain2 = np.maximum(power - beside, 1e-3 * power) / before
+    for r in here.of(Response):
+        if r.scatters:
+            gain2 = np.maximum(r.unscattered(gain2, found.bins), LOWEST * gain2)
+    return found.evidence.with_power(gain2)
 
 
 def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.ndarray]]:

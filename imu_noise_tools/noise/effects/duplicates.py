@@ -3,13 +3,15 @@
 
 """Held samples: the same value is sent again."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.special import xlogy
 
 from ..evidence import Evidence
 from ..held import clock
-from ..kinds import Defect, Inputs, Parameter, Response
-from ...core.spectrum import folded
+from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
+from ...core.spectrum import Bins, folded
 from ...core.statistics import interval, Repeats, repeats
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
@@ -17,6 +19,7 @@ LONGEST = 50  # samples that are held at a time
 STRETCHES = 8  # of the record, in which repeats are counted
 PIECES = (1024, 256)  # samples in which a beat is looked for
 IMAGES, FAINTEST = 16, 1e-3  # of a line, on either side; shares of its power
+WITHIN = (np.arange(1024) + 0.5) / 1024     # cubed, of Nyquist: a filter may end far below it
 
 
 class Duplicates(Defect, Response):
@@ -33,7 +36,8 @@ class Duplicates(Defect, Response):
     equation = (
         'gain^2, scaled to 1 at f = 0, of the autocovariance r_k, the chance that k samples more '
         'repeat one: p^k held at random, each for one sample; the triangle of 1/(1-p) samples '
-        'where always held as long'
+        'where always held as long; held at random behind a filter of gain^2 g, white noise has '
+        '(g + w)/(1 + w) for g, w = (1+p)/(1-p) mean (1 - gain^2) g up to Nyquist'
     )
     signature = (
         'neighbours are exactly equal more often than noise and resolution allow; power falls '
@@ -155,12 +159,47 @@ class Duplicates(Defect, Response):
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain on white noise, scaled to 1 at zero frequency."""
         p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
-        if self.chosen('pattern') == 'random' and self._run == 1:
+        if self.scatters:
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
         share = self._repeated()
         k = np.arange(1, len(share) + 1)
         gain = 1 + 2 * np.cos(np.multiply.outer(w, k)) @ share
         return np.maximum(gain / (1 + 2 * np.sum(share)), 1e-9)
+
+    def scattered(self, before: Sequence[Response], dt: float) -> float:
+        """
+        Return the level of what holding at random scatters of noise that was white before filters.
+
+        Repeated independently with probability p, y is on average what A = (1-p)/(1 - p e^(-i w))
+        makes of x, and beside that as often repeated as anything: its spectrum is |A|^2 S + (int S
+        - int |A|^2 S) r, r that of the autocorrelation p^|k|, |A|^2 (1+p)/(1-p) of the white one.
+        So S + (1+p)/(1-p) mean (1-|A|^2) S, the mean up to Nyquist, passes |A|^2.
+
+        """
+        if not self.scatters:
+            return 0.0
+        f = WITHIN ** 3 * 0.5 / dt
+        lost = (1 - self.gain2(f, dt)) * gain2_of(before, f, dt)
+        return float(self._often * np.mean(3 * WITHIN ** 2 * lost))
+
+    def unscattered(self, gain2: np.ndarray, bins: Bins) -> np.ndarray:
+        """Return g of (g + w)/(1 + w), w of :meth:`scattered` being that of g."""
+        if not self.scatters:
+            return gain2
+        lost = (1 - self.gain2(bins.f, bins.dt)) * bins.count / bins.n
+        seen, every = float(lost @ gain2), float(np.sum(lost))
+        level = seen / (1 / self._often + every - seen)
+        return gain2 * (1 + level) - level if level > 0 else gain2
+
+    @property
+    def scatters(self) -> bool:
+        """Whether each sample is held by itself, at random."""
+        return self.chosen('pattern') == 'random' and self._run == 1
+
+    @property
+    def _often(self) -> float:
+        """How much more of white noise is seen at low frequencies than there is."""
+        return (1 + self['fraction']) / (1 - self['fraction'])
 
     def images(self, f: float, dt: float) -> list[tuple[float, float]]:
         """
