@@ -18,7 +18,7 @@ from imu_noise_tools.core.spectrum import cosine_transform, folded, line_coeffic
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise import views
-from imu_noise_tools.noise.effects.harmonics import Harmonics
+from imu_noise_tools.noise.effects.harmonics import _family_of, Harmonics
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.lines import (
     also_in, find_peaks, line_penalty, reference_spectrum, sure
@@ -223,6 +223,29 @@ def test_faint_orders_are_looked_for_beside_sure_ones_that_are_folded():
         orders = folded(f0 * np.array(list(heights)), 0.01)
         found += int(np.sum(np.abs(f[:, None] - orders) < 0.005))
     assert found > 23       # of 32, of which 16 are sure
+
+
+@pytest.mark.parametrize(('f0', 'orders'), [(0.0575, ()), (0.7, (2, 9, 11))])
+def test_slow_lines_stand_at_multiples_by_chance_the_more_often(f0, orders):
+    """As lines are as likely between .05 and .5 Hz as between 5 and 50: few places are there."""
+    duration, dt = 345.0, 0.005
+    lines = (11 * f0, 2 * f0 + 2e-5, 9 * f0, 0.0695, 25.4376)
+    found = _family_of(lines, (0.05, 0.05, 0.05, 0.2, 0.05), None, duration, dt)[1]
+    assert tuple(order for order, _ in found) == orders
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(('duration', 'dt'), [(345.0, 0.005), (40_000.0, 0.1)])
+def test_lines_even_over_octaves_are_a_family_once_in_a_hundred(duration, dt):
+    """And orders of one machine, with one line beside them, are found."""
+    rng, low, high, chance, missed = np.random.default_rng(6), 20 / duration, 0.48 / dt, 0, 0
+    for _ in range(150):
+        others = np.exp(rng.uniform(np.log(low), np.log(high), 5))
+        chance += bool(_family_of(tuple(others), (0.05,) * 5, None, duration, dt)[1])
+        f0 = np.exp(rng.uniform(np.log(0.5 * low), np.log(0.05 / dt)))
+        lines = (*(f0 * np.array([1, 2, 5]) + rng.normal(0, 0.01, 3) / duration), others[0])
+        missed += len(_family_of(lines, (0.05,) * 4, None, duration, dt)[1]) < 3
+    assert chance <= 2 and missed <= 2, (chance, missed)    # before 3 at the lower rate
 
 
 @pytest.mark.thorough

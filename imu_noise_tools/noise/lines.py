@@ -19,6 +19,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d
 
+from .smooth import smooth_level
 from .steady import unsteady
 from ..core.spectrum import (
     Bins,
@@ -159,6 +160,18 @@ def line_penalty(n: int, known: int = 0) -> float:
     return float(np.log(1000 * n / 2 * np.sqrt(np.pi * 20 / 3))) - float(np.log1p(known))
 
 
+def crowding(f: np.ndarray, duration: float, dt: float) -> np.ndarray:
+    """
+    Return how many times as likely an unrelated line is near f, Hz, as were they even over f.
+
+    Nothing tells whether they are even over f or over ln f, from 8/T, where lines begin, to
+    Nyquist; either is taken to be as likely. Slow lines stand at multiples the more often.
+
+    """
+    lowest = 8 / duration
+    return 0.5 + 0.25 / (dt * np.maximum(f, lowest) * -np.log(2 * dt * lowest))
+
+
 def sure(z: float, n: int, known: int = 0) -> bool:
     """Tell whether a line of height z^2 stands out by itself, not in company alone."""
     return z * z > _least_height(n, known)
@@ -190,10 +203,12 @@ class _Search:
     def __init__(self, c: np.ndarray, reference: np.ndarray, dt: float):
         self.n, self.dt = len(c), dt
         self.whole, self.c, self.reference = c, c, reference
+        self.rough, self.unknown = reference, np.zeros((2, 0))
         # four coefficients hold a line of any phase
         self.threshold = _least_height(self.n)
         self.window = np.empty(self.n - 1)
         self.blocked = [(0, 16), (self.n - 17, self.n - 1)]
+        self.refused: list[tuple[int, int]] = []    # what is no line above the level as it is
         for i in range(0, self.n - 1, PIECE):
             self._look(i, min(i + PIECE, self.n - 1))
 
@@ -206,14 +221,30 @@ class _Search:
 
     def _doubt(self, k: np.ndarray) -> np.ndarray:
         """Return by how much a height at k must be more for what is not known of its level."""
+        if self.unknown.size:   # the mean of exp(-g e^x), of a small x with that variance
+            return 1 + 0.5 * line_penalty(self.n) * np.interp(np.log(k), *self.unknown)
         # near both ends it is known from a few dozen coefficients only
         reach = np.where(k <= CURVED, 1.5 * k, _reach(k, self.n))
         return 1 + 25 / (2 * reach + 1)
 
+    def _look_anew(self, changed: bool) -> None:
+        """Look at all coefficients once more, above a level that thousands of them tell."""
+        if changed:
+            self.rough = reference_spectrum(self.c, self.dt)
+        at, level, variance = smooth_level(
+            self.c, self.rough, self.dt, lambda k: float(_reach(k, self.n)))
+        self.reference = self.reference.copy()
+        self.unknown, self.refused = np.stack([at, variance]), []
+        for i in range(0, self.n - 1, PIECE):
+            j = min(i + PIECE, self.n - 1)
+            self.reference[i:j] = np.exp(np.interp(np.log(np.arange(i, j) + 1), at, level))
+        for i in range(0, self.n - 1, PIECE):
+            self._look(i, min(i + PIECE, self.n - 1))
+
     def _look(self, begin: int, end: int) -> None:
         """Work those heights out anew, where something may be looked for."""
         self.window[begin:end] = self._four(begin, end)
-        for low, high in self.blocked:
+        for low, high in (*self.blocked, *self.refused):
             if low < end and high > begin:
                 self.window[max(low, begin):min(high, end)] = 0
 
@@ -279,31 +310,29 @@ class _Search:
         for s in some:
             if s not in kept:
                 self._add(s, 1.0)
-        self._block(spots)
+        self._block(spots, self.blocked if kept else self.refused)
         return kept
 
-    def _block(self, spots: list[_Spot]) -> None:
+    def _block(self, spots: list[_Spot], blocked: list[tuple[int, int]]) -> None:
         """Look no more around lines, as far as what is left there stands above its level."""
         low, high = self._around(spots)
         while low > 16 and np.max(self.window[max(low - CROWD, 0):low]) > self.threshold:
             low = max(low - CROWD, 0)
         while high < self.n - 17 and np.max(self.window[high:high + CROWD]) > self.threshold:
             high += CROWD
-        self.blocked.append((low, high))
+        blocked.append((low, high))
         self.window[low:high] = 0
 
     def lines(self) -> list[_Spot]:
         """Return the coherent lines: the high ones, and those that their skirts had covered."""
         found: list[_Spot] = []
-        for _ in range(ROUNDS):
+        for i in range(ROUNDS):
             before = len(found)
             self.threshold = _least_height(self.n, before)
             self._more(found)
-            if len(found) == before or len(found) >= MOST_LINES:
+            if len(found) >= MOST_LINES or i and len(found) == before:
                 break
-            self.reference = reference_spectrum(self.c, self.dt)
-            for i in range(0, self.n - 1, PIECE):
-                self._look(i, min(i + PIECE, self.n - 1))
+            self._look_anew(len(found) > 0)
         self._beside_one(found)
         return self._steady(found[:MOST_LINES])
 
@@ -343,7 +372,7 @@ class _Search:
             if self._apart(pair) and left < 3 * scatter and alone - left > self.threshold:
                 found[i] = pair[0]
                 found.append(pair[1])
-                self._block(pair)
+                self._block(pair, self.blocked)
             else:
                 for s in pair:
                     self._add(s, 1.0)
@@ -440,7 +469,8 @@ class _Search:
         stands = np.any(np.abs(places[:, None] - others) * self.n * self.dt < off[:, None], axis=1)
         if is_folded and not np.any(stands):    # one line alone may be read in so many ways
             return out, 0.0
-        by_chance = 4 * off[stands] * HIGHER * len(others) / self.n
+        by_chance = 4 * off[stands] * HIGHER * len(others) / self.n * crowding(
+            places[stands], self.n * self.dt, self.dt)
         chances = 2 * (MULTIPLE + np.log1p(2 * off))
         high = self._high(places, int(2 * np.max(off)) + 2)
         for i in np.flatnonzero(~stands & (high > chances)):
@@ -557,7 +587,7 @@ def _humps(search: _Search) -> np.ndarray:
     total = np.zeros((n - 1) // 2 + 1)      # of pairs of coefficients
     for i in range(1, len(total), PIECE):
         j = min(i + PIECE, len(total))
-        ratio = 2 * dt * search.c[2 * i - 1:2 * j - 1] ** 2 / search.reference[2 * i - 2:2 * j - 2]
+        ratio = 2 * dt * search.c[2 * i - 1:2 * j - 1] ** 2 / search.rough[2 * i - 2:2 * j - 2]
         total[i:j] = ratio[::2] + ratio[1::2]
     np.cumsum(total, out=total)
     found, width = [], 4

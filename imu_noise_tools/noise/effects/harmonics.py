@@ -11,6 +11,7 @@ from scipy.special import bdtrc
 
 from ..evidence import Evidence
 from ..kinds import Line, measured, Parameter
+from ..lines import crowding
 from ...core.spectrum import folded
 from ...loop.effect import Effect, Estimate
 
@@ -140,7 +141,8 @@ def _family_of(lines: tuple[float, ...], cells: tuple[float, ...], given: float 
                 continue
             if given and abs(f0 - given) > max(1 / duration, 1e-3 * given):
                 continue
-            found, chance = _at_orders(f, within, f0, within[i] / k, most, dt)
+            found, chance = _at_orders(
+                f, within, f0, within[i] / k, most, duration, dt)
             if len(found) <= max(len(best[1]), 1):
                 continue
             likely = float(bdtrc(len(found) - 2, len(f) - 1, chance))
@@ -160,8 +162,8 @@ def _trials(f: np.ndarray, most: int, is_folded: bool, dt: float) -> list[
                    for i, x in enumerate(f)}, reverse=True)
 
 
-def _at_orders(f: np.ndarray, within: np.ndarray, f0: float, error: float, most: int, dt: float,
-               ) -> tuple[dict[int, int], float]:
+def _at_orders(f: np.ndarray, within: np.ndarray, f0: float, error: float, most: int,
+               duration: float, dt: float) -> tuple[dict[int, int], float]:
     """
     Return ({order: which of f stands there}, the chance that an unrelated line stands at one).
 
@@ -172,8 +174,10 @@ def _at_orders(f: np.ndarray, within: np.ndarray, f0: float, error: float, most:
     if not len(f):
         return {}, 0.0
     width = within + order[:, None] * error
-    chance = min(float(np.sum(4 * np.max(width, axis=1) * dt)), 1.0)
-    off = np.abs(f - folded(order * f0, dt)[:, None])
+    places = folded(order * f0, dt)
+    chance = min(float(np.sum(
+        4 * np.max(width, axis=1) * dt * crowding(places, duration, dt))), 1.0)
+    off = np.abs(f - places[:, None])
     near = np.argmin(off / width, axis=1)
     found: dict[int, int] = {}
     for j in np.flatnonzero((off < width)[order - 1, near]).tolist():
