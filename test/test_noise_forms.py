@@ -237,13 +237,14 @@ def test_runs_are_told_from_what_rounding_makes_equal():
     assert kept['expected'] > 0.018 and kept['run'] == 4 and not kept['regular']
 
 
-@pytest.mark.parametrize('share, named', [(0.46, True), (3.0, False)])
-def test_a_transient_near_its_bound_is_one_where_the_record_tells(share, named):
+@pytest.mark.parametrize('share, size, named', [(0.46, 20, True), (3.0, 20, False),
+                                                (0.45, 2, True)])
+def test_a_transient_near_its_bound_is_one_where_the_record_tells(share, size, named):
     """It settles in nearly half of the record, or in what is no more than a ramp."""
     n, dt = 8000, 0.1
     t = np.arange(n) * dt
     x = np.random.default_rng(2).standard_normal((n, 3))
-    x[:, 0] += 20 * np.exp(-t / (share * n * dt)) / min(share, 1)
+    x[:, 0] += size * np.exp(-t / (share * n * dt)) / min(share, 1)
     evidence = evidence_of(x[:, 0], 1 / dt)
     fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'transient')))
     said = at_bound(evidence, fit.model['transient'], fit.estimates['transient'])

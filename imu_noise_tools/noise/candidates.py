@@ -256,7 +256,8 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
     Say that a shape lies at its bound: that is no estimate, another effect is meant.
 
     At it, or so near that its estimate does not tell it from there; or beyond: a bound that goes
-    with another parameter has moved with that since the fit began.
+    with another parameter has moved with that since the fit began. Of a mean, what takes over
+    beyond is a rival with odds of its own: it is refused at the bound alone.
 
     """
     if not isinstance(effect, NoiseEffect) or isinstance(effect, MEASURED):
@@ -272,6 +273,7 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
                   for a, b in ((low, effect[p.name]), (effect[p.name], high))]
         std = estimates[p.name].std if p.name in estimates else None
         told = np.inf if std is None else 2 * std / (effect[p.name] if p.log else 1.0)
+        told = 0.0 if isinstance(effect, Mean) else told
         if min(within) < min(slack, max(told, 0.1 * slack)):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
