@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from . import views
+from .course import left_by_a_course, PARAMETERS
 from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
@@ -183,7 +184,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
-        return _beside_a_knee(evidence, fit, label, claim)
+        return _course(evidence, fit, effect, claim) or _beside_a_knee(evidence, fit, label, claim)
     against = _swept(evidence, effect, claimed if peak else claim)
     if against:
         return against
@@ -370,6 +371,32 @@ def _with_a_knee(evidence: Evidence, fit: Fit, some: Iterable[Effect]) -> Fit:
     """Return the fit of some effects and a knee of any steepness, begun from a fit."""
     return fit_part(evidence, Model((*unfitted(Model(some)), Knee({}, 'knee'))),
                     intervals=False, start=fit.model, hint=fit.details.hint)
+
+
+def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
+    """
+    Say that one power of time does as well as all effects that move a mean by time alone.
+
+    Of several the last is asked. What follows something recorded stays beside it.
+
+    """
+    timed = [m for m in fit.model.of(Mean) if m.needs == NoiseEffect.needs]
+    if effect.label not in [m.label for m in timed][-1:]:
+        return ''
+    spent = sum(m.values[p.name] != m.neutral.get(p.name) for m in timed for p in m.parameters)
+    means = views.block_means(evidence, fit)
+    owners = ['', *(m.label for m in fit.model.of(Mean) for p in m.parameters if p.linear)]
+    others = means.columns[:, [owner not in {m.label for m in timed} for owner in owners]]
+    better = _unexplained(means, means.columns) - left_by_a_course(
+        means.t, means.y, others, views.root_of(means.covariance))
+    more = PARAMETERS - spent
+    least = PRICE * more if more < 0 else max(
+        DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
+    if better <= least:
+        return ''
+    how = f'better by {better:.0f} nats' if better > 0 else \
+        f'as well, with {-more} parameter{"s" * (more < -1)} less'
+    return f'a power of time since before the record, which has no name, fits {how}'
 
 
 def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> str:

@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A course that one power of time explains is not two effects; two effects are none."""
+
+import numpy as np
+import pytest
+
+import hidden
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.noise import flexible
+from imu_noise_tools.noise.course import course, left_by_a_course
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.tasks.noise import analyse_record
+
+N, DT = 6000, 0.04
+T = np.arange(N) * DT
+U = T / (N * DT)
+SIZE = 1e-3
+
+
+def record_of(mean, rng):
+    """Return a record of which the first axis has a mean, in standard deviations of a sample."""
+    white = SIZE * rng.standard_normal((N, 3))
+    white[:, 0] += hidden.flicker(N, DT, SIZE / 60, rng) + SIZE * mean
+    return ImuRecord(white, None, T, 1 / DT)
+
+
+def said_of(mean, names, seed):
+    """Return what is said against the last of some effects that explain a mean together."""
+    record = record_of(mean, np.random.default_rng([seed, 41]))
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk', *names)))
+    return flexible._course(problem.evidence, fit, fit.model[fit.model.labels[-1]], 30.0)
+
+
+CREEPS = [np.log1p(U / 4e-4), 8 * U ** (1 / 3), np.log1p(U / 5e-3)]
+TWO = [(3 * np.exp(-U / 0.1) + 4 * U - 6 * U**2, ('transient', 'drift')),
+       (3 * np.exp(-U / 0.05) + 4 * U, ('transient', 'ramp')),
+       (2.0 * (U > 0.3) - 3 * np.exp(-U / 0.15), ('transient', 'step')),
+       (2 * np.sin(9 * U) + 4 * U, ('slow_periodic', 'ramp'))]
+
+
+@pytest.mark.parametrize('kind', [0, 1, pytest.param(2, marks=pytest.mark.thorough)])
+def test_a_power_of_time_is_not_two_effects(kind):
+    said = said_of(CREEPS[kind], ('transient', 'drift'), kind)
+    assert 'power of time' in said, said
+
+
+@pytest.mark.parametrize('kind', [0, 2, *(
+    pytest.param(k, marks=pytest.mark.thorough) for k in (1, 3))])
+def test_two_effects_are_no_power_of_time(kind):
+    assert said_of(*TWO[kind], kind) == ''
+
+
+@pytest.mark.parametrize(('mean', 'name'), [
+    (3 * np.exp(-U / 0.1), 'transient'), (4 * U + 4 * U**2, 'drift')])
+def test_one_effect_that_a_power_of_time_explains_as_well_keeps_its_name(mean, name):
+    """An exponential and a parabola are powers of time as well, with a parameter more."""
+    assert said_of(mean, (name,), 7) == ''
+
+
+def test_a_course_is_its_mean_over_each_block():
+    t = np.linspace(2.0, 398.0, 100)
+    fine = np.arange(40_000) * 0.01 + 0.005
+    for power, since in ((0.01, 0.3), (-1.2, 5.0), (3.0, 40.0)):
+        y = ((1 + fine / since) ** power).reshape(100, -1).mean(axis=1)
+        x = course(t, power, since)
+        y = y - np.mean(y)
+        np.testing.assert_allclose(x / np.ptp(x), y / np.ptp(y), atol=2e-3)
+
+
+def test_nothing_but_noise_is_left_by_a_course_that_is_one():
+    rng, t = np.random.default_rng(4), np.linspace(0.5, 199.5, 200)
+    y = 5 * np.log1p(t / 0.7) + rng.standard_normal(200)
+    left = left_by_a_course(t, y, np.ones((200, 1)), np.eye(200))
+    assert abs(left - 0.5 * 196) < 3 * np.sqrt(0.5 * 196)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', [0, 2, 3])     # of six; four were a transient and a drift
+def test_a_creep_is_not_a_transient_with_a_drift(seed):
+    rng = np.random.default_rng([seed, 44])
+    mean = rng.uniform(1, 4) * (
+        np.log1p(U / rng.uniform(3e-4, 3e-3)) if seed % 2 else 4 * U ** (1 / 3))
+    said = analyse_record(record_of(mean, rng), axes=('gyro_x',), keep_motion=True).diagnose(
+        ['gyro_x'])['gyro_x']
+    assert not said.found and said.remaining is not None, said.found
