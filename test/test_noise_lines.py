@@ -82,6 +82,30 @@ def test_two_lines_a_cycle_apart_are_not_told_from_one_that_fades():
     assert len(table(0.1 * np.random.default_rng(5).standard_normal(N) + 0.01 * y)) < 2
 
 
+@pytest.mark.parametrize('apart', [1.6, 1.95])
+def test_two_lines_that_beat_as_none_that_fades_does_are_two(apart):
+    """The fainter has a 150th of the power of the other, and no phase that one would have."""
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 15])
+        f = rng.uniform(2, 20)
+        y = 0.1 * rng.standard_normal(N)
+        for size, at in ((0.12, f), (0.01, f - apart / SPAN)):
+            y += size * np.sin(2 * np.pi * at * T + rng.uniform(0, 7))
+        assert len(table(y)) == 2
+
+
+def test_one_line_that_fades_or_wanders_a_little_is_not_two():
+    """By a fifth of itself: too little for no line."""
+    for seed in range(8):
+        rng = np.random.default_rng([seed, 16])
+        u, f = T / SPAN, rng.uniform(2, 20)
+        envelope = (1 - 0.2 * u, np.exp(-0.3 * u), 1 + 0.1 * np.cos(np.pi * u),
+                    1 - 0.2 * (u - 0.5) ** 2)[seed % 4]
+        turns = 2 * np.pi * f * T + 0.1 * seed * np.cos(np.pi * u)
+        y = 0.1 * rng.standard_normal(N) + 0.12 * envelope * np.sin(turns)
+        assert len(table(y)) <= 1
+
+
 def test_a_line_that_is_sure_in_company_alone_is_no_sinusoid():
     rows = [[3.1, 1e-4, 0.0, 8.0], [6.2, 5e-5, 0.0, 4.0]]
     evidence = SimpleNamespace(line_table=np.array(rows), n=N, duration=SPAN)

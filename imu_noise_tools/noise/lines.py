@@ -42,7 +42,7 @@ BELOW = 2.0  # the level of the search is so much below that at which a line is 
 FAINT = 0.6  # of that: where four coefficients hold less, no line of that height is
 MOST_FAINT = 200  # places where one is looked for
 ROUNDS = 3  # of the search, each with the level as it is without the lines found before
-RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fades does as well
+RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fades may do as well
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
 CLEAN = 0.98  # share that two lines side by side must take
@@ -366,10 +366,12 @@ class _Search:
             pair = self._pair(spot, self._measured(k))
             alone = self._power([spot])[0]
             self._add(spot, 1.0)
+            fading = self._left_by_one_that_fades(spot)
             for s in pair:
                 self._add(s, -1.0)
             left, scatter = self._power([spot])
-            if self._apart(pair) and left < 3 * scatter and alone - left > self.threshold:
+            apart = self._apart(pair) or fading - left > self.threshold
+            if apart and left < 3 * scatter and alone - left > self.threshold:
                 found[i] = pair[0]
                 found.append(pair[1])
                 self._block(pair, self.blocked)
@@ -381,6 +383,27 @@ class _Search:
     def _apart(self, pair: list[_Spot]) -> bool:
         """Tell whether two lines are further apart than one that fades is broad."""
         return 2 * self.n * self.dt * abs(pair[0].frequency - pair[1].frequency) > RESOLVED
+
+    def _left_by_one_that_fades(self, spot: _Spot) -> float:
+        """
+        Return the power left around a line, now in the coefficients, that may fade and wander.
+
+        Its two amplitudes are parabolas in time, of one parameter more than two lines have: the
+        waves at its frequency with their first and second differences, which are t and t^2 times
+        them. Lines that beat by more than a cycle it does not follow.
+
+        """
+        centre = int(2 * self.n * self.dt * spot.frequency)
+        some = np.arange(max(1, centre - NEAR), min(self.n, centre + NEAR + 1))
+        root = np.sqrt(2 * self.dt / self.reference[some - 1])
+        f = spot.frequency + 0.05 / (self.n * self.dt) * np.array([[-1], [0], [1]])
+        down, wave, up = root * line_basis(f, some, self.n, self.dt)
+        columns = [x for w in (wave, up - down, up + down - 2 * wave) for x in (w.real, w.imag)]
+        x = np.array(columns) / np.linalg.norm(columns, axis=1)[:, None]
+        y = root * self.c[some]
+        y = y - np.linalg.lstsq(x.T, y, rcond=1e-9)[0] @ x
+        low, high = self._around([spot])
+        return float(np.sum(y[(some >= low) & (some < high)] ** 2)) - (high - low)
 
     def _pair(self, spot: _Spot, other: _Spot) -> list[_Spot]:
         """Return a line that was taken out and one beside it, measured together."""
