@@ -13,17 +13,20 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from imu_noise_tools.core import spectrum
+from imu_noise_tools.core.allan import overlapping_variance
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
+from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.held import clock
 from imu_noise_tools.noise.kinds import Inputs, model_avar, model_psd, Response, Spectrum
+from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding
+from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding, colour_of_counts
 from imu_noise_tools.tasks.noise import analyse_record
 
 SPIKES, DUPLICATES, SHOCK = (
@@ -256,6 +259,58 @@ def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, val
     back = held.unscattered(own, bins)
     np.testing.assert_allclose(back, spectrum.expected(lambda f: low.gain2(f, 1.0), bins),
                                atol=0.01)
+
+
+# --- counts of an angle ---
+
+def counted(sigma, length, mean, n=N):
+    """Return rates that are whole counts of an angle, and its rounding error before and after."""
+    white = sigma * noise(11, n + length - 1)
+    angle = np.cumsum(np.convolve(white, np.ones(length) / length, 'valid') + mean)
+    angle = np.append(0.0, angle) + 0.3
+    return np.diff(np.round(angle)), np.round(angle) - angle
+
+
+@pytest.mark.parametrize('sigma, length, mean', [
+    (0.1, 1, 0.0), (0.2, 1, 0.41), (0.35, 13, 0.0), (0.35, 13, 0.2),
+    (0.35, 13, 0.7 * np.sin(np.arange(N) / 3000))])
+def test_the_error_of_counts_has_a_colour_where_the_angle_turns_by_little(sigma, length, mean):
+    """Also where the rate swings, so that one of its means is none."""
+    y, error = counted(sigma, length, mean)
+    colour = colour_of_counts(0.7 * y, 0.7)
+    assert len(colour) > 3
+    e = error - np.mean(error)
+    seen = [12 * np.mean(e[k:] * e[:-k]) for k in range(1, len(colour))]
+    np.testing.assert_allclose(colour[1:], seen, atol=0.05)
+
+
+def test_the_error_of_counts_is_white_where_noise_spans_one():
+    assert len(colour_of_counts(counted(0.6, 1, 0.2)[0], 1.0)) == 1
+
+
+@pytest.mark.parametrize('mean', [0.1, 0.3, 0.45])
+@pytest.mark.parametrize('sigma, share', [(0.3, 0.3), (0.25, 0.99)])
+def test_rates_that_were_rounded_each_by_itself_are_no_counts(sigma, share, mean):
+    y = np.round(sigma * lfilter(*butter(2, share), noise(12)) + mean)
+    assert len(colour_of_counts(y, 1.0)) == 1
+
+
+@pytest.mark.parametrize('mean', [0.0, 0.2])
+def test_counts_behind_an_average_have_the_power_and_the_allan_variance_of_their_colour(mean):
+    dt, m = 0.01, np.array([1, 2, 5, 20])
+    y, error = counted(0.35, 13, mean)
+    record = ImuRecord(np.tile(y[:, None], 3), None, np.arange(N) * dt, 1 / dt)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    white, q, low = (find_effect('noise', k) for k in ('white', 'quantization', 'low_pass'))
+    low = low({**low.neutral, 'cutoff': 0.443 / (13 * dt), 'form': 'moving_average'})
+    model = Model([white({'N': 0.35 * np.sqrt(dt)}), q({'Q': dt / np.sqrt(12)}), low])
+    likelihood = Likelihood(evidence, 'whole', model)
+    bins, ratio = likelihood.bins, likelihood.power / likelihood.spectra(model)[0]
+    rows = np.array_split(np.flatnonzero(bins.f > 2), 12)
+    np.testing.assert_allclose([np.average(ratio[i], weights=bins.count[i]) for i in rows], 1.0,
+                               atol=0.08)
+    np.testing.assert_allclose(effect_avar(evidence, model, model['quantization'], m),
+                               overlapping_variance(np.diff(error), m), rtol=0.1)
 
 
 # --- spikes beside others ------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from .evidence import Evidence
-from .kinds import Coupling, Defect, Line, Mean, model_avar, Response, Spectrum
+from .kinds import Coupling, Defect, Line, Mean, model_avar, psd_behind, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.allan import overlapping_variance
 from ..core.spectrum import Bins, quadrature_avar
@@ -63,6 +63,9 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect,
         return mean_avar(evidence, Model([effect]), m)
     if isinstance(effect, Spectrum):
         behind = [r for r in model.of(Response) if r is not effect]
+        if effect.colour(evidence, np.zeros(1)) is not None:
+            return quadrature_avar(lambda f: psd_behind(effect, model, f, dt)
+                                   * effect.colour(evidence, f), m, dt)
         return model_avar(Model([effect, *behind]), m, dt)
     if isinstance(effect, Line):
         return effect.avar(m, dt)

@@ -230,6 +230,10 @@ class Spectrum(NoiseEffect):
         """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
         raise NotImplementedError
 
+    def colour(self, evidence: Evidence, f: np.ndarray) -> np.ndarray | None:
+        """Return by what the samples of a record show its PSD to differ at f; None: by nothing."""
+        return None
+
     @property
     def centre(self) -> float | None:
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""

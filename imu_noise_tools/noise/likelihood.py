@@ -610,10 +610,16 @@ class Likelihood:
         amplitude = [p.name for p in effect.parameters if p.amplitude]
         size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
         if not size > 0:
-            return 1.0, (), effect.psd(asked(self.bins), self.dt)
+            return 1.0, (), self._psd(effect)
         key = effect.label, *((k, v) for k, v in effect.values.items() if k != amplitude[0])
-        return size**2, key, self._kept(key, lambda: effect.with_values(
-            **{amplitude[0]: 1.0}).psd(asked(self.bins), self.dt))
+        return size**2, key, self._kept(
+            key, lambda: self._psd(effect.with_values(**{amplitude[0]: 1.0})))
+
+    def _psd(self, effect):
+        """Return the PSD (g,) of an effect, with the colour that the samples show."""
+        at = asked(self.bins)
+        colour, psd = effect.colour(self.evidence, at), effect.psd(at, self.dt)
+        return psd if colour is None else psd * colour
 
     def _turned(self, model, own, moved, h):
         """Return slopes (b, p) of what is behind a response, of what it is ``moved`` to by h."""

@@ -23,6 +23,8 @@ CERTAIN, HALVED = 1e9, 12  # of them, where the noise is known; times that it is
 FEWEST = 24.0  # degrees of freedom of a block that tells something
 TELLING = 0.5  # share of the blocks that must
 STRETCH = 1 << 16  # samples looked at together: a day of them is not held twice
+MANY = 1 << 20  # samples whose angle is followed
+GONE, FAINT, LEAST = 0.4, 0.02, 1e-6    # counts^2: its error is another; no colour; no turn
 ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds has a colour
 
 
@@ -95,6 +97,73 @@ def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:
     rho = np.interp(variance - 0.5 * np.array(after) / step**2, covariance, of)
     # what orders beyond those have is gone after one sample
     return step**2 * np.append(variance - power[0], rho[:, None] ** orders[1:] @ power[1:])
+
+
+def colour_of_counts(y: np.ndarray, step: float) -> np.ndarray:
+    """
+    Return the autocorrelation, from lag 0 on, of the error of an angle that is read in counts.
+
+    Of an angle of any phase R(k) = sum_h cos(2 pi h k b) e^(-2 pi^2 h^2 D_k)/(2 pi^2 h^2), in
+    counts, b the mean that one sample counts and D_k the variance of what k samples turn by beside
+    that (the characteristic functions of Widrow and Kollar, Quantization Noise, 2008). It is white
+    where D_1 is beyond a tenth. What is counted tells D_k: V_k = D_k + 2 (1/12 - R(k)).
+
+    Parameters
+    ----------
+    y : ndarray (n,)
+        Rates that are whole counts.
+    step : float
+        One count.
+
+    """
+    count = np.rint((y[:MANY] - y[0]) / step)
+    length = max(len(count) // BLOCKS, LENGTH)
+    while length <= len(count):
+        block = count[:len(count) // length * length].reshape(-1, length)
+        turned, mean = _turned_after(block)
+        if turned[-1] > GONE:
+            break
+        length *= 4
+    else:
+        return np.ones(1)   # it turns by so little that its error is a swing, or none
+    # in twice the time no angle turns by more than twice as much: each rate was rounded by itself
+    if len(turned) == 1 or turned[1] > 4 * turned[0]:
+        return np.ones(1)
+    every = np.arange(1, len(turned) + 1)
+    out = 12 * np.array([_error(d, _waves(k * mean)) for k, d in zip(every, turned)])
+    return np.append(1.0, out) if np.max(np.abs(out)) > FAINT else np.ones(1)
+
+
+def _turned_after(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return D (k,) of counts (blocks, n) after k samples, until it is GONE, and b (blocks,)."""
+    mean = count.mean(axis=1)
+    angle = np.cumsum(count - mean[:, None], axis=1)
+    lags, turned = np.unique(np.rint(np.geomspace(1, count.shape[1] // 16, 64))), []
+    for k in lags.astype(int):
+        counted = float(np.mean((angle[:, k:] - angle[:, :-k]) ** 2))
+        waves = _waves(k * mean)
+        low, high = np.log(LEAST), np.log(max(counted, LEAST))
+        for _ in range(ROUNDS):     # the counted grows with it
+            middle = 0.5 * (low + high)
+            less = np.exp(middle) + 2 * (1 / 12 - _error(np.exp(middle), waves)) < counted
+            low, high = (middle, high) if less else (low, middle)
+        turned.append(low)
+        if low > np.log(GONE):
+            break
+    lags = lags[:len(turned)]
+    # what so many samples turn by goes about with a power of their number
+    return np.exp(np.interp(np.log(np.arange(1, int(lags[-1]) + 1)), np.log(lags), turned)), mean
+
+
+def _waves(turn: np.ndarray) -> np.ndarray:
+    """Return the means (h,) of cos 2 pi h x over turns x, in counts."""
+    return np.mean(np.cos(2 * np.pi * np.arange(1, ORDERS + 1)[:, None] * turn), axis=1)
+
+
+def _error(turned: float, waves: np.ndarray) -> float:
+    """Return R, counts squared, after turns of a variance beside some that are known."""
+    h2 = np.arange(1, ORDERS + 1) ** 2
+    return float(np.sum(waves * np.exp(-2 * np.pi**2 * h2 * turned) / (2 * np.pi**2 * h2)))
 
 
 def _mean_square_after(y: np.ndarray, k: int) -> float:

@@ -9,9 +9,12 @@ from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
-from ..rounded import coarse
+from ..rounded import coarse, colour_of_counts
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 from ...loop.effect import Effect, Fit
+
+QUICK = 1 << 16     # samples whose differences say whether a step is large
+LEAST = 1e-3    # of white: what is told of the colour is not exact
 
 
 class Quantization(Spectrum):
@@ -39,9 +42,26 @@ class Quantization(Spectrum):
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Keep the step of the rate's grid, which is that of the angle over dt, and the noise."""
+        """
+        Keep the step of the rate's grid, which is that of the angle over dt, and the noise.
+
+        And the colour that the error has where the angle turns by little of a step in a sample.
+
+        """
         step, _ = grid_step(y)
-        return {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
+        out = {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
+        if step > 0 and np.mean(np.diff(y[:QUICK]) ** 2) < step**2:
+            out['colour'] = colour_of_counts(y, step)
+        return out
+
+    def colour(self, evidence: Evidence, f: np.ndarray) -> np.ndarray | None:
+        """Return the spectrum at f (Hz) of the angle's error over that of a white one."""
+        r = evidence.kept(self.name).get('colour', np.ones(1))
+        if len(r) == 1:
+            return None
+        s = np.fft.rfft(np.append(r, np.zeros(15 * len(r)))).real * 2 - 1
+        at = np.linspace(0, 0.5 / evidence.dt, len(s))
+        return np.interp(f, at, np.maximum(s, LEAST))
 
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """
