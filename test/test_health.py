@@ -315,6 +315,18 @@ def test_shaken_is_not_moved():
         prepare(replace(r, gyro=r.gyro + slowly[:, None]))
 
 
+@pytest.mark.parametrize('sways, rests', [
+    (lambda t: t >= 0, True), (lambda t: t % 200 < 150, True),
+    (lambda t: (t > 300) & (t < 340), False)])      # something was slid aside
+def test_what_sways_all_the_while_is_at_rest(sways, rests):
+    """A tower or a raft: too slow to have gone round in three seconds; a sensor drifts besides."""
+    r = quiet(np.random.default_rng(1), 900, 20)
+    sway = 0.3 * np.sin(2 * np.pi * 0.23 * r.t) * sways(r.t) + 2e-4 * r.t
+    swaying = replace(r, accel=r.accel + np.outer(sway, [1, 0.6, 0]),
+                      gyro=r.gyro + np.outer(sway, [2e-3, 0, 0]))
+    assert (still_stretches(swaying) == [(0, r.n)]) == rests
+
+
 def rocked(record, begin, end, size=1.0) -> ImuRecord:
     """Return the record swung at 1.1 Hz between two times, far less than an engine shakes it."""
     t = record.t

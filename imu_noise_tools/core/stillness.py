@@ -39,6 +39,8 @@ PAUSE = 4               # views in which it may rest meanwhile
 MOST_ROCKED = 1 / 3     # share of the record; beyond it is no handling at its ends
 HANDLED_S = 600.0       # as far from either end is looked at
 SHAKEN_S = 3.0          # what shakes has gone round within this time
+SWAYS_S = 30.0          # what sways, all the while: a tower, a raft, a long table
+SWAYS = 0.5             # in so many of those times at least
 TILT = 0.0175           # and has turned the sensor no further, rad
 
 
@@ -69,6 +71,8 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
         data = getattr(record, sensor)
         if data is not None and record.n >= 2 * VIEW * unit:
             moving |= _moving(data, unit, record.rate_hz, sensor)
+    if _sways(record, moving, unit):
+        moving[:] = False
     found = []
     for a, b in zip(ends[:-1].tolist(), ends[1:].tolist()):
         first = a // unit
@@ -81,14 +85,28 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
 
 
 def only_shaken(record: ImuRecord) -> bool:
-    """
-    Tell whether a record is shaken at most, not moved: an idling engine, a fan, knocks.
+    """Tell whether a record is shaken at most, not moved: an idling engine, a fan, knocks."""
+    return _goes_round(record, SHAKEN_S)
 
-    Over every three seconds the direction of gravity and the mean rate are the same, and within
-    them the sensor turns by less than a degree.
+
+def _sways(record: ImuRecord, moving: np.ndarray, unit: int) -> bool:
+    """Tell whether all that moves, unit by unit, is a slow sway that goes on and on."""
+    length = max(1, round(SWAYS_S * record.rate_hz / unit))
+    count = len(moving) // length
+    some = moving[:count * length].reshape(count, length).any(axis=1)
+    return count >= 4 and np.mean(some) > SWAYS and _goes_round(record, SWAYS_S, drifts=True)
+
+
+def _goes_round(record: ImuRecord, seconds: float, drifts: bool = False) -> bool:
+    """
+    Tell whether whatever moves a record comes back within so many seconds.
+
+    Over each of them the direction of gravity and the mean rate are the same, or nearly those of
+    the last ones where a long record ``drifts``, and within them the sensor turns by less than a
+    degree.
 
     """
-    length = max(2, round(SHAKEN_S * record.rate_hz))
+    length = max(2, round(seconds * record.rate_hz))
     count = record.n // length
     if count < 4:
         return False
@@ -97,11 +115,11 @@ def only_shaken(record: ImuRecord) -> bool:
         for x in () if data is None else data.T:
             rows = np.asarray(x[:count * length], float).reshape(count, length)
             means = rows.mean(axis=1)
-            usual = np.median(means)
-            if not np.ptp(means) < most:    # also where something is not finite
+            change = np.max(np.abs(np.diff(means))) if drifts else np.ptp(means)
+            if not change < most:   # also where something is not finite
                 return False
             if sensor == 'gyro':
-                angle = np.cumsum(rows - usual, axis=1)
+                angle = np.cumsum(rows - means[:, None], axis=1)
                 if not np.max(np.ptp(angle, axis=1)) < TILT * record.rate_hz:
                     return False
     return True
