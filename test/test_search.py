@@ -140,10 +140,16 @@ def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):
     main = [found('rate_quantization'), found('notch'), found('low_pass')]
     rival = found('quantization')
     search._heals = lambda *_: False
+    search.places.beside_others = lambda f, name, model: replace(f, explains=0.5)
     search.against.unlowered = lambda before, after, both: (
         {'notch': 10.0, 'low_pass': 300.0}[after.labels[-1]], '')
     search.places.tests = leaves({'': 500.0, 'quantization, notch': 100.0})
-    assert search._begun([rival], main) == [rival, main[2]]
+    assert search._begun([rival], main) == [replace(rival, explains=0.5), main[2]]
+    # what the main chain leaves may be what stands out beside the rival
+    search.places.at = lambda model: SimpleNamespace(model=model, candidates=main[1:])
+    assert search._begun([rival], main[:1]) == []
+    search.places.tests = leaves({'': 500.0, 'rate_quantization': 60.0})
+    assert search._begun([rival], main[:1]) == [replace(rival, explains=0.5), main[2]]
     search.places.tests = leaves({'': 500.0, 'quantization, low_pass': 450.0})
     assert search._begun([rival], main) == []
     search._heals = search._lowers = lambda *_: True

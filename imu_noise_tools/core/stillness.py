@@ -94,7 +94,8 @@ def _sways(record: ImuRecord, moving: np.ndarray, unit: int) -> bool:
     length = max(1, round(SWAYS_S * record.rate_hz / unit))
     count = len(moving) // length
     some = moving[:count * length].reshape(count, length).any(axis=1)
-    return count >= 4 and np.mean(some) > SWAYS and _goes_round(record, SWAYS_S, drifts=True)
+    swaying = count >= 4 and float(np.mean(some)) > SWAYS
+    return swaying and _goes_round(record, SWAYS_S, drifts=True)
 
 
 def _goes_round(record: ImuRecord, seconds: float, drifts: bool = False) -> bool:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .effect import Finding, Fit, Model, Score, unfitted
@@ -96,6 +96,11 @@ class Places:
     def labels_of(self, chain: Iterable[Finding]) -> list[str]:
         """Return the labels of a chain's members."""
         return self.model_of(chain).labels[len(self.base):]
+
+    def beside_others(self, finding: Finding, name: str, model: Model) -> Finding:
+        """Return a finding with the values that it has, by a label, in a larger model."""
+        fit = self.problem.point(model)
+        return replace(finding, effect=fit.model[name], estimates=fit.estimates.get(name, {}))
 
     def left(self, chain: Iterable[Finding]) -> float:
         """Return what fails after a chain, nats."""

@@ -168,7 +168,7 @@ class Search:
             both = together(f, g)
             if not self.against.unhealed(before, after, both) and not self.against.unlowered(
                     before, after, both)[1]:
-                return [f, g]
+                return [self.places.beside_others(f, label(before, f), after), g]
         return []
 
     def _heals(self, members: list[Finding], finding: Finding) -> bool:
@@ -299,20 +299,27 @@ class Search:
         """
         Return what a chain may begin with, nothing where its last does not heal what it claims.
 
-        By itself, or with that of those behind it in the main chain which lowers the error most.
+        By itself, or with another one that lowers the error most: of those behind it in the main
+        chain, or, where that leaves something, of those that stand out beside the rival.
 
         """
         members, last = begin[:-1], begin[-1]
         if self._heals(members, last) and self._lowers(members, last):
             return begin
-        before = self.places.model_of(members)
-        others = [g for g in main[len(begin):] if pairs(last, g)]
+        before, others = self.places.model_of(members), list(main[len(begin):])
+        if self.places.left(main):
+            beside = self.places.at(self.places.model_of(begin))
+            others += self.able(beside)[:2] if beside is not None else []
         said = [(g, *self.against.unlowered(
-            before, self.places.model_of([*begin, g]), together(last, g))) for g in others]
+            before, self.places.model_of([*begin, g]), together(last, g)))
+            for g in others if pairs(last, g)]
         g, _, against = max(said, key=lambda z: z[1], default=(last, 0.0, DOUBT))
-        against = against or self.against.unhealed(
-            before, self.places.model_of([*begin, g]), together(last, g))
-        return [] if against else [*begin, g]
+        if against:
+            return []
+        after = self.places.model_of([*begin, g])
+        if self.against.unhealed(before, after, together(last, g)):
+            return []
+        return [*members, self.places.beside_others(last, label(before, last), after), g]
 
     def _follow(self, best: Sequence[Finding], left: Mapping[frozenset[str], float]) -> None:
         """
