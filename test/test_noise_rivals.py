@@ -638,6 +638,7 @@ def test_a_notch_that_takes_out_most_of_the_band_is_one():
     assert fit.estimates['notch']['width'].point == pytest.approx(40.0, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
     rng = np.random.default_rng(22)
     b, a = iirnotch(30, 5, 1 / DT)

@@ -613,6 +613,7 @@ def test_the_images_of_lines_behind_a_slower_clock_are_no_lines(evenly):
     assert np.sort(evidence.line_table[:, 0]) == pytest.approx([4.31, 11.7], abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_band_is_found_with_its_images_where_a_slower_clock_holds_the_samples():
     rng, n, dt, f = np.random.default_rng(17), 7_500, 0.04, 9.46
     pole = np.exp(2j * np.pi * f * dt - np.pi * 0.12 * dt)
