@@ -493,6 +493,18 @@ def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_wh
     assert not problem.shape(fits[0], 'shared_noise', 3000.0), 'a part of what it claims'
 
 
+def test_what_is_shared_is_noise_though_all_axes_grow_louder():
+    """And have a mean: divided by what the noise does, that is a step."""
+    rng, n = np.random.default_rng(57), 20_000
+    loud = 1 + 0.5 * (np.arange(n) > 0.3 * n)[:, None]
+    common = 0.2 * rng.standard_normal((n, 1)) * [1.0, 0.6, -1.3]
+    x = SIZE * (loud * (rng.standard_normal((n, 3)) + common) + [30.0, -20.0, 40.0])
+    problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ['white', 'variance_change', 'shared_noise']))
+    assert flexible._shared_otherwise(
+        problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
+
+
 def test_a_step_of_all_axes_is_a_step():
     """What axes share is not only noise; each step is told from the one before it."""
     rng = np.random.default_rng(51)

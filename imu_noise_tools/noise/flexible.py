@@ -489,7 +489,9 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     without = views.slow_rest(e, model.minus(effect.label))
     loud = np.sqrt(np.prod([np.ones(len(without)), *(
         m.variance(e.slow_t) for m in model.of(Modulation))], axis=0))
-    return unlike_noise(without / loud, (without - views.slow_rest(e, model)) / loud)
+    # of a mean, divided by what steps, a step is left
+    return unlike_noise(*((x - np.mean(x)) / loud for x in (
+        without, without - views.slow_rest(e, model))))
 
 
 def uneven(differences: Differences) -> float:
