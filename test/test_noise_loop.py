@@ -39,7 +39,7 @@ def first_verdict(seed, effects, strength=5.0):
     return truth.hidden[AXIS], study, said
 
 
-EVERY_DAY = ('sinusoid', 'temperature', 'spikes')
+EVERY_DAY = ('sinusoid', 'spikes')
 
 
 def _marks(name):

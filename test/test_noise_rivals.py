@@ -132,7 +132,8 @@ def test_what_axes_share_and_is_no_noise_is_not_called_noise(signal):
     assert against and against[0], said
 
 
-@pytest.mark.parametrize('power', daily([0.6, 1.5], 1.5))
+@pytest.mark.thorough
+@pytest.mark.parametrize('power', [0.6, 1.5])
 def test_a_power_of_the_frequency_is_no_relaxation(power):
     rng = np.random.default_rng(7)
     names, said = found_in([SIZE * (0.1 * rng.standard_normal(N) + coloured(rng, power))
@@ -505,6 +506,7 @@ def test_what_is_shared_is_noise_though_all_axes_grow_louder():
         problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
 
 
+@pytest.mark.thorough
 def test_a_step_of_all_axes_is_a_step():
     """What axes share is not only noise; each step is told from the one before it."""
     rng = np.random.default_rng(51)
@@ -661,6 +663,7 @@ def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
     assert said.remaining is None, said
 
 
+@pytest.mark.thorough
 def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone():
     rng, size = np.random.default_rng(67), 2.1
     b = 0.05 * SIZE

@@ -159,18 +159,6 @@ def test_every_module_is_in_the_package(root):
     assert folders <= packages, f'no __init__.py in {sorted(folders - packages)}'
 
 
-@pytest.mark.thorough       # `make lint` says the same
-@pytest.mark.parametrize('tool', [
-    ('flake8',), ('pydocstyle', 'imu_noise_tools', 'bench', 'doc', 'launch')],
-    ids=lambda tool: tool[0])
-def test_lint(root, tool):
-    pytest.importorskip(tool[0])
-    if tool[0] == 'flake8':
-        pytest.importorskip('flake8_import_order')
-    done = subprocess.run([sys.executable, '-m', *tool], cwd=root, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-1000:]
-
-
 def test_licence(root):
     text = (root / 'LICENSE').read_text()
     assert 'Apache License' in text and 'Version 2.0, January 2004' in text
