@@ -274,7 +274,8 @@ class Study:
         """
         Diagnose and add until nothing more is found in any target; return all rungs.
 
-        Of what is found the first that raises nothing is added: one may show only beside another.
+        Of what is found the first that raises nothing is added: one may show only beside another;
+        where each of them raises something, all of it.
         A rung that raises the held-out deviance, or the printed error beyond what chance allows,
         is taken back and ends the ladder.
 
@@ -296,10 +297,16 @@ class Study:
         return steps
 
     def _next(self, target: str) -> Step:
-        """Add the first of what was found that raises no error; the first where each does."""
+        """
+        Add the first of what was found that raises no error, or all together.
+
+        The first where that does, too. Of several steps each alone may leave more to see.
+
+        """
         before, said, rungs = self.states[target], self.diagnosis[target], len(self.history)
-        for name in dict.fromkeys(f.name for f in said.found):
-            (step,) = self.add([name], [target])
+        every = [f.name for f in said.found]
+        for names in [*([name] for name in dict.fromkeys(every)), *[every] * (len(every) > 1)]:
+            (step,) = self.add(names, [target])
             if not self._higher(target, before, step):
                 return step
             self.states[target], self.diagnosis[target] = before, said
