@@ -92,11 +92,11 @@ def test_noise_reaches_what_is_asked_of_a_line_no_more_often_than_is_said(form, 
     asked = lines.line_penalty
     monkeypatch.setattr(lines, 'line_penalty', lambda n, known=0: asked(n, known) - np.log(50))
     rng, count, n = np.random.default_rng(8), 0, 9000
-    for _ in range(50):
+    for _ in range(100):
         c, _ = drawn(rng, n, form)
         table = lines.find_peaks(c, lines.reference_spectrum(c, DT), DT)[0]
         count += bool(np.any(table[:, 3] ** 2 > 2 * lines.line_penalty(n)))
-    assert count <= 7       # of 2.5 that are foretold: more are one in two hundred
+    assert count <= 11      # of 5 that are foretold: more are one in a hundred
 
 
 def test_a_line_below_what_is_asked_is_none():
