@@ -27,7 +27,7 @@ from imu_noise_tools.loop.diagnosis import Diagnosis
 from imu_noise_tools.loop.effect import Finding, Model, model_of, registry, Score
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import assess, Step, Study
-from imu_noise_tools.noise.curve import model_curve
+from imu_noise_tools.noise.curve import effect_avar, model_curve
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Coupling, Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -94,7 +94,7 @@ def test_effects_sum_to_the_model(study):
 def test_effects_sum_to_the_model_behind_a_response():
     model = Model([*BASE, KNOWN['low_pass'].example()])
     m = np.array([1, 3, 10, 100])
-    each = [curves.effect_avar(SimpleNamespace(dt=DT), model, e, m) for e in model]
+    each = [effect_avar(SimpleNamespace(dt=DT), model, e, m) for e in model]
     assert each[-1] is None
     np.testing.assert_allclose(sum(each[:-1]), model_avar(model, m, DT), rtol=1e-9)
 
@@ -156,7 +156,7 @@ def test_variance_of_a_drift():
     effect = KNOWN['temperature']({'slope': 1e-3, 'curvature': 0.0, 'cubed': 0.0, 'lag': 0.0})
     m = np.array([1, 10, 100, 1000, 10000])
     rise = 1e-3 * 10 / some.t[-1]
-    np.testing.assert_allclose(curves.effect_avar(evidence, Model([effect]), effect, m),
+    np.testing.assert_allclose(effect_avar(evidence, Model([effect]), effect, m),
                                (rise * m * DT) ** 2 / 2, rtol=0.01)
 
 
@@ -174,7 +174,7 @@ def test_variance_of_several_means():
     true = np.sqrt(allan.overlapping_variance(
         3e-5 * t + 0.01 * (t >= 150) - 0.02 * (t >= 210), m))
     np.testing.assert_allclose(np.sqrt(model_curve(evidence, model, m)), true, rtol=0.01)
-    each = sum(curves.effect_avar(evidence, model, e, m) for e in means)
+    each = sum(effect_avar(evidence, model, e, m) for e in means)
     assert np.max(np.sqrt(each) / true) > 1.3
     state = SimpleNamespace(problem=SimpleNamespace(evidence=evidence), model=model)
     np.testing.assert_allclose(curves.curves(state).model[e.m > 4 * length], true ** 2, rtol=0.02)
@@ -196,7 +196,7 @@ def test_variance_of_couplings_that_hold_the_same():
     model, m = Model(couplings), np.array([1, 10, 100])
     wanted = allan.overlapping_variance(gyro[:, 0], m)
     np.testing.assert_allclose(model_curve(evidence, model, m), wanted, rtol=0.1)
-    each = sum(curves.effect_avar(evidence, model, e, m) for e in couplings)
+    each = sum(effect_avar(evidence, model, e, m) for e in couplings)
     assert np.all(each > 1.2 * wanted)
 
 
@@ -210,7 +210,7 @@ def test_variance_of_a_coupling():
     model = Model([KNOWN['white'](), effect])
     fit = NoiseProblem(evidence).fit(model)
     m = np.array([1, 10, 100])
-    got = curves.effect_avar(evidence, fit.model, fit.model['accel_coupling'], m)
+    got = effect_avar(evidence, fit.model, fit.model['accel_coupling'], m)
     np.testing.assert_allclose(got, 0.25 * allan.overlapping_variance(accel, m), rtol=0.1)
 
 

@@ -47,7 +47,7 @@ class Places:
         key = frozenset(model.labels)
         if key not in self._places:
             try:
-                here = self.state.fit if model == self.base else self.problem.point(model)
+                here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
                 looks = model == self.base or (
                     self.problem.looks_again and self._looked < LOOKS)
@@ -59,13 +59,16 @@ class Places:
                 self._places[key] = None
         return self._places[key]
 
+    def _fit(self, model: Model) -> Fit[Any]:
+        return self.state.fit if model == self.base else self.problem.point(model)
+
     def tests(self, model: Model) -> list[Finding]:
         """Return the tests of a model; none where the record cannot hold it."""
         model = unfitted(model)
         key = frozenset(model.labels)
         if key not in self._tested:
             try:
-                here = self.state.fit if model == self.base else self.problem.point(model)
+                here = self._fit(model)
                 self._tested[key] = self.problem.omnibus(here)
             except FitError:
                 self._tested[key] = []
@@ -99,7 +102,7 @@ class Places:
 
     def beside_others(self, finding: Finding, name: str, model: Model) -> Finding:
         """Return a finding with the values that it has, by a label, in a larger model."""
-        fit = self.problem.point(model)
+        fit = self._fit(model)
         return replace(finding, effect=fit.model[name], estimates=fit.estimates.get(name, {}))
 
     def left(self, chain: Iterable[Finding]) -> float:

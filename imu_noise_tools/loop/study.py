@@ -304,8 +304,11 @@ class Study:
 
         """
         before, said, rungs = self.states[target], self.diagnosis[target], len(self.history)
-        every = [f.name for f in said.found]
-        for names in [*([name] for name in dict.fromkeys(every)), *[every] * (len(every) > 1)]:
+        found = [f.name for f in said.found]
+        tries = [[name] for name in dict.fromkeys(found)]
+        if len(found) > 1:
+            tries.append(found)
+        for names in tries:
             (step,) = self.add(names, [target])
             if not self._higher(target, before, step):
                 return step

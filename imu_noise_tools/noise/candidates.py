@@ -273,8 +273,8 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
                   for a, b in ((low, effect[p.name]), (effect[p.name], high))]
         std = estimates[p.name].std if p.name in estimates else None
         told = np.inf if std is None else 2 * std / (effect[p.name] if p.log else 1.0)
-        told = 0.0 if isinstance(effect, Mean) else told
-        if min(within) < min(slack, max(told, 0.1 * slack)):
+        near = 0.1 * slack if isinstance(effect, Mean) else max(told, 0.1 * slack)
+        if min(within) < min(slack, near):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
 

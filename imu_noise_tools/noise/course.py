@@ -77,4 +77,4 @@ def left_by_a_course(t: np.ndarray, y: np.ndarray, others: np.ndarray,
     best = max(((p, float(np.log(b))) for p in POWERS for b in BEGUN), key=gain)
     found = minimize(lambda x: -gain(x), best, method='Nelder-Mead',
                      options={'maxfev': 120, 'xatol': 1e-3, 'fatol': 1e-2})
-    return 0.5 * float(z @ z) - max(-float(found.fun), gain(best))
+    return 0.5 * float(z @ z) + float(found.fun)     # no more than that of where it began

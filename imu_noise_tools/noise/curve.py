@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
 from .evidence import Evidence
@@ -15,20 +17,35 @@ from ..core.spectrum import Bins, quadrature_avar
 from ..loop.effect import Effect, Model
 
 
-def model_curve(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:
+def model_curve(evidence: Evidence, model: Model, m: np.ndarray,
+                each: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
     """
     Return the Allan variance (k,) of a fitted model at cluster sizes m (k,).
 
     Noises are independent, and their variances add up. What has one course in the record, a mean
-    or another channel, is added up before it is squared.
+    or another channel, is added up before it is squared. ``each`` is that of every effect by
+    itself, by label, where it is known.
 
     """
+    if each is None:
+        each = effects_avar(evidence, (e for e in model if not _has_a_course(e)), model, m)
     out = mean_avar(evidence, model, m)
     if couplings := model.of(Coupling):
         out = out + _coupled_avar(evidence, couplings, m)
-    rest = (effect_avar(evidence, model, e, m) for e in model
-            if not isinstance(e, (Coupling, Mean)))
-    return np.maximum(sum((p for p in rest if p is not None), out), 1e-300)
+    rest = (v for label, v in each.items() if not _has_a_course(model[label]))
+    return np.maximum(sum(rest, out), 1e-300)
+
+
+def effects_avar(evidence: Evidence, effects: Iterable[Effect], model: Model,
+                 m: np.ndarray) -> dict[str, np.ndarray]:
+    """Return :func:`effect_avar` of those effects of a model that have any, by label."""
+    each = {e.label: effect_avar(evidence, model, e, m) for e in effects}
+    return {label: v for label, v in each.items() if v is not None}
+
+
+def _has_a_course(effect: Effect) -> bool:
+    """Tell whether what an effect does is one course in the record, and no noise of its own."""
+    return isinstance(effect, (Coupling, Mean))
 
 
 def mean_avar(evidence: Evidence, model: Model, m: np.ndarray) -> np.ndarray:
@@ -63,9 +80,8 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect,
         return mean_avar(evidence, Model([effect]), m)
     if isinstance(effect, Spectrum):
         behind = [r for r in model.of(Response) if r is not effect]
-        if effect.colour(evidence, np.zeros(1)) is not None:
-            return quadrature_avar(lambda f: psd_behind(effect, model, f, dt)
-                                   * effect.colour(evidence, f), m, dt)
+        if (colour := effect.colour(evidence)) is not None:
+            return quadrature_avar(lambda f: psd_behind(effect, model, f, dt) * colour(f), m, dt)
         return model_avar(Model([effect, *behind]), m, dt)
     if isinstance(effect, Line):
         return effect.avar(m, dt)

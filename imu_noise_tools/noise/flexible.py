@@ -380,13 +380,14 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
     Of several the last is asked. What follows something recorded stays beside it.
 
     """
-    timed = [m for m in fit.model.of(Mean) if m.needs == NoiseEffect.needs]
-    if effect.label not in [m.label for m in timed][-1:]:
+    timed = {m.label: m for m in fit.model.of(Mean) if m.needs == NoiseEffect.needs}
+    if [effect.label] != [*timed][-1:]:
         return ''
-    spent = sum(m.values[p.name] != m.neutral.get(p.name) for m in timed for p in m.parameters)
+    spent = sum(m.values[p.name] != m.neutral.get(p.name)
+                for m in timed.values() for p in m.parameters)
     means = views.block_means(evidence, fit)
     owners = ['', *(m.label for m in fit.model.of(Mean) for p in m.parameters if p.linear)]
-    others = means.columns[:, [owner not in {m.label for m in timed} for owner in owners]]
+    others = means.columns[:, [owner not in timed for owner in owners]]
     better = _unexplained(means, means.columns) - left_by_a_course(
         means.t, means.y, others, views.root_of(means.covariance))
     more = PARAMETERS - spent

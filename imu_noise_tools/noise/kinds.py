@@ -230,8 +230,8 @@ class Spectrum(NoiseEffect):
         """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
         raise NotImplementedError
 
-    def colour(self, evidence: Evidence, f: np.ndarray) -> np.ndarray | None:
-        """Return by what the samples of a record show its PSD to differ at f; None: by nothing."""
+    def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Return by what samples show its PSD to differ, as a function of Hz; None: by nothing."""
         return None
 
     @property

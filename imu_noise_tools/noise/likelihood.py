@@ -617,9 +617,9 @@ class Likelihood:
 
     def _psd(self, effect):
         """Return the PSD (g,) of an effect, with the colour that the samples show."""
-        at = asked(self.bins)
-        colour, psd = effect.colour(self.evidence, at), effect.psd(at, self.dt)
-        return psd if colour is None else psd * colour
+        at, colour = asked(self.bins), effect.colour(self.evidence)
+        psd = effect.psd(at, self.dt)
+        return psd if colour is None else psd * colour(at)
 
     def _turned(self, model, own, moved, h):
         """Return slopes (b, p) of what is behind a response, of what it is ``moved`` to by h."""
@@ -649,11 +649,10 @@ class Likelihood:
 
         """
         at = asked(self.bins)
-        each = [self._kept((r.label, *r.values.values()), partial(r.gain2, at, self.dt))
-                if moved is None or r.label != moved.label else moved.gain2(at, self.dt)
-                for r in responses]
         if moved is not None:
             responses = [moved if r.label == moved.label else r for r in responses]
+        each = [r.gain2(at, self.dt) if r is moved else self._kept(
+            (r.label, *r.values.values()), partial(r.gain2, at, self.dt)) for r in responses]
         return together(responses, each, self.dt, white)
 
     def _kept(self, key, make):

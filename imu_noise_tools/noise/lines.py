@@ -209,8 +209,7 @@ class _Search:
         self.window = np.empty(self.n - 1)
         self.blocked = [(0, 16), (self.n - 17, self.n - 1)]
         self.refused: list[tuple[int, int]] = []    # what is no line above the level as it is
-        for i in range(0, self.n - 1, PIECE):
-            self._look(i, min(i + PIECE, self.n - 1))
+        self._look_everywhere()
 
     def _four(self, begin: int, end: int) -> np.ndarray:
         """Return the heights of the coefficients 1 + [begin, end) above their level."""
@@ -233,11 +232,15 @@ class _Search:
             self.rough = reference_spectrum(self.c, self.dt)
         at, level, variance = smooth_level(
             self.c, self.rough, self.dt, lambda k: float(_reach(k, self.n)))
-        self.reference = self.reference.copy()
+        self.reference = np.empty(self.n - 1)
         self.unknown, self.refused = np.stack([at, variance]), []
         for i in range(0, self.n - 1, PIECE):
             j = min(i + PIECE, self.n - 1)
             self.reference[i:j] = np.exp(np.interp(np.log(np.arange(i, j) + 1), at, level))
+        self._look_everywhere()
+
+    def _look_everywhere(self) -> None:
+        """Work all heights out, a piece at a time: a day of them is not held at once."""
         for i in range(0, self.n - 1, PIECE):
             self._look(i, min(i + PIECE, self.n - 1))
 

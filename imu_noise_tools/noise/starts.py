@@ -258,8 +258,7 @@ def _gain_alone(found, here, response):
     before = sum(each[e.label] for e in here.of(Spectrum) if response.acts_on(e))
     gain2 = np.maximum(power - beside, 1e-3 * power) / before
     for r in here.of(Response):
-        if r.scatters:
-            gain2 = np.maximum(r.unscattered(gain2, found.bins), LOWEST * gain2)
+        gain2 = np.maximum(r.unscattered(gain2, found.bins), LOWEST * gain2)
     return found.evidence.with_power(gain2)
 
 

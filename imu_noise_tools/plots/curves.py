@@ -18,7 +18,7 @@ from ..loop.prediction import State
 from ..loop.verdict import CHANCE, STRIKING
 from ..noise import views
 from ..noise.classic import FLAT, READINGS
-from ..noise.curve import effect_avar, mean_avar, model_curve
+from ..noise.curve import effects_avar, mean_avar, model_curve
 from ..noise.evidence import Evidence
 from ..noise.kinds import Line
 from ..noise.likelihood import Likelihood
@@ -61,8 +61,8 @@ def curves(state: State) -> Curves | None:
     c = e.curve
     if c.deviation not in ('oadev', 'adev'):
         return None
-    each = {x.label: v for x in model if (v := effect_avar(e, model, x, c.m)) is not None}
-    total = model_curve(e, model, c.m)
+    each = effects_avar(e, model, model, c.m)
+    total = model_curve(e, model, c.m, each)
     steady = mean_avar(e, model, c.m) + sum(v for k, v in each.items()
                                             if isinstance(model[k], Line))
     pull = gamma_pull(c.dev ** 2 / total, _degrees(c, total, steady))

@@ -3,6 +3,8 @@
 
 """Quantization of the angle or velocity."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..descent import minimise
@@ -54,14 +56,14 @@ class Quantization(Spectrum):
             out['colour'] = colour_of_counts(y, step)
         return out
 
-    def colour(self, evidence: Evidence, f: np.ndarray) -> np.ndarray | None:
-        """Return the spectrum at f (Hz) of the angle's error over that of a white one."""
+    def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Return the spectrum of the angle's error over that of a white one, a function of Hz."""
         r = evidence.kept(self.name).get('colour', np.ones(1))
         if len(r) == 1:
             return None
         s = np.fft.rfft(np.append(r, np.zeros(15 * len(r)))).real * 2 - 1
         at = np.linspace(0, 0.5 / evidence.dt, len(s))
-        return np.interp(f, at, np.maximum(s, LEAST))
+        return lambda f: np.interp(f, at, np.maximum(s, LEAST))
 
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """
