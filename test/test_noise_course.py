@@ -49,6 +49,14 @@ def test_a_power_of_time_is_not_two_effects(kind):
     assert 'power of time' in said, said
 
 
+@pytest.mark.parametrize('names', [('slow_periodic', 'slow_periodic'), pytest.param(
+    ('slow_periodic', 'ramp'), marks=pytest.mark.thorough)])
+def test_a_cubic_is_not_two_effects(names):
+    """It has a bend within the record, as no power of time since before it has."""
+    said = said_of(30 * (U - 0.45) ** 3 - 2 * U, names, 3)
+    assert said.startswith('a cubic of time'), said
+
+
 @pytest.mark.parametrize('kind', [0, 2, *(
     pytest.param(k, marks=pytest.mark.thorough) for k in (1, 3))])
 def test_two_effects_are_no_power_of_time(kind):
@@ -72,10 +80,21 @@ def test_a_course_is_its_mean_over_each_block():
         np.testing.assert_allclose(x / np.ptp(x), y / np.ptp(y), atol=2e-3)
 
 
+def test_a_cubic_is_its_mean_over_each_block_and_leaves_nothing_but_noise():
+    rng, t = np.random.default_rng(5), np.linspace(0.5, 199.5, 200)
+    fine = (np.arange(20_000) + 0.5) * 0.01
+    y = (1e-5 * (fine - 90) ** 3 - 0.03 * fine).reshape(200, -1).mean(axis=1)
+    left, words = left_by_a_course(t, y, np.ones((200, 1)), np.eye(200))
+    assert left < 1e-12 * float(y @ y) and words == 'a cubic of time'
+    left, words = left_by_a_course(t, y + rng.standard_normal(200), np.ones((200, 1)), np.eye(200))
+    assert words == 'a cubic of time' and abs(left - 0.5 * 196) < 3 * np.sqrt(0.5 * 196)
+
+
 def test_nothing_but_noise_is_left_by_a_course_that_is_one():
     rng, t = np.random.default_rng(4), np.linspace(0.5, 199.5, 200)
     y = 5 * np.log1p(t / 0.7) + rng.standard_normal(200)
-    left = left_by_a_course(t, y, np.ones((200, 1)), np.eye(200))
+    left, words = left_by_a_course(t, y, np.ones((200, 1)), np.eye(200))
+    assert 'power' in words
     assert abs(left - 0.5 * 196) < 3 * np.sqrt(0.5 * 196)
 
 

@@ -375,7 +375,7 @@ def _with_a_knee(evidence: Evidence, fit: Fit, some: Iterable[Effect]) -> Fit:
 
 def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
     """
-    Say that one power of time does as well as all effects that move a mean by time alone.
+    Say that one course in time does as well as all effects that move a mean by time alone.
 
     Of several the last is asked. What follows something recorded stays beside it.
 
@@ -388,8 +388,8 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
     means = views.block_means(evidence, fit)
     owners = ['', *(m.label for m in fit.model.of(Mean) for p in m.parameters if p.linear)]
     others = means.columns[:, [owner not in timed for owner in owners]]
-    better = _unexplained(means, means.columns) - left_by_a_course(
-        means.t, means.y, others, views.root_of(means.covariance))
+    left, words = left_by_a_course(means.t, means.y, others, views.root_of(means.covariance))
+    better = _unexplained(means, means.columns) - left
     more = PARAMETERS - spent
     least = PRICE * more if more < 0 else max(
         DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
@@ -397,7 +397,7 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
         return ''
     how = f'better by {better:.0f} nats' if better > 0 else \
         f'as well, with {-more} parameter{"s" * (more < -1)} less'
-    return f'a power of time since before the record, which has no name, fits {how}'
+    return f'{words}, which has no name, fits {how}'
 
 
 def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> str:
