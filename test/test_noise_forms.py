@@ -695,6 +695,27 @@ def test_how_far_axes_drift_says_nothing_of_what_they_share(course):
     assert np.max((share * (1 - share) * power / own)[slow]) < 10
 
 
+@pytest.mark.parametrize('filtered', [iirnotch(0.4, 1.3), butter(2, 0.5)])
+def test_what_a_filter_takes_is_not_what_others_hear(filtered):
+    """Behind one most of an axis stands above the noise that fits below what it leaves."""
+    rng, n, dt = np.random.default_rng(37), 60_000, 0.02
+    r = np.exp(-np.pi * 2.8 * dt / 9)
+    band = lfilter([1.0, 0.0, -1.0], [1.0, -2 * r * np.cos(2 * np.pi * 2.8 * dt), r * r],
+                   rng.standard_normal(n))
+    source = 0.5 * band / np.std(band)
+    turned = shared.quarter_later(source)
+    axes = {k: lfilter(*filtered, gain * (np.cos(phase) * source + np.sin(phase) * turned)
+                       + rng.standard_normal(n)) + 0.05 * rng.standard_normal(n)
+            for k, gain, phase in (('gyro_x', 1.0, 0.0), ('gyro_y', 0.8, 2.2),
+                                   ('gyro_z', -0.7, -1.1))}
+    heard, bins = shared.heard_together(axes, dt), bins_of(n, dt)
+    for k, y in axes.items():
+        share = shared.share(bins, power(cosine_transform(y), dt, bins), heard[k])
+        assert np.min(share[np.abs(bins.f - 2.8) < 0.1]) > 0.6
+        away = (bins.f < 1) | (bins.f > 6)
+        assert np.average(share[away], weights=bins.count[away]) < 0.1
+
+
 def test_noise_is_told_beside_what_others_hear_and_where_they_do_not():
     """Where nearly all is heard, even noise that is no stronger than elsewhere is."""
     bins = bins_of(100_000, 0.01)

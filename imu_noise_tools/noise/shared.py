@@ -45,6 +45,7 @@ TALL = 100.0            # times from which it is where nothing else hears it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9, 19)
 WIDE = (9, 19, 39, 79)
+FLANKS = 39     # bins, of which a peak's flanks are fewer than half
 BETWEEN = 3     # coefficients of a drift, of which one is large
 MOST = 0.95     # of an axis's power that is no noise of its own
 OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
@@ -315,7 +316,9 @@ def _above_own(bins: Bins, power: np.ndarray,
     unless others hear it together with the axis, ``heard`` (b,): a drift stands above noise, too.
 
     """
-    level, _, own = own_noise(bins, power, 0.0 if heard is None else heard)
+    level, seen, own = own_noise(bins, power, 0.0 if heard is None else heard)
+    if heard is not None:
+        own = _behind_filter(bins, level, seen, own, heard)
     there = level > TALL * own
     share = np.zeros(len(own))
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
@@ -326,9 +329,39 @@ def _above_own(bins: Bins, power: np.ndarray,
         share[told] = 1 - (own / level)[told]
     above = share > 0
     # by chance some bins far off are above it as well, where there is nothing to hear
-    stretch = np.cumsum(np.diff(above, prepend=False))
-    above &= np.isin(stretch, stretch[above & there])
+    above = _with(above, there)
     return np.where(above, share, 0.0) if np.any(above) else None
+
+
+def _behind_filter(bins: Bins, level: np.ndarray, seen: np.ndarray, own: np.ndarray,
+                   heard: np.ndarray) -> np.ndarray:
+    """
+    Return an axis's own noise (b,) where a filter made it less somewhere, else as it is.
+
+    Noise without a filter fits below what a notch leaves, and most of a filtered axis stands above
+    that. Others hear no such thing: where they would and do not, in more bins than where they do,
+    the level (b,) less what is ``heard`` is the axis's own, and goes on through the band that they
+    hear. A tall peak that they do not hear says that this axis moves by itself.
+
+    """
+    told, ratio = seen >= ENOUGH, level / own
+    stands = told & (ratio > ABOVE)
+    alone = stands & (heard <= ALIKE * (1 - 1 / ratio))
+    if np.sum(alone) <= 0.5 * np.sum(stands):
+        return own
+    tall = ratio > TALL * max(1.0, float(np.median(ratio[told])))
+    if np.any(tall & ~_with(tall, stands & ~alone)):
+        return own
+    beside = told & (alone | ~stands)
+    more = np.log(np.maximum((1 - heard) * ratio, 1.0))[beside]
+    more = np.interp(np.log(bins.f), np.log(bins.f[beside]), more)
+    return own * np.exp(median_filter(more, FLANKS, mode='nearest'))
+
+
+def _with(some: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Return those of some bins (b,) that lie in one stretch with one that is ``there``."""
+    stretch = np.cumsum(np.diff(some, prepend=False))
+    return some & np.isin(stretch, stretch[some & there])
 
 
 def _levels(bins: Bins, power: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
