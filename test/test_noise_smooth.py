@@ -39,7 +39,7 @@ def levels(c):
     """Return ln of the rough level and of the smooth one, and its variance, at each k >= 1."""
     n = len(c)
     rough = lines.reference_spectrum(c, DT)
-    at, level, variance = smooth_level(c, rough, DT, lambda k: float(lines._reach(k, n)))
+    at, level, variance = smooth_level(c, rough, DT, lines._reach)
     k = np.log(np.arange(1, n))
     return np.log(rough), np.interp(k, at, level), np.interp(k, at, variance)
 

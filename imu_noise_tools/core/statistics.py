@@ -49,6 +49,15 @@ def row_medians(rows: np.ndarray) -> np.ndarray:
     return np.asarray(0.5 * (ordered[:, half - 1] + ordered[:, half]))
 
 
+def median_of(x: np.ndarray) -> float:
+    """Return the median of x (n,), finite: of some dozens numpy's takes five times as long."""
+    half = len(x) // 2
+    if len(x) % 2:
+        return float(np.partition(x, half)[half])
+    low, high = np.partition(x, (half - 1, half))[half - 1:half + 1]
+    return float(0.5 * (low + high))
+
+
 def median_sigma(x: np.ndarray, axis: int | None = None) -> Any:
     """Return the standard deviation of what is normal about zero, from the median of its size."""
     return MAD * np.median(np.abs(x), axis=axis)

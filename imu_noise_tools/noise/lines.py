@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -28,7 +29,7 @@ from ..core.spectrum import (
     line_basis,
     line_coefficients,
 )
-from ..core.statistics import row_medians
+from ..core.statistics import median_of, row_medians
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
@@ -79,9 +80,8 @@ def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
         some = c[max(1, k - reach):k + reach + 1]
         if len(some) > 2048:
             some = some[:: len(some) // 2048 + 1]
-        values[i] = (
-            np.median(2 * dt * some * some) / 0.4549
-        )  # the median of chi-squared with one degree of freedom
+        # the median of chi-squared with one degree of freedom
+        values[i] = median_of(2 * dt * some * some) / 0.4549
     at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
     level = _smoothed_below(CURVED, c, dt, centres, level)
     out = np.empty(n - 1)
@@ -99,20 +99,29 @@ def _smoothed_below(top: int, c, dt, centres, level):
     spectrum; a parabola over k/4 ... 4 k follows it. Ordinates far off the median do not pull it.
 
     """
-    n = len(c)
-    last = min(4 * top, n - 1)
+    last = min(4 * top, len(c) - 1)
     if last < 32:
         return level
     k = np.log(np.arange(1, last + 1))
     rough = np.interp(k, np.log(centres), level)
     seen = np.log(np.maximum(2 * dt * c[1:last + 1] ** 2, 1e-300))
     seen = rough + np.clip(seen - rough, -5, 2.5) + 1.1395  # its mean for one degree of freedom
+    parabolas = _parabolas(tuple(centres[centres <= top].tolist()), last)
+    right = np.stack([columns @ seen[a:b] for a, b, columns in parabolas])
+    left = np.stack([columns @ columns.T for _, _, columns in parabolas])
     out = level.copy()
-    for i in np.flatnonzero(centres <= top):
-        a, b = max(1, centres[i] // 4), min(last, max(4 * centres[i], 32))
-        x = k[a - 1:b] - k[centres[i] - 1]
-        columns = np.stack([np.ones(len(x)), x, x * x])
-        out[i] = np.linalg.solve(columns @ columns.T, columns @ seen[a - 1:b])[0]
+    out[centres <= top] = np.linalg.solve(left, right[:, :, None])[:, 0, 0]
+    return out
+
+
+@lru_cache(maxsize=4)
+def _parabolas(centres: tuple[int, ...], last: int) -> list[tuple[int, int, np.ndarray]]:
+    """Return [begin, end) of k - 1 around each centre, and 1, x, x^2 there, x = ln k/centre."""
+    log_k, out = np.log(np.arange(1, last + 1)), []
+    for centre in centres:
+        a, b = max(1, centre // 4) - 1, min(last, max(4 * centre, 32))
+        x = log_k[a:b] - log_k[centre - 1]
+        out.append((a, b, np.stack([np.ones(len(x)), x, x * x])))
     return out
 
 
@@ -230,8 +239,7 @@ class _Search:
         """Look at all coefficients once more, above a level that thousands of them tell."""
         if changed:
             self.rough = reference_spectrum(self.c, self.dt)
-        at, level, variance = smooth_level(
-            self.c, self.rough, self.dt, lambda k: float(_reach(k, self.n)))
+        at, level, variance = smooth_level(self.c, self.rough, self.dt, _reach)
         self.reference = np.empty(self.n - 1)
         self.unknown, self.refused = np.stack([at, variance]), []
         for i in range(0, self.n - 1, PIECE):
@@ -474,7 +482,7 @@ class _Search:
         k = int(2 * self.n * self.dt * f[len(f) // 2])
         some = np.arange(max(1, k - NEAR), min(self.n, k + NEAR + 1))
         energy, a, b = _projected(line_basis(f[:, None], some, self.n, self.dt), self.c[some])
-        level = float(np.median(self.reference[some - 1]))
+        level = median_of(self.reference[some - 1])
         beside = np.abs(some - k) > CROWD
         level = max(level, 2 * self.dt * float(np.mean(self.c[some[beside]] ** 2)))
         return 2 * self.dt * energy / level, a, b

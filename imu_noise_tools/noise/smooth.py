@@ -14,8 +14,11 @@ tell it; how many do, the record says.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple, SupportsFloat
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 CLIP = 5.0  # times the level: what is higher is no noise's, and counts as that
 CLIPPED = 0.9549  # mean of a chi-squared of one degree of freedom that is clipped so
@@ -23,11 +26,13 @@ FINE = 4  # bins in a piece of the line
 STIFF = 10.0 ** np.arange(5, -2, -1)  # weights of its roughness that are tried
 STEPS, STEP = 4, 3.0  # of Fisher's scoring for each, and the longest
 WIDE = 32  # coefficients on either side, at least, among which it is looked for what is no line
+PIECE = 1 << 15  # coefficients that are worked on at a time
+Reach = Callable[[int, int], SupportsFloat]
 BEYOND = 2.0  # standard errors from which what stands out there is the level
 
 
 def smooth_level(c: np.ndarray, rough: np.ndarray, dt: float,
-                 reach: Callable[[int], float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                 reach: Reach) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Return ln k (b,) of some k, ln of a smooth one-sided PSD there, and the variance of that.
 
@@ -45,58 +50,103 @@ def smooth_level(c: np.ndarray, rough: np.ndarray, dt: float,
     dt : float
         Interval, s.
     reach : callable
-        How far on either side of k a level may be taken for one.
+        Of k and n, how far on either side of k a level may be taken for one. A function of a
+        module: what goes with it and n alone is worked out once.
 
     """
-    first, u = _bins(len(c), reach)
-    count = np.diff(np.append(first, len(c)))
-    ends = list(zip(first, first + count))
-    fitted = np.log([np.mean(rough[a - 1:b - 1]) for a, b in ends])
+    grid = _grid(len(c), reach)
+    first, count = grid.first, grid.size
+    fitted = np.log(_means(first, count, lambda _, a, b: rough[a - 1:b - 1]))
+
+    def clipped(bins: slice, a: int, b: int) -> np.ndarray:
+        most = np.repeat(CLIP * np.exp(fitted[bins]), count[bins])
+        return np.minimum(2 * dt * c[a:b] ** 2, most)
+
     for _ in range(2):      # clipped at a level that is better known
-        power = np.array([np.mean(np.minimum(2 * dt * c[a:b] ** 2, CLIP * level))
-                          for (a, b), level in zip(ends, np.exp(fitted))]) / CLIPPED
-        fitted, variance = _line(u, np.log(np.maximum(power, 1e-300)), count, fitted)
-    over, variance = _above(first, np.exp(np.log(power) - fitted), count, variance, reach)
+        power = _means(first, count, clipped) / CLIPPED
+        fitted, variance = _line(grid, np.log(np.maximum(power, 1e-300)), fitted)
+    over, variance = _above(grid, np.exp(np.log(power) - fitted), variance)
     return np.log(first + 0.5 * (count - 1)), fitted + over, variance
 
 
-def _bins(n: int, reach: Callable[[int], float]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first coefficients of bins, and where their middle is, in reaches from k = 1."""
+class _Grid(NamedTuple):
+    """
+    The bins (b,) of a record, and the broken line (knots,) over them.
+
+    The ``first`` coefficient of each and its ``size``; how far the level around it may be looked
+    at; the line's value there by its knots, and the second differences of these.
+
+    """
+
+    first: np.ndarray
+    size: np.ndarray
+    wide: np.ndarray
+    basis: np.ndarray
+    bend: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def _grid(n: int, reach: Reach) -> _Grid:
+    """Return the bins of n coefficients, and a line with knots a reach apart."""
     first, u, k, at = [], [], 1, 0.0
     while k < n:
-        step = max(1.0, min(reach(k), 0.2 * k))     # at the slow end a level is that of an octave
+        # at the slow end a level is that of an octave
+        step = max(1.0, min(float(reach(k, n)), 0.2 * k))
         width = min(max(1, int(step / FINE)), n - k)
         first.append(k)
         u.append(at + 0.5 * width / step)
         k, at = k + width, at + width / step
-    return np.array(first), np.array(u)
+    basis = np.maximum(1 - np.abs(np.array(u)[:, None] - np.arange(np.ceil(u[-1]) + 1)), 0)
+    return _Grid(np.array(first), np.diff([*first, n]),
+                 np.array([max(float(reach(k, n)), WIDE) for k in first]), basis,
+                 np.diff(np.eye(basis.shape[1]), 2, axis=0))
 
 
-def _line(u, power, count, begin) -> tuple[np.ndarray, np.ndarray]:
-    """Return the broken line at each u by ln powers, as stiff as is likeliest, its variance."""
-    basis = np.maximum(1 - np.abs(u[:, None] - np.arange(np.ceil(u[-1]) + 1)), 0)
-    bend = np.diff(np.eye(basis.shape[1]), 2, axis=0)
+def _means(first: np.ndarray, count: np.ndarray,
+           values: Callable[[slice, int, int], np.ndarray]) -> np.ndarray:
+    """
+    Return the mean of each bin, so many coefficients from its ``first`` on.
+
+    Of ``values(bins, a, b)``, what coefficients [a, b) of some bins have: of a day no array is as
+    long as the record.
+
+    """
+    out, i = np.empty(len(first)), 0
+    while i < len(first):
+        j = max(i + 1, int(np.searchsorted(first, first[i] + PIECE)))
+        some = values(slice(i, j), int(first[i]), int(first[j - 1] + count[j - 1]))
+        out[i:j] = np.add.reduceat(some, first[i:j] - first[i])
+        i = j
+    return out / count
+
+
+def _line(grid: _Grid, power: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the broken line in each bin by ln powers, as stiff as is likeliest, its variance."""
+    basis, bend, count = grid.basis, grid.bend, grid.size
     weighed = basis.T * (0.5 * count)
+    data, rough = weighed @ basis, bend.T @ bend
     best, level, most = begin, begin, -np.inf
     for stiff in STIFF:
-        bent = weighed @ basis + stiff * bend.T @ bend
+        bent = cho_factor(data + stiff * rough, lower=True, check_finite=False)
         for _ in range(STEPS):
             slope = np.exp(np.clip(power - level, -STEP, STEP)) - 1
-            beta = np.linalg.solve(bent, weighed @ (level + slope))
+            beta = cho_solve(bent, weighed @ (level + slope), check_finite=False)
             level = basis @ beta
-        nats = 0.5 * (len(bend) * np.log(stiff) - np.linalg.slogdet(bent)[1]
+        log_det = 2 * np.sum(np.log(np.diag(bent[0])))
+        nats = 0.5 * (len(bend) * np.log(stiff) - log_det
                       - stiff * np.sum((bend @ beta) ** 2)
                       - count @ (level + np.exp(power - level)))
         if nats > most:
             best, most, chosen = level, nats, bent
-    return best, np.sum(basis * np.linalg.solve(chosen, basis.T).T, axis=1)
+    return best, np.sum(basis * cho_solve(chosen, basis.T).T, axis=1)
 
 
-def _above(first, ratio, count, variance, reach) -> tuple[np.ndarray, np.ndarray]:
+def _above(grid: _Grid, ratio: np.ndarray,
+           variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return ln of how far what is near stands above a level beyond chance, and the variance."""
+    first, count, wide = grid.first, grid.size, grid.wide
     total = np.append(0.0, np.cumsum(ratio * count))
     number = np.append(0, np.cumsum(count))
-    wide = np.array([max(reach(k), WIDE) for k in first])
     low, high = np.searchsorted(first, first - wide), np.searchsorted(first, first + wide, 'right')
     some = number[high] - number[low]
     near = (total[high] - total[low]) / some
