@@ -415,6 +415,15 @@ def test_importing_the_command_line_is_light():
     assert not _loaded('import imu_noise_tools.cli.main') & HEAVY
 
 
+def test_an_analysis_does_not_load_filters():
+    """Half a second each time, for a recursion of one pole."""
+    code = ('import numpy as np\nfrom imu_noise_tools.core.record import ImuRecord\n'
+            'from imu_noise_tools.tasks.noise import analyse_record\n'
+            'y = np.random.default_rng(1).standard_normal((6000, 3))\n'
+            "analyse_record(ImuRecord(y, None, 0.01 * np.arange(6000), 100.0), axes=['gyro_x'])")
+    assert not {'scipy.signal', 'scipy.stats'} & _loaded(code)
+
+
 def test_printing_the_help_is_light():
     """The whole parser is built for it, so every command's arguments are."""
     _needs_command_line()

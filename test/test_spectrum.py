@@ -175,6 +175,7 @@ def test_a_bin_expects_the_mean_of_its_coefficients():
 @settings(max_examples=60)
 @given(st.integers(20, 3000), st.floats(1e-3, 0.999), st.floats(-2, 2), st.floats(-2, 2))
 @example(1000, 0.25, 1.0, 0.5)                          # exactly on a coefficient
+@example(1000, 0.251, 1.0, 0.5)                         # and on an odd one
 @example(1000, 0.2505, 1.0, 0.5)                        # exactly between two
 def test_line_coefficients(n, share, a, b):
     frequency = share * 0.5 / DT

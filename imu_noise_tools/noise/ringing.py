@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dct, dst, idct, next_fast_len, rfft
+from scipy.linalg.lapack import ztbtrs
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
 from scipy.special import ndtr
@@ -361,13 +362,14 @@ def _seeds(w: np.ndarray, lengths: list[int]) -> list[_Seed]:
     return out[:SEEDS]
 
 
-def _nats(w: np.ndarray, omega: float, tau: float) -> np.ndarray:
-    """Return the nats of rings that begin at each sample of w (..., n)."""
-    from scipy.signal import lfilter  # half a second to load
-
+def _nats(w: np.ndarray, omega: float, tau: float, most: int | None = None) -> np.ndarray:
+    """Return the nats of rings that begin at each sample of w (..., n), or at the first of it."""
     pole = np.exp(-1 / tau - 1j * omega)
-    z = lfilter([1.0], [1.0, -pole], w[..., ::-1].astype(complex), axis=-1)[..., ::-1]
-    return _both(z, 1 / (1 - np.exp(-2 / tau)), 1 / (1 - pole * pole))
+    # z_i = w_i + pole z_i+1 as two diagonals: a filter takes half a second to load
+    diagonals = np.empty((2, w.shape[-1]), complex, order='F')
+    diagonals[:] = [[-pole], [1.0]]
+    z = ztbtrs(diagonals, w.T.astype(complex), uplo='U')[0].T
+    return _both(z[..., :most], 1 / (1 - np.exp(-2 / tau)), 1 / (1 - pole * pole))
 
 
 def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, float, float]:
@@ -386,7 +388,7 @@ def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, flo
         rings = omega * tau > 0.99 * 2 * np.pi * SWINGS and omega < 2 * np.pi * HIGHEST
         if not rings or not low <= tau <= high:
             return 0.0
-        nats = np.sort(np.max(_nats(some, omega, tau)[:, :begins], axis=1))
+        nats = np.sort(np.max(_nats(some, omega, tau, begins), axis=1))
         moment, form = _cost(len(w), tau, lengths)
         return form + moment - nats[-1] - np.sum(np.maximum(nats[:-1] - moment - AGAIN, 0.0))
 
