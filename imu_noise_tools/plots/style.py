@@ -57,12 +57,12 @@ def png(figure: Figure) -> bytes:
 
 
 def small_png(data: bytes) -> bytes:
-    """Return a PNG with few colours: a third of the size, and lines and labels look the same."""
+    """Return a PNG with few colours: 40 % of the size, and lines and labels look the same."""
     from PIL import Image
     out = io.BytesIO()
     with Image.open(io.BytesIO(data)) as image:
         few = image.convert('RGB').quantize(96, dither=Image.Dither.NONE)
-        few.save(out, 'PNG', optimize=True)
+        few.save(out, 'PNG')        # packed as well as can be it takes seven times as long
     return out.getvalue()
 
 
