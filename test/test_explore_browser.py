@@ -28,6 +28,7 @@ pytestmark = pytest.mark.thorough
 CHROMIUM = next((found for name in ('chromium', 'chromium-browser', 'google-chrome')
                  if (found := shutil.which(name))), None)
 PATIENCE = 120_000      # ms; a busy machine fits slowly
+STORY = {**SPEC, 'duration_s': 1200.0}       # a third of it shows the same
 DARK = 0.15             # luminance
 
 
@@ -161,8 +162,8 @@ def looked_at(browser, made, tmp_path_factory):
 
 @pytest.fixture
 def demo(browser, tmp_path):
-    """Return a server over the recording of ``imu_noise demo``, which it has to analyse first."""
-    simulate(SPEC, tmp_path / 'bag')
+    """Return a server over what ``imu_noise demo`` records, which it has to analyse first."""
+    simulate(STORY, tmp_path / 'bag')
     s = Served(tmp_path / 'bag')
     s.folder = tmp_path / 'bag.study'
     yield s

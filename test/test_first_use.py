@@ -55,9 +55,9 @@ def here(capsys, monkeypatch):
 
 @pytest.fixture(scope='module')
 def analysed(tmp_path_factory):
-    """Return a study of two minutes, in which one sample is not finite, and what was printed."""
+    """Return a study of 70 s, in which one sample is not finite, and what was printed."""
     folder = tmp_path_factory.mktemp('first')
-    record = bad_input.still(120)
+    record = bad_input.still(70)
     record.gyro[100, 0] = np.nan
     np.savez(folder / 'a.npz', gyro=record.gyro, accel=record.accel, t=record.t)
     return folder / 'study', *run('analyse', folder / 'a.npz', '-o', folder / 'study')

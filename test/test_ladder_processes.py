@@ -39,7 +39,7 @@ def run(*args, status=0):
 
 def noise_study(folder, *options):
     """Return the study of two noisy axes, one with a line at 17.3 Hz."""
-    n, dt = 20_000, 0.01
+    n, dt = 10_000, 0.01
     t = np.arange(n) * dt
     gyro = 1e-3 * np.random.default_rng(1).standard_normal((n, 3))
     gyro[:, 0] += 5e-4 * np.sin(2 * np.pi * 17.3 * t)
@@ -63,7 +63,7 @@ def calibration_study(folder, *options):
 
 def filter_study(folder, *options):
     """Return the study of a filter at rest and in sway."""
-    n, dt = 3000, 0.01
+    n, dt = 1500, 0.01
     t = np.arange(n) * dt
     gyro = 0.01 * np.random.default_rng(3).standard_normal((n, 3)) * [1, 1, 0]
     gyro[:, 0] += 0.3 * np.sin(0.8 * np.pi * t)
