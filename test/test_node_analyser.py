@@ -44,6 +44,12 @@ def static_bag(shared_data):
 
 
 @pytest.fixture(scope='module')
+def static_study(static_bag):
+    """Return its study, by the functions of the command line."""
+    return analyse_record(open_record(static_bag))
+
+
+@pytest.fixture(scope='module')
 def small_bag(tmp_path_factory):
     """Write a minute of white noise, with a vibration on gyro_x; return the bag and its record."""
     rng, n = np.random.default_rng(3), 6000
@@ -109,21 +115,21 @@ def assert_as_computed(found, study):
 
 
 @pytest.mark.thorough
-def test_every_message_arrives_twice_in_a_row_while_the_machine_is_busy(ros, static_bag, busy):
+def test_every_message_arrives_twice_in_a_row_while_the_machine_is_busy(
+        ros, static_bag, static_study, busy):
     """Every message of a real bag is used, and the numbers are those of the command line."""
     ns = ros.namespace()
     analyser = ros.start('analyser', ns, input='messages')
     ros.ready(analyser)
     reader = player(ros, ns, static_bag, publish='messages')
-    study = analyse_record(open_record(static_bag))
     found, about = coefficients(ros, ns)
     assert int(about['samples']) == COUNT and about['complete'] == 'true'
-    assert_as_computed(found, study)
+    assert_as_computed(found, static_study)
     assert ros.trigger(f'{reader.full}/restart') == (True, {'restarted': True})
     assert wait_for(lambda: 'the record begins again' in analyser.text), analyser.text
     told = status_after(ros, ns, time.time_ns(), lambda s: int(s['samples']) == COUNT)
     assert told['missed'] == told['refused'] == '0' and told['complete'] == 'true'
-    for axis, state in study.states.items():
+    for axis, state in static_study.states.items():
         c = state.problem.evidence.curve
         message = ros.latest(f'{ns}/analyser/allan/{axis}', Float64MultiArray,
                              lambda m: messages.rows_of(m)[0] == 'analysed')
@@ -136,14 +142,15 @@ def test_every_message_arrives_twice_in_a_row_while_the_machine_is_busy(ros, sta
 
 
 @pytest.mark.thorough       # of a short bag the loop over services has it
-def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(ros, static_bag):
+def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(
+        ros, static_bag, static_study):
     ns = ros.namespace()
     analyser = ros.start('analyser', ns, input='buffer')
     ros.ready(analyser)
     player(ros, ns, static_bag, publish='buffer')
     found, about = coefficients(ros, ns)
     assert int(about['samples']) == COUNT and about['complete'] == 'true'
-    assert_as_computed(found, analyse_record(open_record(static_bag)))
+    assert_as_computed(found, static_study)
 
 
 @pytest.mark.parametrize('kind', daily(['buffer', 'messages']))
