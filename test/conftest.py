@@ -31,10 +31,11 @@ else:
 ROOT = Path(__file__).resolve().parents[1]
 # The files that take longest come first: where files run side by side, the last of them would
 # otherwise run alone. One that is missing here costs time and nothing else.
-LONG_FILES = ('noise_loop', 'noise_rivals', 'noise_fit', 'manual', 'clean_install', 'noise_forms',
-              'first_use', 'ladder_processes', 'node_analyser', 'explore', 'explore_browser',
-              'filter_loop', 'commands_bad_input', 'noise_robust', 'noise_effects', 'fleet',
-              'noise_lines', 'plots', 'own_effects', 'node_filter', 'two_topics')
+LONG_FILES = ('manual', 'noise_loop', 'noise_rivals', 'fleet', 'clean_install', 'node_analyser',
+              'ladder_processes', 'explore_browser', 'noise_forms', 'noise_samples', 'filter_loop',
+              'noise_fit', 'python', 'explore', 'noise_lines', 'noise_robust', 'noise_effects',
+              'commands_bad_input', 'plots', 'first_use', 'noise_smooth', 'two_topics', 'bag',
+              'other_types', 'filter_smoother', 'filter_engine', 'own_effects', 'node_filter')
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
