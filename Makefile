@@ -6,6 +6,8 @@ VENV  := .venv
 READY := $(VENV)/.ready
 PY    := $(VENV)/bin/python
 PYTHON ?=
+# What is run is compiled when it is; most of what is installed is never run.
+INSTALL = $(PY) -m pip install -q --no-compile --use-pep517
 # Files side by side, each in one process, the long ones first (test/conftest.py), and one process
 # more than there are cores: tests of nodes wait. Each reserves a ROS domain for itself.
 JOBS  ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
@@ -45,7 +47,7 @@ docs: $(VENV)/.docs
 	@echo 'the manual: build/manual/index.html'
 
 $(VENV)/.docs: $(READY)
-	$(PY) -m pip install -q --use-pep517 -e '.[docs]'
+	$(INSTALL) -e '.[docs]'
 	touch $@
 
 clean:
@@ -71,9 +73,9 @@ $(READY): setup.py
 	fi; \
 	echo "set-up: $$($$python --version) in $(VENV), some minutes the first time"; \
 	$$python -m venv $$site $(VENV); \
-	if ! $(PY) -m pip install -q --use-pep517 -e ".[$$extras]"; then \
+	if ! $(INSTALL) -e ".[$$extras]"; then \
 	  [ $$extras = test,lint,ros ] || exit 1; \
 	  echo 'set-up: ROS is not to be had from pip here; going on without the nodes' >&2; \
-	  $(PY) -m pip install -q --use-pep517 -e '.[test,lint]'; \
+	  $(INSTALL) -e '.[test,lint]'; \
 	fi; \
 	touch $@
