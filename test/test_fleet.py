@@ -397,7 +397,7 @@ def test_a_poison_bag_is_set_aside_after_three(tmp_path):
 def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     folder = tmp_path / 'bags'
     folder.mkdir()
-    for k in range(12):
+    for k in range(6):
         record(folder / f'u{k}.npz', k)
     words = [PYTHON, '-m', 'imu_noise_tools.cli.main', 'fleet', folder, '-o', tmp_path / 'fleet',
              '--workers', '1', *WORDS]
@@ -413,10 +413,10 @@ def test_ctrl_c_leaves_what_is_done_and_the_same_command_goes_on(tmp_path):
     assert process.returncode == 130, said
     assert 'goes on from there' in said and 'Traceback' not in said
     first = {p: p.stat().st_mtime_ns for p in tmp_path.glob('fleet/facts/*.json')}
-    assert 1 <= len(first) < 12 and not (tmp_path / 'fleet' / 'fleet.csv').exists()
+    assert 1 <= len(first) < 6 and not (tmp_path / 'fleet' / 'fleet.csv').exists()
     done = subprocess.run([*words, '--json'], capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)['units'] == 12
+    assert json.loads(done.stdout)['units'] == 6
     assert {p: p.stat().st_mtime_ns for p in first} == first, 'nothing was done twice'
 
 
@@ -581,9 +581,12 @@ def test_levels_that_cannot_be_told_apart_are_left_out(plain):
 @pytest.mark.thorough
 def test_real_records_as_a_fleet(shared_data, tmp_path, client):
     """Whatever they are: each is a study or one line, and the page is written."""
-    # those of three hours are analysed elsewhere
+    # those of three hours are analysed elsewhere; that containers of one recording hold the same
+    # is held by test_bag.py
+    again = {f'amr_imu_static_{kind}' for kind in (
+        'mcap_zstd', 'sqlite3', 'sqlite3_file_zstd', 'sqlite3_message_zstd')}
     some = [bag for bag in bags_of([str(shared_data / 'records'), str(shared_data / 'bags')])
-            if bag.size < 3_000_000]
+            if bag.size < 3_000_000 and Path(bag.path).name not in again]
     kept = run.Fleet(tmp_path / 'fleet', Options(reports=False, diagnose='none'))
     said = assemble.write(kept, some, run.run(kept, kept.todo(some), client))
     assert said['bags'] == len(some) >= 20 and len(said['failed']) < len(some)
