@@ -70,6 +70,38 @@ def test_one_effect_that_a_power_of_time_explains_as_well_keeps_its_name(mean, n
     assert said_of(mean, (name,), 7) == ''
 
 
+def red(rng):
+    """Return noise of a power that goes with 1/f^3 from a third of the slowest frequency on."""
+    f = np.fft.rfftfreq(4 * N, DT)
+    z = rng.standard_normal((2, len(f))).T @ [1, 1j]
+    y = np.fft.irfft(z * (f**2 + (0.3 / (N * DT)) ** 2) ** -0.75)[:N]
+    return 20 * (y - np.mean(y)) / np.std(y)
+
+
+def beside_a_knee(mean, rng):
+    """Return what is said against each of two swings, of what moves a mean, beside a knee."""
+    problem = NoiseProblem(gather(record_of(mean, rng), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of(
+        'noise', ('white', 'flicker', 'random_walk', 'slow_periodic', 'slow_periodic')))
+    return [flexible._beside_a_knee(problem.evidence, fit, label, 150.0)
+            for label in fit.model.labels[3:]]
+
+
+@pytest.mark.parametrize('seed', [1, *(pytest.param(k, marks=pytest.mark.thorough) for k in (0, 6))])
+def test_swings_that_imitate_redder_noise_are_none_though_they_hold_it_where_it_is(seed):
+    rng = np.random.default_rng([seed, 5])
+    assert all(said.startswith('beside a knee') for said in beside_a_knee(red(rng), rng))
+
+
+# of four; one of the swings of the fourth is taken for a knee of steepness 4
+@pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.thorough)])
+def test_swings_that_are_there_stay_beside_a_knee(seed):
+    rng = np.random.default_rng([seed, 6])
+    hum = np.convolve(rng.standard_normal(N), np.cos(0.3 * np.arange(60)) / 4, 'same')
+    mean = 10 * np.sin(2 * np.pi * U / 0.7) + 6 * np.sin(2 * np.pi * U / 0.31 + 1) + hum
+    assert beside_a_knee(mean, rng) == ['', '']
+
+
 def test_a_course_is_its_mean_over_each_block():
     t = np.linspace(2.0, 398.0, 100)
     fine = np.arange(40_000) * 0.01 + 0.005

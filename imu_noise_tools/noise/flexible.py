@@ -413,6 +413,11 @@ def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> st
         return ''
     plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.in_every_sensor]
     rival = _with_a_knee(evidence, fit, plain)
+    # effects that stand for a knee hold it where it leaves them what they explain
+    alone = _with_a_knee(evidence, fit, [e for e in plain if not isinstance(e, Mean)])
+    begun = Model((*alone.model, *fit.model.of(Mean)))
+    rival = max(rival, fit_part(evidence, unfitted(rival.model), intervals=False, start=begun,
+                                basis=rival.details.hint), key=lambda f: f.log_likelihood)
     means = views.block_means(evidence, rival)
     owners = ['', *(m.label for m in rival.model.of(Mean) for p in m.parameters if p.linear)]
     others = means.columns[:, [owner != label for owner in owners]]
