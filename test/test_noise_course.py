@@ -87,7 +87,8 @@ def beside_a_knee(mean, rng):
             for label in fit.model.labels[3:]]
 
 
-@pytest.mark.parametrize('seed', [1, *(pytest.param(k, marks=pytest.mark.thorough) for k in (0, 6))])
+@pytest.mark.parametrize('seed', [1, *(
+    pytest.param(k, marks=pytest.mark.thorough) for k in (0, 6))])
 def test_swings_that_imitate_redder_noise_are_none_though_they_hold_it_where_it_is(seed):
     rng = np.random.default_rng([seed, 5])
     assert all(said.startswith('beside a knee') for said in beside_a_knee(red(rng), rng))
