@@ -19,7 +19,7 @@ PENALTY = {
     'gauss_markov': 9.95,
     'low_pass': 8.07,
     'narrowband': 15.83,
-    'notch': 13.35,
+    'notch': 13.44,
     'quantization': 6.51,
     'ramp': 7.99,
     'random_walk': 6.0,
