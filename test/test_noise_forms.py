@@ -25,7 +25,6 @@ from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise import likelihood
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
-from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -738,23 +737,6 @@ def test_a_narrow_source_is_heard_through_axes_that_hide_it(seed):
     f, share = heard['gyro_x']
     inside = np.abs(f - 31.0) < 0.4
     assert 0.06 < np.mean(share[inside]) < 0.3 and np.mean(share[np.abs(f - 31.0) > 3]) < 0.005
-
-
-def test_gains_are_told_where_the_fit_rests_on_nothing():
-    """A source in one band, of which all is set aside, has the gains that it has."""
-    rng, rate, n = np.random.default_rng(38), 50.0, 20_000
-    r = np.exp(-np.pi * 5.0 / rate / 20)
-    band = lfilter([1.0, 0.0, -1.0], [1.0, -2 * r * np.cos(10 * np.pi / rate), r * r],
-                   rng.standard_normal(n))
-    source = 0.5 * band / np.std(band)
-    x = rng.standard_normal((n, 3)) + np.outer(source, [1.0, -0.8, 0.7])
-    evidence = gather(ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate), ['gyro_x'])['gyro_x']
-    model = NoiseProblem(evidence).point(model_of('noise', ('white', 'shared_noise'))).model
-    bins = evidence.whole.bins
-    slow = Explained(bins.f, (bins.f < 1.0).astype(float))
-    views = (Likelihood(evidence, 'whole', model, explained=e) for e in (None, slow))
-    gains = [view.solve_linear(model, view.spectra(model)[0]).beta for view in views]
-    np.testing.assert_allclose(gains[1], gains[0], atol=0.1)
 
 
 @pytest.mark.thorough

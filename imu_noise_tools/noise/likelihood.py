@@ -315,28 +315,9 @@ class Likelihood:
         channels = self._channels(model)
         _, cross, own, first = channels
         cross, own = self._beside_means(model, v, cross, own, first, self._slow)
-        told = self._told_in(v)
-        covariance = inverse(own @ told)
-        beta = covariance @ (cross @ told)
+        covariance = inverse(own @ (self.weight / v))
+        beta = covariance @ (cross @ (self.weight / v))
         return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
-
-    def _told_in(self, v):
-        """
-        Return what each bin (b,) counts over its level, where gains are solved for.
-
-        What is set aside has a level of its own, above which a source is heard all the same: by
-        the rest alone the gains of one that is only there would be anything.
-
-        """
-        told = self.weight / v
-        if self.weight is self.full_weight:
-            return told
-        return told + (self.full_weight - self.weight) / np.maximum(self._level, v)
-
-    @cached_property
-    def _level(self) -> np.ndarray:
-        """Return the smooth level (b,) of what is measured."""
-        return smooth(np.exp(self.bins.log_level(self.power)))
 
     def _beside_means(self, model, v, cross, own, first, slow):
         """
