@@ -92,10 +92,12 @@ class Window:
 
     def rungs(self) -> list[tuple[str, float, float]]:
         """Return the ladder as it is seen: what, number, width of the bar in pixels."""
-        return [(top.split('\n')[0], float(top.split('\n')[-1].replace('−', '-')), width)
-                for top, width in self.page.locator('.rung').evaluate_all(
-                    'found => found.map(r => [r.querySelector(".top").innerText, '
-                    'r.querySelector("i").getBoundingClientRect().width])')]
+        # by element: where the page is drawn anew, what is written has no lines yet
+        return [(what, float(number.replace('−', '-')), width)
+                for what, number, width in self.page.locator('.rung').evaluate_all(
+                    'found => found.map(r => { const top = r.querySelector(".top"); return ['
+                    'top.firstElementChild.textContent, top.lastElementChild.textContent, '
+                    'r.querySelector("i").getBoundingClientRect().width] })')]
 
     def brush(self, low, high):
         """Draw across the plot, from one x (data) to another."""
@@ -273,6 +275,7 @@ def test_two_windows_and_the_command_line_see_each_other(browser, served):
 def test_export_shows_what_the_command_writes(browser, looked_at):
     w = Window(browser, looked_at.url)
     w.page.get_by_text('Export', exact=True).click()
+    w.idle()
     w.click('Show', '.verdict pre')
     shown = w.page.locator('.verdict pre').inner_text()
     done = subprocess.run(
