@@ -286,7 +286,7 @@ def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float,
 
 def _whole_line(at: np.ndarray, k: np.ndarray, n: int) -> np.ndarray:
     """
-    Return what :func:`line_basis` does of a line that is there throughout, in a fifth of the time.
+    Return what :func:`line_basis` does of a line that is there throughout, in half the time.
 
     ``at`` is its frequency in coefficients, alpha n/pi. As theta n is k pi, sin(n phi/2) and the
     phases are those of the line alone, and only the denominators are of each coefficient.

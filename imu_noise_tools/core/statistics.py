@@ -50,7 +50,12 @@ def row_medians(rows: np.ndarray) -> np.ndarray:
 
 
 def median_of(x: np.ndarray) -> float:
-    """Return the median of x (n,), finite: of some dozens numpy's takes five times as long."""
+    """
+    Return the median of x (n,), finite: of some dozens numpy's takes five times as long.
+
+    Of one long series this is quicker than :func:`row_medians`, of many short ones that.
+
+    """
     half = len(x) // 2
     if len(x) % 2:
         return float(np.partition(x, half)[half])

@@ -411,6 +411,18 @@ def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> st
     f, x, w = spectrum_left(evidence, fit)
     if smooth_gain(x, w, np.log(f)) <= FLEXIBLE:
         return ''
+    labels = [m.label for m in fit.model.of(Mean)]
+    steepness, *gains = evidence.remembered(
+        ('beside a knee', fit.model), lambda: _gains_beside_a_knee(evidence, fit, labels))
+    gain = gains[labels.index(label)]
+    if gain > HEALED * claim:
+        return ''
+    return f'beside a knee of steepness {steepness:.2g}, which has no name, ' \
+           f'it gains {gain:.0f} nats of {claim:.0f}'
+
+
+def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.ndarray:
+    """Return the steepness of a knee in the place of drift, and what means gain beside it."""
     plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.in_every_sensor]
     rival = _with_a_knee(evidence, fit, plain)
     # effects that stand for a knee hold it where it leaves them what they explain
@@ -419,13 +431,11 @@ def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> st
     rival = max(rival, fit_part(evidence, unfitted(rival.model), intervals=False, start=begun,
                                 basis=rival.details.hint), key=lambda f: f.log_likelihood)
     means = views.block_means(evidence, rival)
-    owners = ['', *(m.label for m in rival.model.of(Mean) for p in m.parameters if p.linear)]
-    others = means.columns[:, [owner != label for owner in owners]]
-    gain = _unexplained(means, others) - _unexplained(means, means.columns)
-    if gain > HEALED * claim:
-        return ''
-    return f'beside a knee of steepness {rival.model["knee"]["steepness"]:.2g}, which has no ' \
-           f'name, it gains {gain:.0f} nats of {claim:.0f}'
+    owners = np.array(['', *(m.label for m in rival.model.of(Mean)
+                             for p in m.parameters if p.linear)])
+    left = _unexplained(means, means.columns)
+    return np.array([rival.model['knee']['steepness'], *(
+        _unexplained(means, means.columns[:, owners != label]) - left for label in labels)])
 
 
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:

@@ -363,7 +363,7 @@ def _seeds(w: np.ndarray, lengths: list[int]) -> list[_Seed]:
 
 
 def _nats(w: np.ndarray, omega: float, tau: float, most: int | None = None) -> np.ndarray:
-    """Return the nats of rings that begin at each sample of w (..., n), or at the first of it."""
+    """Return the nats of rings that begin at the first ``most`` samples of w (..., n), or all."""
     pole = np.exp(-1 / tau - 1j * omega)
     # z_i = w_i + pole z_i+1 as two diagonals: a filter takes half a second to load
     diagonals = np.empty((2, w.shape[-1]), complex, order='F')
@@ -403,7 +403,7 @@ def _throughout(w: np.ndarray, omega: float,
     """Yield (first sample, nats, those beside what is usual) of rings that begin in a piece."""
     halo, step = _length(tau), max(1, int(tau / 2))
     for i in range(0, len(w), PIECE):
-        nats = _nats(w[i:i + PIECE + halo], omega, tau)[:PIECE]
+        nats = _nats(w[i:i + PIECE + halo], omega, tau, PIECE)
         yield i, nats, _over_usual(nats.copy(), step)
 
 
