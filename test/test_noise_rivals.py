@@ -21,6 +21,7 @@ from scipy.signal import butter, chirp, iirnotch, iirpeak, lfilter, sosfilt
 from scipy.stats import kurtosistest
 
 import hidden
+from imu_noise_tools.core import bell
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import Bins
 from imu_noise_tools.core.statistics import kurtosis_pull
@@ -640,6 +641,19 @@ def test_skirts_of_a_sharp_resonance_that_stands_high_tell_what_is_heard_of_it(h
     tried = {e.chosen('form') for e in find_effect('noise', 'narrowband')().starts(
         problem.evidence) if e['frequency'] == pytest.approx(f)}
     assert 'displacement' in tried and ('velocity' in tried) == told
+
+
+def test_a_faint_band_is_begun_at_beside_what_stands_narrow_elsewhere():
+    """A swing of a few cycles stands narrow, and is another effect's."""
+    rng, rate, f0, width = np.random.default_rng(4), 125.0, 24.0, 0.9
+    t = np.arange(184_320) / rate
+    band = bell.sample(len(t), 0.075, f0, width, 1 / rate, rng)
+    x = rng.standard_normal(len(t)) + band + 0.6 * np.sin(2 * np.pi * t / 321.0)
+    x = np.column_stack([x, *rng.standard_normal((2, len(t)))])
+    evidence = gather(ImuRecord(SIZE * x, None, t, rate), ['gyro_x'])['gyro_x']
+    assert evidence.humps.size and np.all(evidence.humps[:, 0] < 0.1)
+    begun = find_effect('noise', 'narrowband')().starts(evidence)
+    assert any(abs(e['frequency'] - f0) < 2 * width for e in begun)
 
 
 def test_a_notch_that_takes_out_most_of_the_band_is_one():

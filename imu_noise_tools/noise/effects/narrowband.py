@@ -65,10 +65,12 @@ class Narrowband(Spectrum):
         if {'frequency', 'width'} <= set(self.values):
             return super().starts(evidence)
         narrow = [(float(f), float(width)) for f, width, _ in evidence.humps[:NARROW]]
-        bumps = evidence.bumps(2 * BROAD)
-        broad = [(f, width) for f, width, clear in bumps
-                 if clear > CLEAR and all(abs(f - g) > w for g, w in narrow)]
-        some = [*narrow, *broad[:BROAD]] or [(f, width) for f, width, _ in bumps[:1]]
+        bumps = [bump for bump in evidence.bumps(2 * BROAD)
+                 if all(abs(bump[0] - g) > w for g, w in narrow)]
+        # one at least: what stands narrow may be another effect's
+        broad = [(f, width) for k, (f, width, clear) in enumerate(bumps[:BROAD])
+                 if clear > CLEAR or k == 0]
+        some = [*narrow, *broad]
         forms = (self.chosen('form'),) if 'form' in self.values else FORMS
         least = bell.LEAST / evidence.duration
         return [self.with_values(
