@@ -517,6 +517,20 @@ def test_what_is_switched_on_and_off_is_left_out_where_it_shows():
     assert fit(again, model_of('noise', BASE)).model['white'] == found.model['white']
 
 
+@pytest.mark.parametrize('seed', daily(range(3), 1))
+def test_noise_that_is_most_of_what_is_set_aside_is_not_lost_there(seed):
+    """An angle's rounding beside a process that the model lacks: 99 % of the power is its."""
+    rng, n, rate = np.random.default_rng([79, seed]), 150_000, 100.0
+    r = np.exp(-1 / (0.16 * rate))
+    slow = lfilter([np.sqrt(1 - r * r)], [1, -r], rng.standard_normal(n))
+    y = 2.2e-4 * rng.standard_normal(n) + 1e-4 * slow \
+        + 2.1e-3 * np.diff(rng.uniform(-0.5, 0.5, n + 1))
+    problem = NoiseProblem(axis_of(y, 1 / rate))
+    assert problem.point(model_of('noise', BASE)).details.set_aside
+    found = problem.point(model_of('noise', (*BASE, 'quantization')))
+    assert found.model['quantization']['Q'] == pytest.approx(2.1e-5 / np.sqrt(12), rel=0.15)
+
+
 def test_what_the_model_knows_is_not_left_out():
     """With the band that is switched on in the model, its power is that of the whole record."""
     y, rng = noise(42)

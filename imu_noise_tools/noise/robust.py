@@ -19,12 +19,12 @@ import numpy as np
 from .explained import (
     Bands, Explained, FAR, judge, Judgement, MANY, NEARLY, supported as supported_by
 )
-from .kinds import Coupling, Modulation, Response, Spectrum
+from .kinds import Coupling, MEASURED, Modulation, Response, Spectrum
 from .likelihood import Likelihood
 from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
 from .search import Found, Search
-from .starts import starts
+from .starts import SHOWS, starts
 from .uncertainty import marginal
 from ..core.statistics import gamma_pull_exact
 
@@ -98,12 +98,33 @@ def more_explained(found: Found, plain: Found) -> Found:
     """
     Return the plain fit of a filter or a peak where that explains far more, if only in part.
 
-    What rests on the bands beside a filter or a peak may have it anywhere.
+    What rests on the bands beside a filter or a peak may have it anywhere, and of other noise it
+    may have nothing that is most of a band that it sets aside.
 
     """
-    if found is plain or not _with_filter_or_peak(plain):
+    if found is plain or not (_with_filter_or_peak(plain) or _most_of(plain) - _seen_in(found)):
         return found
     return plain if _in_part(plain) > _in_part(found) + _BAND else found
+
+
+def _most_of(found: Found) -> set[str]:
+    """Return which noise, other than what every sensor has, is most of the power somewhere."""
+    return {k for k, share in _shares(found).items() if np.any(share > 0.5)}
+
+
+def _seen_in(found: Found) -> set[str]:
+    """Return which of it shows in the bins that a fit rests on."""
+    basis = found.likelihood.explained
+    some = np.ones(len(found.likelihood.power), bool) if basis is None else basis.weight > 0
+    return {k for k, share in _shares(found).items() if np.any(share[some] > SHOWS)}
+
+
+def _shares(found: Found) -> dict[str, np.ndarray]:
+    """Return the share of the power (b,) of all noise that not every sensor has, by its label."""
+    model = found.likelihood.with_search(found.x)
+    total, each = found.likelihood.spectra(model)
+    return {e.label: each[e.label] / np.maximum(total, 1e-300) for e in model.of(Spectrum)
+            if not (e.own or isinstance(e, MEASURED))}
 
 
 def _with_filter_or_peak(found: Found) -> bool:
