@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from params import daily
 import pytest
-from scipy.fft import dct
+from scipy.fft import dct, idct
 from scipy.signal import butter, iirnotch, lfilter
 
 import hidden
@@ -906,3 +906,18 @@ def test_short_dwells_are_told_without_a_line_that_the_model_lacks():
     fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
     z, at, _ = rts._short(evidence, replace(fit, model=fit.model.with_effect(rts)))
     assert 2 * abs(np.mean(z * np.exp(2j * np.pi * 40.0 * at))) < 0.02e-4
+
+
+def test_a_coefficient_near_zero_does_not_confirm_what_axes_do_not_share():
+    """ln of it has no lower end: by the least of a gain it would become far likelier, or less."""
+    rng, n, rate = np.random.default_rng(5), 16_384, 50.0
+    x = 1e-3 * rng.standard_normal((n, 3))
+    for half in (slice(None, n // 2), slice(n // 2, None)):
+        c = dct(x[half, 0], norm='ortho')
+        c[8:16] *= 1e-9
+        x[half, 0] = idct(c, norm='ortho')
+    problem = NoiseProblem(gather(ImuRecord(x, None, np.arange(n) / rate, rate), ['gyro_x'])[
+        'gyro_x'])
+    more = model_of('noise', ('white', 'shared_noise'))
+    before, after = problem.held_out(model_of('noise', ('white',))), problem.held_out(more)
+    assert abs(fall_of(before, after, [more['shared_noise']])) < FALL

@@ -145,7 +145,14 @@ def frequency(
     pull = np.append(gamma_pull(x, weight), np.where(own > 1, gamma_pull(own, taken), 0.0))
     f = np.append(likelihood.bins.f, evidence.line_table[:, 0])
     order = np.argsort(f, kind='stable')    # pictures shade what fails side by side
-    return _view('frequency', f[order], pull[order], excess, variance, 'Hz', extra)
+    view = _view('frequency', f[order], pull[order], excess, variance, 'Hz', extra)
+    if not likelihood.couplings:
+        return view
+    # ln of what is measured is the data's alone, and of one coefficient it has no lower end: what
+    # is coupled in moves that of the rest as far as chance brings the rest near zero
+    rest = np.maximum(power + lines, 1e-300) / np.maximum(likelihood.power + lines, 1e-300)
+    return replace(view, log_score=float(np.sum(excess) + weight @ np.where(
+        likelihood.weight > 0, np.log(rest), 0.0)))
 
 
 def _around_lines(lines, power, v, weight):
