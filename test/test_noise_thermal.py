@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of
@@ -104,3 +105,22 @@ def test_what_sways_by_itself_follows_no_temperature(kind):
         own = {a: 1 + (0.05 * n / (np.pi * k))**2 for a in slow}
         slow['temperature'] = heated(rng)[::3]
         assert course_of(slow, t, own) is None
+
+
+@pytest.mark.parametrize('whose', ['heater', 'own', 'shared'])
+def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_it(whose):
+    """The thermometer is far too slow to show the cycle of a heater, and all axes follow that."""
+    rng, t = np.random.default_rng(11), np.arange(N) / RATE
+    cycle = 0.02 * np.sin(2 * np.pi * 0.06 * t)
+    warmth = heated(rng) + cycle * (whose == 'heater')
+    a = np.exp(-1 / (25 * RATE))
+    slow = lfilter([1 - a], [1, -a], warmth, zi=[a * warmth[0]])[0]
+    gains = np.array([9, 5, -7, 20, 15, -18])
+    x = rng.standard_normal((N, 6)) + 3 * warmth[:, None] * gains
+    x[:, 0] += 27 * cycle * (whose != 'heater')
+    x[:, 1] += 27 * cycle * (whose == 'shared')
+    record = ImuRecord(1e-3 * x[:, :3], 1e-3 * x[:, 3:], t, RATE, covariates={
+        'temperature': 30 + read(3 * slow, rng, 0.12)})
+    e = gather(record, ['gyro_x'])['gyro_x']
+    assert whose != 'heater' or e.course.edge > 0.06
+    assert np.any(np.abs(e.line_table[:, 0] - 0.06) < 0.002) == (whose != 'heater')

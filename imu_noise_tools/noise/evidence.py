@@ -232,12 +232,10 @@ class Evidence:
         axes = [a for a in self.channels if a in AXES]
         if TEMPERATURE not in self.channels or not axes:
             return None
-        bins = self.whole.bins
-        f = np.arange(1, len(self.common.low[axes[0], 'whole']) + 1) / (2 * bins.n * self.dt)
-        own = {a: own_noise(bins, self.common.pair(a, a, 'whole'))[2] for a in axes}
-        each = 2 * self.dt * self.common.slow_length    # from a one-sided density
-        return course_of(self.common.slow, self.slow_t, {
-            a: np.interp(np.log(f), np.log(bins.f), x) / each for a, x in own.items()})
+        return course_beside(
+            self.common.slow, self.slow_t, self.whole.bins,
+            {a: self.common.pair(a, a, 'whole') for a in axes},
+            self.common.slow_length, len(self.common.low[axes[0], 'whole']))
 
     @property
     def sensor(self) -> str:
@@ -443,6 +441,22 @@ class Evidence:
 
         """
         return self.statistics.get(effect, {})
+
+
+def course_beside(slow: Mapping[str, np.ndarray], t: np.ndarray, bins: Bins,
+                  power: Mapping[str, np.ndarray], length: int, count: int) -> Course | None:
+    """
+    Return what axes tell of the temperature; None where none follows it.
+
+    Of block means (s,) of so many samples at t, and the power (b,) of each axis, whose own noise
+    is wanted in so many coefficients.
+
+    """
+    f = np.arange(1, count + 1) / (2 * bins.n * bins.dt)
+    own = {a: own_noise(bins, x)[2] for a, x in power.items()}
+    each = 2 * bins.dt * length    # from a one-sided density
+    return course_of(slow, t, {
+        a: np.interp(np.log(f), np.log(bins.f), x) / each for a, x in own.items()})
 
 
 def claimed_lines(evidence: Evidence, model: Model) -> set[int]:

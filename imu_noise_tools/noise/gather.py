@@ -23,7 +23,7 @@ from scipy.fft import idct
 from scipy.special import ndtri
 
 from . import shared
-from .evidence import Common, Evidence, Part
+from .evidence import Common, course_beside, Evidence, Part
 from .held import images_of_lines
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
@@ -34,6 +34,7 @@ from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
 from .sweep import find_sweep
 from .telegraph import levels
+from .thermal import follows_at, TEMPERATURE
 from ..core import allan
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform
@@ -102,6 +103,7 @@ def gather(
         work.samples(axis, deviation=deviation, points=points, octaves=octaves)
     work.beside()
     whole = {axis: work.spectrum(axis) for axis in axes}
+    work.follow(whole)
     work.part('whole', 0, work.used, whole)
     work.part('first', 0, work.half)
     work.part('second', work.half, work.half)
@@ -220,6 +222,33 @@ class _Gathering:
             slow = _block_means(self.covariates[name][:self.used], length)
             out |= also_in(lines, slow, length * self.dt, CALM, means)
         return out
+
+    def follow(self, whole: dict[str, np.ndarray]) -> None:
+        """
+        Leave in lines of an axis that are those of a course which others tell of the temperature.
+
+        A slow thermometer does not show a heater's cycle, and all that follows the heater does.
+
+        """
+        if TEMPERATURE not in self.covariates or not any(
+                len(own['line_table']) for own in self.own.values()):
+            return
+        bins, length = bins_of(self.used, self.dt), max(1, self.used // SLOW)
+        slow = {a: _block_means(x[:self.used], length)
+                for a, x in {'t': self.t, **self.clean, **self.covariates}.items()}
+        t, power = slow.pop('t'), {}
+        for a in (a for a in self.record.axes if a in slow):
+            c = whole[a] if a in whole else cosine_transform(self.covariates[a][:self.used])
+            power[a] = 2 * self.dt * np.add.reduceat(c**2, bins.first) / bins.count
+            self.memory.rest()
+        for axis in self.axes:
+            table = self.own[axis]['line_table']
+            course = course_beside(
+                {a: x for a, x in slow.items() if a != axis}, t, bins,
+                {a: x for a, x in power.items() if a != axis}, length, min(LOW, bins.n - 1))
+            if course is not None and len(table):
+                self.own[axis]['line_table'] = table[~follows_at(
+                    table[:, 0], slow[axis], t, slow[TEMPERATURE], course)]
 
     def _whiten(self, axis: str, c: np.ndarray, reference: np.ndarray) -> None:
         """Whiten the samples: how they spread, and a line that sweeps."""

@@ -29,6 +29,8 @@ FEWEST, MOST = 16, 256  # coefficients that tell whether an axis follows it
 CHANCE = 1e-3           # records in which an axis seems to
 NEAR = 0.2              # of a frequency, and coefficients, over which a level is read
 FEW = 8
+AROUND = 3              # coefficients that a line takes on either side
+LEFT = 0.1              # share of a line that what explains it leaves
 ABOVE = 2.0             # times its floor up to which axes show the temperature
 BEYOND = 1.5            # times that frequency: further on it is 1/5 of the noise, and less
 
@@ -156,6 +158,33 @@ def course_of(slow: Mapping[str, np.ndarray], t: np.ndarray,
     values = idct(out, type=2, norm='ortho')
     edge = (len(share) + 0.5) / (2 * len(t) * float(t[1] - t[0]))
     return Course(values / np.sqrt(np.mean(values**2)), edge, *tried[best])
+
+
+def follows_at(lines: np.ndarray, y: np.ndarray, t: np.ndarray, temperature: np.ndarray,
+               course: Course) -> np.ndarray:
+    """
+    Tell which lines, Hz (l,), of block means y (s,) are those of a course that axes tell.
+
+    What y follows of the temperature and of the course is told without the coefficients around a
+    line; it is theirs where it explains all of them but a tenth.
+
+    """
+    step = float(t[1] - t[0])
+    columns = powers(moved(temperature, t, course.lag, course.smoothing), [course.values])
+    at = np.rint(2 * len(y) * step * lines).astype(int) - 1
+    count = int(2 * len(y) * step * course.edge)
+    c, x = _coefficients(y, count), _coefficients(columns, count)
+    root = np.sqrt(np.maximum(_level(c**2), 1e-300))
+    out = np.zeros(len(lines), bool)
+    for i in np.flatnonzero(at + AROUND < count):
+        near = np.abs(np.arange(count) - at[i])
+        far, mine = near > 2 * AROUND, near <= AROUND
+        if np.sum(far) > 2 * x.shape[1]:
+            scaled = (x / root[:, None])[far]
+            size = np.maximum(np.sqrt(np.sum(scaled**2, axis=0)), 1e-300)
+            b = np.linalg.lstsq(scaled / size, (c / root)[far], rcond=1e-9)[0] / size
+            out[i] = np.sum((c - x @ b)[mine] ** 2) < LEFT * np.sum(c[mine] ** 2)
+    return out
 
 
 def _followed(c: np.ndarray, trend: np.ndarray,
