@@ -60,7 +60,8 @@ def one(job) -> dict:
         'failed': [f.name for f in first.failed],
     }
     if len(names) > 1:
-        out['added'] = [s.added for s in study.complete(['gyro_x'], most=4)]
+        out['added'] = [k for s in study.complete(['gyro_x'], most=4)
+                        for k in s.added.split('+')]
         out['last'] = study.diagnosis['gyro_x'].verdict
     elif names and out['verdict'] == names[0]:
         (step,) = study.add([names[0]], ['gyro_x'])

@@ -531,6 +531,22 @@ def test_noise_that_is_most_of_what_is_set_aside_is_not_lost_there(seed):
     assert found.model['quantization']['Q'] == pytest.approx(2.1e-5 / np.sqrt(12), rel=0.15)
 
 
+@pytest.mark.parametrize('seed', daily(range(4), 0))
+def test_a_fit_begun_behind_an_open_response_keeps_the_noise_that_it_had_there(seed):
+    """Means of three samples, of which the model knows nothing, and a process that it knows."""
+    rng, n, rate = np.random.default_rng([80, seed]), 54_000, 50.0
+    r = np.exp(-1 / (1.6 * rate))
+    slow = lfilter([np.sqrt(1 - r * r)], [1, -r], rng.standard_normal(n + 2))
+    y = 3.5e-4 * rng.standard_normal(n + 2) + 2e-4 * slow
+    evidence = axis_of(np.convolve(y, np.ones(3) / 3, 'valid'), 1 / rate)
+    model = model_of('noise', (*BASE, 'gauss_markov'))
+    first = fit(evidence, model, intervals=False)
+    assert first.details.basis.order.terms and first.model['gauss_markov']['sigma'] > 1e-4
+    again = fit(evidence, model, intervals=False, start=first.model, hint=first.details.hint)
+    assert again.model['gauss_markov']['sigma'] == pytest.approx(
+        first.model['gauss_markov']['sigma'], rel=0.05)
+
+
 def test_what_the_model_knows_is_not_left_out():
     """With the band that is switched on in the model, its power is that of the whole record."""
     y, rng = noise(42)

@@ -137,7 +137,7 @@ def fit(
         if start is None or not set(model.labels) <= set(start.labels):
             found = search.with_responses_anew(found)
         first = found
-        found = resting_on_what_it_explains(search, found, hint)
+        found = resting_on_what_it_explains(search, found, hint, start)
         found = more_explained(found, first)
         found = in_quiet(search, found, hint)
     return _fit_of(found, measured, flags, intervals)

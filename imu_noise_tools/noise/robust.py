@@ -24,9 +24,10 @@ from .likelihood import Likelihood
 from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
 from .search import Found, Search
-from .starts import SHOWS, starts
+from .starts import SHOWS, starts, with_values_of
 from .uncertainty import marginal
 from ..core.statistics import gamma_pull_exact
+from ..loop.effect import Model
 
 _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end, to start from
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
@@ -51,13 +52,15 @@ _CREDIBLE = 0.3  # share of the bands that must agree for the others to be calle
 _LEAST = 0.05  # share of the power, somewhere, that must be left of what every sensor has
 
 
-def resting_on_what_it_explains(search: Search, plain: Found, hint: Explained | None) -> Found:
+def resting_on_what_it_explains(search: Search, plain: Found, hint: Explained | None,
+                                given: Model | None = None) -> Found:
     """
     Return the fit made again on the bands that a fit explains; the same where none disagrees.
 
     Bands are chosen and fitted in turn until they stay, beginning with those of the slow end, with
     all, and with all but some in the middle; of where that ends, what explains most bands holds.
-    Where that is few of them the model is wrong, not disturbed, and every bin counts.
+    Where that is few of them the model is wrong, not disturbed, and every bin counts. ``given`` is
+    a model that was fitted as ``hint`` says.
 
     """
     thorough, search = search, replace(search, cautious=False, enough=1e-3)
@@ -73,7 +76,7 @@ def resting_on_what_it_explains(search: Search, plain: Found, hint: Explained | 
     if not held or ended[0][1] < _CREDIBLE * bands.count and not lacks(plain):
         return plain
     without, best = held[0], _score(bands, held[0])
-    for basis, x in _behind_responses(bands, without, hint):
+    for basis, x in _behind_responses(bands, without, hint, given):
         more = _settled(search, bands, without, basis, [], x)
         if more is None or not (flat(more[0]) and _joined(bands, more[0])) \
                 or _score(bands, more[0]) <= best + 1e-6:
@@ -296,7 +299,7 @@ def lacks(found: Found) -> bool:
     )
 
 
-def _behind_responses(bands: Bands, found: Found, hint: Explained | None):
+def _behind_responses(bands: Bands, found: Found, hint: Explained | None, given: Model | None):
     """
     Yield (basis, start) with a response left open that does more than the model alone.
 
@@ -306,7 +309,11 @@ def _behind_responses(bands: Bands, found: Found, hint: Explained | None):
     """
     if hint is not None:
         if hint.order.terms:
-            yield replace(hint, quiet=_quiet(found)), np.append(found.x, hint.values)
+            again = replace(hint, quiet=_quiet(found))
+            yield again, np.append(found.x, hint.values)
+            if given is not None:   # without the response its noise may have been lost
+                x = with_values_of(given, found.likelihood, found.x)
+                yield again, np.append(x, hint.values)
         return
     bins = found.likelihood.bins
     x, w = ratio_of(found)

@@ -73,7 +73,7 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
     for candidate in grid[:64]:
         found = _with_amplitudes(likelihood, candidate, (0.02, 0.3))
         if given is not None:
-            found.append(_with_given(likelihood, given, found[0]))
+            found.append(with_values_of(given, likelihood, found[0]))
         out += [(candidate, x0) for x0 in found]
     return out
 
@@ -94,8 +94,8 @@ def _of_what_passes(likelihood, given, effect):
     return _gain_alone(before, given.plus(effect), effect).starts(effect)[:BESIDE]
 
 
-def _with_given(likelihood, given, x0):
-    """Return a search vector with the values of a smaller model in it."""
+def with_values_of(given: Model, likelihood: Likelihood, x0: np.ndarray) -> np.ndarray:
+    """Return a search vector (p,) with the values of another model in it."""
     out = x0.copy()
     for j, slot in enumerate(likelihood.slots):
         if slot.label in given.labels and slot.parameter.name in given[slot.label].values:
