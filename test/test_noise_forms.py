@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import pickle
 
 import numpy as np
 from params import daily
@@ -25,6 +26,7 @@ from imu_noise_tools.noise import Inputs, shared
 from imu_noise_tools.noise import likelihood
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
+from imu_noise_tools.noise.evidence import REMEMBERED
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -832,12 +834,33 @@ def test_what_is_smooth_is_the_same_at_a_quick_number_of_places(name):
     for part in ('whole', 'second'):
         view = Likelihood(evidence, part, model_of('noise', ('white',)).plus(effect))
         quick = view.slow_columns(effect)
-        evidence._remembered.clear()
+        evidence.common.remembered.clear()
         exact = view._slow_transform(view._in_part(effect.columns(
             evidence.slow_inputs, **{p.name: effect[p.name] for p in effect.parameters
                                      if not p.linear})))
         error = np.sqrt(np.sum((quick - exact) ** 2, axis=0))
         assert np.all(error <= 2e-3 * np.sqrt(np.sum(exact**2, axis=0)))
+
+
+def test_what_is_asked_for_again_and_again_is_worked_out_once_whatever_a_search_asks_between():
+    """Of the levels of a path every fit that has them asks; of a place of a search hardly one."""
+    evidence = evidence_of(np.random.default_rng(5).standard_normal(3000), 100.0)
+    made = []
+
+    def make():
+        made.append(1)
+        return np.zeros(0)
+
+    for k in range(20):
+        evidence.remembered(('levels',), make)
+        evidence.remembered(('place', k), lambda: np.zeros(REMEMBERED // 4))
+    assert len(made) == 1
+    there, gone = (pickle.loads(pickle.dumps(evidence)) for _ in range(2))
+    there.remembered(('levels',), make)
+    assert len(made) == 2, 'what can be made anew is not sent to another process'
+    gone.common.remembered.get(('large',), lambda: np.zeros(2 * REMEMBERED))
+    gone.remembered(('levels',), make)
+    assert gone.common.remembered.numbers <= REMEMBERED
 
 
 def test_a_step_is_looked_for_where_the_best_one_hides_none():

@@ -19,7 +19,7 @@ import importlib.util
 from pathlib import Path
 import re
 from types import MappingProxyType
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, cast, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -251,7 +251,8 @@ class Effect:
         more = {k: v if type(v) is float and not known[k].choices else known[k].number(v)
                 for k, v in values.items()}
         out = object.__new__(type(self))
-        out.__dict__.update(self.__dict__, values=MappingProxyType({**self.values, **more}))
+        had = cast('MappingProxyType[str, float]', self.values)
+        out.__dict__.update(self.__dict__, values=MappingProxyType(had | more))
         return out
 
     @classmethod

@@ -32,7 +32,7 @@ from ..loop.effect import Effect, Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
 QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
-REMEMBERED = 1 << 21  # numbers (16 MB) of what is worked out again and again
+REMEMBERED = 1 << 23  # numbers (64 MB) of a record that are not worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
 PARTS = ('whole', 'first', 'second')
 
@@ -84,6 +84,34 @@ class Part:
         return self.n * self.dt
 
 
+class Remembered:
+    """Arrays by what they were made for, what was asked for last: up to some numbers in all."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self.numbers = most, 0
+        self._kept: dict[tuple, np.ndarray] = {}
+
+    def __reduce__(self) -> tuple:
+        """Go to another process without what can be made anew there."""
+        return Remembered, (self._most,)
+
+    def get(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what was made for a key, or make it."""
+        found = self._kept.pop(key, None)
+        if found is None:
+            found = make()
+            self.numbers += found.size
+        self._kept[key] = found     # the last to go
+        while self.numbers > self._most and len(self._kept) > 1:
+            self.numbers -= self._kept.pop(next(iter(self._kept))).size
+        return found
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._kept.clear()
+        self.numbers = 0
+
+
 @dataclass(frozen=True)
 class Common:
     """
@@ -101,6 +129,8 @@ class Common:
     slow: Mapping[str, np.ndarray]
     cross: Mapping[tuple[str, str, str], np.ndarray]
     low: Mapping[tuple[str, str], np.ndarray]
+    remembered: Remembered = field(default_factory=lambda: Remembered(REMEMBERED), init=False,
+                                   repr=False, compare=False)
 
     def pair(self, a: str, b: str, part: str) -> np.ndarray:
         """Return the cross-power (b,) of two channels; with itself, the power."""
@@ -167,8 +197,7 @@ class Evidence:
     unrounded: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
     rounding: np.ndarray = field(default_factory=lambda: np.zeros(1))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
-    _remembered: dict = field(default_factory=dict, init=False, repr=False, compare=False)
-    _sizes: list[int] = field(default_factory=lambda: [0], init=False, repr=False, compare=False)
+    _self: object = field(default_factory=object, init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _begun: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _quick: dict[int, Inputs] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -197,7 +226,7 @@ class Evidence:
             COURSE: np.std(self.slow_y) * self.course.values}
         return Inputs(self.slow_t, self.dt, {**self.slow_others, **more})
 
-    @property
+    @cached_property
     def even_inputs(self) -> Inputs:
         """
         Return the same at times that share out the record evenly, as a transform has them.
@@ -422,16 +451,11 @@ class Evidence:
         """
         Return an array that the record alone decides, made once for a key.
 
-        The oldest go where they come to more than :data:`REMEMBERED` numbers.
+        Of a record's axes, which mostly are asked one after another, no more than
+        :data:`REMEMBERED` numbers are kept, those that were asked for last.
 
         """
-        kept = self._remembered
-        if key not in kept:
-            kept[key] = made = make()
-            self._sizes[0] += made.size
-            while self._sizes[0] > REMEMBERED and len(kept) > 1:
-                self._sizes[0] -= kept.pop(next(iter(kept))).size
-        return kept[key]
+        return self.common.remembered.get((self._self, *key), make)
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """

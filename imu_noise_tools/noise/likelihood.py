@@ -383,11 +383,9 @@ class Likelihood:
             assert slow is not None
             x, y = self.design(model), slow - self._path
             every = np.sqrt(2 * self.dt / self._fine(v))
-            root, more = every * self._counted(), self._of_lines
-            # beside a mean a line has other values than it had by itself
-            own, columns = np.linalg.qr(more * root[:, None])[0], x * root[:, None]
-            beta, covariance, leverage, log_det = least_squares(
-                columns - own @ (own.T @ columns), y * root - own @ (own.T @ (y * root)))
+            root = every * self._counted()
+            columns, rest = self._beside_lines(root, x * root[:, None], y * root)
+            beta, covariance, leverage, log_det = least_squares(columns, rest)
             change = x @ beta
             # what is set aside may be the line's rest itself
             change = change + self._change_of_lines(y - change, every)
@@ -433,7 +431,17 @@ class Likelihood:
     def _change_of_lines(self, slow, root):
         """Return the change of the lines (q,) that slow coefficients (q,) show, of such roots."""
         more = self._of_lines
+        if not more.size:
+            return 0.0
         return more @ np.linalg.lstsq(more * root[:, None], slow * root, rcond=None)[0]
+
+    def _beside_lines(self, root, *some):
+        """Return weighted columns and coefficients (q, ...) less what changed lines explain."""
+        if not self._of_lines.size:
+            return some
+        # beside a mean a line has other values than it had by itself
+        own = np.linalg.qr(self._of_lines * root[:, None])[0]
+        return [x - own @ (own.T @ x) for x in some]
 
     def _counted(self):
         """Return the root of what each slow coefficient (q,) counts."""
