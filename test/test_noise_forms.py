@@ -19,7 +19,7 @@ from imu_noise_tools.core.errors import FitError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of, cosine_transform, power
 from imu_noise_tools.loop.diagnosis import diagnose
-from imu_noise_tools.loop.effect import find_effect, Finding, model_of
+from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import Inputs, shared
@@ -32,6 +32,7 @@ from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
 from imu_noise_tools.noise.views import p_value, time
 
@@ -861,6 +862,23 @@ def test_what_is_asked_for_again_and_again_is_worked_out_once_whatever_a_search_
     gone.common.remembered.get(('large',), lambda: np.zeros(2 * REMEMBERED))
     gone.remembered(('levels',), make)
     assert gone.common.remembered.numbers <= REMEMBERED
+
+
+def test_a_spectrum_is_made_once_for_all_models_and_evidence_that_was_fitted_goes_elsewhere(
+        monkeypatch):
+    evidence = evidence_of(np.random.default_rng(5).standard_normal(3000), 100.0)
+    white, order = find_effect('noise', 'white'), Order(1, 1)
+    values, asked = {'white': {'N': 1e-3}}, []
+    psd = white.psd
+    monkeypatch.setattr(white, 'psd', lambda *some: asked.append(1) or psd(*some))
+    for more in {}, {'ramp': {'R': 0.0}}, {'quantization': {'Q': 1e-6}}:
+        model = model_of('noise', ('white', *more)).with_values({**values, **more})
+        assert len(Likelihood(evidence, 'whole', model).spectra(model)[1]) >= 1
+    assert len(asked) == 1
+    beside = Model([*model_of('noise', ('white',)).with_values(values),
+                    open_response(order).with_values(a1=0.1, a2=0.2)])
+    Likelihood(evidence, 'whole', beside).spectra(beside)
+    assert evidence.units['whole'] and not pickle.loads(pickle.dumps(evidence)).units['whole']
 
 
 def test_a_step_is_looked_for_where_the_best_one_hides_none():

@@ -84,6 +84,14 @@ class Part:
         return self.n * self.dt
 
 
+class Anew(dict[tuple, np.ndarray]):
+    """Arrays by what they were made for, that go to another process as none."""
+
+    def __reduce__(self) -> tuple:
+        """They are made anew there, and what they were made for may not be named there."""
+        return Anew, ()
+
+
 class Remembered:
     """Arrays by what they were made for, what was asked for last: up to some numbers in all."""
 
@@ -202,6 +210,10 @@ class Evidence:
     _begun: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     _quick: dict[int, Inputs] = field(default_factory=dict, init=False, repr=False, compare=False)
     _steadier: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    #: what effects put into the bins of a part, for the likelihoods of all models
+    units: Mapping[str, Anew] = field(
+        default_factory=lambda: {part: Anew() for part in PARTS}, init=False, repr=False,
+        compare=False)
 
     @property
     def slow_t(self) -> np.ndarray:

@@ -43,6 +43,7 @@ from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
 
 KEPT = 16  # points of a search at which the value is kept
+UNITS = 128  # spectra of effects and gains of responses that are kept of a part
 LINES = 4       # that are slow, the strongest, whose values are solved for beside a mean
 SLOWEST = 1024      # coefficients, in which all is that a slow mean does
 
@@ -181,7 +182,8 @@ class Likelihood:
         self._last = np.zeros(0), np.zeros(0)
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, np.ndarray] = {}
-        self._units: dict[tuple, np.ndarray] = {}
+        # what effects of some values put into the same bins, whatever else is in their model
+        self._units = evidence.units[part]
         self._pairs: dict[tuple, tuple] = {}
         self._values: dict[bytes, tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]] = {}
         if self.means:
@@ -529,9 +531,7 @@ class Likelihood:
 
     def beside(self, model: Model) -> Likelihood:
         """Return that of another model of the same part, on the same basis."""
-        out = Likelihood(self.evidence, self.part_name, model, self.mean, self.explained)
-        out._units = self._units    # what effects of the same values put into the same bins
-        return out
+        return Likelihood(self.evidence, self.part_name, model, self.mean, self.explained)
 
     def with_search(self, x: np.ndarray) -> Model:
         """Return the model at a point of the search."""
@@ -619,7 +619,7 @@ class Likelihood:
         size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
         if not size > 0:
             return 1.0, (), self._psd(effect)
-        key = effect.label, *((k, v) for k, v in effect.values.items() if k != amplitude[0])
+        key = type(effect), *((k, v) for k, v in effect.values.items() if k != amplitude[0])
         return size**2, key, self._kept(
             key, lambda: self._psd(effect.with_values(**{amplitude[0]: 1.0})))
 
@@ -660,13 +660,13 @@ class Likelihood:
         if moved is not None:
             responses = [moved if r.label == moved.label else r for r in responses]
         each = [r.gain2(at, self.dt) if r is moved else self._kept(
-            (r.label, *r.values.values()), partial(r.gain2, at, self.dt)) for r in responses]
+            (type(r), *r.values.items()), partial(r.gain2, at, self.dt)) for r in responses]
         return together(responses, each, self.dt, white)
 
     def _kept(self, key, make):
         """Return what was made for a key, or make it."""
         if key not in self._units:
-            if len(self._units) > 32:
+            if len(self._units) > UNITS:
                 self._units.clear()
             self._units[key] = make()
         return self._units[key]
