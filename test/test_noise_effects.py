@@ -85,6 +85,25 @@ def inputs(n, seed=0) -> Inputs:
     return Inputs(t, DT, {'temperature': temperature, 'course': course}, axes)
 
 
+def test_an_effect_that_derives_from_another_has_the_allan_variance_of_its_own_spectrum(
+        clean_registry):
+    """Beside the other's, at the same cluster sizes: what is kept of one is not the other's."""
+    def doubled(cls):
+        class Louder(cls):
+            name = f'louder_{cls.name}'
+
+            def psd(self, f, dt):
+                return 2 * super().psd(f, dt)
+
+        return Louder
+
+    m = np.array([1.0, 3.0, 20.0])
+    one = EFFECTS['flicker'].example()
+    for _ in range(2):
+        twice = doubled(type(one))(dict(one.values)).avar(m, DT)
+        np.testing.assert_allclose(twice, 2 * one.avar(m, DT), rtol=1e-12)
+
+
 def test_the_known_effects_are_there():
     assert {'white', 'flicker', 'random_walk', 'quantization', 'ramp', 'gauss_markov', 'sinusoid',
             'rate_quantization'} <= set(EFFECTS)

@@ -3,6 +3,11 @@
 
 """Flicker noise: bias instability."""
 
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
@@ -51,9 +56,8 @@ class Flicker(Spectrum):
         factor = np.ones(len(m))
         small = m < 60
         if small.any():
-            factor[small] = super(Flicker, type(self)({'B': 1.0})).avar(m[small], dt) / (
-                2 * np.log(2) / np.pi
-            )
+            kind: Any = type(self)
+            factor[small] = _of_unit(kind, tuple(m[small].tolist()), dt) / (2 * np.log(2) / np.pi)
         return flat * factor
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
@@ -86,3 +90,9 @@ class Flicker(Spectrum):
     def example(cls) -> Effect:
         """Return the effect of a consumer MEMS gyroscope, 5 deg/h."""
         return cls({'B': 2.4e-5})
+
+
+@lru_cache(maxsize=32)
+def _of_unit(kind: Any, m: tuple[float, ...], dt: float) -> np.ndarray:
+    """Return the Allan variance (m,) of B = 1 by its quadrature: every axis asks for the same."""
+    return super(Flicker, kind({'B': 1.0})).avar(np.array(m), dt)
