@@ -94,6 +94,22 @@ def test_swings_that_imitate_redder_noise_are_none_though_they_hold_it_where_it_
     assert all(said.startswith('beside a knee') for said in beside_a_knee(red(rng), rng))
 
 
+def test_a_drift_gains_beside_a_knee_no_more_than_the_knee_alone_leaves_to_it():
+    """In redder noise a parabola holds a knee where there is room for both."""
+    rng = np.random.default_rng([9, 9])
+    f = np.fft.rfftfreq(4 * N, DT)
+    y = np.fft.irfft(rng.standard_normal((2, len(f))).T @ [1, 1j]
+                     * (f**2 + (0.5 / (N * DT)) ** 2) ** -0.75)[:N]
+    y = 20 * (y - np.mean(y)) / np.std(y)
+    problem = NoiseProblem(gather(record_of(y, rng), ['gyro_x'])['gyro_x'])
+    base = ('white', 'flicker', 'random_walk')
+    claim = next(f.gain for f in problem.candidates(problem.fit(model_of('noise', base)))
+                 if f.name == 'drift')
+    fit = problem.point(model_of('noise', (*base, 'drift')))
+    steepness, gain = flexible._gains_beside_a_knee(problem.evidence, fit, ['drift'])
+    assert 1.2 < steepness < 2 and 0 <= gain < claim
+
+
 # of four; one of the swings of the fourth is taken for a knee of steepness 4
 @pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.thorough)])
 def test_swings_that_are_there_stay_beside_a_knee(seed):

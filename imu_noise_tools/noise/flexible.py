@@ -25,7 +25,7 @@ from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
-from .knee import Knee
+from .knee import Knee, STEEPEST
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
 from .sweep import PARTS as SWEPT, Sweep
@@ -434,8 +434,13 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
     owners = np.array(['', *(m.label for m in rival.model.of(Mean)
                              for p in m.parameters if p.linear)])
     left = _unexplained(means, means.columns)
-    return np.array([rival.model['knee']['steepness'], *(
-        _unexplained(means, means.columns[:, owners != label]) - left for label in labels)])
+    steepness, most = rival.model['knee']['steepness'], np.inf
+    if steepness < 0.99 * STEEPEST:     # at its steepest it is the edge of a band
+        # it may do it all: one of them is worth no more than they are together
+        most = max(gained(Bands.on(evidence.whole.bins), alone.details, rival.details), 0.0)
+    return np.array([steepness, *(
+        min(_unexplained(means, means.columns[:, owners != label]) - left, most)
+        for label in labels)])
 
 
 def _mean_gain(evidence: Evidence, fit: Fit) -> float:

@@ -20,6 +20,7 @@ from ..loop.effect import Effect
 
 MIDDLE = 0.01   # of the sample rate: where the level is read
 STEEP = (-0.5, 0.35, 0.7, 1.5)    # to start from
+STEEPEST = 4.0
 
 
 class Knee(Spectrum):
@@ -28,7 +29,7 @@ class Knee(Spectrum):
     parameters = (
         Parameter('level', '{rate}/sqrt(Hz)', 1e-12, 1e3, amplitude=True),
         Parameter('fc', 'Hz', 1e-9, 1e6),
-        Parameter('steepness', '1', -1.5, 4.0, log=False),
+        Parameter('steepness', '1', -1.5, STEEPEST, log=False),
     )
 
     def starts(self, evidence: Evidence) -> list[Effect]:
