@@ -643,6 +643,25 @@ def test_skirts_of_a_sharp_resonance_that_stands_high_tell_what_is_heard_of_it(h
     assert 'displacement' in tried and ('velocity' in tried) == told
 
 
+@pytest.mark.parametrize('slow', ['warm-up', 'sway'])
+def test_what_warms_up_together_is_no_coupling(slow):
+    """One source moves a gyroscope and an accelerometer once; a bench that sways goes on."""
+    rng, n, rate = np.random.default_rng(17), 60_000, 25.0
+    t = np.arange(n) / rate
+    course = np.exp(-t / 45) + 1.5 * np.exp(-t / 400)
+    if slow == 'sway':
+        w, r = 2 * np.pi * 0.05 / rate, np.exp(-np.pi * 0.05 / 8 / rate)
+        course = lfilter([1.0], [1.0, -2 * r * np.cos(w), r * r], rng.standard_normal(2 * n))[n:]
+        course /= 2 * np.std(course)
+    gyro, accel = 1e-3 * rng.standard_normal((n, 3)), 1e-2 * rng.standard_normal((n, 3))
+    gyro[:, 0] += 3e-3 * course
+    accel += 0.1 * course[:, None] * [1.0, 0.2, 0.7]
+    problem = NoiseProblem(gather(ImuRecord(gyro, accel, t, rate), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk', 'accel_coupling')))
+    said = problem.shape(fit, 'accel_coupling', 300.0)
+    assert said == (flexible.COURSE_OF_AXES if slow == 'warm-up' else '')
+
+
 def test_a_faint_band_is_begun_at_beside_what_stands_narrow_elsewhere():
     """A swing of a few cycles stands narrow, and is another effect's."""
     rng, rate, f0, width = np.random.default_rng(4), 125.0, 24.0, 0.9

@@ -46,6 +46,7 @@ RARE = 1e-3  # how often chance reaches what refutes a name
 VALLEY = 0.5  # of the lower of two peaks: they are apart where there is less between them
 TOGETHER = 3  # peaks without one
 UNLIKE_SHARE = 0.005  # of a claim, that noise has whose kurtosis is half of what a line's would be
+COURSE_OF_AXES = 'what it explains is a course that axes have in common, and no noise'
 FEWEST = 64  # differences of block means that tell a kurtosis
 MANY = 4  # times as many, from which so few independent ones are those of a course
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
@@ -212,8 +213,10 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
+    if not effect.normal:
+        return COURSE_OF_AXES if _happens_once(octaves_of(evidence, fit, effect)) else ''
     against = _not_normal(evidence, fit, effect, claim)
-    if effect.normal and not against:
+    if not against:
         gain = _shared_otherwise(evidence, fit, effect)
         if gain > max(DIRECTED, UNLIKE_SHARE * claim):
             return f'what is shared moves, or comes and goes, as no noise does, by {gain:.0f} nats'
@@ -253,8 +256,26 @@ def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim
         if gain > FLEXIBLE:     # however strong: of few values it would be as clear
             return f'what it explains follows a law that is no noise\'s, by {gain:.0f} nats'
     if isinstance(effect, Coupling) and pieces(differences) < FEWEST:
-        return 'what it explains is a course that axes have in common, and no noise'
+        return COURSE_OF_AXES
     return ''
+
+
+def _happens_once(octaves: Iterable[np.ndarray]) -> bool:
+    """
+    Tell whether what octaves of block means hold is slow and is over within a part of the record.
+
+    All that warms up together does so: nearly all of it is in the slowest octave, and of that most
+    in a twentieth of the record.
+
+    """
+    energy = [(2.0**k * float(np.sum(d**2)), d)
+              for k, (d, _) in enumerate(differences_of(octaves))]
+    if not energy:
+        return False
+    slowest, d = energy[-1]
+    few = max(1, len(d) // 20)
+    return slowest > HEALED * sum(x for x, _ in energy) \
+        and np.sum(np.sort(d**2)[-few:]) > HEALED * np.sum(d**2)
 
 
 def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
