@@ -156,3 +156,13 @@ def test_a_creep_is_not_a_transient_with_a_drift(seed):
     said = analyse_record(record_of(mean, rng), axes=('gyro_x',), keep_motion=True).diagnose(
         ['gyro_x'])['gyro_x']
     assert not said.found and said.remaining is not None, said.found
+
+
+def test_a_creep_that_a_random_walk_holds_is_not_sufficient():
+    """The Allan curve fits, with ten times the K there is; with slow cosines in its place not."""
+    rng = np.random.default_rng(12)
+    for size, holds in ((0.0, True), (12.0, False)):
+        mean = size * np.log1p(40 * U)
+        problem = NoiseProblem(gather(record_of(mean, rng), ['gyro_x'])['gyro_x'])
+        found = problem.matters(problem.fit(model_of('noise', ('white', 'flicker', 'random_walk'))))
+        assert found.sufficient == holds and ('random_walk.K' in found.moved) != holds

@@ -25,7 +25,7 @@ from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
-from .knee import Knee, STEEPEST
+from .knee import Knee, KNOTS, STEEPEST
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
 from .sweep import PARTS as SWEPT, Sweep
@@ -38,7 +38,6 @@ from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 #: of each octave, the narrowest first: differences of block means, how many are independent
 Differences: TypeAlias = list[tuple[np.ndarray, float]]
 
-KNOTS = 8  # free levels of the smooth form
 QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
 QUIET_PULL = 4.0  # of bins side by side, for narrow ones
 ENOUGH = 4.0  # coefficients for each gain that is free in a band
@@ -175,7 +174,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
                                    _own(evidence, fit, label)))
         where = f'between {f[i]:.3g} and {f[j]:.3g} Hz'
     elif isinstance(effect, Mean):
-        gain = _mean_gain(evidence, fit)
+        gain = mean_gain(evidence, fit)[0]
         where = 'in time'
     elif isinstance(effect, Modulation):
         gain = _variance_gain(evidence, fit)
@@ -464,20 +463,20 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
         for label in labels)])
 
 
-def _mean_gain(evidence: Evidence, fit: Fit) -> float:
+def mean_gain(evidence: Evidence, fit: Fit) -> tuple[float, bool]:
     """
     Return what slow cosines of the mean gain over a model, nats, given its red noise.
 
-    Of time, or of its logarithm from the record's begin on, whichever gain more: what sets in with
-    the record, a creep, say, is steep there and flat later.
+    Of time, or (True) of its logarithm from the record's begin on, whichever gain more: what sets
+    in with the record, a creep, say, is steep there and flat later.
 
     """
     means = views.block_means(evidence, fit)
     k, count = np.arange(1, KNOTS + 1), len(means.y)
     j = np.arange(count) + 0.5
     slow = (np.cos(np.pi * np.outer(u, k)) for u in (j / count, np.log1p(j) / np.log1p(count)))
-    return _unexplained(means, means.columns) - min(
-        _unexplained(means, np.column_stack([means.columns, x])) for x in slow)
+    left = [_unexplained(means, np.column_stack([means.columns, x])) for x in slow]
+    return _unexplained(means, means.columns) - min(left), left[1] < left[0]
 
 
 def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A rival without a name to what bends a spectrum over decades.
+Rivals without a name: to what bends a spectrum over decades, and to what moves a mean slowly.
 
-It is a knee of any steepness, or a power of the frequency. A Gauss-Markov process is the knee of
-one steepness, and several of them imitate any other over a band. It is no effect of the library:
-nothing is named by it.
+The first is a knee of any steepness, or a power of the frequency. A Gauss-Markov process is the
+knee of one steepness, and several of them imitate any other over a band. The other is cosines.
+Neither is an effect of the library: nothing is named by it.
 
 """
 
@@ -15,12 +15,14 @@ from __future__ import annotations
 import numpy as np
 
 from .evidence import Evidence
-from .kinds import Parameter, Spectrum
+from .kinds import Inputs, Mean, Parameter, Spectrum
 from ..loop.effect import Effect
 
 MIDDLE = 0.01   # of the sample rate: where the level is read
 STEEP = (-0.5, 0.35, 0.7, 1.5)    # to start from
 STEEPEST = 4.0
+KNOTS = 8       # free levels of a smooth form
+BLOCKS = 256    # of the record, of which the logarithm of time resolves the first
 
 
 class Knee(Spectrum):
@@ -48,3 +50,20 @@ class Knee(Spectrum):
             return 1 + (np.asarray(f) / self['fc']) ** 2
 
         return self['level'] ** 2 * (over(f) / over(MIDDLE / dt)) ** -self['steepness']
+
+
+class SlowMean(Mean):
+    """Cosines of time, or of its logarithm from the record's begin on, as a creep wants it."""
+
+    smooth = slow = True
+    parameters = (
+        *(Parameter(f'order_{k}', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True)
+          for k in range(1, KNOTS + 1)),
+        Parameter.choice('of', ('time', 'logarithm')),
+    )
+
+    def columns(self, inputs: Inputs, of: float = 0.0) -> np.ndarray:
+        """Return them (n, KNOTS)."""
+        u = (inputs.t - inputs.t[0]) / (inputs.t[-1] - inputs.t[0])
+        u = np.log1p(BLOCKS * u) / np.log1p(BLOCKS) if of else u
+        return np.cos(np.pi * np.outer(u, np.arange(1, KNOTS + 1)))

@@ -19,9 +19,11 @@ from .curve import bin_weights, model_curve
 from .evidence import Evidence
 from .explained import Bands, judge, stretches
 from .fit import fit as fit_part
+from .flexible import mean_gain
+from .knee import SlowMean
 from .views import unclaimed
-from ..loop.effect import Fit, unfitted
-from ..loop.verdict import sufficient as sufficient_ratio
+from ..loop.effect import Fit, Model, unfitted
+from ..loop.verdict import FLEXIBLE, sufficient as sufficient_ratio
 
 SPAN = 0.1  # of the record's length: averaging times up to which curves are compared
 
@@ -65,7 +67,7 @@ class Materiality:
         Of the spectrum, from low to high frequencies.
     moved : tuple of str
         Coefficients (``white.N``) that would leave their interval if the fit had to follow what
-        it does not explain.
+        it does not explain, or if a slow course of the mean that has no name were not theirs.
 
     """
 
@@ -125,6 +127,7 @@ def materiality(evidence: Evidence, fit: Fit) -> Materiality:
     ratio = _farther(ratio, _beyond_chance(c, some, np.sqrt(model)))
     far = int(np.argmax(np.abs(np.log(ratio))))
     moved = _moved(evidence, fit) if failures else ()
+    moved += tuple(k for k in _without_a_course(evidence, fit) if k not in moved)
     sufficient = sufficient_ratio(ratio[far]) and not moved
     return Materiality(bool(sufficient), float(ratio[far]),
                        float(c.tau[some][far]) if ratio[far] != 1 else float('nan'),
@@ -147,11 +150,30 @@ def _beyond_chance(c, some, model):
 
 def _moved(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
     """Return which amplitudes leave their interval in a fit that has to follow every bin."""
-    every = fit_part(evidence, unfitted(fit.model), intervals=False, robust=False)
+    return _outside(fit, fit_part(evidence, unfitted(fit.model), intervals=False, robust=False))
+
+
+def _without_a_course(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
+    """
+    Return which amplitudes leave their interval where a slow course of the mean is no noise.
+
+    A random walk holds a creep or a warm-up that has no name, and the Allan curve fits.
+
+    """
+    gain, logarithm = mean_gain(evidence, fit)
+    if gain <= FLEXIBLE:
+        return ()
+    slow = SlowMean({'of': float(logarithm)}, 'course')
+    return _outside(fit, fit_part(evidence, Model((*unfitted(fit.model), slow)), intervals=False,
+                                  start=fit.model, hint=fit.details.hint))
+
+
+def _outside(fit: Fit, other: Fit) -> tuple[str, ...]:
+    """Return which amplitudes another fit has outside of a fit's intervals."""
     out = []
     for label, found in fit.estimates.items():
         for name, e in found.items():
-            there = every.estimates.get(label, {}).get(name)
+            there = other.estimates.get(label, {}).get(name)
             if e.ci95 is None or e.fixed or there is None or there.point is None:
                 continue
             if not e.ci95[0] <= there.point <= e.ci95[1]:
