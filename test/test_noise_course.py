@@ -164,5 +164,7 @@ def test_a_creep_that_a_random_walk_holds_is_not_sufficient():
     for size, holds in ((0.0, True), (12.0, False)):
         mean = size * np.log1p(40 * U)
         problem = NoiseProblem(gather(record_of(mean, rng), ['gyro_x'])['gyro_x'])
-        found = problem.matters(problem.fit(model_of('noise', ('white', 'flicker', 'random_walk'))))
+        fit = problem.fit(model_of('noise', ('white', 'flicker', 'random_walk')))
+        found = problem.matters(fit)
         assert found.sufficient == holds and ('random_walk.K' in found.moved) != holds
+        assert ('random_walk.K' in str(found)) != holds

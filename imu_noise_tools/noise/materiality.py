@@ -82,14 +82,21 @@ class Materiality:
         """Share of the record's power that each failure holds, by its frequencies."""
         return {f'{f.low:.3g} to {f.high:.3g} Hz': f.share for f in self.failures}
 
+    @property
+    def course(self) -> str:
+        """What amplitudes may hold where nothing of the spectrum fails."""
+        return f'{", ".join(self.moved)} may hold a slow course of the mean that has no name'
+
     def __str__(self):
         """Say it in a sentence."""
         if not self.failures and self.sufficient:
             return 'nothing fails that the Allan curve could show'
         said = f'the Allan deviation is up to {self.largest_ratio:.3g} times the model\'s ' \
-               f'(at {self.at_tau:.3g} s)'
-        if self.moved:
-            said += f', and {", ".join(self.moved)} would leave the interval'
+               f'(at {self.at_tau:.3g} s)' * bool(self.largest_ratio != 1)
+        if self.moved and self.failures:
+            said += f'{", and " * bool(said)}{", ".join(self.moved)} would leave the interval'
+        elif self.moved:
+            said += f'{", and " * bool(said)}{self.course}'
         return ('sufficient: ' if self.sufficient else 'it matters: ') + said
 
 
