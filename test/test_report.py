@@ -258,6 +258,14 @@ def test_what_is_there_but_by_one_of_two_names_is_said_beside_what_is_found():
                     'it from rts')
 
 
+def test_one_rival_alone_is_undecidable_from_nothing():
+    one, two = (Finding(name, 16.0, penalty=15.0, probability=0.6) for name in ('ramp', 'step'))
+    assert words.diagnosis_in_words(Diagnosis('undecidable', (one,))) == \
+        'undecidable: ramp or nothing'
+    assert words.diagnosis_in_words(Diagnosis('undecidable', (one, two))) == \
+        'undecidable: ramp or step'
+
+
 def test_page_shows_the_pictures_of_any_domain(study):
     page = Page(report.html(study, {'poses': b'one', 'innovations': b'two'}))
     assert 'Poses' in page.text and 'Innovations' in page.text

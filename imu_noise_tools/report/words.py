@@ -71,7 +71,8 @@ GLOSSARY = {
     'not observable': 'The record cannot tell it from zero: the limit given holds in 95 of 100.',
     'gain, nats': 'How much better a model with the candidate explains the data: a factor e of '
                   'likelihood each. What chance would gain is given beside it.',
-    'undecidable': 'Two or more effects explain the same thing: this record cannot tell which.',
+    'undecidable': 'Two or more effects explain the same thing, or one gains little more than '
+                   'chance does: this record cannot tell which, or whether.',
     'unknown': 'The model fails, and nothing that is known explains how.',
     'sufficient': 'What the model leaves changes no Allan deviation by more than 5 % and no '
                   'coefficient by more than its interval.',
@@ -273,9 +274,9 @@ def diagnosis_in_words(d: Diagnosis) -> str:
                            if f.against.startswith(CANNOT_TELL))
         return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}') + (
             f'; and {shared}' if shared else '')
-    rivals = ' or '.join(f.name for f in d.ranked if f.gain > f.penalty and f.probability != 0)
+    rivals = [f.name for f in d.ranked if f.gain > f.penalty and f.probability != 0]
     if d.verdict == 'undecidable' and rivals:
-        return f'undecidable: {rivals}'
+        return f'undecidable: {" or ".join(rivals)}{" or nothing" * (len(rivals) == 1)}'
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
 
 
