@@ -376,12 +376,29 @@ def test_under_the_bank_what_the_noise_lacks_is_named(kind):
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
     found = study.diagnose()['gyro_x']
     assert found.verdict == 'missing' and found.found[0].name == kind
-    assert not {f.name for f in found.ranked} & {'rate_step', 'stop_and_go', 'harmonic'}
+    assert not {f.name for f in found.ranked} & {'rate_step', 'stop_and_go'}
     before = study.states['gyro_x'].error
     step, = study.add()
     # what the bank loses by itself is shown, and is no failure
     assert step.held_out < before.excess and step.verdict == 'falls to chance'
     assert not study.states['gyro_x'].error.failing
+
+
+def test_under_the_bank_a_motion_that_repeats_is_named_with_the_size_of_it():
+    """A bank of random walks follows a sway, and never expects it: it is no motion the less."""
+    amplitude, n = 0.7, 4000
+    rate = amplitude * np.sin(2 * np.pi / 6 * np.arange(n) / RATE)
+    z = rate + 0.1 * DEG * np.random.default_rng(5).standard_normal(n)
+    problem = FilterProblem(z, 1 / RATE, stated={'white': {'R': (0.1 * DEG) ** 2}})
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    found = study.diagnose()['gyro_x']
+    assert found.verdict == 'missing' and found.found[0].name == 'harmonic', found
+    assert not {f.name for f in found.ranked} & {'singer', 'jerk', 'angular_acceleration'}
+    study.add()
+    fit = study.states['gyro_x'].fit
+    seen = fit.estimates['harmonic']['amplitude']
+    # the phase is not known at first, whatever the amplitude: without the effect is without it
+    assert not fit.flags and abs(seen.value - amplitude) < 0.02 * amplitude
 
 
 def test_two_motions_that_jump_are_refused():

@@ -399,13 +399,15 @@ def _measured(model, effect, p, best, evaluate, sensor):
     """
     Return the estimate of an amplitude read from the samples.
 
-    Null where the likelihood does without the effect.
+    Null where the likelihood does without the effect: of an amplitude near zero, too, an
+    oscillation whose phase is not known at first may have any size (and then keeps it).
 
     """
     value, unit = effect[p.name], si(p.unit, sensor)
     # least squares of a line in white noise
     std = float(np.sqrt(2 * state_space(model, evaluate.dt).r / evaluate.samples))
-    without = float(evaluate([model.with_effect(effect.with_values(**{p.name: p.lower}))])[0])
+    rest = Model(e for e in model if e.label != effect.label)
+    without = predict(rest, evaluate.z, evaluate.dt, evaluate.alpha).log_likelihood
     if best - without < NULL:
         upper = value + ONE_SIDED * std
         return Estimate(

@@ -234,8 +234,9 @@ class FilterProblem(Problem):
             return False
         if effect.slopes and not any(e.smooth for e in driven):
             return False
+        # a bank for any motion drives the rate at random: what repeats it only follows
         if issubclass(effect, Motion) and (
-            covers(model) or any(e.jumps for e in driven) and effect.jumps
+            covers(model) and not effect.keeps or any(e.jumps for e in driven) and effect.jumps
         ):
             return False
         return not effect.after or any(effect.after in e.lineage() for e in model)
