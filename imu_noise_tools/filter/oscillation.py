@@ -54,9 +54,15 @@ class Oscillation(FilterEffect):
                 for f, a in found for tc in (10.0, 1e3, 1e5)]
 
     def read(self, z: np.ndarray, dt: float) -> Effect:
-        """Return it with the amplitude read at its frequency; how fast it changes is kept."""
-        wave = np.exp(-2j * np.pi * self['frequency'] * np.arange(len(z)) * dt)
-        amplitude = float(2 * abs(wave @ (z - np.mean(z))) / len(z))
+        """
+        Return it with the amplitude read at its frequency; how fast it changes is kept.
+
+        By least squares beside a mean: a projection leaks where the periods are few and not whole.
+
+        """
+        angle = 2 * np.pi * self['frequency'] * np.arange(len(z)) * dt
+        waves = np.stack([np.cos(angle), np.sin(angle), np.ones(len(z))], axis=1)
+        amplitude = float(np.hypot(*np.linalg.lstsq(waves, z, rcond=None)[0][:2]))
         tc = self.parameter('tc')
         longer = np.clip(self['tc'] * (amplitude / self['amplitude']) ** 2, tc.lower, tc.upper)
         return self.with_values(amplitude=amplitude, tc=float(longer))
