@@ -19,7 +19,7 @@ from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import evaluate
 from imu_noise_tools.filter import problem as filter_problem
 from imu_noise_tools.filter.design import design
-from imu_noise_tools.filter.fitting import NULL
+from imu_noise_tools.filter.fitting import _climbed, NULL
 from imu_noise_tools.filter.held import held_samples
 from imu_noise_tools.filter.output_noise import NoiseLevel, SamplingJitter
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
@@ -454,6 +454,28 @@ def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n
     # a delay to and fro is looked for among those of chance: the prediction has half of it
     most = 2.0 if alternate else 1.4
     assert 0.7 * jitter < seen.value < most * jitter
+
+
+def test_a_sample_off_by_all_of_its_interval_is_said_to_be_at_the_limit():
+    """No sample is further off than any moment of its interval: beyond that nothing is known."""
+    z = shaken(2000, 8e-3)
+    problem = FilterProblem(z, 1 / RATE, stated={'white': {'R': (0.1 * DEG) ** 2}})
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    study.add(['sampling_jitter'])
+    fit = study.states['gyro_x'].fit
+    seen = fit.estimates['sampling_jitter']['jitter']
+    assert seen.value == pytest.approx(12 ** -0.5 / RATE) and seen.ci95 is None
+    assert seen.note == 'at the limit of its range'
+    assert fit.flags == ('sampling_jitter: jitter is at the limit of its range',)
+
+
+def test_what_is_as_good_anywhere_in_its_range_is_not_observable():
+    p = SamplingJitter.parameters[0]
+    entry, flag = _climbed(1e-3, 50.0, p, (1e-7, 3e-3), 's')
+    assert entry.value is entry.ci95 is None and entry.point == 1e-3
+    assert entry.note == 'not observable' and flag.startswith('not observable')
+    entry, flag = _climbed(1e-3, 1.0, p, (1e-7, 3e-3), 's')
+    assert not flag and entry.ci95[1] == 3e-3 and 1e-4 < entry.ci95[0] < 2e-4
 
 
 def test_what_a_bank_may_hide_is_weighed_beside_a_law(monkeypatch):

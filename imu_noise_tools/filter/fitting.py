@@ -83,7 +83,7 @@ class Likelihood:
 class Free:
     """The free parameters of a model as a vector, in logarithms where they are searched for so."""
 
-    def __init__(self, model: Model, fixed: Any):
+    def __init__(self, model: Model, fixed: Any, dt: float):
         self.model = model
         self.lines = {(e.label, e.line) for e in model.of(FilterEffect)}
         self.parts = [
@@ -93,6 +93,8 @@ class Free:
             for p in e.parameters
             if p.name not in e.measured and not _tried(model, e, p)
         ]
+        effects = {e.label: e for e in model.of(FilterEffect)}
+        self.within = [effects[label].within(p, dt) for label, p in self.parts]
 
     def vector(self) -> np.ndarray:
         """Return the model's own values."""
@@ -119,8 +121,8 @@ class Free:
     def at(self, x: np.ndarray) -> Model:
         """Return the model at x, held within bounds."""
         model = self.model
-        for (label, p), v in zip(self.parts, x):
-            value = float(np.clip(np.exp(np.clip(v, -200, 200)) if p.log else v, p.lower, p.upper))
+        for (label, p), within, v in zip(self.parts, self.within, x):
+            value = float(np.clip(np.exp(np.clip(v, -200, 200)) if p.log else v, *within))
             model = model.with_effect(model[label].with_values(**{p.name: value}))
         return model
 
@@ -225,7 +227,7 @@ def maximise(
     than ``enough`` is at the top.
 
     """
-    free = Free(model, fixed)
+    free = Free(model, fixed, evaluate.dt)
     x = free.vector()
     if not len(x):
         return model, float(evaluate([model])[0])
@@ -339,7 +341,7 @@ def estimates(
     amplitude that can be zero is None, with its upper limit. What was stated is marked as fixed.
 
     """
-    free = Free(model, fixed)
+    free = Free(model, fixed, evaluate.dt)
     out = {
         e.label: {
             p.name: Estimate(
@@ -362,13 +364,7 @@ def estimates(
     for i, (label, p) in enumerate(free.parts):
         value = model[label][p.name]
         unit = si(p.unit, sensor)
-        low, high = interval(value, sd[i])
-        std = sd[i]
-        if p.log:
-            spread = min(float(sd[i]), 50.0)
-            low, high = value * np.exp(interval(0.0, spread))
-            std = value * min(spread, 1e3)
-        entry = Estimate(value, float(std), (float(low), float(high)), unit, point=value)
+        entry, flag = _climbed(value, float(sd[i]), p, free.within[i], unit)
         able = p.amplitude and label not in whites     # without R there is no filter
         if able and _vanishes(free, x, i, log_likelihood, evaluate):
             upper = _upper(free, x, i, log_likelihood, evaluate)
@@ -376,8 +372,8 @@ def estimates(
                 None, None, (0.0, upper), unit, upper95=upper, note='not observable', point=value
             )
             flags.append(f'{label}: {p.name} is not observable in this record')
-        elif value <= p.lower * 1.001 or value >= p.upper * 0.999:
-            flags.append(f'{label}: {p.name} is at the limit of its range')
+        elif flag:
+            flags.append(f'{label}: {p.name} is {flag}')
         out.setdefault(label, {})[p.name] = entry
     for e in model.of(FilterEffect):
         for p in e.parameters:
@@ -393,6 +389,31 @@ def estimates(
     return {e.label: {p.name: out[e.label][p.name] for p in e.parameters} for e in model}, tuple(
         flags
     )
+
+
+def _climbed(value, sd, p, within, unit) -> tuple[Estimate, str]:
+    """
+    Return the estimate of a value that has a deviation in p's scale, and what is to be said.
+
+    At a limit the likelihood has a slope and no curvature, and one that is as good anywhere in the
+    range (``within``) has nothing to be told: neither has an interval.
+
+    """
+    lower, upper = within
+    if p.log:
+        spread = min(sd, 50.0)
+        low, high = value * np.exp(interval(0.0, spread))
+        sd = value * min(spread, 1e3)
+    else:
+        low, high = interval(value, sd)
+    if value <= lower + 0.001 * abs(lower) or value >= upper - 0.001 * abs(upper):
+        said = 'at the limit of its range'
+        return Estimate(value, None, None, unit, note=said, point=value), said
+    if low <= lower and high >= upper:
+        said = 'not observable'
+        return Estimate(None, None, None, unit, note=said, point=value), f'{said} in this record'
+    inside = float(max(low, lower)), float(min(high, upper))
+    return Estimate(value, float(sd), inside, unit, point=value), ''
 
 
 def _measured(model, effect, p, best, evaluate, sensor):

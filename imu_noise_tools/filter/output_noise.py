@@ -259,6 +259,11 @@ class SamplingJitter(OutputNoise):
         """Return from a hundredth of the interval to any moment of it."""
         return [cls({'jitter': k * look.dt}) for k in (0.01, 0.03, 0.1, ANY_MOMENT)]
 
+    @classmethod
+    def within(cls, parameter: Parameter, dt: float) -> tuple[float, float]:
+        """Return up to any moment of the interval: beyond that the block does not change."""
+        return parameter.lower, ANY_MOMENT * dt
+
     def block(self, dt: float) -> Block:
         """Return the jitter."""
         return nothing(jitter=min(self['jitter'], ANY_MOMENT * dt))

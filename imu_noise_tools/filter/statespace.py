@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..core.errors import UsageError
-from ..loop.effect import Effect, Model
+from ..loop.effect import Effect, Model, Parameter
 
 DOMAIN = 'filter'
 
@@ -178,6 +178,11 @@ class FilterEffect(Effect):
 
         """
         return [cls.example()]
+
+    @classmethod
+    def within(cls, parameter: Parameter, dt: float) -> tuple[float, float]:
+        """Return the range of a parameter in data at dt (s), which may know of less than all."""
+        return parameter.lower, parameter.upper
 
     def read(self, z: np.ndarray, dt: float) -> Effect:
         """Return it with the values that come from the samples z (n,) at dt (s)."""
