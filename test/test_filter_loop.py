@@ -537,7 +537,8 @@ def test_held_samples_are_found_first():
     problem = problem_of(t, z[:, 0], 'gyro_x', held=held)
     assert problem.dt == pytest.approx(0.01)
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
-    assert study.diagnose()['gyro_x'].verdict == 'complete'
+    # the motion is a sway: that is all that may be named
+    assert {f.name for f in study.diagnose()['gyro_x'].found} <= {'harmonic'}
 
 
 def test_rounding_is_not_a_heavy_or_light_tail():
