@@ -456,8 +456,9 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
     left = _unexplained(means, means.columns)
     steepness, most = rival.model['knee']['steepness'], np.inf
     if steepness < 0.99 * STEEPEST:     # at its steepest it is the edge of a band
-        # it may do it all: one of them is worth no more than they are together
-        most = max(gained(Bands.on(evidence.whole.bins), alone.details, rival.details), 0.0)
+        # it may do it all: where next to nothing is left to all of them, neither is it to one
+        together = gained(Bands.on(evidence.whole.bins), alone.details, rival.details)
+        most = max(together, 0.0) if together <= FLEXIBLE else np.inf
     return np.array([steepness, *(
         min(_unexplained(means, means.columns[:, owners != label]) - left, most)
         for label in labels)])
