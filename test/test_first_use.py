@@ -79,11 +79,26 @@ def study(analysed):
     ({'gyro': np.random.default_rng(1).random((500, 3)), 't': np.full(500, 7.0)},
      'the stamps do not advance'),
     ({'gyro': np.random.default_rng(1).random((500, 3))}, 'neither t nor rate_hz'),
+    ({'gyro': np.random.default_rng(1).random((500, 3)), 't': np.arange(500) * 10_000_000},
+     't is in s, and its stamps are 1e+07 s apart'),
 ])
 def test_a_table_is_refused_for_what_is_so(tmp_path, here, arrays, words):
     np.savez(tmp_path / 'x.npz', **arrays)
     _, said = here('analyse', tmp_path / 'x.npz', status=1)
     assert words in said.splitlines()[-1], said
+
+
+@pytest.mark.parametrize('unit, parts', [
+    ('nanoseconds', 10**9), ('microseconds', 10**6), ('milliseconds', 10**3)])
+def test_stamps_since_1970_are_read_in_the_unit_they_are_in(tmp_path, here, unit, parts):
+    """A table that was written from a bag has them in nanoseconds."""
+    r = bad_input.still(70)
+    t = np.round((1_764_100_000 + r.t) * parts).astype(np.int64)
+    rows = '\n'.join(','.join(map(str, (a, *b))) for a, b in zip(t, r.gyro))
+    (tmp_path / 'x.csv').write_text(f't,gyro_x,gyro_y,gyro_z\n{rows}\n')
+    out, said = here('inspect', tmp_path / 'x.csv')
+    assert f'warning: t reads as {unit} since 1970' in said
+    assert '7000 samples, 69.99 s' in out and 'rate                  100 Hz' in out
 
 
 def test_an_array_of_objects_is_said(tmp_path):
@@ -288,3 +303,13 @@ def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     _, said = analysed[1:] if command == 'analyse' else run(
         command, source, '-o', tmp_path / f'c{kind}')
     assert '\r' not in said
+
+
+@pytest.mark.parametrize('density, said', [(0.0055, True), (1.2e-3, False)])
+def test_a_gyro_in_deg_s_is_suspected_by_its_noise(tmp_path, here, density, said):
+    """0.0055 deg/s/sqrt(Hz) is a good sensor, and in rad/s none is so bad; nor is a truck."""
+    r = bad_input.still(70)
+    noise = density * np.sqrt(r.rate_hz) * np.random.default_rng(3).standard_normal((r.n, 3))
+    np.savez(tmp_path / 'x.npz', gyro=noise + 0.05, accel=r.accel, t=r.t)
+    out, _ = here('inspect', tmp_path / 'x.npz')
+    assert ('if it is in deg/s, use --gyro-unit deg/s' in ' '.join(out.split())) == said

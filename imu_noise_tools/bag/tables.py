@@ -29,6 +29,10 @@ NPZ_ARRAYS = (
 CSV_COLUMNS = (
     'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, m/s^2)'
 )
+#: parts of a second that stamps since 1970 may come in, and seconds since then that are now
+SINCE_1970 = {'nanoseconds': 1e9, 'microseconds': 1e6, 'milliseconds': 1e3}
+NOW = (0.9e9, 5e9)
+LONGEST_STEP = 1000.0   # s from stamp to stamp that an IMU may have
 
 
 def table_kind(path: str | Path) -> str:
@@ -57,6 +61,7 @@ def table_size(path: Path) -> tuple[int, float | None]:
     label = _number(arrays.get('rate_hz'))
     record = _record(path, dict(arrays), label or 1.0, [])
     t = arrays.get('t')
+    t = None if t is None else _in_seconds(path, np.array(t, float), [])
     span = float(np.ptp(t[np.isfinite(t)])) if t is not None and np.isfinite(t).any() else 0.0
     return record.n, (record.n - 1) / span if span > 0 else label
 
@@ -138,6 +143,28 @@ def _record(
     )
 
 
+def _in_seconds(path: Path, t: np.ndarray, said: list[str]) -> np.ndarray:
+    """
+    Return stamps (n,) in seconds, where they are since 1970 in a smaller unit.
+
+    Others that are too far apart to be seconds are refused.
+
+    """
+    known = t[np.isfinite(t)]
+    if len(known) < 2:
+        return t
+    middle = float(np.median(known))
+    for unit, parts in SINCE_1970.items():
+        if parts * NOW[0] < middle < parts * NOW[1]:
+            said.append(f't reads as {unit} since 1970 and was taken as such; it is to be in s')
+            return t / parts
+    step = float(np.median(np.abs(np.diff(known))))
+    if step > LONGEST_STEP:
+        raise InputError(f'{path}: t is in s, and its stamps are {step:.3g} s apart',
+                         'divide them by 1e9 if they are nanoseconds')
+    return t
+
+
 def _stamps(
     path: Path, t: np.ndarray | None, n: int, rate_hz: float | None, labelled: float | None,
     said: list[str],
@@ -145,7 +172,7 @@ def _stamps(
     """Return the stamps where they say something, and the rate: given, theirs, or as labelled."""
     if t is not None and t.shape != (n,):
         raise InputError(f'{path}: t has the shape {t.shape}, not ({n},)', NPZ_ARRAYS)
-    t = None if t is None else np.array(t, float)
+    t = None if t is None else _in_seconds(path, np.array(t, float), said)
     if t is not None and n and not np.any(t):
         said.append('all stamps are zero; the rate was used')
         t = None

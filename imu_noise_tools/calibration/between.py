@@ -26,6 +26,7 @@ import numpy as np
 from .correction import Correction
 from .poses import joined, Poses, unit
 from .positions import Rest, standard_errors, temperatures
+from ..core.disturbed import saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 
@@ -117,7 +118,8 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     Raises
     ------
     InputError
-        There is no gyroscope, or fewer than two rests.
+        There is no gyroscope, there are fewer than two rests, or no turn between them that is
+        whole: one with a gap, or in which a rate stands at the end of its range, is not.
 
     """
     if record.gyro is None or record.accel is None:
@@ -136,13 +138,15 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     noise = standard_errors(force, found, record.rate_hz) / gravity
     noise = noise * np.sqrt(length / np.minimum(length, near))
     white = _density(gyro, found, record)
+    clipped = np.any([saturated(x) for x in gyro.T], axis=0)
     parts: dict[str, list] = {k: [] for k in _SAMPLES}
     kept: list[tuple[int, float]] = []
     for k, (a, b) in enumerate(zip(found[:-1], found[1:])):
         here = slice(a.end - 1, b.begin + 1)
         t = record.t[here]
-        if not np.isfinite(gyro[here]).all() or np.diff(t).max(initial=0) > 0.1:
-            continue                        # a gap: what it turned there is not known
+        if not np.isfinite(gyro[here]).all() or np.diff(t).max(initial=0) > 0.1 \
+                or clipped[here].any():
+            continue        # a gap, or faster than it can tell: what it turned there is not known
         for name, value in (('gyro', gyro[here]), ('force', force[here]), ('time', t),
                             ('step', np.append(np.diff(t), 0.0)), ('temperature', heat[here]),
                             ('turn', np.full(len(t), len(kept)))):
@@ -150,7 +154,8 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
         kept.append((k, np.sqrt(np.mean(noise[:, k] ** 2 + noise[:, k + 1] ** 2)
                                 + white ** 2 * (t[-1] - t[0]))))
     if not kept:
-        raise InputError('no turn between rests without a gap', 'record again')
+        raise InputError('no turn between rests without a gap, or with a rate within the range',
+                         'record again, and turn more slowly')
     index = np.array([k for k, _ in kept])
     rests = Poses.of(
         'gyro', np.array([gyro[r.samples()].mean(0) for r in found]).T,

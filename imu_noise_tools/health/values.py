@@ -10,6 +10,8 @@ import numpy as np
 from ..core.record import ImuRecord
 from ..core.stillness import finite_mean
 
+LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
+PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
 HUGE = 1e30             # no sensor's value in any unit, and its square overflows in sums
 
 
@@ -44,9 +46,10 @@ def wrong_units(record: ImuRecord) -> list[str]:
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
         scatter = float(np.max(_scatter(record.gyro)))
-        # 30 deg/s of bias or 11 deg/s of sample noise: no gyro is so bad; the same numbers in
-        # deg/s are common.
-        if rate > 0.52 or scatter > 0.2:
+        density = _calmest(record.gyro) * np.sqrt(record.dt)
+        # 30 deg/s of bias, 11 deg/s of sample noise, or 14 deg/sqrt(h) where it is calmest: no
+        # gyro is so bad; the same numbers in deg/s are common.
+        if rate > 0.52 or scatter > 0.2 or density > LOUD:
             said.append(
                 f'wrong unit suspected: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
                 'at rest; '
@@ -63,6 +66,12 @@ def _likely_accel(g: float) -> str:
     if g > 100:
         return '; these may be raw counts, which need the scale of the sensor'
     return '; gravity may have been removed' if g < 0.5 else ''
+
+
+def _calmest(data: np.ndarray) -> float:
+    """Return the scatter of the noisiest axis (n, 3) in the part in which that is least."""
+    parts = [x for x in np.array_split(data, PARTS) if len(x) >= FEWEST] or [data]
+    return min(float(np.max(_scatter(x))) for x in parts)
 
 
 def _scatter(data: np.ndarray) -> np.ndarray:

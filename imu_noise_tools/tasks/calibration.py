@@ -162,10 +162,10 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
 
 
 def _clipped_turns(records) -> list[str]:
-    """Say which gyroscope axes stand at the end of their range: turns with them come out short."""
+    """Say which gyroscope axes stand at the end of their range: such turns are left out."""
     counts = {f'gyro_{axis}': sum(int(saturated(r.gyro[:, k]).sum()) for r in records
                                   if r.gyro is not None) for k, axis in enumerate('xyz')}
-    return [f'{name} is saturated in {n} samples: turns with it come out short; turn more slowly'
+    return [f'{name} is saturated in {n} samples: turns with it are left out; turn more slowly'
             for name, n in counts.items() if n]
 
 
