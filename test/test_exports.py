@@ -27,6 +27,8 @@ import yaml
 from imu_noise_tools import export
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.export._numbers import _between
+from imu_noise_tools.loop.effect import Estimate
 from imu_noise_tools.tasks.noise import analyse_record
 
 GYRO_HZ, ACCEL_HZ = 200.0, 63.0         # on topics of their own, as of a camera
@@ -463,3 +465,14 @@ def test_a_study_without_an_accelerometer(study):
         export.export(alone, 'orb_slam3')
     d = yaml.safe_load(export.export(alone, 'covariance'))
     assert d['linear_acceleration_covariance'][0] == -1.0
+
+
+@pytest.mark.parametrize('e, value, said', [
+    (Estimate(2.0, 0.1, (1.8, 2.2)), 2.0, ' [1.8, 2.2]'),
+    (Estimate(2.0, 0.1, (1.8, 2.2)), 2.5, ' (fitted [1.8, 2.2])'),
+    (Estimate(None, None, (0.0, 2.2), upper95=2.1), 2.1, ' [0, 2.2]'),
+    (Estimate(None, None, (0.0, 2.2), upper95=2.1), 8.0, ' (fitted [0, 2.2])'),
+    (None, 2.0, '')])
+def test_an_interval_beside_a_value_that_covers_the_curve_is_the_fits(e, value, said):
+    """Where the model fails the value written is none of the fit, and may lie outside."""
+    assert _between(e, value) == said

@@ -11,6 +11,7 @@ import numpy as np
 
 from ._values import left_out, number, PARAMETERS, rests_on, Value, value_of
 from ..core.errors import InputError, UsageError
+from ..loop.effect import Estimate
 from ..loop.study import Study
 
 SENSORS = {'gyro': 'gyroscope', 'accel': 'accelerometer'}
@@ -118,10 +119,18 @@ class Numbers:
         parts = []
         for axis, value in zip(found.axes, found.values):
             e = self.study.states[axis].fit.estimates.get(label, {}).get(parameter)
-            ci95 = getattr(e, 'ci95', None)
-            between = f' [{ci95[0]:.3g}, {ci95[1]:.3g}]' if ci95 else ''
-            parts.append(f'{axis[-1]} {value:.4g}{between}')
+            parts.append(f'{axis[-1]} {value:.4g}{_between(e, value)}')
         return f'{sensor} {parameter} in {UNITS[parameter][sensor]}: {", ".join(parts)}'
+
+
+def _between(e: Estimate | None, value: float) -> str:
+    """Return the interval of an estimate; one that is not the value's is said to be the fit's."""
+    if e is None or not e.ci95:
+        return ''
+    said = f'[{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]'
+    fitted = e.upper95 if e.value is None else e.value
+    own = fitted is not None and np.isclose(value, fitted, rtol=1e-6)
+    return f' {said}' if own else f' (fitted {said})'
 
 
 def commented(said: list[str]) -> str:
