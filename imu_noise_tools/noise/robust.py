@@ -309,11 +309,11 @@ def _behind_responses(bands: Bands, found: Found, hint: Explained | None, given:
     """
     if hint is not None:
         if hint.order.terms:
-            again = replace(hint, quiet=_quiet(found))
-            yield again, np.append(found.x, hint.values)
+            hint = replace(hint, quiet=_quiet(found))
+            yield hint, np.append(found.x, hint.values)
             if given is not None:   # without the response its noise may have been lost
                 x = with_values_of(given, found.likelihood, found.x)
-                yield again, np.append(x, hint.values)
+                yield hint, np.append(x, hint.values)
         return
     bins = found.likelihood.bins
     x, w = ratio_of(found)
