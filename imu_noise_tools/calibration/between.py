@@ -130,7 +130,6 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     gyro = np.asarray(record.gyro, float)
     heat = record.covariates.get('temperature', np.full(record.n, np.nan))
     force = accel.apply(np.asarray(record.accel, float), _known(heat))
-    up = np.array([force[r.samples()].mean(0) for r in found]).T
     near = max(1, round(_NEAR_S * record.rate_hz))
     first, last = (np.array([force[r.samples()[s]].mean(0) for r in found]).T
                    for s in (slice(near), slice(-near, None)))
@@ -159,7 +158,8 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     index = np.array([k for k, _ in kept])
     rests = Poses.of(
         'gyro', np.array([gyro[r.samples()].mean(0) for r in found]).T,
-        standard_errors(gyro, found, record.rate_hz), 1.0, np.zeros((3, len(found))), force=up,
+        standard_errors(gyro, found, record.rate_hz), 1.0, np.zeros((3, len(found))),
+        force=np.array([force[r.samples()].mean(0) for r in found]).T,
         temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found], names=['rest'] * len(found))
     return Turns(**{k: np.concatenate(v) for k, v in parts.items()},
