@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.faces import polar
+from imu_noise_tools.calibration.linear import Equations
 from imu_noise_tools.core.errors import FitError, InputError, UsageError
 
 DEG = np.pi / 180
@@ -359,3 +360,13 @@ def test_gravity_is_said():
     for wrong in ({'given': 9.8, 'latitude': 3}, {'height': 3}, {'given': 1.0}, {'latitude': 91}):
         with pytest.raises(UsageError):
             core.gravity(**wrong)
+
+
+def test_equations_of_a_fit_that_has_gone_astray_are_refused_in_words():
+    """Turns of which the rate is wrong take a fit of them to infinity."""
+    matrix = np.ones((6, 2))
+    matrix[3, 1] = np.inf
+    keys = ('bias', 'b_x'), ('bias', 'b_y')
+    astray = Equations(matrix, np.ones(6), np.zeros(6, int), keys, None)
+    with pytest.raises(FitError, match='the fit diverges'):
+        astray.theta

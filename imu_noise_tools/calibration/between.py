@@ -25,7 +25,7 @@ import numpy as np
 
 from .correction import Correction
 from .poses import joined, Poses, unit
-from .positions import Rest, standard_errors, temperatures
+from .positions import means_of, Rest, standard_errors, temperatures
 from ..core.disturbed import saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
@@ -157,9 +157,8 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
                          'record again, and turn more slowly')
     index = np.array([k for k, _ in kept])
     rests = Poses.of(
-        'gyro', np.array([gyro[r.samples()].mean(0) for r in found]).T,
-        standard_errors(gyro, found, record.rate_hz), 1.0, np.zeros((3, len(found))),
-        force=np.array([force[r.samples()].mean(0) for r in found]).T,
+        'gyro', means_of(gyro, found).T, standard_errors(gyro, found, record.rate_hz), 1.0,
+        np.zeros((3, len(found))), force=means_of(force, found).T,
         temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found], names=['rest'] * len(found))
     return Turns(**{k: np.concatenate(v) for k, v in parts.items()},

@@ -19,6 +19,7 @@ from .poses import Poses, unit
 from ..core.errors import FitError
 from ..loop.effect import Model
 
+DIVERGES = 'the fit diverges', 'add poses in other directions'
 _SMALL = 1e-8       # relative: a direction the poses do not determine
 # set to zero where only the magnitude of the input is known
 GAUGE = ('S_yx', 'S_zx', 'S_zy')
@@ -53,6 +54,8 @@ class Equations:
 
     @cached_property
     def _decomposed(self):
+        if not np.isfinite(self.matrix).all():
+            raise FitError(*DIVERGES)
         size = np.linalg.norm(self.matrix, axis=0)
         size = np.where(size > 0, size, 1.0)
         u, s, vt = np.linalg.svd(self.matrix / size, full_matrices=False)
@@ -281,7 +284,7 @@ def whitener_of(
     try:
         lower = np.linalg.cholesky(cov)
     except np.linalg.LinAlgError:       # of a scale that has gone astray
-        raise FitError('the fit diverges', 'add poses in other directions') from None
+        raise FitError(*DIVERGES) from None
     log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum()
     return np.linalg.inv(lower), float(log_det)
 

@@ -237,7 +237,7 @@ def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
     if record.gyro is None or len(found) < _RULE:
         return found, []
     gyro = np.asarray(record.gyro, float)
-    off = np.array([gyro[r.samples()].mean(0) for r in found])
+    off = means_of(gyro, found)
     off -= np.median(off, axis=0)
     size2 = standard_errors(gyro, found, record.rate_hz).T ** 2 + median_sigma(off, axis=0) ** 2
     creeps = np.sum(off ** 2 / size2, axis=1) > _CREEPS
@@ -357,6 +357,11 @@ def averaged(record: ImuRecord, gravity: float) -> Poses:
     std = standard_errors(np.asarray(record.accel), found, record.rate_hz)
     return Poses.of('accel', outputs, std, gravity, temperature=temperatures(record, found),
                     time=[record.t.mean()])
+
+
+def means_of(x: np.ndarray, found: list[Rest]) -> np.ndarray:
+    """Return the mean (rests, 3) of samples (n, 3) in each rest."""
+    return np.array([x[r.samples()].mean(0) for r in found])
 
 
 def temperatures(record: ImuRecord, found: list[Rest]) -> Any:

@@ -23,7 +23,6 @@ from ..core.errors import FitError
 from ..core.statistics import TWO_SIDED
 from ..loop.effect import Fit, Model, Score, unfitted
 
-_CHECK = 'turn about all axes, with a rest between; check the units, and that nothing is clipped'
 _ROUNDS = 30
 _CLOSE = 1e-9
 _WILD = np.radians(20.0)        # a turn that misses by more is linearised in vain
@@ -196,8 +195,6 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
     scatter = np.zeros(2)
     for _ in range(_ROUNDS):
         system, at = _equations(model, turns, keys, theta, scatter)
-        if not np.isfinite(system.matrix).all():
-            raise FitError('the fit of the turns diverges', _CHECK)
         change = system.theta - theta
         theta = system.theta
         found = _scatter(system, turns, scatter)
@@ -207,7 +204,8 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
             break
     else:
         if not np.isfinite(theta).all() or np.max(np.abs(change)) > 1e-5:
-            raise FitError('the fit of the turns does not converge', _CHECK)
+            raise FitError('the fit of the turns does not converge',
+                           'turn about all axes, with a rest between; check the units')
     miss = misses(turns, at.rotation)
     dof = max(1, 2 * turns.n - len(keys) + 3)
     widen = (stdtrit(dof, 0.975) / TWO_SIDED) ** 2 if scatter[0] else 1.0
