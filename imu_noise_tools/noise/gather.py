@@ -37,7 +37,7 @@ from .telegraph import levels
 from .thermal import follows_at, TEMPERATURE
 from ..core import allan
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
-from ..core.spectrum import Bins, bins_of, cosine_transform
+from ..core.spectrum import Bins, bins_of, cosine_transform, power
 from ..core.statistics import grid_step, robust_sigma, sum_of_squares
 from ..loop.effect import Effect, registry
 
@@ -230,23 +230,20 @@ class _Gathering:
         A slow thermometer does not show a heater's cycle, and all that follows the heater does.
 
         """
-        if TEMPERATURE not in self.covariates or not any(
-                len(own['line_table']) for own in self.own.values()):
+        tables = {a: own['line_table'] for a, own in self.own.items() if len(own['line_table'])}
+        if TEMPERATURE not in self.covariates or not tables:
             return
-        bins, length = bins_of(self.used, self.dt), max(1, self.used // SLOW)
-        slow = {a: _block_means(x[:self.used], length)
-                for a, x in {'t': self.t, **self.clean, **self.covariates}.items()}
-        t, power = slow.pop('t'), {}
+        bins, (length, slow) = bins_of(self.used, self.dt), self._slow_means()
+        t, each = slow.pop('t'), {}
         for a in (a for a in self.record.axes if a in slow):
             c = whole[a] if a in whole else cosine_transform(self.covariates[a][:self.used])
-            power[a] = 2 * self.dt * np.add.reduceat(c**2, bins.first) / bins.count
+            each[a] = power(c, self.dt, bins)
             self.memory.rest()
-        for axis in self.axes:
-            table = self.own[axis]['line_table']
+        for axis, table in tables.items():
             course = course_beside(
                 {a: x for a, x in slow.items() if a != axis}, t, bins,
-                {a: x for a, x in power.items() if a != axis}, length, min(LOW, bins.n - 1))
-            if course is not None and len(table):
+                {a: x for a, x in each.items() if a != axis}, length, min(LOW, bins.n - 1))
+            if course is not None:
                 self.own[axis]['line_table'] = table[~follows_at(
                     table[:, 0], slow[axis], t, slow[TEMPERATURE], course)]
 
@@ -282,7 +279,7 @@ class _Gathering:
             self.memory.rest()
         coefficients |= self._derived(coefficients, bins, whole is not None)
         binned = _cross_powers(coefficients, bins, self.memory)
-        self.cross |= {(a, b, name): power for (a, b), power in binned.items()}
+        self.cross |= {(a, b, name): x for (a, b), x in binned.items()}
         for axis in self.axes:
             loud = np.round(self.own[axis]['loud'] / self.dt).astype(int) - begin
             quiet = quiet_spectrum(self.clean[axis][begin:begin + length], loud, self.dt, bins)
@@ -316,8 +313,7 @@ class _Gathering:
             accel = {a for a in self.record.axes if a in coefficients and sensor_of(a) == 'accel'}
             together = {*heard, *(accel if accel & heard.keys() else ())}
             for a in sorted(together | accel):
-                power = 2 * bins.dt * np.add.reduceat(coefficients[a]**2, bins.first) / bins.count
-                above = shared.share(bins, power, heard.get(a))
+                above = shared.share(bins, power(coefficients[a], bins.dt, bins), heard.get(a))
                 if a in heard or above is not None:
                     self.shaken[a] = bins.f, above, a in together
         length = max(1, self.used // SLOW)
@@ -331,12 +327,16 @@ class _Gathering:
 
     def common(self) -> Common:
         """Return what all axes share: slow means, cross-spectra, the lowest coefficients."""
-        length = max(1, self.used // SLOW)
-        slow = {}
+        length, slow = self._slow_means()
+        return Common(length, slow.pop('t'), slow | self.slow_derived, self.cross, self.low)
+
+    def _slow_means(self) -> tuple[int, dict[str, np.ndarray]]:
+        """Return samples a block, and block means of the time and of all channels."""
+        length, slow = max(1, self.used // SLOW), {}
         for name, values in {'t': self.t, **self.clean, **self.covariates}.items():
             slow[name] = _block_means(values[:self.used], length)
             self.memory.rest()
-        return Common(length, slow.pop('t'), slow | self.slow_derived, self.cross, self.low)
+        return length, slow
 
 
 def _looks(y: np.ndarray, clean: np.ndarray, used: int) -> list[np.ndarray]:
