@@ -25,7 +25,7 @@ from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
-from .knee import Knee, KNOTS, STEEPEST
+from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
 from .sweep import PARTS as SWEPT, Sweep
@@ -473,9 +473,8 @@ def mean_gain(evidence: Evidence, fit: Fit) -> tuple[float, bool]:
 
     """
     means = views.block_means(evidence, fit)
-    k, count = np.arange(1, KNOTS + 1), len(means.y)
-    j = np.arange(count) + 0.5
-    slow = (np.cos(np.pi * np.outer(u, k)) for u in (j / count, np.log1p(j) / np.log1p(count)))
+    count = len(means.y)
+    slow = (slow_cosines((np.arange(count) + 0.5) / count, count, log) for log in (False, True))
     left = [_unexplained(means, np.column_stack([means.columns, x])) for x in slow]
     return _unexplained(means, means.columns) - min(left), left[1] < left[0]
 

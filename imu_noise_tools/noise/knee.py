@@ -25,6 +25,13 @@ KNOTS = 8       # free levels of a smooth form
 BLOCKS = 256    # of the record, of which the logarithm of time resolves the first
 
 
+def slow_cosines(u: np.ndarray, blocks: int, logarithm: bool) -> np.ndarray:
+    """Return cosines (n, KNOTS) of shares u (n,) of a record of some blocks, or of their logs."""
+    if logarithm:
+        u = np.log1p(blocks * u) / np.log1p(blocks)
+    return np.cos(np.pi * np.outer(u, np.arange(1, KNOTS + 1)))
+
+
 class Knee(Spectrum):
     """Power level^2 ((1 + (f/fc)^2)/(1 + (f_0/fc)^2))^-steepness."""
 
@@ -65,5 +72,4 @@ class SlowMean(Mean):
     def columns(self, inputs: Inputs, of: float = 0.0) -> np.ndarray:
         """Return them (n, KNOTS)."""
         u = (inputs.t - inputs.t[0]) / (inputs.t[-1] - inputs.t[0])
-        u = np.log1p(BLOCKS * u) / np.log1p(BLOCKS) if of else u
-        return np.cos(np.pi * np.outer(u, np.arange(1, KNOTS + 1)))
+        return slow_cosines(u, BLOCKS, bool(of))

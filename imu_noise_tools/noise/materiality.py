@@ -91,13 +91,14 @@ class Materiality:
         """Say it in a sentence."""
         if not self.failures and self.sufficient:
             return 'nothing fails that the Allan curve could show'
-        said = f'the Allan deviation is up to {self.largest_ratio:.3g} times the model\'s ' \
-               f'(at {self.at_tau:.3g} s)' * bool(self.largest_ratio != 1)
-        if self.moved and self.failures:
-            said += f'{", and " * bool(said)}{", ".join(self.moved)} would leave the interval'
-        elif self.moved:
-            said += f'{", and " * bool(said)}{self.course}'
-        return ('sufficient: ' if self.sufficient else 'it matters: ') + said
+        said = []
+        if self.failures or self.largest_ratio != 1:
+            said.append(f'the Allan deviation is up to {self.largest_ratio:.3g} times the '
+                        f'model\'s (at {self.at_tau:.3g} s)')
+        if self.moved:
+            said.append(f'{", ".join(self.moved)} would leave the interval' if self.failures
+                        else self.course)
+        return ('sufficient: ' if self.sufficient else 'it matters: ') + ', and '.join(said)
 
 
 def materiality(evidence: Evidence, fit: Fit) -> Materiality:
