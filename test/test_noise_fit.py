@@ -403,6 +403,21 @@ def test_a_model_of_the_mean_alone():
     assert abs(e.value - 1e-4 / 0.05) < 4.5 * e.std
 
 
+def test_a_peak_keeps_no_form_that_it_had_beside_what_was_missing():
+    """Beside the noise that took a ramp's place the swing of a resonance was like its velocity."""
+    n, dt = 20_000, 0.05
+    pole = np.exp(-np.pi * 0.05 * dt + 2j * np.pi * 0.5 * dt)
+    noise = np.random.default_rng(3).standard_normal((2, n))
+    band = lfilter([1.0], [1.0, -2 * pole.real, abs(pole)**2], noise[0])
+    y = band / np.std(band) + noise[1] + 0.1 * dt * np.arange(n)
+    evidence = gather(record_of(y, dt), ['gyro_x'])['gyro_x']
+    start = model_of('noise', ('white', 'narrowband')).with_values({
+        'white': {'N': 0.22}, 'narrowband': dict(frequency=0.49, width=0.04, rms=1.0, form=1.0)})
+    found = fit(evidence, model_of('noise', ('white', 'narrowband', 'ramp')), intervals=False,
+                start=start)
+    assert found.model['narrowband'].chosen('form') == 'displacement'
+
+
 def test_a_minimum_that_is_known_is_not_left_for_a_worse_one(monkeypatch):
     """Nor beside a mean, whose columns take likelihood that goes with their size."""
     y = 1e-2 * np.arange(2000) + np.random.default_rng(15).standard_normal(2000)

@@ -128,6 +128,24 @@ def test_the_noise_below_a_coarse_grid_is_told_by_its_levels(ratio, place):
     assert np.sqrt(np.mean(w / 2 * np.log(x) ** 2)) == pytest.approx(1, abs=0.2)
 
 
+def test_what_is_loud_in_a_band_below_a_coarse_grid_says_the_less_of_its_noise():
+    """For as long as the band is narrow it goes up and down; a line is as loud all the time."""
+    swing = np.exp(-0.003 + 0.06j)
+    told, off = [], []
+    for seed in range(12):
+        band = lfilter([1.0], [1.0, -2 * swing.real, abs(swing)**2], noise(seed))
+        y = noise(100 + seed)
+        for more in (0.0, 1.4 * np.sin(0.06 * np.arange(N)), band / np.std(band)):
+            x, w = before_rounding(3.0 * np.round((y + more) / 3), 3.0)
+            told.append(float(np.mean(w)))
+        half = len(x) // 2
+        apart = np.average(x[:half], weights=w[:half]) - np.average(x[half:], weights=w[half:])
+        off.append(apart / np.sqrt(2 / np.sum(w[:half]) + 2 / np.sum(w[half:])))
+    white, line, loud = np.mean(np.reshape(told, (-1, 3)), axis=0)
+    assert line > 0.25 * white and loud < 0.1 * white
+    assert 0.3 < np.sqrt(np.mean(np.square(off))) < 2
+
+
 def test_where_all_samples_stand_on_one_level_nothing_is_told():
     assert not before_rounding(np.r_[8.0 * np.round(noise(6) / 8), 8.0], 8.0).size
 

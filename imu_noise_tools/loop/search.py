@@ -257,33 +257,40 @@ class Search:
         Of two that bend a view to and fro each alone gains little, and less than a third that does
         some of both: what then is added to that may be three for two. Where it is two it may be
         another two, so that the last of them seems to be either. What members gain, each at its
-        place, is more than they do together: it is by that that sets are compared.
+        place, is not what they gain together, and goes with the way there: it is by that that sets
+        are compared, another chain's too that differs in what bends the view alone.
 
         """
         tell, known = [f for f in best if bends(f)], self.places.set_of(best)
         sure = self.scores[known] - float(np.log(rules.SURE / (1 - rules.SURE)))
         doubted = any(v > sure and k != known for k, v in self.scores.items())
-        if len(tell) < 2 or len(tell) < 3 and not doubted or self.places.left(best):
-            return best
         other = [f for f in best if not bends(f)]
+        tried: list[list[Finding]] = []
+        if len(tell) > 2 or len(tell) > 1 and doubted:
+            tried += [[*other, *some] for some in islice(self._sets(tell, chains), SETS)]
+        tried += [c for c in chains if self.places.set_of(c) != known and self.places.set_of(
+            f for f in c if not bends(f)) == self.places.set_of(other)]
+        if not tried or self.places.left(best):
+            return best
         worth: dict[frozenset[str], float] = {}
         found, least = best, len(best)
-        for chain in [*([*other, *some] for some in islice(self._sets(tell, chains), SETS)), best]:
+        for chain in [*tried, best]:
             if len(chain) > least and chain is not best:
                 continue    # what fewer explain needs no more
             here = self.places.at(self.places.model_of(chain))
             if here is None or here.fit.supported is None or self.places.left(chain):
                 continue
             least, whole = min(least, len(chain)), self.places.set_of(chain)
-            worth[whole] = here.fit.supported - sum(
-                f.penalty + rules.PRICE * f.shapes for f in chain)
+            worth[whole] = here.fit.supported + sum(
+                f.elsewhere - f.penalty - rules.PRICE * f.shapes for f in chain)
             if worth[whole] >= max(worth.values()):
                 found = chain
         if not worth:
             return best
         whole, most = self.places.set_of(found), max(self.scores.values())
-        if found is not best:
-            self.scores = {k: v for k, v in self.scores.items() if not k > whole}
+        # what follows a set was said of what it gained on its way
+        self.scores = {k: v for k, v in self.scores.items() if not any(
+            k > s for s in worth if s != whole or found is not best)}
         self.scores.update({k: most + v - worth[whole] for k, v in worth.items()})
         return found
 

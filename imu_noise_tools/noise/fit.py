@@ -127,7 +127,7 @@ def fit(
     # of a half, or on a basis that is known, the start is the end of much the same fit
     known = start is not None and set(model.labels) <= set(start.labels) and (
         mean is not None or basis is not None)
-    found = search.from_starts(plain, starts(plain, start), 1 if known else None)
+    found = search.from_starts(plain, starts(plain, start, not known), 1 if known else None)
     if found is None:
         raise FitError(
             f'{evidence.axis}: {model} has no finite likelihood',

@@ -23,7 +23,8 @@ CERTAIN, HALVED = 1e9, 12  # of them, where the noise is known; times that it is
 FEWEST = 24.0  # degrees of freedom of a block that tells something
 TELLING = 0.5  # share of the blocks that must
 STRETCH = 1 << 16  # samples looked at together: a day of them is not held twice
-MANY = 1 << 20  # samples whose angle is followed
+MANY = 1 << 20  # samples whose angle or colour is followed
+REMEMBERED = 4  # blocks for which a band remembers how loud it was
 GONE, FAINT, LEAST = 0.4, 0.02, 1e-6    # counts^2: its error is another; no colour; no turn
 ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds has a colour
 
@@ -66,7 +67,26 @@ def before_rounding(y: np.ndarray, step: float) -> np.ndarray:
         return np.zeros((2, 0))
     variance = np.exp(2 * place[:, 2])
     level = np.average(variance[some], weights=told[some])
-    return np.array([np.where(some, variance / level, 1.0), np.where(some, told, 0.0)])
+    return np.array([np.where(some, variance / level, 1.0),
+                     np.where(some, told * _independent(y, step, len(y) // len(told)), 0.0)])
+
+
+def _independent(y: np.ndarray, step: float, length: int) -> float:
+    """
+    Return what share of the samples say as much of their variance as all of them do.
+
+    1/(1 + 2 sum r_k^2), r_k the autocorrelation of the levels about the mean of a block, so long
+    (Bartlett, Journal of the Royal Statistical Society 8 suppl., 1946): what is loud in a band
+    goes up and down for as long as the band is narrow.
+
+    """
+    block = y[:min(len(y), MANY) // length * length].reshape(-1, length) / step
+    x = (block - block.mean(axis=1, keepdims=True)).ravel()
+    most = min(REMEMBERED * length, len(x) // 4)
+    r = np.fft.irfft(np.abs(np.fft.rfft(x, len(x) + 2 * most)) ** 2)[:2 * most + 1]
+    square = (r[1:] / r[0] / (1 - np.arange(1, 2 * most + 1) / len(x))) ** 2
+    # chance has as much of it at every lag, and a line, which is as loud all the time
+    return 1 / (1 + 2 * max(float(np.sum(square[:most] - np.mean(square[most:]))), 0.0))
 
 
 def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:

@@ -28,12 +28,13 @@ LOWEST = 1e-3  # of what is seen behind held samples, that a filter before them 
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
 
-def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
+def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> list[Start]:
     """
     Return search vectors: every combination of shapes the effects propose.
 
     Amplitudes are set by non-negative least squares; where a smaller model is given, once more
-    with the values of that: with an effect more no fit is worse.
+    with the values of that: with an effect more no fit is worse. Whether a peak has the form that
+    it has there is asked ``anew``: beside what was missing from it another one was like it.
 
     """
     model = likelihood.model
@@ -53,6 +54,9 @@ def starts(likelihood: Likelihood, given: Model | None) -> list[Start]:
                 **{s: known[s] for s in shapes if s not in e.anew}))
         elif begun:
             options = [e.with_values(**{s: known[s] for s in shapes})]
+            if anew and given is not None and isinstance(e, Spectrum):
+                options += [options[0].with_values(**{p.name: float(k)}) for p in e.parameters
+                            for k in range(len(p.choices)) if k != known[p.name]]
             if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
                 # nothing else moves it to where it is seen once more is in the model
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
