@@ -258,7 +258,7 @@ class Search:
         some of both: what then is added to that may be three for two. Where it is two it may be
         another two, so that the last of them seems to be either. What members gain, each at its
         place, is not what they gain together, and goes with the way there: it is by that that sets
-        are compared, another chain's too that differs in what bends the view alone.
+        are compared, another chain's too that differs only in what bends the view or is certain.
 
         """
         tell, known = [f for f in best if bends(f)], self.places.set_of(best)
@@ -268,8 +268,9 @@ class Search:
         tried: list[list[Finding]] = []
         if len(tell) > 2 or len(tell) > 1 and doubted:
             tried += [[*other, *some] for some in islice(self._sets(tell, chains), SETS)]
+        same = self.places.set_of(f for f in other if not certain(f))
         tried += [c for c in chains if self.places.set_of(c) != known and self.places.set_of(
-            f for f in c if not bends(f)) == self.places.set_of(other)]
+            f for f in c if not (bends(f) or certain(f))) == same]
         if not tried or self.places.left(best):
             return best
         worth: dict[frozenset[str], float] = {}
@@ -282,7 +283,8 @@ class Search:
                 continue
             least, whole = min(least, len(chain)), self.places.set_of(chain)
             worth[whole] = here.fit.supported + sum(
-                f.elsewhere - f.penalty - rules.PRICE * f.shapes for f in chain)
+                (f.gain if certain(f) else f.elsewhere) - f.penalty - rules.PRICE * f.shapes
+                for f in chain)
             if worth[whole] >= max(worth.values()):
                 found = chain
         if not worth:
