@@ -758,6 +758,21 @@ def test_a_shared_relaxation_is_no_noise_of_each_axis():
     assert said.found[0].effect.chosen('heard') == 'vibration'
 
 
+def test_a_band_far_below_what_the_axes_share_is_looked_for_where_that_is_taken_out():
+    """What they share is thirty times as loud as the sensor, and a band a hundredth of that."""
+    rng, rate, n = np.random.default_rng(34), 50.0, 60_000
+    x = rng.standard_normal((n, 3)) + 30 * rng.standard_normal((n, 1))
+    pole = np.exp((-0.05 + 2j) * np.pi / rate)
+    band = lfilter([1.0], [1.0, -2 * pole.real, abs(pole)**2], rng.standard_normal(n))
+    x[:, 0] += 0.3 * band / np.std(band)
+    record = ImuRecord(1e-3 * x, None, np.arange(n) / rate, rate)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'shared_noise')))
+    found = max(problem.candidates(fit), key=lambda f: f.gain - f.penalty)
+    assert found.name == 'narrowband' and found.gain > 50
+    assert found.effect['frequency'] == pytest.approx(1.0, abs=0.02)
+
+
 def test_an_axis_that_was_not_asked_for_is_looked_at_without_its_spikes():
     """What axes share is the same whether the other one is asked for or not."""
     rng, rate, n = np.random.default_rng(33), 50.0, 30_000

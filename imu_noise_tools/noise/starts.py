@@ -11,7 +11,9 @@ from typing import cast, TypeAlias
 import numpy as np
 from scipy.optimize import nnls
 
-from .kinds import Defect, FILTERS, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
+from .kinds import (
+    Coupling, Defect, FILTERS, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
+)
 from .likelihood import Likelihood
 from ..core.errors import FitError
 from ..core.spectrum import Bins, smooth
@@ -62,7 +64,8 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
                 options += cast('list[Mean]', near)
         else:
-            options = [*_of_what_passes(likelihood, given, e), *likelihood.evidence.starts(e)]
+            options = [*_of_what_passes(likelihood, given, e), *_beneath(likelihood, given, e),
+                       *likelihood.evidence.starts(e)]
             if not options:
                 raise FitError(
                     f'{likelihood.evidence.axis}: {e.name} does not apply to this record', e.needs
@@ -96,6 +99,18 @@ def _of_what_passes(likelihood, given, effect):
         return []
     before = Likelihood(likelihood.evidence, 'whole', given)
     return _gain_alone(before, given.plus(effect), effect).starts(effect)[:BESIDE]
+
+
+def _beneath(likelihood, given, effect):
+    """Return the starts of noise by what the sources leave that a smaller model is coupled to."""
+    if given is None or not given.of(Coupling) or not isinstance(effect, Spectrum) \
+            or likelihood.part_name != 'whole':
+        return []
+    evidence = likelihood.evidence
+    before = Likelihood(evidence, 'whole', given)
+    left = before.solve_linear(given, before.spectra(given)[0]).power
+    known = evidence.starts(effect)
+    return [o for o in evidence.with_power(left).starts(effect) if o not in known]
 
 
 def with_values_of(given: Model, likelihood: Likelihood, x0: np.ndarray) -> np.ndarray:
