@@ -27,7 +27,7 @@ from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.search import Search
-from imu_noise_tools.noise.starts import _carried, starts
+from imu_noise_tools.noise.starts import _carried, entered_behind, starts
 
 BASE = ('white', 'flicker', 'random_walk')
 MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5 deg/h
@@ -460,6 +460,26 @@ def test_a_pole_whose_output_is_averaged(window):
         e = found.estimates['low_pass'][name]
         assert abs(e.value - true) < 4 * e.std and e.std < 0.2 * true, (name, e, true)
     assert found.estimates['white']['N'].value == pytest.approx(1e-3, rel=0.03)
+
+
+def test_an_average_that_jumps_pass_is_not_begun_as_the_pole_of_them_all():
+    """Fitted to all noise, jumps too, a filter has another form than that of what it filters."""
+    rng, n, dt = np.random.default_rng(5), 60_000, 0.1
+    total = np.cumsum(rng.standard_normal(5 * n + 22))
+    y = (total[22:] - total[:-22])[::5][:n]
+    y = y / np.std(y) + 0.15 * rng.standard_normal(n)
+    y += 30 * (np.cumsum(rng.random(n) < dt / 600) % 2)
+    evidence = gather(record_of(y, dt), ['gyro_x'])['gyro_x']
+    pole = model_of('noise', ('white', 'rts', 'low_pass')).with_values({
+        'white': {'N': 0.6}, 'rts': {'step': 29.8, 'tau': 515.0},
+        'low_pass': dict(cutoff=0.42, form=0.0, behind=0.002, averaged=0.0, filters=0.0)})
+    here = Likelihood(evidence, 'whole', pole)
+    x = np.array([s.to_search(pole[s.label][s.parameter.name]) for s in here.slots])
+    begun = [other.model['low_pass'] for other, _ in entered_behind(here, x)]
+    assert [e.chosen('filters') for e in begun] == ['own_noise', 'white_noise']
+    for e in begun:
+        assert e.chosen('form') == 'moving_average'
+        assert e['cutoff'] == pytest.approx(0.443 / (4.4 * dt), rel=0.2)
 
 
 def test_a_filter_that_something_hisses_behind_is_no_other_filter():

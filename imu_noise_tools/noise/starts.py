@@ -245,26 +245,35 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     coloured = {e.label for e in here.of(Spectrum) if not (e.own or isinstance(e, MEASURED))}
     if not coloured or here.labels[-1] not in coloured | {e.label for e in here.of(Response)}:
         return []
-    known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
-    searched = {s.label for s in found.slots}      # of others the samples say which form they have
+    searched = {s.label for s in found.slots}   # of others the samples say which form they have
     for e in here.of(Response):
-        choices = [p.name for p in e.parameters if p.choices and e.label in searched]
-        best: dict[tuple, tuple] = {}
-        for o in _gain_alone(found, here, e).starts(type(e)({}, e.label)) if choices else ():
-            if FILTERS.name in choices:
-                o = o.with_values(filters=e[FILTERS.name])
-            form = tuple(o[c] for c in choices)
-            other = found.beside(found.model.with_effect(o))
-            as_found = np.array([
-                known[s.label, s.parameter.name] if s.label != e.label
-                else s.to_search(o[s.parameter.name]) for s in other.slots])
-            # noise that was fitted beside a wrong form has a wrong level
-            for x0 in (as_found, *_with_amplitudes(other, here.with_effect(o), (0.02,))):
-                value = other.value(x0)[0]
-                if value < best.get(form, (np.inf,))[0]:
-                    best[form] = value, other, x0
-        out += sorted(best.values(), key=lambda z: z[0])[:most]
+        if e.label in searched:
+            best = _of_each_form(found, x, here, e)
+            out += sorted(best.values(), key=lambda z: z[0])[:most]
     return [(other, x0) for _, other, x0 in out]
+
+
+def _of_each_form(found: Likelihood, x: np.ndarray, here: Model, response: Response) -> dict[
+        tuple, tuple[float, Likelihood, np.ndarray]]:
+    """Return (value, likelihood, start) of a response begun anew, by its form, the best of each."""
+    known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
+    choices = [p.name for p in response.parameters if p.choices]
+    best: dict[tuple, tuple] = {}
+    begun = type(response)({}, response.label)
+    for o in _gain_alone(found, here, response).starts(begun) if choices else ():
+        if FILTERS.name in choices:
+            o = o.with_values(filters=response[FILTERS.name])
+        form = tuple(o[c] for c in choices)
+        other = found.beside(found.model.with_effect(o))
+        as_found = np.array([
+            known[s.label, s.parameter.name] if s.label != response.label
+            else s.to_search(o[s.parameter.name]) for s in other.slots])
+        # noise that was fitted beside a wrong form has a wrong level
+        for x0 in (as_found, *_with_amplitudes(other, here.with_effect(o), (0.02,))):
+            value = other.value(x0)[0]
+            if value < best.get(form, (np.inf,))[0]:
+                best[form] = value, other, x0
+    return best
 
 
 def _gain_alone(found, here, response):
@@ -282,7 +291,12 @@ def _gain_alone(found, here, response):
 
 
 def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.ndarray]]:
-    """Return (likelihood, start) of responses that some noise passes that would show."""
+    """
+    Return (likelihood, start) of responses that some noise passes that would show.
+
+    In the form that they have, or begun anew: what was fitted to all noise had another one.
+
+    """
     here, out = found.with_search(x), []
     searched = {s.label for s in found.slots}
     for e in here.of(Response):
@@ -295,7 +309,10 @@ def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, n
             passing = {s.label for s in here.of(Spectrum) if e.acts_on(s)} - acts
             if acts and _shows(found, here, model, passing):
                 other = found.beside(found.model.with_effect(model[e.label]))
-                out += [(other, x0) for x0 in _with_amplitudes(other, model, (0.02,))]
+                begun = [(other.value(x0)[0], other, x0)
+                         for x0 in _with_amplitudes(other, model, (0.02,))]
+                begun += _of_each_form(found, x, model, passes).values()
+                out.append(min(begun, key=lambda z: z[0])[1:])
     return out
 
 
