@@ -146,6 +146,19 @@ def test_what_is_loud_in_a_band_below_a_coarse_grid_says_the_less_of_its_noise()
     assert 0.3 < np.sqrt(np.mean(np.square(off))) < 2
 
 
+def test_jumps_between_levels_are_no_bursts_where_samples_are_held():
+    """Nine times each, now and then; levels were not told there, and stood in for knocks."""
+    rng = np.random.default_rng(10)
+    y = noise(10) + 18 * (np.cumsum(rng.random(N) < 1 / 2000) % 2)
+    held = np.convolve(rng.random(N) < 0.02, np.ones(9))[:N] > 0
+    y = y[np.maximum.accumulate(np.where(held, 0, np.arange(N)))]
+    spikes = find_effect('noise', 'spikes')
+    for more, least in ((0.0, 0), (25.0, 50)):
+        y[50:-50:N // 60] += more
+        kept = spikes.statistics(y, Inputs(np.arange(N) * 0.01, 0.01, {}))
+        assert least <= len(kept['size']) <= least + 12
+
+
 def test_where_all_samples_stand_on_one_level_nothing_is_told():
     assert not before_rounding(np.r_[8.0 * np.round(noise(6) / 8), 8.0], 8.0).size
 

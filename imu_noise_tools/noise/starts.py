@@ -255,7 +255,7 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
 
 def _of_each_form(found: Likelihood, x: np.ndarray, here: Model, response: Response) -> dict[
         tuple, tuple[float, Likelihood, np.ndarray]]:
-    """Return (value, likelihood, start) of a response begun anew, by its form, the best of each."""
+    """Return (value, likelihood, start) of a response begun anew, the best of each form."""
     known = {(s.label, s.parameter.name): v for s, v in zip(found.slots, x)}
     choices = [p.name for p in response.parameters if p.choices]
     best: dict[tuple, tuple] = {}

@@ -82,7 +82,8 @@ class Spikes(Defect):
         """
         Keep size of each outlier, the noise around it, and which samples it fills.
 
-        What was held is looked at once, or every fresh sample would stand out of its repeats.
+        What was held is looked at once, or every fresh sample would stand out of its repeats; it
+        is of that that a level can be told.
 
         """
         n = len(y)
@@ -90,7 +91,11 @@ class Spikes(Defect):
             return {}
         fresh = np.arange(n)
         if repeats(y).held:
-            fresh = np.flatnonzero(np.concatenate([[True], y[1:] != y[:-1]]))
+            new = np.concatenate([[True], y[1:] != y[:-1]])
+            fresh = np.flatnonzero(new)
+            at = levels(y[fresh])
+            if at is not None:
+                y = y - at[np.cumsum(new) - 1]
         kept = _outliers(y, fresh, _against_neighbours, alone=True)
         if kept and len(kept['size']) and (kept['slow'] > 1 + MORE or _in_bursts(kept, fresh)):
             # there the neighbours are outliers as well: what takes more of them away knows better
