@@ -4,11 +4,15 @@
 """A course that one power of time explains is not two effects; two effects are none."""
 
 import numpy as np
+from params import daily
 import pytest
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.findings import failures
+from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.noise import flexible
 from imu_noise_tools.noise.course import course, left_by_a_course
 from imu_noise_tools.noise.gather import gather
@@ -19,6 +23,7 @@ N, DT = 6000, 0.04
 T = np.arange(N) * DT
 U = T / (N * DT)
 SIZE = 1e-3
+BASE = 'white', 'flicker', 'random_walk'
 
 
 def record_of(mean, rng):
@@ -32,7 +37,7 @@ def said_of(mean, names, seed):
     """Return what is said against the last of some effects that explain a mean together."""
     record = record_of(mean, np.random.default_rng([seed, 41]))
     problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
-    fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk', *names)))
+    fit = problem.point(model_of('noise', (*BASE, *names)))
     return flexible._course(problem.evidence, fit, fit.model[fit.model.labels[-1]], 30.0)
 
 
@@ -168,3 +173,56 @@ def test_a_creep_that_a_random_walk_holds_is_not_sufficient():
         found = problem.matters(fit)
         assert found.sufficient == holds and ('random_walk.K' in found.moved) != holds
         assert ('random_walk.K' in str(found)) != holds
+
+
+LONG = 30_000
+V = (np.arange(LONG) + 0.5) / LONG
+NAMELESS = {     # sizes in standard deviations of a sample
+    'logarithm': (0.3, np.log1p(V / 2e-3)), 'stretched': (0.4, np.exp(-(V / 0.1) ** 0.5)),
+    'two': (0.4, np.exp(-V / 0.03) + 1.2 * np.exp(-V / 0.35)), 'root': (1.0, np.sqrt(V)),
+    's': (2.0, np.tanh((V - 0.5) / 0.12))}
+
+
+def course_beside_noise(size, mean, k=0.0, seed=0):
+    """Return the problem of an axis of white noise, flicker, a walk of such a K and a mean."""
+    rng, dt = np.random.default_rng([seed, 43]), 0.02
+    x = SIZE * rng.standard_normal((LONG, 3))
+    x[:, 0] += hidden.flicker(LONG, dt, SIZE / 100, rng) + hidden.random_walk(LONG, dt, k, rng)
+    x[:, 0] += SIZE * size * (mean - np.mean(mean)) / max(np.std(mean), 1e-300)
+    record = ImuRecord(x, None, dt * np.arange(LONG), 1 / dt)
+    return NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+
+
+def failing_of(problem, *names):
+    """Return the tests of a model that fail, by name."""
+    return {f.name: f for f in failures(problem.omnibus(problem.point(model_of('noise', names))))}
+
+
+@pytest.mark.parametrize('kind', daily(NAMELESS, 'logarithm', 's'))
+def test_a_slow_course_that_a_walk_holds_fails_a_test_of_its_own(kind):
+    """As smooth as it is in time, the spectrum is much that of a walk, and may well hold."""
+    for seed in range(2):
+        problem = course_beside_noise(*NAMELESS[kind], seed=seed)
+        tests = failing_of(problem, *BASE)
+        assert tests['course'].view == 'time' and 'cosines' in tests['course'].evidence
+        assert set(tests) == {'course'} or kind in ('root', 's')
+
+
+@pytest.mark.thorough
+def test_a_walk_that_holds_a_nameless_course_is_not_said_to_be_all():
+    """A transient is refused, for a power of time does better; the walk is not what it says."""
+    problem = course_beside_noise(*NAMELESS['stretched'])
+    fit = problem.fit(model_of('noise', BASE))
+    said = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert said.verdict == 'unknown' and not said.sufficient
+    assert said.remaining is not None and said.remaining.failed[0].name == 'course'
+    assert 'random_walk.K' in problem.matters(fit).moved
+
+
+def test_noise_that_wanders_is_no_course():
+    """A walk that is most of what moves, faint to strong, and flicker without a walk."""
+    for seed, k in enumerate((0.0, 1e-6, 1e-5, 1e-5, 1e-4, 1e-4, 1e-3, 1e-3)):
+        problem = course_beside_noise(0.0, V, k, seed)
+        assert 'course' not in failing_of(problem, *BASE), (seed, k)
+    # it is weighed by the walk of the model: without one the same mean is a course
+    assert 'course' in failing_of(problem, 'white', 'flicker')

@@ -12,7 +12,7 @@ does much better, no name holds: the form is something else.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import cast, TypeAlias
 
@@ -47,6 +47,8 @@ TOGETHER = 3  # peaks without one
 UNLIKE_SHARE = 0.005  # of a claim, that noise has whose kurtosis is half of what a line's would be
 COURSE_OF_AXES = 'what it explains is a course that axes have in common, and no noise'
 FEWEST = 64  # differences of block means that tell a kurtosis
+FIRST = 2, 4, KNOTS  # cosines of the mean, of which the slowest may do
+SLOWLY = 'time', 'the logarithm of time'  # of which cosines of the mean are slow
 MANY = 4  # times as many, from which so few independent ones are those of a course
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
@@ -115,6 +117,26 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
     return Finding('shape', gain, view='frequency',
                    p_value=float(chdtrc(KNOTS - used, 2 * max(gain, 0.0))),
                    evidence=f'a smooth form fits the spectrum better by {gain:.1f} nats{where}')
+
+
+def slow_misfit(evidence: Evidence, fit: Fit) -> Finding:
+    """
+    Return the directed test of the mean in time: the gain of slow cosines over a model.
+
+    Noise that wanders is no misfit: the means are weighed by the covariance of all that the model
+    holds, of a random walk too. Were that known, twice the gain of the first k cosines would be
+    chi^2_k; fitted to the same means it explains a part of them, and the gain is less. Of few
+    cosines and of more, of time and of its logarithm, that counts which chance reaches least
+    often, times how many are asked (Bonferroni).
+
+    """
+    gains = _gains_of_cosines(evidence, fit)
+    chances = gains.size * chdtrc(np.array(FIRST, float), 2 * np.maximum(gains, 0.0))
+    kind, few = np.unravel_index(np.argmin(chances), chances.shape)
+    gain = float(gains[kind, few])
+    return Finding('course', gain, view='time', p_value=min(float(chances[kind, few]), 1.0),
+                   evidence=f'{FIRST[few]} slow cosines of {SLOWLY[kind]} fit the mean better by '
+                            f'{gain:.1f} nats')
 
 
 def asks_nothing(evidence: Evidence, fit: Fit) -> bool:
@@ -472,20 +494,36 @@ def mean_gain(evidence: Evidence, fit: Fit) -> tuple[float, bool]:
     in with the record, a creep, say, is steep there and flat later.
 
     """
+    gains = _gains_of_cosines(evidence, fit)[:, -1]
+    return float(np.max(gains)), bool(gains[1] > gains[0])
+
+
+def _gains_of_cosines(evidence: Evidence, fit: Fit) -> np.ndarray:
+    """Return what cosines of each kind of SLOWLY gain, so many as FIRST says, (2, 3), nats."""
     means = views.block_means(evidence, fit)
-    count = len(means.y)
-    slow = (slow_cosines((np.arange(count) + 0.5) / count, count, log) for log in (False, True))
-    left = [_unexplained(means, np.column_stack([means.columns, x])) for x in slow]
-    return _unexplained(means, means.columns) - min(left), left[1] < left[0]
+    count, own = len(means.y), means.columns.shape[1]
+    u = (np.arange(count) + 0.5) / count
+    slow = [slow_cosines(u, count, bool(kind)) for kind in range(len(SLOWLY))]
+    y, *columns = np.linalg.solve(views.root_of(means.covariance), np.column_stack(
+        [means.y, means.columns, *slow])).T
+    before = _squares_left(y, columns[:own])
+    return before - np.array([
+        [_squares_left(y, [*columns[:own], *columns[begin:begin + k]])
+         for k in FIRST] for begin in range(own, len(columns), KNOTS)])
 
 
 def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:
     """Return half the squares that columns (k, p) leave of block means, by their covariance."""
-    solved = np.linalg.solve(views.root_of(means.covariance),
-                             np.column_stack([means.y, columns]))
-    u, s, _ = np.linalg.svd(solved[:, 1:], full_matrices=False)
+    y, *columns = np.linalg.solve(views.root_of(means.covariance),
+                                  np.column_stack([means.y, columns])).T
+    return _squares_left(y, columns)
+
+
+def _squares_left(y: np.ndarray, columns: Sequence[np.ndarray]) -> float:
+    """Return half the squares that columns (k,) leave of y (k,)."""
+    u, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
     u = u[:, s > 1e-8 * s[0]]
-    return 0.5 * float(np.sum((solved[:, 0] - u @ (u.T @ solved[:, 0])) ** 2))
+    return 0.5 * float(np.sum((y - u @ (u.T @ y)) ** 2))
 
 
 def _variance_gain(evidence: Evidence, fit: Fit) -> float:

@@ -19,11 +19,11 @@ from .curve import bin_weights, model_curve
 from .evidence import Evidence
 from .explained import Bands, judge, stretches
 from .fit import fit as fit_part
-from .flexible import mean_gain
+from .flexible import mean_gain, RARE, slow_misfit
 from .knee import SlowMean
 from .views import unclaimed
 from ..loop.effect import Fit, Model, unfitted
-from ..loop.verdict import FLEXIBLE, sufficient as sufficient_ratio
+from ..loop.verdict import sufficient as sufficient_ratio
 
 SPAN = 0.1  # of the record's length: averaging times up to which curves are compared
 
@@ -168,10 +168,9 @@ def _without_a_course(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
     A random walk holds a creep or a warm-up that has no name, and the Allan curve fits.
 
     """
-    gain, logarithm = mean_gain(evidence, fit)
-    if gain <= FLEXIBLE:
+    if (slow_misfit(evidence, fit).p_value or 0.0) > RARE:
         return ()
-    slow = SlowMean({'of': float(logarithm)}, 'course')
+    slow = SlowMean({'of': float(mean_gain(evidence, fit)[1])}, 'course')
     return _outside(fit, fit_part(evidence, Model((*unfitted(fit.model), slow)), intervals=False,
                                   start=fit.model, hint=fit.details.hint))
 

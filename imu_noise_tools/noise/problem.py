@@ -217,7 +217,7 @@ class NoiseProblem(Problem):
 
         """
         e = self.evidence
-        out = [flexible.smooth_misfit(e, fit), test_of(e.sweep)]
+        out = [flexible.smooth_misfit(e, fit), flexible.slow_misfit(e, fit), test_of(e.sweep)]
         for view in (
             views.frequency(e, 'whole', fit, fitted_here=True),
             self.time(fit, 'odd'),

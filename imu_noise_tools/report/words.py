@@ -37,6 +37,8 @@ VIEWS = {
     'spectrum': ('spectrum of the innovations',
                  'what the filter leaves has more or less power there than it foresees'),
     'shape': ('smooth form of the spectrum', 'the spectrum bends where the model does not'),
+    'course': ('slow course of the mean',
+               'the mean moves slowly in a way that is no noise of the model'),
     'coherence': ('other channels', 'it moves together with other axes or covariates'),
     'repeats': ('equal neighbours', 'samples repeat the one before more often than by chance'),
     'sweep': ('lines that sweep', 'a line moves through the frequencies, as of a machine that '
