@@ -37,7 +37,7 @@ from .kinds import (
 )
 from .response import OpenResponse
 from .shared import spread
-from ..core.linear import inverse, least_squares
+from ..core.linear import inverse, inverse_of, least_squares
 from ..core.spectrum import asked, Bins, gathered, leaked, smooth
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
@@ -312,14 +312,13 @@ class Likelihood:
                 power = self._less_known(power, slow)
         return power, slow
 
-    def _coupled(self, model, v):
-        """Return the gains (p,) of the couplings, their covariance, and :meth:`_decoupled`."""
-        channels = self._channels(model)
-        _, cross, own, first = channels
+    def _gains_at(self, model, v):
+        """Return the gains (p,) of the couplings at a spectrum (b,), and their covariance."""
+        _, cross, own, first = self._channels(model)
         cross, own = self._beside_means(model, v, cross, own, first, self._slow)
         covariance = inverse(own @ (self.weight / v))
         beta = covariance @ (cross @ (self.weight / v))
-        return beta, covariance * model_crowd(model), *self._decoupled(beta, channels)
+        return beta, covariance * model_crowd(model)
 
     def _beside_means(self, model, v, cross, own, first, slow):
         """
@@ -342,13 +341,10 @@ class Likelihood:
             return cross, own
         root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
         x = np.concatenate([self._slow_columns_of(m) for m in known], axis=1)
-        u, s, turn = np.linalg.svd(x * root[:, None], full_matrices=False)
-        some = s > 1e-9 * s[:1]
-        x = x @ (turn[some].T / s[some])
-        u = u[:, some] * root[:, None]
+        told = inverse_of(x * root[:, None]) * root
 
         def left(y):
-            return y - (y @ u) @ x.T
+            return y - (y @ told.T) @ x.T
 
         rest = left(first)
         return (self._changed(cross, left(slow) * rest - slow * first),
@@ -356,7 +352,9 @@ class Likelihood:
 
     def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""
-        slow = self._coupled(model, v)[3] if self._coupled_names(model) else self._slow
+        slow = self._slow
+        if self._coupled_names(model):
+            slow = self._decoupled(self._gains_at(model, v)[0], self._channels(model))[1]
         assert slow is not None
         return slow - self._path
 
@@ -378,7 +376,8 @@ class Likelihood:
         power, slow, weight, solved = self.power, self._slow, self.weight, (0.0, 0.0, 0)
         betas, covariances = [], []
         if self.couplings:
-            beta, covariance, power, slow = self._coupled(model, v)
+            beta, covariance = self._gains_at(model, v)
+            power, slow = self._decoupled(beta, self._channels(model))
             betas.append(beta)
             covariances.append(covariance)
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
@@ -410,15 +409,16 @@ class Likelihood:
     @cached_property
     def _of_lines(self) -> np.ndarray:
         """
-        Return the slow coefficients (q, 3 l) of changes of the lines that are slow.
+        Return a basis (q, 3 l) of the slow coefficients of changes of the lines that are slow.
 
         Of cosine, sine and frequency, which were measured beside no mean: what a step has there
-        went with them. The spectrum has lost what three free values take already.
+        went with them. The spectrum has lost what three free values take already. Changes of
+        lines side by side are all but the same: a basis tells them apart once, for all spectra.
 
         """
         return self.evidence.remembered(
             ('lines', self.part_name, self._count),
-            lambda: self._slow_transform(self._in_part(self._changes_of_lines())))
+            lambda: np.linalg.qr(self._slow_transform(self._in_part(self._changes_of_lines())))[0])
 
     def _changes_of_lines(self):
         inputs, top = self.evidence.even_inputs, SLOWEST / (2 * self.evidence.duration)
@@ -435,15 +435,16 @@ class Likelihood:
         more = self._of_lines
         if not more.size:
             return 0.0
-        return more @ np.linalg.lstsq(more * root[:, None], slow * root, rcond=None)[0]
+        return more @ (inverse_of(more * root[:, None]) @ (slow * root))
 
     def _beside_lines(self, root, *some):
         """Return weighted columns and coefficients (q, ...) less what changed lines explain."""
         if not self._of_lines.size:
             return some
         # beside a mean a line has other values than it had by itself
-        own = np.linalg.qr(self._of_lines * root[:, None])[0]
-        return [x - own @ (own.T @ x) for x in some]
+        own = self._of_lines * root[:, None]
+        told = inverse_of(own)
+        return [x - own @ (told @ x) for x in some]
 
     def _counted(self):
         """Return the root of what each slow coefficient (q,) counts."""
@@ -671,16 +672,16 @@ class Likelihood:
             self._units[key] = make()
         return self._units[key]
 
-    def _with_linear(self, model, linear):
-        """Return a model with the solved parameters in it."""
+    def _with_linear(self, model, beta):
+        """Return a model with solved parameters (p,) in it; those of couplings come first."""
         values: dict[str, dict[str, float]] = {}
-        for slot, value in zip(self.linear_slots, linear.beta):
+        for slot, value in zip(self.linear_slots, beta):
             values.setdefault(slot.label, {})[slot.parameter.name] = float(value)
         return model.with_values(values)
 
     def with_solved(self, model: Model, v: np.ndarray) -> Model:
         """Return a model with its linear parameters as they are solved for at a spectrum (b,)."""
-        return self._with_linear(model, self.solve_linear(model, v))
+        return self._with_linear(model, self.solve_linear(model, v).beta)
 
     def value(self, x: np.ndarray,
               ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:
@@ -699,10 +700,9 @@ class Likelihood:
         if not np.isfinite(v).all():      # a step too far
             nothing = np.zeros(0)
             return np.inf, Linear(nothing, nothing, self.power, self.weight), v, each
-        linear = self.solve_linear(model, v)
         if self._spreads and each:  # what a shaken source is missed by goes with the gains
-            v = self._with_missed(total, self._with_linear(model, linear))
-            linear = self.solve_linear(model, v)
+            v = self._with_missed(total, self._with_linear(model, self._gains_at(model, v)[0]))
+        linear = self.solve_linear(model, v)
         return self._cost(linear, v) + self._untold(x), linear, v, each
 
     def _what_is_told(self) -> list[tuple[int, float, float]]:
