@@ -21,13 +21,15 @@ from scipy.stats import binom
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import Estimate, find_effect, Model, model_of
-from imu_noise_tools.noise.descent import minimise
+from imu_noise_tools.noise.descent import Known, minimise
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.search import Search
-from imu_noise_tools.noise.starts import _carried, entered_behind, starts
+from imu_noise_tools.noise.starts import (
+    _carried, entered_behind, most_promising, starts
+)
 
 BASE = ('white', 'flicker', 'random_walk')
 MEMS = {'N': 8.7e-5, 'B': 2.4e-5, 'K': 1.2e-6}         # 0.005 deg/s/sqrt(Hz), 5 deg/h
@@ -427,6 +429,40 @@ def test_a_minimum_that_is_known_is_not_left_for_a_worse_one(monkeypatch):
     found = search.from_starts(plain, starts(plain, None))
     monkeypatch.setattr(Search, 'from_point', lambda *_: replace(found, nll=found.nll + 1))
     assert search._best([(found.likelihood, found.x)], found) is found
+
+
+def test_a_way_that_leads_to_a_minimum_known_or_will_not_come_to_it_is_not_walked_to_its_end():
+    """Of relaxation in white noise: from beside it, from elsewhere, and where more is wanted."""
+    y = lfilter([0.4], [1, -0.6], np.random.default_rng(3).standard_normal(20_000))
+    e = gather(record_of(y), ['gyro_x'])['gyro_x']
+    likelihood = Likelihood(e, 'whole', model_of('noise', ('white', 'gauss_markov')))
+    asked = []
+    likelihood.derivatives = lambda *a: asked.append(a) or Likelihood.derivatives(likelihood, *a)
+
+    def walked(x0, **known):
+        asked.clear()
+        return *minimise(likelihood, x0, enough=1e-3, known=Known(**known)), len(asked)
+
+    begin = starts(likelihood, None)[0][1]
+    end, least, steps = walked(begin)
+    found, _, fewer = walked(end + 0.5, ends=[(end, least)])
+    assert found is end and fewer < walked(end + 0.5)[2]
+    elsewhere = end + np.array([0.0, 3.0, 0.0])
+    found, nll, _ = walked(begin, ends=[(elsewhere, likelihood.value(elsewhere)[0])])
+    assert found is not elsewhere and nll == pytest.approx(least, abs=1e-2)
+    assert walked(begin, least=least - 100)[2] < steps      # what is wanted is not there
+    assert walked(begin, least=least + 1)[1] == least
+
+
+def test_the_shapes_that_a_fit_may_begin_with_are_looked_at_once(monkeypatch):
+    """Whatever amplitudes it may have: all that a likelihood keeps would be made again."""
+    e = gather(record_of(np.random.default_rng(5).standard_normal(5000)), ['gyro_x'])['gyro_x']
+    plain = Likelihood(e, 'whole', model_of('noise', ('white', 'flicker', 'gauss_markov')))
+    proposed, made = starts(plain, None), []
+    monkeypatch.setattr('imu_noise_tools.noise.starts.Likelihood',
+                        lambda *a: made.append(a) or Likelihood(*a))
+    most_promising(plain, proposed, None, 3)
+    assert len(made) == len({model for model, _ in proposed} - {plain.model}) < len(proposed)
 
 
 @pytest.mark.thorough

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +14,42 @@ from .likelihood import Likelihood
 from .response import OPEN
 
 REACH = 2.0  # by how much a step may change what is searched on a log scale
+NEAR = 1.0  # squared standard deviations away is a minimum that is met
+SAME = 0.3  # share of the way down to it by which the parabola may miss it
+HOPELESS = 0.1  # share of what is lacking, which one more step must gain
 PATIENCE = 6  # steps after which the curvature is learnt from the way, too
+
+
+class Known(NamedTuple):
+    """
+    What a search knows when it begins from one more point.
+
+    ``ends`` are minima of the same likelihood, x (p,) and -ln L; ``least`` is what must be reached
+    to be of any use, the price of a form taken off.
+
+    """
+
+    ends: Sequence[tuple[np.ndarray, float]] = ()
+    least: float = np.inf
+
+    def met(self, here: _Here) -> tuple[np.ndarray, float] | None:
+        """Return the minimum that the way leads to, if it is one of these."""
+        return next((end for end in self.ends if here.leads_to(*end)), None)
+
+    def hopeless(self, here: _Here, able: np.ndarray, form: float, gain: float) -> bool:
+        """
+        Tell whether what is wanted is out of reach, where some (p,) may move.
+
+        The last step has gained a small share of the way that is left to it, and the next will.
+
+        """
+        lacks = here.nll + form - self.least
+        return lacks > 0 and max(gain, here.gains(able)) < HOPELESS * lacks
 
 
 def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = None,
              penalty: float = 0.0, reddest: int | None = None, steps: int = 400,
-             enough: float = 1e-7) -> tuple[np.ndarray, float]:
+             enough: float = 1e-7, known: Known = Known()) -> tuple[np.ndarray, float]:
     """
     Return (x, -ln L) of the minimum below a start, by Levenberg's rule.
 
@@ -41,30 +72,37 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
         At most.
     enough : float
         A step that gains less, nats, is the last.
+    known : Known
+        Where the way leads to a minimum that is known that one is returned, the very array; where
+        it will not come to what is wanted, what it came to.
 
     """
     def value(x):
-        nll, linear, v, each = likelihood.value(x)
-        return nll if reddest is None else nll - penalty * x[reddest], linear, v, each
+        nll, *rest = likelihood.value(x)
+        return nll if reddest is None else nll - penalty * x[reddest], *rest
 
     x = np.array(x0, float)
     free = np.ones(len(x), bool) if free is None else free
     lower, upper = likelihood.bounds
     x = np.clip(x, lower, upper)
-    best, linear, v, each = value(x)
-    damping = 1e-3
+    best, *rest = value(x)
+    damping, gain = 1e-3, np.inf
     reach = np.array([np.inf if s.label == OPEN else REACH for s in likelihood.slots])
     curvature = _Curvature()
     for _ in range(steps):
-        gradient, information = likelihood.derivatives(x, linear, v, each)
+        here = _Here(x, best, *likelihood.derivatives(x, *rest))
         if reddest is not None:
-            gradient[reddest] -= penalty
-        curvature.arrive(_Here(x, best, gradient, information))
+            here.gradient[reddest] -= penalty
+        end = known.met(here)
+        if end is not None:
+            return end
+        curvature.arrive(here)
         # what a bound stops does not move, or it would bend the way of the others
-        able = free & ~((x <= lower) & (gradient > 0)) & ~((x >= upper) & (gradient < 0))
-        if not able.any():
+        able = free & ~((x <= lower) & (here.gradient > 0)) & ~(
+            (x >= upper) & (here.gradient < 0))
+        if not able.any() or known.hopeless(here, able, rest[0].form, gain):
             break
-        for damping, moved in _moves(x, able, gradient, curvature.at(able), damping, reach):
+        for damping, moved in _moves(x, able, here.gradient, curvature.at(able), damping, reach):
             trial = np.clip(moved, lower, upper)
             result = value(trial)
             if np.isfinite(result[0]) and result[0] <= best:
@@ -72,7 +110,7 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
         else:
             break
         gain = best - result[0]
-        x, (best, linear, v, each) = trial, result
+        x, (best, *rest) = trial, result
         if gain < enough:
             break
         damping = min(max(damping / 10, 1e-9), 1.0)
@@ -91,6 +129,22 @@ class _Here(NamedTuple):
         """Return by how much the parabola here, of more curvature, misses -ln L after a step."""
         curved = self.information + lacks
         return abs(self.nll + float(moved @ (self.gradient + 0.5 * curved @ moved)) - nll)
+
+    def gains(self, able: np.ndarray) -> float:
+        """Return what the parabola here gains, nats, where some (p,) may move."""
+        g, f = self.gradient[able], self.information[np.ix_(able, able)]
+        return 0.5 * float(g @ np.linalg.solve(f + 1e-9 * np.diag(np.diag(f) + 1e-3), g))
+
+    def leads_to(self, end: np.ndarray, nll: float) -> bool:
+        """
+        Tell whether a minimum known, x (p,) and -ln L, is that below this place.
+
+        It is less than a standard deviation away, and as deep as the parabola here says.
+
+        """
+        moved = end - self.x
+        return float(moved @ self.information @ moved) < NEAR and \
+            self.misses(moved, nll) < SAME * max(self.nll - nll, 0.0)
 
 
 class _Curvature:

@@ -105,7 +105,8 @@ class NoiseProblem(Problem):
 
         """
         wanted = set(self.spectral(model))
-        near = min(self._begun, key=lambda k: len(wanted ^ set(k)), default=None)
+        # of two as near the smaller one: of what it rests on this one may rest on more
+        near = min(self._begun, key=lambda k: (len(wanted ^ set(k)), len(k)), default=None)
         if near is None or len(wanted ^ set(near)) > NEAR:
             return {}
         fit = self._begun[near]

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from .descent import minimise
+from .descent import Known, minimise
 from .likelihood import Likelihood
 from .starts import begun_anew, entered_behind, most_promising, reddest, Start
 from ..loop.effect import Fit, Model
@@ -69,22 +69,36 @@ class Search:
               best: Found | None) -> Found | None:
         """Return the best of the minima reached from some starts, and of one that is known."""
         least = np.inf if best is None else best.cost
+        ends = [] if best is None else [best]
         for likelihood, x0 in begins:
-            found = self.from_point(likelihood, x0)
+            found = self.from_point(likelihood, x0, ends, least)
+            if found in ends:
+                continue
+            ends.append(found)
             cost = found.cost
             if np.isfinite(cost) and cost < least - 1e-9:
                 best, least = found, cost
         return best
 
-    def from_point(self, likelihood: Likelihood, x0: np.ndarray) -> Found:
-        """Return the minimum reached from one point."""
+    def from_point(self, likelihood: Likelihood, x0: np.ndarray,
+                   ends: Sequence[Found] = (), least: float = np.inf) -> Found:
+        """
+        Return the minimum reached from one point, one of the ``ends`` where it leads there.
+
+        Or where the way ends that will not come down to a cost known, the ``least``.
+
+        """
         slowest = reddest(likelihood, x0) if self.cautious else None
-        found = minimise(likelihood, x0, penalty=_REDDEST, reddest=slowest, enough=self.enough)
-        x, nll = _revived(likelihood, found, slowest, self.enough)
-        return Found(likelihood, x, nll, slowest)
+        alike = [f for f in ends if f.slowest == slowest and f.is_of(likelihood)]
+        known = Known([(f.x, f.nll) for f in alike], least - PRICE * len(x0))
+        x, nll = minimise(likelihood, x0, penalty=_REDDEST, reddest=slowest, enough=self.enough,
+                          known=known)
+        met = next((f for f in alike if f.x is x), None)
+        return met or Found(
+            likelihood, *_revived(likelihood, (x, nll), slowest, self.enough), slowest)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """A minimum: where, how deep, and which amplitude was kept off zero."""
 
@@ -97,6 +111,13 @@ class Found:
     def information(self) -> np.ndarray:
         """The Fisher matrix (p, p) there, which is wanted of few of those that are found."""
         return self.likelihood.information(self.x)
+
+    def is_of(self, likelihood: Likelihood) -> bool:
+        """Tell whether it is a minimum of another likelihood on the same basis as well."""
+        lower, upper = likelihood.bounds
+        return likelihood is self.likelihood or (
+            len(self.x) == len(lower) and bool(np.all((lower <= self.x) & (self.x <= upper)))
+            and likelihood.with_search(self.x) == self.likelihood.with_search(self.x))
 
     @property
     def cost(self) -> float:

@@ -211,12 +211,12 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
 
     """
     found: dict[Model, list] = {}
+    known = {plain.model: plain}
     for candidate, x0 in starts:
-        likelihood = (
-            plain
-            if candidate == plain.model
-            else Likelihood(plain.evidence, plain.part_name, candidate, mean, plain.explained)
-        )
+        if candidate not in known:
+            known[candidate] = Likelihood(
+                plain.evidence, plain.part_name, candidate, mean, plain.explained)
+        likelihood = known[candidate]
         x0 = _carried(plain, x0, likelihood)
         value, linear = likelihood.value(x0)[:2]
         value += linear.form
