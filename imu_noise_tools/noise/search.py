@@ -91,11 +91,13 @@ class Search:
         slowest = reddest(likelihood, x0) if self.cautious else None
         alike = [f for f in ends if f.slowest == slowest and f.is_of(likelihood)]
         known = Known([(f.x, f.nll) for f in alike], least - PRICE * len(x0))
-        x, nll = minimise(likelihood, x0, penalty=_REDDEST, reddest=slowest, enough=self.enough,
-                          known=known)
-        met = next((f for f in alike if f.x is x), None)
-        return met or Found(
-            likelihood, *_revived(likelihood, (x, nll), slowest, self.enough), slowest)
+        end = minimise(likelihood, x0, penalty=_REDDEST, reddest=slowest, enough=self.enough,
+                       known=known)
+        met = next((f for f in alike if f.x is end[0]), None)
+        if met is not None:
+            return met
+        x, nll = _revived(likelihood, end, slowest, self.enough)
+        return Found(likelihood, x, nll, slowest)
 
 
 @dataclass(frozen=True, eq=False)
