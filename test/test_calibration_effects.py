@@ -13,7 +13,9 @@ import pytest
 
 from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.effects import Regressor, Scatter
+from imu_noise_tools.calibration.linear import Equations
 from imu_noise_tools.calibration.turn_problem import arrays_of, problems
+from imu_noise_tools.core.errors import FitError
 from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, registry
 from imu_noise_tools.loop.prediction import State
@@ -82,8 +84,9 @@ def test_every_effect_is_whole(name):
         assert cls.needs
     p = table(np.random.default_rng(1), sim.Device()).poses
     if issubclass(cls, Regressor):
-        terms = cls().terms(p, np.eye(3))
-        assert terms.shape == (3, p.n, len(cls.parameters)) and np.isfinite(terms).all()
+        effect = cls.example()
+        terms = effect.terms(p, np.eye(3))
+        assert terms.shape == (3, p.n, len(effect.coefficients)) and np.isfinite(terms).all()
         assert (np.abs(terms).sum(axis=(0, 1)) > 0).all()
     else:
         assert issubclass(cls, Scatter)
@@ -309,3 +312,77 @@ class Quintic(Regressor):
         assert 'quintic' in [f.name for f in d.ranked[:2]]
     finally:
         effect._REGISTRY['calibration'].pop('quintic')
+
+
+def over_time(rng, n=24, temperature=None, late=None, **device):
+    """Return poses in all directions, 8 s each; ``late`` (n, 3) adds to the outputs."""
+    sensor = sim.Device.drawn(rng, noise=3e-4, upper=True)
+    for name, value in device.items():
+        setattr(sensor, name, value)
+    out = sensor.output(sim.G * sim.spread_directions(n, rng)[rng.permutation(n)], rng,
+                        temperature) + (0.0 if late is None else late)
+    poses = core.Poses.of('accel', out.T, sensor.noise, sim.G, time=8.0 * np.arange(n),
+                          temperature=temperature, reference_temperature=25.0)
+    return core.CalibrationProblem(poses, 'norm'), sensor
+
+
+def test_a_step_between_poses_is_found_at_its_time():
+    """By name and not as scatter; the bias is the one after it, and its time is held."""
+    rng = np.random.default_rng(11)
+    for k in (6, 15):
+        jump = np.where(np.arange(24)[:, None] >= k, [0.0, 0.01, -0.005], 0.0)
+        problem, sensor = over_time(rng, late=jump)
+        d = verdict(problem)
+        assert (d.verdict, [f.name for f in d.found], d.remaining) == ('missing', ['step'], None)
+        at = d.found[0].estimates['t']
+        assert at.ci95 == (8.0 * (k - 1), 8.0 * k) and at.ci95[0] < at.value < at.ci95[1]
+        fit = problem.fit(core.base_model() + find_effect('calibration', 'step')())
+        np.testing.assert_allclose(fit.details.bias, sensor.bias + jump[-1], atol=1e-3)
+        assert fit.estimates['step']['j_y'].point == pytest.approx(0.01, abs=1e-3)
+
+
+def test_names_with_fewer_coefficients_that_explain_as_much_are_sure():
+    """Heat that settles is no warm-up of its own, and a line in time none: 10 sessions each."""
+    rng, t = np.random.default_rng(12), 8.0 * np.arange(24)
+    heat = 25 + 9 * (1 - np.exp(-t / 110))
+    for name, made in (
+            ('temperature', {'temperature': heat,
+                             'late': np.outer(heat - 25, [6e-3, -4e-3, 8e-3])}),
+            ('drift', {'late': np.outer(t, [1e-4, -5e-5, 8e-5])})):
+        said = [verdict(over_time(rng, **made)[0]) for _ in range(10)]
+        right = [d.verdict == 'missing' and [f.name for f in d.found] == [name] for d in said]
+        assert sum(right) >= 8, [d.advice for d in said]
+
+
+def test_of_two_effects_neither_is_taken_for_what_did_its_work_alone():
+    """Beside the cubic the line in temperature does what the warm-up did of both without it."""
+    rng, t = np.random.default_rng(13), 8.0 * np.arange(24)
+    heat = 25 + 9 * (1 - np.exp(-t / 110))
+    for _ in range(3):
+        d = verdict(over_time(rng, temperature=heat, late=np.outer(heat - 25, [6e-3, -4e-3, 8e-3]),
+                              cubic=(-4e-5, -5e-5, -3e-5))[0])
+        assert {f.name for f in d.found} == {'temperature', 'cubic'} and d.remaining is None
+
+
+def test_advice_names_rivals_alone():
+    """What is told apart is no rival, and where no freedom is left the number of poses is."""
+    rng = np.random.default_rng(14)
+    names, directions = sim.faces(4)
+    device = sim.Device.drawn(rng, noise=1e-4)
+    device.quadratic = (3e-3, -2e-3, 2e-3)
+    out = device.output(sim.G * np.array(directions), rng)
+    d = verdict(core.CalibrationProblem(core.Poses.of(
+        'accel', out.T, 1e-4, sim.G, sim.G * np.array(directions).T, names=names,
+        time=8.0 * np.arange(24)), 'wls', 0.0))
+    assert d.verdict == 'undecidable'
+    assert 'cannot tell' in d.advice and {'quadratic', 'asymmetry'} == {
+        w.strip(';') for w in d.advice.split('; record')[0].split()
+        } & set(registry('calibration'))
+    d = verdict(over_time(rng, 12, quadratic=(8e-4, -4e-4, 5e-4))[0])
+    assert d.verdict == 'undecidable' and '12 poses leave 3 degrees of freedom' in d.advice
+
+
+def test_equations_too_large_to_be_solved_are_refused():
+    """A fit on its way to infinity ends in words."""
+    with pytest.raises(FitError, match='diverges'):
+        Equations(np.full((4, 1), 1e200), np.ones(4), np.arange(4), (('bias', 'b_x'),), []).theta

@@ -127,6 +127,48 @@ def test_a_rest_in_which_a_hand_creeps_is_no_end_of_a_turn():
     assert done.study.diagnose()['gyro'].verdict == 'complete'
 
 
+def test_a_bias_that_steps_is_no_hand_that_creeps():
+    """All rests after a step of 0.2 deg/s are kept, and it is found by name and time."""
+    plain, _, _ = session(8, 24)
+    at = plain.t[int(0.6 * plain.n)]
+    jump = 0.2 * DEG * np.outer(plain.t > at, [1.0, 0.0, 0.4])
+    record = replace(plain, gyro=np.asarray(plain.gyro) + jump)
+    found = core.rests(record)
+    assert core.held(record, found) == (found, [])
+    d = tasks.calibrate_records([record]).study.diagnose(['gyro'])['gyro']
+    assert [f.name for f in d.found] == ['step']
+    time = d.found[0].estimates['t'].ci95
+    assert time[0] - 4.5 < at < time[1] + 4.5
+
+
+def test_what_the_bias_does_in_time_is_taken_out_of_the_turns():
+    """A drift that moves the end of the last turns by half a degree leaves what noise makes."""
+    plain, _, _ = session(9, 24)
+    record = replace(plain, gyro=np.asarray(plain.gyro) + np.outer(plain.t, [5e-5, -3e-5, 4e-5]))
+    drift = find_effect('calibration', 'drift')()
+    bare, with_it = problem_of(plain), problem_of(record)
+    fit = with_it.fit(core.base_model() + drift)
+    missed = [p.summary(f)['residual_rms'] for p, f in (
+        (bare, bare.fit(core.base_model())), (with_it, fit))]
+    assert missed[1] < 1.2 * missed[0]
+    assert all(e.ci95[0] < v < e.ci95[1] for e, v in zip(
+        fit.estimates['drift'].values(), [5e-5, -3e-5, 4e-5]))
+
+
+def test_turns_that_miss_by_far_are_never_complete():
+    """Rates held at 60 deg/s by what comes before the noise: what is missed and where it ends."""
+    record, _, gyro = session(10, 24)
+    rng = np.random.default_rng(10)
+    rates = np.clip(np.asarray(record.gyro), -60 * DEG, 60 * DEG)
+    record = replace(record, gyro=rates + 2e-3 * rng.normal(size=rates.shape))
+    done = tasks.calibrate_records([record])
+    d = done.study.diagnose(['gyro'])['gyro']
+    assert d.verdict != 'complete' and d.remaining is not None
+    assert 'turns miss gravity by' in d.advice + ' '.join(f.evidence for f in d.remaining.failed)
+    assert any('reach 60 deg/s and none more' in w.replace('61', '60').replace('62', '60')
+               for w in done.gyro.warnings)
+
+
 def test_g_sensitivity_is_found_and_the_error_of_turns_left_out_falls():
     """The loop names it, and adding it brings turns left out back to noise."""
     sensitivity = 2e-3 * np.array([[1, -1, 0.5], [0.3, -1, 1], [1, 0.2, 0.4]])

@@ -25,7 +25,8 @@ def found(name, view='frequency', gain=100.0, **more):
 @pytest.fixture
 def search():
     """Return a search that has looked at nothing yet."""
-    return Search(State(None, Fit(model_of('noise', ('white',)), {}, 0.0), None))
+    problem = SimpleNamespace(exchanges=False)
+    return Search(State(problem, Fit(model_of('noise', ('white',)), {}, 0.0), None))
 
 
 def leaves(nats):

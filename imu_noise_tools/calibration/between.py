@@ -129,7 +129,7 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
         raise InputError('fewer than two rests', 'hold some poses, still, one after the other')
     gyro = np.asarray(record.gyro, float)
     heat = record.covariates.get('temperature', np.full(record.n, np.nan))
-    force = accel.apply(np.asarray(record.accel, float), _known(heat))
+    force = accel.apply(np.asarray(record.accel, float), _known(heat), time=record.t)
     near = max(1, round(_NEAR_S * record.rate_hz))
     first, last = (np.array([force[r.samples()[s]].mean(0) for r in found]).T
                    for s in (slice(near), slice(-near, None)))

@@ -48,32 +48,38 @@ class Correction:
     @property
     def more(self) -> list[Regressor]:
         """Effects beyond scale, cross-axis and bias that are taken out of the outputs."""
-        return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input
-                and not e.passing]
+        return [e for e in self._within if not e.passing]
 
-    def apply(self, raw: np.ndarray, temperature: Any = None, force: Any = None) -> np.ndarray:
+    @property
+    def _within(self) -> list[Regressor]:
+        """The same, with what belongs to the session that they were fitted to."""
+        return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
+
+    def apply(self, raw: np.ndarray, temperature: Any = None, force: Any = None,
+              time: Any = None) -> np.ndarray:
         """
         Return x for raw samples, (n, 3) or (3,).
 
         ``temperature`` (n,) and ``force`` (n, 3) enter only where the model holds an effect of
-        them; without a temperature the reference is taken.
+        them; without a temperature the reference is taken. With a ``time`` (n,), s since the start
+        of the record that was calibrated, what belongs to that record alone is taken out too.
 
         """
         raw = np.asarray(raw, float)
         columns = np.atleast_2d(raw).T
         x = np.linalg.solve(self.S, columns - self.bias[:, None])
-        if more := self.more:
+        if more := self.more if time is None else self._within:
             n = columns.shape[1]
             if temperature is None:
                 temperature = self.reference_temperature
             here = Poses.of(self.sensor, columns, 0.0, 1.0,
                             temperature=np.broadcast_to(np.asarray(temperature, float), (n,)),
                             force=np.zeros((3, n)) if force is None
-                            else np.atleast_2d(np.asarray(force, float)).T,
+                            else np.atleast_2d(np.asarray(force, float)).T, time=time,
                             reference_temperature=self.reference_temperature)
             for _ in range(_TURNS):
                 rest = sum(e.terms(here.with_inputs(x), self.S)
-                           @ [e.values[p.name] for p in e.parameters]
+                           @ [e.values[p.name] for p in e.coefficients]
                            for e in more)
                 x = np.linalg.solve(self.S, columns - self.bias[:, None] - rest)
         return x.T.reshape(raw.shape)

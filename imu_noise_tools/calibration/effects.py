@@ -35,7 +35,7 @@ class Regressor(Effect):
     for every row (so 3 parameters a row, output after output). ``feeds`` (3, rows) says otherwise:
     the index of the parameter with which a row enters an output, -1 for none. With ``at_input``
     the rows are a change of the *input*, which then passes through the scale factors like any
-    other.
+    other. The parameter named by ``placed`` is no coefficient: each of :meth:`places` is tried.
 
     """
 
@@ -46,10 +46,21 @@ class Regressor(Effect):
     needs: ClassVar[str] = ''           # the poses that show it
     #: whether it belongs to the session alone: fitted, and not taken out of other records
     passing: ClassVar[bool] = False
+    #: name of the parameter that says where its rows begin or end, where it has one
+    placed: ClassVar[str] = ''
+
+    @property
+    def coefficients(self) -> tuple[Parameter, ...]:
+        """Parameters that are solved for."""
+        return tuple(p for p in self.parameters if p.name != self.placed)
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the rows of I, (rows, n), for the mean input of each pose."""
         raise NotImplementedError
+
+    def places(self, poses: Poses) -> np.ndarray:
+        """Return the values to be tried of the parameter with which it is placed, rising."""
+        return np.zeros(0)
 
     def why_not(self, poses: Poses) -> str:
         """Return why these poses say nothing about it, or an empty string."""
@@ -59,7 +70,7 @@ class Regressor(Effect):
         """Return the change of the outputs by each parameter, (3, n, parameters); scale: S."""
         rows = np.atleast_2d(self.columns(poses)) * poses.amount
         feeds = self.feeds if self.feeds is not None else np.arange(3 * len(rows)).reshape(3, -1)
-        out = np.zeros((3, poses.n, len(self.parameters)))
+        out = np.zeros((3, poses.n, len(self.coefficients)))
         for (axis, row), parameter in np.ndenumerate(feeds):
             if parameter >= 0:
                 out[axis, :, parameter] += rows[row]
@@ -304,6 +315,44 @@ class Drift(_InTime):
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the time since the start of the record."""
         return poses.time[None]
+
+
+class Step(_InTime):
+    """Bias that is another one from some pose on; ``b`` is the one at the end."""
+
+    name = 'step'
+    symbol = 'j'
+    title = 'step of the biases between two poses'
+    equation = 'o_k = -j_k before the time t, 0 after it'
+    signature = 'residual has one level up to some pose and another one from the next on'
+    hint = ('a knock, a cable that pulls, a restart or a change of range at the time t; the bias '
+            'given is the one after it: calibrate again where it may step back')
+    reference = 'IEEE 1293 (bias repeatability)'
+    parameters = (Parameter('t', 's', 0.0, _BIG, log=False, title='time of the step'),
+                  *_named('j', '{rate}', title='step of the bias'))
+    feeds = _EACH
+    placed = 't'
+    needs = 'faces held again at the end of the session, four poses on each side of the step'
+
+    def columns(self, poses: Poses) -> np.ndarray:
+        """Return minus one before the step, 0 from it on."""
+        return np.where(poses.time < self.values.get('t', 0.0), -1.0, 0.0)[None]
+
+    def places(self, poses: Poses) -> np.ndarray:
+        """Return the times between poses that leave more than three coefficients on each side."""
+        time = np.sort(poses.time)
+        between = (time[1:] + time[:-1]) / 2
+        return np.unique(between[len(self.coefficients):-len(self.coefficients)])
+
+    def why_not(self, poses: Poses) -> str:
+        """Poses are needed on both sides of it."""
+        return super().why_not(poses) or ('' if len(self.places(poses))
+                                          else 'too few poses before and after any step')
+
+    @classmethod
+    def example(cls) -> Step:
+        """Return one within a short session."""
+        return cls({'t': 60.0, 'j_x': 0.01, 'j_y': 0.0, 'j_z': -0.01})
 
 
 class TemperatureScale(Regressor):

@@ -54,9 +54,10 @@ class Equations:
 
     @cached_property
     def _decomposed(self):
-        if not np.isfinite(self.matrix).all():
+        with np.errstate(over='ignore'):
+            size = np.linalg.norm(self.matrix, axis=0)
+        if not np.isfinite(size).all():
             raise FitError(*DIVERGES)
-        size = np.linalg.norm(self.matrix, axis=0)
         size = np.where(size > 0, size, 1.0)
         u, s, vt = np.linalg.svd(self.matrix / size, full_matrices=False)
         keep = s > _SMALL * s[0]
@@ -226,7 +227,7 @@ def regressors(model: Model) -> list[Regressor]:
 
 def keys_of(model: Model, free_direction: bool) -> tuple[tuple[str, str], ...]:
     """Return the (label, parameter) of every linear coefficient that is to be fitted."""
-    return tuple((e.label, p.name) for e in regressors(model) for p in e.parameters
+    return tuple((e.label, p.name) for e in regressors(model) for p in e.coefficients
                  if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE))
 
 
@@ -240,7 +241,7 @@ def terms_of(model: Model, poses: Poses, scale: np.ndarray, free_direction: bool
     """Return the columns of every coefficient of :func:`keys_of`, (3, n, m)."""
     parts = []
     for e in regressors(model):
-        keep = [k for k, p in enumerate(e.parameters)
+        keep = [k for k, p in enumerate(e.coefficients)
                 if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE)]
         parts.append(e.terms(poses, scale)[:, :, keep])
     return np.concatenate(parts, axis=2)

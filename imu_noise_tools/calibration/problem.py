@@ -10,15 +10,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+from scipy.optimize import brentq
+from scipy.special import chdtrc
 
-from . import solve
+from . import places, solve
 from .effects import Drift, Regressor, Scatter
 from .linear import equations, LeftOut, tilt_of, whitened
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
-from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
+from ..loop.effect import (
+    Effect, Estimate, Finding, Fit, Model, registry, Score, unfitted, View)
 from ..loop.problem import Problem
+from ..loop.verdict import RIVAL
 
 _CHANCE = 0.005
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
@@ -48,6 +51,8 @@ class CalibrationProblem(Problem):
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     domain = 'calibration'
+    looks = 40      # each takes a fraction of a second
+    exchanges = True
 
     @property
     def target(self) -> str:
@@ -81,13 +86,43 @@ class CalibrationProblem(Problem):
         """
         model = unfitted(model)
         if model not in self._fits:
-            known, tilt = None, self.tilt
-            if self.whole is not None and model.of(Scatter):
-                found = self.whole.fit(model)
-                known = {e.label: e.amplitude for e in found.model.of(Scatter)}
-                tilt = found.details.tilt
-            self._fits[model] = solve.fit(model, self.poses, self.method, tilt, known)
+            at, placed = self._placed(model)
+            fit = self._solved(at)
+            self._fits[model] = replace(fit, estimates={
+                k: {**placed.get(k, {}), **v} for k, v in fit.estimates.items()})
         return self._fits[model]
+
+    def _solved(self, model: Model) -> Fit:
+        """Fit a model whose effects have their places."""
+        known, tilt = None, self.tilt
+        if self.whole is not None and model.of(Scatter):
+            found = self.whole.fit(model)
+            known = {e.label: e.amplitude for e in found.model.of(Scatter)}
+            tilt = found.details.tilt
+        return solve.fit(model, self.poses, self.method, tilt, known)
+
+    def _placed(self, model: Model) -> tuple[Model, dict[str, dict[str, Estimate]]]:
+        """
+        Return a model with each effect at its place, and where that is, by label.
+
+        All but one pose are fitted with the place that all have.
+
+        """
+        found: dict[str, dict[str, Estimate]] = {}
+        for e in (e for e in model.of(Regressor) if e.placed):
+            if self.whole is not None:
+                at = self.whole.fit(model).estimates[e.label][e.placed]
+            else:
+                rest = self.fit(model.minus(e.label))
+                at = places.best(e, self._held, lambda x: self._gain(rest, x))
+            found[e.label] = {e.placed: at}
+        return model.with_values({k: {p: float(x.point or 0.0) for p, x in v.items()}
+                                  for k, v in found.items()}), found
+
+    @property
+    def _held(self) -> Poses:
+        """The poses between which something may happen to the biases."""
+        return self.poses
 
     def without(self, k: int) -> CalibrationProblem:
         """Return the problem without one pose."""
@@ -232,24 +267,20 @@ class CalibrationProblem(Problem):
     def _screened(self, fit: Fit) -> list[Finding]:
         """Return each candidate with its gain, by projection: nothing is fitted."""
         able = [e for e in self._others(fit.model) if not self._why_not(e)]
-        out = []
-        for e in able:
-            gain, rank = self._scatter_gain(fit, e) if isinstance(e, Scatter) else self._gain(fit,
-                                                                                              e)
-            if not rank:
-                continue
-            # BIC, but never less than what the best of so many candidates gains by chance in one
-            # case of 200
-            penalty = max(rank * np.log(len(fit.details.equations.right)),
-                          chdtri(rank, _CHANCE / len(able))) / 2
-            p_value = float(chdtrc(rank, 2 * gain)) / (2 if isinstance(e, Scatter) else 1)
-            said = f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}'
-            if rank < len(e.parameters):
-                unseen = len(e.parameters) - rank
-                said += f' ({unseen} of its {len(e.parameters)} cannot be seen here)'
-            out.append(Finding(e.name, gain, e, penalty=float(penalty), evidence=said,
-                               p_value=p_value))
-        return out
+        found = [(e, *self._projected(fit, e)) for e in able]
+        found = [x for x in found if x[2]]
+        price = _prices([(rank, tried) for _, _, rank, tried in found],
+                        len(fit.details.equations.right))
+        return [Finding(e.name, gain, e, penalty=penalty, evidence=_said(gain, rank, e),
+                        p_value=min(1.0, tried * float(chdtrc(rank, 2 * gain))))
+                for (e, gain, rank, tried), penalty in zip(found, price)]
+
+    def _projected(self, fit: Fit, effect: Regressor | Scatter) -> tuple[float, int, float]:
+        """Return the gain, the rank, and how many hypotheses it is: half where it has a sign."""
+        if isinstance(effect, Scatter):
+            return *self._scatter_gain(fit, effect), 0.5
+        some = places.everywhere(effect, self._held)
+        return *max(self._gain(fit, e) for e in some), float(len(some))
 
     def _fitted(self, fit: Fit, finding: Finding) -> Finding | None:
         """Return a candidate with its values; None where it cannot be, by nature or by the fit."""
@@ -263,13 +294,18 @@ class CalibrationProblem(Problem):
         effect, estimates = more.model[finding.name], more.estimates[finding.name]
         if not _possible(effect, estimates):
             return None
+        gain, said = finding.gain, finding.evidence
+        if isinstance(effect, Regressor):
+            # what names are told apart by: the likelihood, scatter and directions found anew
+            gain = more.log_likelihood - fit.log_likelihood
+            said = _said(gain, more.details.equations.rank - fit.details.equations.rank, effect)
         # A candidate that leaves a test wrong, with nothing else in sight, has to answer for that
         # test.
         left = [f.name for f in self.omnibus(more) if (f.p_value or 0.0) < _CHANCE / 3]
         others = any(f.gain > f.penalty for f in self._screened(more))
         answers = left[0] if left and not others else 'poses'
-        return replace(finding, effect=effect, estimates=estimates, view=answers,
-                       evidence=f'{finding.evidence}; {self._where(fit, more)}')
+        return replace(finding, effect=effect, estimates=estimates, view=answers, gain=gain,
+                       evidence=f'{said}; {self._where(fit, more)}')
 
     def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
         """Return (effect, why, what would show it) for all that these poses cannot show at all."""
@@ -278,7 +314,7 @@ class CalibrationProblem(Problem):
             if self.target not in e.sensors:
                 continue
             why = self._why_not(e)
-            if not why and isinstance(e, Regressor) and not self._gain(fit, e)[1]:
+            if not why and isinstance(e, Regressor) and not self._projected(fit, e)[1]:
                 why = 'looks the same as what is already in the model'
             if why:
                 out.append((e.name, why, e.needs))
@@ -322,8 +358,15 @@ class CalibrationProblem(Problem):
         if verdict == 'missing':
             return f'add {ranked[0].name}: {ranked[0].effect.hint}'
         if verdict == 'undecidable':
-            rivals = [f for f in ranked if f.gain > f.penalty]
+            # those that take no share of the probability are told apart
+            rivals = [f for f in ranked if f.gain > f.penalty
+                      and (f.probability is None or f.probability > RIVAL)]
             needs = dict.fromkeys(f.effect.needs for f in rivals if f.effect.needs)
+            left = self.fit(solve.base_model()).details.dof
+            if sum(len(f.estimates) >= left for f in rivals) > 1:
+                return (f'{self.poses.n} poses leave {left} degrees of freedom, which any of '
+                        f'{", ".join(f.name for f in rivals)} explains: hold more poses, in other '
+                        f'directions')
             if len(rivals) < 2:
                 said = f'{rivals[0].name} fits, but poses left out do not confirm it'
             else:
@@ -355,6 +398,32 @@ class CalibrationProblem(Problem):
         if 'method' not in arrays or 'outputs' not in arrays:
             raise UsageError('the evidence holds no poses', 'run calibrate again')
         return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
+
+
+def _prices(hypotheses: list[tuple[int, float]], rows: int) -> list[float]:
+    """
+    Return the penalty, nats, of each candidate: (rank, how many hypotheses it is).
+
+    The Bayesian information criterion (Schwarz 1978) over ``rows`` equations, by which names are
+    told from each other, and for all the same on top what lets the best of all pass it by chance
+    in one case of 200.
+
+    """
+    own = [0.5 * rank * np.log(rows) + np.log(max(tried, 1.0)) for rank, tried in hypotheses]
+
+    def beyond(more: float) -> float:
+        return sum(tried * chdtrc(rank, 2 * (x + more))
+                   for (rank, tried), x in zip(hypotheses, own)) - _CHANCE
+
+    more = brentq(beyond, 0.0, 100.0) if hypotheses and beyond(0.0) > 0 else 0.0
+    return [float(x + more) for x in own]
+
+
+def _said(gain: float, rank: int, effect: Regressor | Scatter) -> str:
+    """Say what a candidate gains and by how many coefficients."""
+    of = len(effect.coefficients) if isinstance(effect, Regressor) else 1
+    unseen = f' ({of - rank} of its {of} cannot be seen here)' if rank < of else ''
+    return f'gain {gain:.1f} nats with {rank} coefficient{"s" * (rank > 1)}{unseen}'
 
 
 def score_of(time: Any, pull: np.ndarray, std: Any, log_score: float | None) -> Score:

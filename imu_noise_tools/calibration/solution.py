@@ -20,7 +20,7 @@ from .linear import equations
 from .poses import FACES, nearest_face, Poses, unit
 from .positions import CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
-from .turn_problem import TurnsProblem
+from .turn_problem import SCALE_STD, TurnsProblem
 from ..core.errors import FitError, InputError
 from ..loop.effect import Fit, Model
 from ..loop.study import Study
@@ -29,7 +29,6 @@ SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
 _TURN_ROWS = 12                 # equations of turns that nine coefficients are asked of
 _TURNED = np.radians(2.0)       # a rotation that a person would want to hear of
-_TURN_STD = 0.01                # a scale known worse is no calibration
 _TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
 _SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
 
@@ -202,12 +201,13 @@ def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
     # what the turns tell by their geometry: a scatter that an effect explains is the loop's
     noise = np.median(turns.spread)
     worst = float(np.max(standard_deviations(fit)[0]) * noise / np.hypot(noise, fit.details.tilt))
-    if worst > _TURN_STD:
+    if worst > SCALE_STD:
         raise InputError(f'the turns between poses tell the gyroscope\'s scale to '
                          f'{100 * worst:.1f} % only', 'turn about all axes, by 90 deg and more')
     said = [*notes, 'the Earth\'s rate (at most 15.04 deg/h) stays in the bias and in the turns']
     turned = _turned_case(fit, 'the gyroscope\'s frame')
-    return stated(problem, fit, said, [*fit.flags, *turned])
+    wide = problem.too_wide(fit)
+    return stated(problem, fit, said, [*fit.flags, *turned, *([wide] if wide else [])])
 
 
 def offset_of(calibration: Calibration) -> dict[str, float] | None:
@@ -217,7 +217,7 @@ def offset_of(calibration: Calibration) -> dict[str, float] | None:
         return None
     turns = problem.data
     heat = turns.temperature if np.isfinite(turns.temperature).all() else None
-    rates = calibration.correction.apply(turns.gyro, heat, turns.force)
+    rates = calibration.correction.apply(turns.gyro, heat, turns.force, turns.time)
     size = float(np.median(np.linalg.norm(turns.rests.force, axis=0)))
     value, std = time_offset(turns, rates, size)
     return {'value': value, 'std': std}

@@ -207,9 +207,9 @@ class State:
 
     def filled(self, model: Model) -> Model:
         """Return the model with the coefficients as its values."""
-        return Model(e if isinstance(e, Scatter) else e.with_values(
-            **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.parameters}) for e
-                     in model)
+        return Model(e.with_values(
+            **{p.name: self.values.get((e.label, p.name), 0.0) for p in e.coefficients})
+                     if isinstance(e, Regressor) else e for e in model)
 
     @property
     def scale(self) -> np.ndarray:
@@ -274,7 +274,7 @@ def rest_of(model: Model, scale: np.ndarray, poses: Poses) -> np.ndarray:
     for e in model.of(Regressor):
         if e.name not in ('scale', 'cross_axis'):
             rest += e.terms(poses, scale) @ np.array([e.values.get(p.name, 0.0) for p
-                                                      in e.parameters])
+                                                      in e.coefficients])
     return rest
 
 
@@ -402,7 +402,7 @@ def report(model: Model, state: State, system: Equations, cov: np.ndarray, log_d
             effects.append(e)
             continue
         mine = {p.name: _estimate(p, value.get((e.label, p.name)), sensor, e.name in BASE)
-                for p in e.parameters}
+                for p in e.coefficients}
         estimates[e.label] = mine
         effects.append(e.with_values(**{n: m.point for n, m in mine.items()}))
         unseen = [n for n, m in mine.items() if m.std is None and not m.fixed]

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,16 +16,18 @@ from . import solve
 from .between import ends, integrated, misses, sums, tangents, Turns
 from .correction import Correction
 from .effects import Regressor, Scatter
-from .linear import Equations, keys_of, terms_of
+from .linear import elements, Equations, keys_of, terms_of
 from .poses import joined, Poses
 from .problem import CalibrationProblem, score_of
 from ..core.errors import FitError
 from ..core.statistics import TWO_SIDED
-from ..loop.effect import Fit, Model, Score, unfitted
+from ..loop.effect import Finding, Fit, Model, Score
 
 _ROUNDS = 30
 _CLOSE = 1e-9
 _WILD = np.radians(20.0)        # a turn that misses by more is linearised in vain
+SCALE_STD = 0.01                # a scale known worse is no calibration
+_ALIKE = 0.02                   # hands do not reach the same rate again as closely as this
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class TurnsProblem(CalibrationProblem):
     """
 
     turns: Turns | None = None
+    _last: list = field(default_factory=list, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, turns: Turns) -> TurnsProblem:
@@ -65,12 +68,14 @@ class TurnsProblem(CalibrationProblem):
         """Return the problem without one pose: a turn, or all of it where a rest is named."""
         return TurnsProblem.of(self.data.without(k)) if k < self.data.n else self
 
-    def fit(self, model: Model) -> Fit:
+    def _solved(self, model: Model) -> Fit:
         """Fit a model; see :mod:`.between`; raise FitError where it does not converge."""
-        model = unfitted(model)
-        if model not in self._fits:
-            self._fits[model] = _fit(model, self.data, self.poses)
-        return self._fits[model]
+        return _fit(model, self.data, self.poses)
+
+    @property
+    def _held(self) -> Poses:
+        """The rests."""
+        return self.data.rests
 
     def score(self, fit: Fit) -> Score:
         """Score a fit made on other turns by these: squared angle over predicted variance."""
@@ -89,10 +94,45 @@ class TurnsProblem(CalibrationProblem):
 
     def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
         """Return the whitened columns that an effect would add to a fit's equations."""
-        at = _At.of(fit.model, self.data, fit.details.theta, fit.details.keys)
+        if not self._last or self._last[0] is not fit:     # all candidates of a fit in a row
+            self._last[:] = fit, _At.of(fit.model, self.data, fit.details.theta, fit.details.keys)
+        at = self._last[1]
         return _rows(self.data, fit.details.equations.whitener,
                      sums(self.data, at.rotation, at.scale, effect.terms(at.samples, at.scale)),
                      effect.terms(self.data.rests, at.scale))
+
+    def omnibus(self, fit: Fit) -> list[Finding]:
+        """
+        Return the tests of the whole, and whether the turns tell the scale with all they miss by.
+
+        The scatter is found in every fit, so that no chi-squared says that it is absurd.
+
+        """
+        said = self.too_wide(fit)
+        return [*super().omnibus(fit),
+                Finding('scatter', 0.0, view='turns', p_value=0.0 if said else 1.0, evidence=said)]
+
+    def too_wide(self, fit: Fit) -> str:
+        """Say by how much turns miss, where they tell the scale no better than 1 % for it."""
+        of_scale = [k for k, _, _ in elements(fit.details.keys)]
+        std = float(np.sqrt(np.diag(fit.details.cov)[of_scale].max()))
+        if std <= SCALE_STD:
+            return ''
+        miss = fit.details.residual[:, :self.data.n]
+        k = int(np.argmax(np.linalg.norm(miss, axis=0)))
+        return (f'turns miss gravity by {np.degrees(_rms(miss)):.2g} deg rms, '
+                f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s by '
+                f'{np.degrees(np.linalg.norm(miss[:, k])):.2g} deg: they tell scale factors and '
+                f'cross-axis terms to {100 * std:.1f} % only{self._ceiling()}')
+
+    def _ceiling(self) -> str:
+        """Say that several turns reach the same rate, beyond which the range may end."""
+        begin = np.searchsorted(self.data.turn, np.arange(self.data.n))
+        peak = np.maximum.reduceat(np.abs(self.data.gyro).max(axis=1), begin)
+        alike = int(np.sum(peak > (1 - _ALIKE) * peak.max()))
+        return '' if alike < 3 else (
+            f'; {alike} of them reach {np.degrees(peak.max()):.0f} deg/s and none more: where the '
+            f'range of the gyroscope ends there, turn more slowly')
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return rms angles (rad) of turns as fitted and left out, with chi-squared."""
@@ -150,7 +190,7 @@ class _At:
         correction = Correction('gyro', state.scale, state.bias, self.filled,
                                 samples.reference_temperature)
         heat = turns.temperature if np.isfinite(turns.temperature).all() else None
-        self.rates = correction.apply(turns.gyro, heat, turns.force)
+        self.rates = correction.apply(turns.gyro, heat, turns.force, turns.time)
         self.samples = samples.with_inputs(self.rates.T)
         self.rotation = integrated(turns, self.rates)
         self.terms = terms_of(model, self.samples, self.scale, False)

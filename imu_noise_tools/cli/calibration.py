@@ -84,6 +84,7 @@ def calibrate(args: argparse.Namespace) -> int:
             rate_deg_s=args.rate, turn_deg=args.turn, tilt_deg=args.tilt, method=args.method,
             seconds=args.still)
     common.warn(done.study.source['warnings'])
+    common.warn(f'gyro: {w}' for w in done.study.source.get('gyro', {}).get('warnings', ()))
     data = tasks.as_dict(done.study)
     if args.json:
         common.print_json(data)

@@ -14,8 +14,6 @@ from .findings import failures, fresh, surplus
 from .prediction import State
 from ..core.errors import FitError
 
-LOOKS = 6  # places at which candidates are fitted; from then on none is begun
-
 
 @dataclass(frozen=True)
 class Place:
@@ -50,7 +48,7 @@ class Places:
                 here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
                 looks = model == self.base or (
-                    self.problem.looks_again and self._looked < LOOKS)
+                    self.problem.looks_again and self._looked < self.problem.looks)
                 self._looked += looks and not self.problem.knows_candidates(here)
                 found = self.problem.candidates(here) if looks else []
                 self._places[key] = Place(model, here, tuple(

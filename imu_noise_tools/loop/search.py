@@ -250,6 +250,43 @@ class Search:
         self.scores.setdefault(self.places.set_of(best), gained(best))
         return self._as_few(best, chains)
 
+    def _exchanged(self, chain: list[Finding]) -> list[Finding]:
+        """
+        Return a chain with members exchanged for what gains more beside all the others.
+
+        What came first explained what of another one it could, before that one was there; it is
+        asked again beside it (sequential replacement: Miller, Subset Selection, section 3.3).
+
+        """
+        seen = {self.places.set_of(chain)}
+        i = 0
+        while 1 < len(chain) and i < len(chain):
+            other = [f for k, f in enumerate(chain) if k != i]
+            place = self.places.at(self.places.model_of(other))
+            able = self.able(place) if place is not None else []
+            found = self._first(other, able, set())
+            more = self._along([f.name for f in (*other, *found)]) if found else []
+            if more and self.places.set_of(more) not in seen:
+                seen.add(self.places.set_of(more))
+                chain, i = more, 0
+            else:
+                i += 1
+        return chain
+
+    def _along(self, names: Iterable[str]) -> list[Finding]:
+        """Return the chain of some names, each as it stands out behind the last; or nothing."""
+        members: list[Finding] = []
+        for name in names:
+            place = self.places.at(self.places.model_of(members))
+            f = None if place is None else next(
+                (f for f in self.open_at(place) if f.name == name), None)
+            if place is None or f is None:
+                return []
+            self._note(members, place, ())
+            members.append(f)
+        self.scores.setdefault(self.places.set_of(members), gained(members))
+        return members
+
     def _as_few(self, best: list[Finding], chains: Sequence[list[Finding]]) -> list[Finding]:
         """
         Return the best set of what stood out that leaves nothing, as a chain does, and no larger.
@@ -367,7 +404,10 @@ class Search:
         for turn in count(1):
             self._aside = {}
             # in the end nothing is added, and what was left must hold without what fell
-            chain = self.with_odds(self.forward(chain) if more else chain)
+            if more:
+                chain = self.forward(chain)
+                chain = self._exchanged(chain) if self.places.problem.exchanges else chain
+            chain = self.with_odds(chain)
             refuted = self.backward(chain, last=turn >= ROUNDS)
             if not refuted:
                 break
@@ -507,5 +547,5 @@ class Search:
                     others[x] = others.get(x, 0.0) + v
         # those that come together have the same: a set's own order differs from run to run
         rivals = [x for x in sorted(others, key=lambda x: (-others[x], x))
-                  if others[x] > 0.02 * total]
+                  if others[x] > rules.RIVAL * total]
         return with_it / total, rivals[:3]

@@ -19,6 +19,8 @@ from scipy.special import chdtrc
 
 #: probability from which one effect is named (DESIGN, the verdict)
 SURE = 0.9
+#: share of the probability from which another one is a rival
+RIVAL = 0.02
 #: family-wise level at which a test fails, by Holm 1979; on records in which nothing is hidden
 #: ``python bench/hidden_effects.py --set none`` shows what it costs
 LEVEL = 0.005
