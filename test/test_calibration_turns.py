@@ -155,6 +155,22 @@ def test_what_the_bias_does_in_time_is_taken_out_of_the_turns():
         fit.estimates['drift'].values(), [5e-5, -3e-5, 4e-5]))
 
 
+def test_directions_are_those_of_the_accelerometer_with_what_it_lacked():
+    """The gyroscope is not charged with the accelerometer's square: it is said, and the error is."""
+    rms = []
+    for square in (0.0, 1e-3):
+        rng = np.random.default_rng(12)
+        accel = sim.Device.drawn(rng, noise=0.02, upper=True)
+        gyro = sim.Device.drawn(rng, 'gyro', noise=2e-3)
+        accel.quadratic = square * np.array([1.0, -0.5, 0.8])
+        ups = sim.spread_directions(24, rng)[rng.permutation(24)]
+        t, rates, force, _ = sim.stream(accel, ups, rng, gyro=gyro, hold_s=3.0)
+        done = tasks.calibrate_records([ImuRecord(rates, force, t, 100.0)])
+        rms.append(done.study.states['gyro'].summary['left_out_rms'])
+        assert any('with quadratic' in n for n in done.gyro.notes) == (square > 0)
+    assert rms[1] < 1.2 * rms[0]
+
+
 def test_turns_that_miss_by_far_are_never_complete():
     """Rates held at 60 deg/s by what comes before the noise: what is missed and where it ends."""
     record, _, gyro = session(10, 24)

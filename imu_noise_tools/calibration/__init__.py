@@ -19,7 +19,7 @@ from .positions import held, positions, rests, STILL_S
 from .problem import CalibrationProblem
 from .session import applied, Captured, HOLD_S, Session
 from .solution import (
-    as_dict, calibrate, calibrate_turns, Calibration, of_study, offset_of, stated)
+    as_dict, calibrate, calibrate_turns, Calibration, completed, of_study, offset_of, stated)
 from .solve import base_model, fit, ols
 from .turn_problem import arrays_of, problems, TurnsProblem
 from .turns import REFERENCE, refuse_missing_axes, turns
@@ -30,8 +30,9 @@ NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a record
 
 __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'calibrate_turns',
-    'Calibration', 'CalibrationProblem', 'Captured', 'Correction', 'DIRECTIONS', 'EARTH_RATE',
-    'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held', 'HOLD_S', 'joined', 'nearest_face',
-    'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols', 'Poses', 'positions', 'problems',
-    'REFERENCE', 'refuse_crossed_axes', 'refuse_missing_axes', 'Regressor', 'rests', 'Scatter',
-    'Session', 'stated', 'STILL_S', 'TITLE', 'together', 'turns', 'Turns', 'TurnsProblem']
+    'Calibration', 'CalibrationProblem', 'Captured', 'completed', 'Correction', 'DIRECTIONS',
+    'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held', 'HOLD_S', 'joined',
+    'nearest_face', 'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols', 'Poses',
+    'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes', 'refuse_missing_axes',
+    'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S', 'TITLE', 'together',
+    'turns', 'Turns', 'TurnsProblem']

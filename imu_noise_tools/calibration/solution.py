@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,8 +22,10 @@ from .positions import CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
 from .turn_problem import SCALE_STD, TurnsProblem
 from ..core.errors import FitError, InputError
+from ..loop.diagnosis import diagnose
 from ..loop.effect import Fit, Model
-from ..loop.study import Study
+from ..loop.findings import fresh
+from ..loop.study import assess, Study
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
 _CONDITION = 50.0
@@ -208,6 +210,17 @@ def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
     turned = _turned_case(fit, 'the gyroscope\'s frame')
     wide = problem.too_wide(fit)
     return stated(problem, fit, said, [*fit.flags, *turned, *([wide] if wide else [])])
+
+
+def completed(calibration: Calibration) -> Calibration:
+    """Return a calibration with what its diagnosis finds, where that leaves nothing to explain."""
+    found = diagnose(assess(calibration.problem, calibration.fit.model))
+    if not found.found or found.remaining is not None:
+        return calibration
+    model = calibration.fit.model
+    for f in found.found:
+        model = model.plus(fresh(f))
+    return replace(calibration, fit=calibration.problem.fit(model))
 
 
 def offset_of(calibration: Calibration) -> dict[str, float] | None:

@@ -70,7 +70,8 @@ class TurnsProblem(CalibrationProblem):
 
     def _solved(self, model: Model) -> Fit:
         """Fit a model; see :mod:`.between`; raise FitError where it does not converge."""
-        return _fit(model, self.data, self.poses)
+        with np.errstate(over='ignore', invalid='ignore'):      # of a fit that diverges
+            return _fit(model, self.data, self.poses)
 
     @property
     def _held(self) -> Poses:

@@ -255,7 +255,7 @@ class Search:
         Return a chain with members exchanged for what gains more beside all the others.
 
         What came first explained what of another one it could, before that one was there; it is
-        asked again beside it (sequential replacement: Miller, Subset Selection, section 3.3).
+        asked again beside it (sequential replacement: Miller, Subset Selection, chapter 3).
 
         """
         seen = {self.places.set_of(chain)}

@@ -138,12 +138,17 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
 
     """
     notes = _clipped_turns(records)
+    better = core.completed(accel)
+    more = [e.name for e in better.fit.model if e.label not in accel.fit.model]
+    if more:
+        notes.append(f'directions are those of the accelerometer with {" and ".join(more)}, which '
+                     'its diagnosis finds')
     parts = []
     try:
         for r in records:
             if r.gyro is not None:
                 rests, said = core.held(r, core.rests(r, seconds))
-                parts.append(core.gathered(r, rests, accel.correction, gravity))
+                parts.append(core.gathered(r, rests, better.correction, gravity))
                 notes += said
         if not parts:
             raise InputError('there is no gyroscope', 'record both sensors')
