@@ -156,7 +156,7 @@ def test_what_the_bias_does_in_time_is_taken_out_of_the_turns():
 
 
 def test_directions_are_those_of_the_accelerometer_with_what_it_lacked():
-    """The gyroscope is not charged with the accelerometer's square: it is said, and the error is."""
+    """The square of the accelerometer is not charged to the gyroscope, and it is said."""
     rms = []
     for square in (0.0, 1e-3):
         rng = np.random.default_rng(12)

@@ -139,7 +139,8 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
     """
     notes = _clipped_turns(records)
     better = core.completed(accel)
-    more = [e.name for e in better.fit.model if e.label not in accel.fit.model]
+    more = [e.name for e in better.fit.model.of(core.Regressor)
+            if e.label not in accel.fit.model]
     if more:
         notes.append(f'directions are those of the accelerometer with {" and ".join(more)}, which '
                      'its diagnosis finds')
