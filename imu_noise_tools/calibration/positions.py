@@ -30,6 +30,7 @@ _BLOCK_S = 0.5
 _CLIPPED = 0.02         # a larger share of a rest at the end of the range spoils its mean
 _RULE = 8               # rests of which one can stand out
 _CREEPS = chdtri(3, 1e-6)       # chi-squared of the rate in a rest, three axes
+_ALIKE = chdtri(3, 0.01)        # the same of two rests at one rate: no two hands creep alike
 _TURNING = 0.2          # rad/s: more than the bias of any gyroscope of today
 
 
@@ -231,8 +232,8 @@ def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
     Return the rests in which nothing turned, and a note on those in which something did.
 
     A hand that holds a pose creeps: its rate stands out from that of the other rests, by more
-    than their noise and their own scatter (median) make. Of few rests none is the rule. What a
-    rest before or after it shows as well is no hand: the bias went there.
+    than their noise and their own scatter (median) make. Of few rests none is the rule. Two
+    in a row that stand out alike are no hand: the bias went there.
 
     """
     if record.gyro is None or len(found) < _RULE:
@@ -242,7 +243,8 @@ def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
     off -= np.median(off, axis=0)
     size2 = standard_errors(gyro, found, record.rate_hz).T ** 2 + median_sigma(off, axis=0) ** 2
     creeps = np.sum(off ** 2 / size2, axis=1) > _CREEPS
-    same = np.sum(np.diff(off, axis=0) ** 2 / (size2[1:] + size2[:-1]), axis=1) <= _CREEPS
+    same = np.sum(np.diff(off, axis=0) ** 2 / (size2[1:] + size2[:-1]), axis=1) < _ALIKE
+    same &= creeps[1:] & creeps[:-1]
     creeps &= ~(np.append(same, False) | np.append(False, same))
     said = [f'{np.degrees(np.linalg.norm(v)):.2f} deg/s at {record.t[r.begin]:.0f} s'
             for r, v, c in zip(found, off, creeps) if c]
