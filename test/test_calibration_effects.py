@@ -20,6 +20,7 @@ from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, registry
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import Study
+from imu_noise_tools.tasks import calibration as tasks
 
 DEG = np.pi / 180
 DEVICE = ('quadratic', 'cubic', 'asymmetry', 'temperature', 'g_sensitivity')
@@ -339,6 +340,9 @@ def test_a_step_between_poses_is_found_at_its_time():
         fit = problem.fit(core.base_model() + find_effect('calibration', 'step')())
         np.testing.assert_allclose(fit.details.bias, sensor.bias + jump[-1], atol=1e-3)
         assert fit.estimates['step']['j_y'].point == pytest.approx(0.01, abs=1e-3)
+        study = Study.begin({'accel': problem}, core.base_model(), {'gravity': sim.G})
+        study.complete()
+        assert b'<html' in tasks.outputs(study)['report.html'].encode()
 
 
 def test_names_with_fewer_coefficients_that_explain_as_much_are_sure():

@@ -213,7 +213,7 @@ def by_pose(state: State) -> Panel:
     known, right, lines = {label for label, _ in system.keys}, system.right.copy(), []
     x, row = 1.0 + np.arange(len(order)), system.pose[system.pose >= 0]
     for e in fit.model.of(Regressor):
-        made = problem.columns(fit, e) @ [e[p.name] for p in e.parameters]
+        made = problem.columns(fit, e) @ [e[p.name] for p in e.coefficients]
         if e.label not in known:
             right[len(right) - len(made):] -= made
         size = np.sqrt(np.bincount(row, made ** 2, len(order)) / np.bincount(row))
