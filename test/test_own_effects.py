@@ -109,7 +109,7 @@ def test_a_filter_effect_can_do_what_it_says(name):
 def test_a_calibration_effect_has_columns_or_scatter(name):
     e, poses = find_effect('calibration', name)(), the_poses()
     if isinstance(e, Regressor):
-        assert e.terms(poses, np.eye(3)).shape == (3, poses.n, len(e.parameters))
+        assert e.terms(poses, np.eye(3)).shape == (3, poses.n, len(e.coefficients))
     else:
         assert isinstance(e, Scatter) and len(e.parameters) == 1
         low, high = e.bounds(poses, np.eye(3))
