@@ -327,6 +327,7 @@ def over_time(rng, n=24, temperature=None, late=None, **device):
     return core.CalibrationProblem(poses, 'norm'), sensor
 
 
+@pytest.mark.thorough
 def test_a_step_between_poses_is_found_at_its_time():
     """By name and not as scatter; the bias is the one after it, and its time is held."""
     rng = np.random.default_rng(11)
@@ -345,6 +346,7 @@ def test_a_step_between_poses_is_found_at_its_time():
         assert b'<html' in tasks.outputs(study)['report.html'].encode()
 
 
+@pytest.mark.thorough
 def test_names_with_fewer_coefficients_that_explain_as_much_are_sure():
     """Heat that settles is no warm-up of its own, and a line in time none: 10 sessions each."""
     rng, t = np.random.default_rng(12), 8.0 * np.arange(24)
@@ -358,6 +360,7 @@ def test_names_with_fewer_coefficients_that_explain_as_much_are_sure():
         assert sum(right) >= 8, [d.advice for d in said]
 
 
+@pytest.mark.thorough
 def test_of_two_effects_neither_is_taken_for_what_did_its_work_alone():
     """Beside the cubic the line in temperature does what the warm-up did of both without it."""
     rng, t = np.random.default_rng(13), 8.0 * np.arange(24)

@@ -758,6 +758,7 @@ def test_a_shared_relaxation_is_no_noise_of_each_axis():
     assert said.found[0].effect.chosen('heard') == 'vibration'
 
 
+@pytest.mark.thorough
 def test_a_band_far_below_what_the_axes_share_is_looked_for_where_that_is_taken_out():
     """What they share is thirty times as loud as the sensor, and a band a hundredth of that."""
     rng, rate, n = np.random.default_rng(34), 50.0, 60_000

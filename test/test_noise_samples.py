@@ -128,6 +128,7 @@ def test_the_noise_below_a_coarse_grid_is_told_by_its_levels(ratio, place):
     assert np.sqrt(np.mean(w / 2 * np.log(x) ** 2)) == pytest.approx(1, abs=0.2)
 
 
+@pytest.mark.thorough
 def test_what_is_loud_in_a_band_below_a_coarse_grid_says_the_less_of_its_noise():
     """For as long as the band is narrow it goes up and down; a line is as loud all the time."""
     swing = np.exp(-0.003 + 0.06j)
