@@ -51,7 +51,7 @@ class FilterProblem(Problem):
     """
 
     domain = DOMAIN
-    looks_again = False  # a recursion over all samples for each candidate, beside each candidate
+    looks = 0   # a recursion over all samples for each candidate, beside each candidate
 
     def __init__(
         self,

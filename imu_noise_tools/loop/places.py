@@ -47,8 +47,7 @@ class Places:
             try:
                 here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
-                looks = model == self.base or (
-                    self.problem.looks_again and self._looked < self.problem.looks)
+                looks = model == self.base or self._looked < self.problem.looks
                 self._looked += looks and not self.problem.knows_candidates(here)
                 found = self.problem.candidates(here) if looks else []
                 self._places[key] = Place(model, here, tuple(

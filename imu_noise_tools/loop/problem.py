@@ -22,9 +22,8 @@ class Problem(ABC):
     """
 
     domain: ClassVar[str]
-    #: whether candidates are cheap enough to be looked for once more beside each of the best
-    looks_again: ClassVar[bool] = True
-    #: models of one search whose candidates are fitted; beside the others none is begun
+    #: models of one search whose candidates are fitted; those of the first always are, and 0 where
+    #: that takes too long beside each of them
     looks: ClassVar[int] = 6
     #: whether what gains most beside the others is tried in the place of each that was found
     exchanges: ClassVar[bool] = False

@@ -77,7 +77,8 @@ def _independent(y: np.ndarray, step: float, length: int) -> float:
 
     1/(1 + 2 sum r_k^2), r_k the autocorrelation of the levels about the mean of a block, so long
     (Bartlett, Journal of the Royal Statistical Society 8 suppl., 1946): what is loud in a band
-    goes up and down for as long as the band is narrow.
+    goes up and down for as long as the band is narrow, which the autocorrelation of squares, that
+    swings through zero, says up to there.
 
     """
     block = y[:min(len(y), MANY) // length * length].reshape(-1, length) / step

@@ -48,7 +48,8 @@ class Search:
     def with_responses_anew(self, found: Found) -> Found:
         """Return the better of a minimum and what a response begun anew there reaches."""
         anew = self._anew(found)
-        behind = self._best(entered_behind(found.likelihood, found.x), None)
+        # own noise that is all white is white noise as well: the first holds where both do
+        behind = self._best(entered_behind(found.likelihood, found.x), None, margin=PRICE)
         return anew if behind is None else min(anew, self._anew(behind), key=lambda f: f.cost)
 
     def _anew(self, found: Found) -> Found:
@@ -66,8 +67,13 @@ class Search:
         return found
 
     def _best(self, begins: Iterable[tuple[Likelihood, np.ndarray]],
-              best: Found | None) -> Found | None:
-        """Return the best of the minima reached from some starts, and of one that is known."""
+              best: Found | None, margin: float = 1e-9) -> Found | None:
+        """
+        Return the best of the minima reached from some starts, and of one that is known.
+
+        What comes later must be better by a ``margin``, nats.
+
+        """
         least = np.inf if best is None else best.cost
         ends = [] if best is None else [best]
         for likelihood, x0 in begins:
@@ -76,7 +82,7 @@ class Search:
                 continue
             ends.append(found)
             cost = found.cost
-            if np.isfinite(cost) and cost < least - 1e-9:
+            if np.isfinite(cost) and cost < least - margin:
                 best, least = found, cost
         return best
 

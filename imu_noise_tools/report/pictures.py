@@ -133,7 +133,7 @@ def _with(state: State | None, finding: Finding) -> State | None:
 def _of_model(state: State, model: Model) -> State | None:
     """Return a target with another model, fitted where that takes no more than a moment."""
     try:
-        if state.problem.looks_again:
+        if state.problem.looks:
             return replace(state, fit=state.problem.point(unfitted(model)))
     except FitError:
         return None
