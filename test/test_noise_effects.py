@@ -34,6 +34,7 @@ from imu_noise_tools.noise import (
 )
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.kinds import gain2_of
 
 DT = 0.02
 VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence', 'repeats', 'grid',
@@ -286,7 +287,7 @@ def test_response(effect):
     seen = np.mean([spectrum.power(spectrum.cosine_transform(
         effect.apply(rng.standard_normal(n), given, rng)), DT, b) for _ in range(draws)], axis=0)
     seen = seen / (2 * DT)
-    expected = spectrum.expected(lambda f: effect.gain2(f, DT), b)
+    expected = spectrum.expected(lambda f: gain2_of([effect], f, DT, white=True), b)
     some = expected > 1e-4
     error = np.sqrt(2 / (draws * b.count))[some]
     ratio = seen[some] / expected[some]

@@ -823,3 +823,32 @@ def test_samples_that_other_axes_hold_are_no_sign_against_what_they_share(monkey
         fit = problem.point(model_of('noise', ['white', 'shared_noise', *more]))
         said = flexible._not_normal(problem.evidence, fit, fit.model['shared_noise'], 100.0)
         assert ('not normal' in said) != holds
+
+
+@pytest.mark.parametrize('power', [1.0, 1.3])
+def test_filters_that_bend_noise_of_any_colour_to_its_form_give_it_no_name(power):
+    """What rises with the frequency is an angle's rounding behind a filter and a notch, or one."""
+    y = np.random.default_rng(7).standard_normal(N) + coloured(np.random.default_rng(8), -power)
+    problem, fit = alone(SIZE * y, 'white', 'quantization', 'low_pass', 'notch')
+    for name in ('quantization', 'low_pass'):
+        assert 'which has no name, fits as well' in problem.shape(fit, name, 50.0)
+
+
+@pytest.mark.parametrize(('bend', 'no_more'), [(0.0, True), (6.0, False)])
+def test_a_drift_that_is_a_ramp_beside_the_others_is_none(bend, no_more):
+    """As a candidate it may have been more, by what others explain that were not there yet."""
+    u = T / T[-1]
+    y = np.random.default_rng(5).standard_normal(N) + 2 * u + bend * u**2
+    problem, fit = alone(SIZE * y, 'white', 'random_walk', 'drift')
+    assert ('than the ramp that it holds' in problem.shape(fit, 'drift', 50.0)) == no_more
+
+
+def test_bursts_are_taken_out_before_two_levels_are_looked_for():
+    """They are short stays at another level: 74 nats said so of a filter's noise between them."""
+    rng = np.random.default_rng(6)
+    y = lfilter([0.2], [1, -0.8], rng.standard_normal(N))
+    at = rng.choice(N - 8, 75, replace=False)[:, None] + np.arange(8)
+    y[at] += rng.choice([-1, 1], at.shape) * rng.uniform(6, 25, at.shape)
+    problem, _ = alone(SIZE * y, 'white', 'spikes')
+    kept = problem.evidence.kept('rts')
+    assert np.max(np.abs(kept['means_1'])) < 6 * np.std(kept['means_1'])

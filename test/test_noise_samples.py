@@ -55,9 +55,10 @@ def found(y):
     return kept.get('index', np.zeros(0, int)), SPIKES.screen(y, kept, inputs) if kept else y
 
 
-def held_at_random(y, share, seed=1):
-    """Return y with a share of its samples repeating the one before."""
-    fresh = np.random.default_rng(seed).random(len(y)) >= share
+def held_at_random(y, share, seed=1, run=1):
+    """Return y with a share of its samples repeating the one before, run of them each time."""
+    begun = np.random.default_rng(seed).random(len(y)) < 1 - (1 - share) ** (1 / run)
+    fresh = np.convolve(begun, np.ones(run))[:len(y)] == 0
     fresh[0] = True
     return y[np.maximum.accumulate(np.where(fresh, np.arange(len(y)), 0))]
 
@@ -266,15 +267,16 @@ def test_what_comes_last_acts_on_quantization_too():
     ('low_pass', {'cutoff': 0.12, 'form': 'butterworth_2'}),
     ('low_pass', {'cutoff': 0.443 / 4, 'form': 'moving_average'}),
     ('notch', {'frequency': 0.2, 'width': 0.15})])
-def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, values, share):
+@pytest.mark.parametrize('run', [1, 4])
+def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, values, share, run):
     """At every frequency, and the level at low ones is N."""
     low = find_effect('noise', name)
     low = low({**low.neutral, **values})
     inputs, rng = Inputs(np.arange(2**18) * 1.0, 1.0), np.random.default_rng(3)
     plain = low.apply(rng.standard_normal(2**18), inputs, rng)
-    y, bins = held_at_random(plain, share), spectrum.bins_of(2**18, 1.0)
+    y, bins = held_at_random(plain, share, run=run), spectrum.bins_of(2**18, 1.0)
     seen = spectrum.power(spectrum.cosine_transform(y), 1.0, bins)
-    held = DUPLICATES({'fraction': share, 'pattern': 'random', 'run': 1.0})
+    held = DUPLICATES({'fraction': share, 'pattern': 'random', 'run': run})
     # of the variance, int S = 2 N^2 int gain^2, none is lost
     f = (np.arange(4096) + 0.5) / 8192
     white = find_effect('noise', 'white')
@@ -287,7 +289,8 @@ def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, val
     ratio = [np.average(seen[i] / expected[i], weights=bins.count[i]) for i in rows]
     np.testing.assert_allclose(ratio, 1.0, atol=0.05)
     # and what the filter does is told from that
-    own = expected / spectrum.expected(lambda f: 2 * n**2 * held.gain2(f, 1.0), bins)
+    own = expected / spectrum.expected(
+        lambda f: model_psd(Model([white({'N': n}), held]), f, 1.0), bins)
     back = held.unscattered(own, bins)
     np.testing.assert_allclose(back, spectrum.expected(lambda f: low.gain2(f, 1.0), bins),
                                atol=0.01)

@@ -121,20 +121,41 @@ def clear_of_less(findings: list[Finding]) -> list[Finding]:
     that a better record would have to make: what both hold is there.
 
     """
-    def holds(f, g):
-        one, other = (set(x.effect.explains) if isinstance(x.effect, NoiseEffect) else set()
-                      for x in (f, g))
-        return bool(other) and other < one
-
     out = []
     for f in findings:
-        less = max((g for g in findings if holds(f, g) and not g.against),
+        less = max((g for g in findings if _holds(f.effect, g.effect) and not g.against),
                    key=lambda g: g.gain, default=None)
         if less is not None and less.gain > less.penalty and f.gain - less.gain <= DIRECTED:
-            f = replace(f, against=f.against or (
-                f'it gains {f.gain - less.gain:.1f} nats more than the {less.name} that it holds'))
+            f = replace(f, against=f.against or _more(f.gain - less.gain, less.name))
         out.append(f)
     return out
+
+
+def no_more_than_less(problem: NoiseProblem, fit: Fit, label: str) -> str:
+    """
+    Say that beside the others an effect of a model is no more than another one that it holds.
+
+    As a candidate it may have been more: then it explained some of what they do.
+
+    """
+    for name, cls in registry('noise').items():
+        if _holds(fit.model[label], cls({})) and name not in fit.model:
+            less = problem.point(Model((*unfitted(fit.model.minus(label)), cls({}))))
+            beyond = _gained(problem.evidence, less, fit)
+            if beyond <= DIRECTED:
+                return _more(beyond, name)
+    return ''
+
+
+def _holds(one: Effect | None, other: Effect | None) -> bool:
+    """Tell whether an effect explains all that another one does, and more."""
+    if not isinstance(one, NoiseEffect) or not isinstance(other, NoiseEffect):
+        return False
+    return bool(other.explains) and set(other.explains) < set(one.explains)
+
+
+def _more(gain: float, name: str) -> str:
+    return f'it gains {gain:.1f} nats more than the {name} that it holds'
 
 
 def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:

@@ -24,7 +24,7 @@ from .course import left_by_a_course, PARAMETERS
 from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
-from .kinds import Coupling, Defect, Mean, Modulation, NoiseEffect, Response, Spectrum
+from .kinds import Coupling, Defect, Mean, MEASURED, Modulation, NoiseEffect, Response, Spectrum
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
@@ -371,25 +371,27 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     said = sum(max(e.bonus(evidence, fit), 0.0) for e in fit.model.of(NoiseEffect) if e.knees)
     if effect.label in [*spent][:-1]:
         return ''
-    spent.setdefault(effect.label, sum(
-        not p.discrete and p.name not in effect.optional for p in effect.parameters))
+    spent.setdefault(effect.label, _free(effect))
     # as where names are compared: what is optional counts where it is used
-    spent = {e.label: spent[e.label] + sum(e.values.get(k, 0.0) != e.neutral.get(k, 0.0)
-                                           for k in e.optional)
+    spent = {e.label: spent[e.label] + _used(e)
              for e in fit.model.of(NoiseEffect) if e.label in spent}
     left = [e for e in fit.model if e.label not in spent]
     # drift of other colours may be the knee's, and mostly ends the search before it
     plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
-    rivals = [_with_a_knee(evidence, fit, some)
-              for some in ((left, plain) if len(plain) < len(left) else (left,))]
+    # and filters may be there for no more than to bend others to its form
+    filters = [e for e in plain if isinstance(e, Response) and not isinstance(e, MEASURED)]
+    bare = [e for e in plain if e not in filters]
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     bands = Bands.on(evidence.whole.bins)
-    for rival in rivals:    # a part of a peak counts as well
+    for some in {len(x): x for x in (left, plain, bare)}.values():
+        rival = _with_a_knee(evidence, fit, some)
+        # a part of a peak counts as well
         better = gained(bands, fit.details, rival.details, partly=peak) - said
-        more = len(Knee.parameters) - sum(spent.values())
+        more = len(Knee.parameters) - sum(spent.values()) - sum(
+            _free(e) + _used(e) for e in filters if e not in some)
         least = PRICE * more
         if more > 0:    # of a drift that the knee does without it has the parameters as well
-            spared = max(0, _levels(fit, left) - _levels(rival, left))
+            spared = max(0, _levels(fit, some) - _levels(rival, some))
             more = max(0, more - spared)
             least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
         if better > least:
@@ -398,6 +400,16 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
             steepness = rival.model['knee']['steepness']
             return f'a knee of steepness {steepness:.2g}, which has no name, fits {how}'
     return ''
+
+
+def _free(effect: NoiseEffect) -> int:
+    """Return how many parameters of an effect are always fitted."""
+    return sum(not p.discrete and p.name not in effect.optional for p in effect.parameters)
+
+
+def _used(effect: NoiseEffect) -> int:
+    """Return how many of an effect's optional parameters differ from what does nothing."""
+    return sum(effect.values.get(k, 0.0) != effect.neutral.get(k, 0.0) for k in effect.optional)
 
 
 def _levels(fit: Fit, some: Iterable[Effect]) -> int:

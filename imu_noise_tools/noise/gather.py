@@ -419,15 +419,15 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     """
     Return what each effect keeps of the samples, and the samples without defects.
 
-    What comes first is taken out before the others look: the samples of a shock are no spikes.
-    Nor are short stays at another level, beside which what is taken out is looked for.
+    What one turn finds is taken out before the next one looks: the samples of a shock are no
+    spikes. Nor are short stays at another level, beside which what is taken out is looked for.
 
     """
     at = levels(y)
     kept: dict[str, dict] = {}
     known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
-    for first in (True, False):
-        some = {name: cls for name, cls in known.items() if cls.first == first}
+    for turn in sorted({cls.turn for cls in known.values()}):
+        some = {name: cls for name, cls in known.items() if cls.turn == turn}
         beside = y if at is None else y - at
         found = {name: cls.statistics(beside if _is_taken_out(cls) else y, inputs)
                  for name, cls in some.items()}
@@ -442,7 +442,7 @@ def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
     """Return the samples without defects, and keep nothing else of them."""
     at = levels(y)
     known = [cls for cls in registry('noise').values() if _is_taken_out(cls)]
-    for cls in sorted(known, key=lambda cls: not cls.first):
+    for cls in sorted(known, key=lambda cls: cls.turn):
         kept = cls.statistics(y if at is None else y - at, inputs)
         if kept:
             y = _without(y, at, partial(cls.screen, kept=kept, inputs=inputs))

@@ -111,8 +111,8 @@ class NoiseEffect(Effect):
     mutes: tuple[str, ...] = ()
     #: features of the samples that it accounts for: one effect in the model is enough for each
     explains: ClassVar[tuple[str, ...]] = ()
-    #: whether it is taken out of the samples before anything else is looked for in them
-    first: ClassVar[bool] = False
+    #: in which turn it looks at the samples; what a turn finds is taken out for those that follow
+    turn: ClassVar[int] = 1
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
     #: whether it says that what it adds is normal noise, on every time scale
@@ -457,17 +457,18 @@ class Response(NoiseEffect):
         """Return (Hz, share of the power) of what it makes of a line at f; none of a filter."""
         return []
 
-    def scattered(self, before: Sequence[Response], dt: float) -> float:
+    def scattered(self, before: Sequence[Response], f: np.ndarray, dt: float) -> np.ndarray:
         """
-        Return the level of what it scatters over all frequencies, a filter nothing.
+        Return the level at f (Hz) of what it scatters over all frequencies, a filter nothing.
 
-        Of white noise that has passed the responses before it, over its level at zero frequency.
+        Before it passes it, of white noise that has passed the responses before it, over its level
+        at zero frequency.
 
         """
-        return 0.0
+        return np.zeros(np.shape(f))
 
     def unscattered(self, gain2: np.ndarray, bins: Bins) -> np.ndarray:
-        """Return the squared gain (b,) of filters before it from that of :func:`together`."""
+        """Return the squared gain (b,) of filters before it from what is seen, over that of 1."""
         return gain2
 
     @property
@@ -634,13 +635,13 @@ def gain2_of(responses: Sequence[Response], f: np.ndarray, dt: float,
              white: bool = False) -> np.ndarray:
     """Return the squared gain at f (Hz) of responses, one behind the other (:func:`together`)."""
     return np.ones(np.shape(f)) * together(
-        responses, [r.gain2(f, dt) for r in responses], dt, white)
+        responses, [r.gain2(f, dt) for r in responses], f, dt, white)
 
 
-def together(responses: Sequence[Response], each: Sequence[np.ndarray], dt: float,
+def together(responses: Sequence[Response], each: Sequence[np.ndarray], f: np.ndarray, dt: float,
              white: bool) -> np.ndarray | float:
     """
-    Return the squared gain (k,) of responses, one behind the other, from ``each`` one's own.
+    Return the squared gain at f (Hz, (k,)) of responses, one behind the other, from ``each``'s.
 
     On white noise, what holds samples at random fills what the filters before it left empty. Of
     other noise it scatters as well: into what is white, and counts as that.
@@ -650,8 +651,11 @@ def together(responses: Sequence[Response], each: Sequence[np.ndarray], dt: floa
     out: Any = prod((g for r, g in zip(responses, each) if not r.last), start=1.0)
     for r, g in zip(responses, each):
         if r.last:
-            level = r.scattered(before, dt) if white and before else 0.0
-            out = g * (beside_unfiltered(out, level) if level else out)
+            if white and r.scatters:
+                level = r.scattered(before, np.append(0.0, f), dt)
+                seen = out + level[1:].reshape(np.shape(f))
+                out = np.maximum(seen / (1 + level[0]), 1e-9)
+            out = g * out
     return out
 
 

@@ -662,7 +662,7 @@ class Likelihood:
             responses = [moved if r.label == moved.label else r for r in responses]
         each = [r.gain2(at, self.dt) if r is moved else self._kept(
             (type(r), *r.values.items()), partial(r.gain2, at, self.dt)) for r in responses]
-        return together(responses, each, self.dt, white)
+        return together(responses, each, at, self.dt, white)
 
     def _kept(self, key, make):
         """Return what was made for a key, or make it."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from . import classic, flexible, views
-from .candidates import at_bound, candidates, Tried
+from .candidates import at_bound, candidates, no_more_than_less, Tried
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
@@ -265,8 +265,9 @@ class NoiseProblem(Problem):
         if key not in self._shapes:
             without = self.point(unfitted(fit.model.minus(label)))
             self._shapes[key] = at_bound(
-                self.evidence, fit.model[label], fit.estimates.get(label, {})) or flexible.shape(
-                    self.evidence, fit, without, label, claim)
+                self.evidence, fit.model[label], fit.estimates.get(label, {})) \
+                or no_more_than_less(self, fit, label) \
+                or flexible.shape(self.evidence, fit, without, label, claim)
         return self._shapes[key]
 
     def materiality(self, fit: Fit) -> tuple[float, float, bool]:

@@ -11,6 +11,7 @@ from scipy.special import xlogy
 from ..evidence import Evidence
 from ..held import clock
 from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
+from ..repeated import ANGLES, begins, coherent, same_again, scattered
 from ...core.spectrum import Bins, folded
 from ...core.statistics import interval, Repeats, repeats
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
@@ -157,44 +158,70 @@ class Duplicates(Defect, Response):
         )
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
-        """Return the squared gain on white noise, scaled to 1 at zero frequency."""
+        """
+        Return the squared gain, scaled to 1 at zero frequency.
+
+        On white noise, where always held as long; at random what is passed without being
+        :meth:`scattered`.
+
+        """
         p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
-        if self.scatters:
+        if self.scatters and self._run == 1:
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
+        if self.scatters:
+            return np.maximum(coherent(p, self._run, f, dt), 1e-9)
         share = self._repeated()
         k = np.arange(1, len(share) + 1)
         gain = 1 + 2 * np.cos(np.multiply.outer(w, k)) @ share
         return np.maximum(gain / (1 + 2 * np.sum(share)), 1e-9)
 
-    def scattered(self, before: Sequence[Response], dt: float) -> float:
+    def scattered(self, before: Sequence[Response], f: np.ndarray, dt: float) -> np.ndarray:
         """
-        Return the level of what holding at random scatters of noise that was white before filters.
+        Return the level at f (Hz) of what holding at random scatters of noise behind filters.
 
-        Repeated independently with probability p, y is on average what A = (1-p)/(1 - p e^(-i w))
-        makes of x, and beside that as often repeated as anything: its spectrum is |A|^2 S + (int S
-        - int |A|^2 S) r, r that of the autocorrelation p^|k|, |A|^2 (1+p)/(1-p) of the white one.
-        So S + (1+p)/(1-p) mean (1-|A|^2) S, the mean up to Nyquist, passes |A|^2.
+        Held for one sample each, with probability p, y is on average what A = (1-p)/(1 - p e^(-i
+        w)) makes of x, and beside that as often repeated as anything: its spectrum is |A|^2 S +
+        (int S - int |A|^2 S) r, r that of the autocorrelation p^|k|, |A|^2 (1+p)/(1-p) of the
+        white one. So S + (1+p)/(1-p) mean (1-|A|^2) S, the mean up to Nyquist, passes |A|^2. In
+        longer runs what is scattered stays nearer to where it was
+        (:mod:`~imu_noise_tools.noise.repeated`).
 
         """
         if not self.scatters:
-            return 0.0
-        f = WITHIN ** 3 * 0.5 / dt
-        lost = (1 - self.gain2(f, dt)) * gain2_of(before, f, dt)
-        return float(self._often * np.mean(3 * WITHIN ** 2 * lost))
+            return np.zeros(np.shape(f))
+        if self._run == 1:
+            at = WITHIN ** 3 * 0.5 / dt
+            lost = (1 - self.gain2(at, dt)) * gain2_of(before, at, dt)
+            return np.full(np.shape(f), self._often * np.mean(3 * WITHIN ** 2 * lost))
+        return self._scattered(gain2_of(before, ANGLES ** 3 * 0.5 / dt, dt), f, dt)
+
+    def _scattered(self, gain2: np.ndarray, f: np.ndarray, dt: float) -> np.ndarray:
+        spread = scattered(self['fraction'], self._run, gain2, f, dt)
+        return (spread.T / self.gain2(f, dt)).T
 
     def unscattered(self, gain2: np.ndarray, bins: Bins) -> np.ndarray:
-        """Return g of (g + w)/(1 + w), w of :meth:`scattered` being that of g."""
+        """Return the g that is seen so over what would be seen of 1."""
         if not self.scatters:
             return gain2
-        lost = (1 - self.gain2(bins.f, bins.dt)) * bins.count / bins.n
-        seen, every = float(lost @ gain2), float(np.sum(lost))
-        level = seen / (1 / self._often + every - seen)
-        return gain2 * (1 + level) - level if level > 0 else gain2
+        if self._run == 1:
+            lost = (1 - self.gain2(bins.f, bins.dt)) * bins.count / bins.n
+            seen, every = float(lost @ gain2), float(np.sum(lost))
+            level = seen / (1 / self._often + every - seen)
+            return gain2 * (1 + level) - level if level > 0 else gain2
+        f, at = np.append(0.0, bins.f), ANGLES ** 3 * 0.5 / bins.dt
+        every = self.scattered((), f, bins.dt)
+        seen = gain2 * (1 + every[1:]) / (1 + every[0])
+        # g = seen (1 + what it scatters to zero) - what it scatters, linear in g
+        one, own = np.eye(len(at)), np.interp(at, bins.f, seen)
+        to = self._scattered(one, np.append(0.0, at), bins.dt)
+        g = np.linalg.solve(one + to[1:] - np.outer(own, to[0]), own)
+        level = self._scattered(np.maximum(g, 0.0), f, bins.dt)
+        return seen * (1 + level[0]) - level[1:]
 
     @property
     def scatters(self) -> bool:
-        """Whether each sample is held by itself, at random."""
-        return self.chosen('pattern') == 'random' and self._run == 1
+        """Whether samples are held at random."""
+        return self.chosen('pattern') == 'random'
 
     @property
     def _often(self) -> float:
@@ -227,21 +254,13 @@ class Duplicates(Defect, Response):
 
     def _repeated(self) -> np.ndarray:
         """Return the chance that k = 1, 2, ... samples more repeat one, where that is any."""
-        p, run = self['fraction'], self._run
+        p = self['fraction']
         if self.chosen('pattern') == 'regular':
             r = 1 / max(1 - p, 1e-6)
             m, k = int(r), np.arange(1, int(r) + 1)
             short, long = np.maximum(m - k, 0), m + 1 - k   # blocks of m and of m + 1 samples
             return ((m + 1 - r) * short + (r - m) * long) / r
-        # held for so many samples from each of random beginnings, which may overlap
-        begin = 1 - (1 - p) ** (1 / run)
-        left = begin * (1 - begin) ** np.arange(run)[::-1]  # 1, 2 ... run samples still to come
-        out = [float(np.sum(left))]
-        while out[-1] > 1e-4 * out[0] and len(out) < 8 * LONGEST:
-            held = float(np.sum(left))
-            left = np.append((1 - begin) * left[1:], begin * held)
-            out.append(float(np.sum(left)))
-        return np.array(out)
+        return same_again(p, self._run)
 
     def crowd(self) -> float:
         """
@@ -264,7 +283,7 @@ class Duplicates(Defect, Response):
             rate = 1 - self['fraction']
             return x[(np.floor(np.floor(np.arange(n) * rate + 1e-9) / rate + 1e-9)).astype(int)]
         run = self._run
-        begin = rng.random(n) < 1 - (1 - self['fraction']) ** (1 / run)
+        begin = rng.random(n) < begins(self['fraction'], run)
         held = np.convolve(begin, np.ones(run))[:n] > 0
         held[0] = False
         return x[np.maximum.accumulate(np.where(held, 0, np.arange(n)))]

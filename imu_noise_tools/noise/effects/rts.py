@@ -53,6 +53,7 @@ class Rts(Spectrum):
     # whitened, a switch is a knock: samples with strong ones are neither normal nor steady
     mutes = ('distribution', 'variance')
     broad = True
+    turn = 2    # bursts are short stays at another level as well
     alike = 'relaxation'
     decide = 'record longer, so that dozens of switches are in it'
     parameters = (

@@ -62,7 +62,7 @@ class Shock(Defect):
     )
     reference = 'Harris and Piersol, Shock and Vibration Handbook, 2002'
     views = ('distribution', 'variance', 'moments')
-    first = True
+    turn = 0    # its samples are no spikes
     certain = True      # loud or ringing for a moment: no spike and no spectrum does that
     decide = 'record again with nobody near'
     parameters = (

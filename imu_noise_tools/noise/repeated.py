@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Noise whose samples are held now and then, each time for as many: what becomes of its spectrum.
+
+At random some samples begin to be held, for so many each, which may overlap. What follows a fresh
+sample does not depend on what was before it: the record is a row of blocks of one value each, of
+independent lengths L (a renewal process).
+
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+RARE = 1e-4     # of the chance to repeat one sample, to repeat it once more that is left out
+ANGLES = (np.arange(256) + 0.5) / 256   # cubed, of Nyquist: a filter may end far below it
+
+
+def begins(fraction: float, run: int) -> float:
+    """Return the chance that a sample is the first of a run that is held, of the share held."""
+    return 1 - (1 - fraction) ** (1 / run)
+
+
+def same_again(fraction: float, run: int) -> np.ndarray:
+    """Return the chances (k,) that one more, two more ... samples are the same as one."""
+    begin = begins(fraction, run)
+    return _held_on(begin * (1 - begin) ** np.arange(run)[::-1], begin)
+
+
+def ages(fraction: float, run: int) -> np.ndarray:
+    """Return the chances (k,) that a sample is what was measured 0, 1, 2 ... samples before."""
+    begin = begins(fraction, run)
+    fresh = np.zeros(run)
+    fresh[-1] = begin
+    return (1 - fraction) * np.append(1.0, _held_on(fresh, begin))
+
+
+def _held_on(left: np.ndarray, begin: float) -> np.ndarray:
+    """Return the chances (k,) that 1, 2 ... are held, of those of 1, 2 ... run still to come."""
+    out = [float(np.sum(left))]
+    while out[-1] > RARE * out[0]:
+        left = np.append((1 - begin) * left[1:], begin * out[-1])
+        out.append(float(np.sum(left)))
+    return np.array(out)
+
+
+def coherent(fraction: float, run: int, f: ArrayLike, dt: float) -> np.ndarray:
+    """Return the squared gain at f (Hz) on what is no noise: |sum_k P(age k) e^(-i w k)|^2."""
+    some = ages(fraction, run)
+    turns = np.exp(-2j * np.pi * np.multiply.outer(np.asarray(f, float) * dt,
+                                                   np.arange(len(some))))
+    return np.abs(turns @ some / np.sum(some)) ** 2
+
+
+def scattered(fraction: float, run: int, gain2: np.ndarray, f: np.ndarray,
+              dt: float) -> np.ndarray:
+    """
+    Return the power at f (Hz, (k,)) of what holding scatters of white noise behind a filter.
+
+    Beside what :func:`coherent` passes, over the level of the white noise; ``gain2`` (m,) is the
+    filter's at :data:`ANGLES` cubed, of Nyquist, or (m, n) of several.
+
+    """
+    return _spread(fraction, run, (np.asarray(f, float) * dt).tobytes()) @ gain2
+
+
+@lru_cache(maxsize=4)
+def _spread(fraction: float, run: int, f: bytes) -> np.ndarray:
+    """
+    Return what noise at each of the angles puts at frequencies f (a sample), (k, m).
+
+    With w the one, u the other, D_L = (1 - e^(-i w L))/(1 - e^(-i w)) and v = w - u, it is
+    (E|D|^2 + 2 Re[E(D* e^(-i v L)) E(D)/(1 - E e^(-i v L))])/E(L): the transform of a row of
+    blocks, each of which is D_L of its value, in its place (of the renewals' sum over k >= 1 of
+    Q^(k-1) = 1/(1 - Q)).
+
+    """
+    w = 2 * np.pi * np.maximum(np.frombuffer(f), 1e-7)
+    survive = ages(fraction, run)
+    length = np.arange(1, len(survive) + 1)
+    chance = (survive - np.append(survive[1:], 0.0)) / survive[0]
+    block = (1 - np.exp(-1j * np.multiply.outer(w, length))) / (1 - np.exp(-1j * w))[:, None]
+    square, mean = np.abs(block) ** 2 @ chance, block @ chance
+    out = np.zeros((len(w), len(ANGLES)))
+    for side in (1, -1):
+        v = w[:, None] - side * np.pi * ANGLES**3
+        v = np.where(np.abs(v) < 1e-6, 1e-6, v)
+        turn, each = np.exp(-1j * v), np.ones(v.shape, complex)
+        q, b = np.zeros(v.shape, complex), np.zeros(v.shape, complex)
+        for k, p in enumerate(chance):
+            each *= turn
+            q += p * each
+            b += (p * np.conj(block[:, k]))[:, None] * each
+        out += 0.5 * (square[:, None] + 2 * np.real(b * mean[:, None] / (1 - q)))
+    return out / (chance @ length) * 3 * ANGLES**2 / len(ANGLES)
