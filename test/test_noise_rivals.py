@@ -45,7 +45,7 @@ SIZE = 1e-4     # of a sample of white noise, rad/s
 
 def found_in(gyro):
     """Return the names found in gyro_x of a record of three axes, (n,) each, and its diagnosis."""
-    record = ImuRecord(np.column_stack(gyro), None, T, 1 / DT)
+    record = ImuRecord(np.column_stack(gyro), None, T[:len(gyro[0])], 1 / DT)
     study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
     said = study.diagnose(['gyro_x'])['gyro_x']
     return [f.name for f in said.found], said
@@ -214,10 +214,9 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('t0', [0.5, 2.0])
-def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift(t0):
+def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift():
     rng = np.random.default_rng(31)
-    creep = 1.5 * SIZE * np.log1p(T / t0)
+    creep = 1.5 * SIZE * np.log1p(T / 0.5)
     names, said = found_in([y - g * creep for y, g in zip(
         axes_with(np.zeros(N), rng), (1.0, -0.7, 1.3))])
     assert not set(names) - {'shared_noise'} and said.remaining is not None, said
@@ -387,7 +386,7 @@ def test_an_accelerometer_that_sways_is_heard_where_hardly_anything_hears_it():
 
 
 @pytest.mark.parametrize('seed', [
-    4, pytest.param(6, marks=pytest.mark.thorough),
+    pytest.param(4, marks=pytest.mark.thorough),
     pytest.param(5, marks=[pytest.mark.thorough, pytest.mark.xfail(
         reason='a flank is heard too little: a gain is 11 % low, and a relaxation stands')])])
 def test_a_motion_that_a_loud_accelerometer_hardly_tells_is_one_coupling(seed):
@@ -578,10 +577,10 @@ def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
 
 @pytest.mark.thorough
 def test_samples_on_a_grid_lie_on_it_whatever_bends_the_spectrum():
-    rng = np.random.default_rng(11)
-    octaves = np.log2(np.maximum(np.fft.rfftfreq(N, DT), 1e-3) / 8)
+    rng, n = np.random.default_rng(11), N // 2
+    octaves = np.log2(np.maximum(np.fft.rfftfreq(n, DT), 1e-3) / 8)
     swell = 1 + 1.5 * np.exp(-0.5 * octaves**2)     # no effect has this form
-    gyro = [np.fft.irfft(np.fft.rfft(SIZE * rng.standard_normal(N)) * swell) for _ in range(3)]
+    gyro = [np.fft.irfft(np.fft.rfft(SIZE * rng.standard_normal(n)) * swell) for _ in range(3)]
     names, said = found_in([SIZE * np.round(x / SIZE) for x in gyro])
     assert 'rate_quantization' in names, said
     assert said.remaining is not None, said
@@ -773,9 +772,8 @@ def test_a_gain_that_is_less_where_an_axis_is_noisier_is_one_gain(monkeypatch, f
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('seed', range(2))
-def test_a_source_that_axes_share_is_named_beside_the_rounding_of_their_angles(seed):
-    rng = np.random.default_rng([seed, 49])
+def test_a_source_that_axes_share_is_named_beside_the_rounding_of_their_angles():
+    rng = np.random.default_rng([0, 49])
     source = np.fft.rfft(0.4 * SIZE * rng.standard_normal(N))
     gyro = np.column_stack([
         np.fft.irfft(np.exp(1j * phase) * source, N) + SIZE * rng.standard_normal(N)
