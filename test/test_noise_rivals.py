@@ -142,15 +142,6 @@ def test_a_power_of_the_frequency_is_no_relaxation(power):
     assert 'gauss_markov' not in names, said
 
 
-@pytest.mark.thorough
-def test_a_relaxation_stays_one():
-    rng = np.random.default_rng(8)
-    gyro = axes_with(0.0, rng)
-    gyro[0] = gyro[0] + hidden.decay(N, DT, 0.3 * SIZE, 1.0, rng)
-    names, said = found_in(gyro)
-    assert names == ['gauss_markov'], said
-
-
 def test_the_pull_of_a_kurtosis_is_the_one_of_anscombe_and_glynn():
     rng = np.random.default_rng(9)
     for n, x in ((64, rng.standard_normal(64)), (300, rng.standard_t(4, 300))):
