@@ -152,18 +152,6 @@ def test_every_message_arrives_twice_in_a_row_while_the_machine_is_busy(
         assert np.allclose(rows, wanted, rtol=SAME, atol=0)
 
 
-@pytest.mark.thorough       # of a short bag the loop over services has it
-def test_blocks_give_the_same_numbers_and_the_end_starts_the_analysis(
-        ros, static_bag, static_study):
-    ns = ros.namespace()
-    analyser = ros.start('analyser', ns, input='buffer')
-    ros.ready(analyser)
-    player(ros, ns, static_bag, publish='buffer')
-    found, about = coefficients(ros, ns)
-    assert int(about['samples']) == COUNT and about['complete'] == 'true'
-    assert_as_computed(found, static_study)
-
-
 @pytest.mark.parametrize('kind', daily(['buffer', 'messages']))
 def test_a_cameras_sensors_are_analysed_each_at_its_own_rate(ros, tmp_path, kind):
     """From a bag by blocks, and live from two topics: as the command line does it."""
