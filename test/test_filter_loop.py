@@ -419,10 +419,9 @@ def shaken(n, jitter, alternate=False, seed=41):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('seed', [41, 43])
-def test_what_a_bank_does_not_know_of_a_hand_is_no_jitter(seed):
+def test_what_a_bank_does_not_know_of_a_hand_is_no_jitter():
     """A hand that shakes at 3 Hz is no random walk: beside its law, nothing gains by jitter."""
-    problem = FilterProblem(shaken(8000, 0.0, seed=seed), 1 / RATE)
+    problem = FilterProblem(shaken(8000, 0.0), 1 / RATE)
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
     model = study.states['gyro_x'].fit.model
     more = model + SamplingJitter({'jitter': 5e-4})
@@ -434,8 +433,7 @@ def test_what_a_bank_does_not_know_of_a_hand_is_no_jitter(seed):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    'alternate, n', [(False, 8000), (False, 10000), (True, 8000)],
-    ids=['random', 'random, longer', 'alternating'])
+    'alternate, n', [(False, 10000), (True, 8000)], ids=['random', 'alternating'])
 def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n):
     """A delay of every sample, normal by itself or to and fro, is noise that grows with motion."""
     jitter = 5e-4
@@ -446,7 +444,7 @@ def test_samples_taken_off_their_time_are_named_with_the_size_of_it(alternate, n
     assert found.verdict == 'missing' and found.found[0].name == 'sampling_jitter', found
     before, within = study.history[0].held_out, study.states['gyro_x'].error.within_chance
     step, = study.add()
-    if n == 8000:
+    if alternate:
         assert step.held_out < before and step.verdict.startswith('falls')
     else:       # in either view the bank was as good as it need be: the likelihood alone knows
         assert within and step.verdict == 'within chance, predicts better'
@@ -541,6 +539,7 @@ def test_held_samples_are_found_first():
     assert {f.name for f in study.diagnose()['gyro_x'].found} <= {'harmonic'}
 
 
+@pytest.mark.thorough
 def test_rounding_is_not_a_heavy_or_light_tail():
     """White noise in steps of more than its standard deviation is white noise."""
     rng = np.random.default_rng(8)
