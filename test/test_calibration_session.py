@@ -114,7 +114,7 @@ def test_a_coarse_output_widens_the_intervals():
     """With a step ten times the noise means are no better than the step: intervals still hold."""
     rng = np.random.default_rng(32)
     hits = []
-    for _ in range(12):
+    for _ in range(8):
         device = sim.Device.drawn(rng, noise=0.005)
         t, gyro, accel, _ = sim.stream(device, sim.tilted(sim.faces()[1], 0.02, rng), rng)
         c = tasks.calibrate_records([record(t, gyro, 0.05 * np.round(accel / 0.05))]).calibration

@@ -171,6 +171,7 @@ def test_directions_are_those_of_the_accelerometer_with_what_it_lacked():
     assert rms[1] < 1.2 * rms[0]
 
 
+@pytest.mark.thorough
 def test_turns_that_miss_by_far_are_never_complete():
     """Rates held at 60 deg/s by what comes before the noise: what is missed and where it ends."""
     record, _, gyro = session(10, 24)
@@ -266,6 +267,7 @@ def test_turns_with_a_saturated_gyroscope_are_left_out_and_said():
     assert some.poses.n < whole.poses.n
 
 
+@pytest.mark.thorough
 def test_time_offset_between_the_sensors():
     """An accelerometer stamped 12 ms late is told to be."""
     rng = np.random.default_rng(8)
