@@ -132,10 +132,10 @@ def test_a_faint_line_beside_one_of_a_thousand_times_its_power(seed, apart):
 @pytest.mark.parametrize('cells', daily([2.0, 6.0, 60.0, 600.0], 6.0))
 @pytest.mark.parametrize('size', daily([0.1, 1.0, 100.0], 1.0))
 def test_a_resonance_is_no_line(cells, size):
-    """Its width in cells of 1/T; few of ten may look like one."""
+    """Its width in cells of 1/T; one of six may look like one."""
     rng = np.random.default_rng([int(cells), 2])
     count = 0
-    for _ in range(10):
+    for _ in range(6):
         sensor = hidden.draw_sensor(rng)
         w = 2 * np.pi * 5.0 * DT
         r = np.exp(-np.pi * cells / SPAN * DT)
@@ -143,13 +143,13 @@ def test_a_resonance_is_no_line(cells, size):
         x = lfilter([1.0], [1, -2 * r * np.cos(w), r * r], drive)[-N:]
         x *= size * sensor['N'] / np.sqrt(DT) * np.sqrt((1 - r * r) / 2) * 2 * np.sin(w)
         count += len(table(base(rng, sensor) + x)) > 0
-    assert count <= 2
+    assert count <= 1
 
 
 @pytest.mark.thorough
 def test_noise_has_no_lines():
     rng = np.random.default_rng(3)
-    assert sum(len(table(base(rng, hidden.draw_sensor(rng)))) for _ in range(40)) == 0
+    assert sum(len(table(base(rng, hidden.draw_sensor(rng)))) for _ in range(20)) == 0
 
 
 def with_a_line(phase, around):
