@@ -132,19 +132,19 @@ def hidden(name, make, rng, strength, sensor='gyro', noise=1e-4):
     pytest.param('temperature', table, 'gyro', 1e-4, marks=pytest.mark.thorough),
     pytest.param('g_sensitivity', table, 'gyro', 1e-4, marks=pytest.mark.thorough)])
 def test_hidden_effect_is_found(name, make, sensor, noise):
-    """At 5 to 15 standard errors the verdict is right, but for one of 6, never another name."""
+    """At 5 to 15 standard errors the verdict is right 9 times of 10, never another name."""
     rng = np.random.default_rng(3)
     found = [verdict(hidden(name, make, rng, rng.uniform(5, 15), sensor, noise)) for _
-             in range(6)]
+             in range(10)]
     right = [d.verdict == 'missing' and d.ranked[0].name == name for d in found]
-    assert sum(right) >= 5, [(d.verdict, d.ranked[0].name) for d in found]
+    assert sum(right) >= 9, [(d.verdict, d.ranked[0].name) for d in found]
     assert all(d.verdict != 'missing' or d.ranked[0].name == name for d in found)
 
 
 def test_hidden_tilt_is_found():
     """Faces put down four times each, off by 3 to 6 deg where 1 is stated."""
     rng = np.random.default_rng(4)
-    for _ in range(4):
+    for _ in range(6):
         tilt = rng.uniform(3, 6)
         d = verdict(placed(rng, sim.Device.drawn(rng), tilt, 4))
         assert d.verdict == 'missing' and d.ranked[0].name == 'tilt'
@@ -166,7 +166,7 @@ def test_nothing_hidden_is_complete(make, sensor, noise):
 def test_twins_of_six_faces(name):
     """With six faces i^2 and |i| are one: undecidable, with the poses that would tell."""
     rng = np.random.default_rng(6)
-    for _ in range(4):
+    for _ in range(6):
         device = sim.Device.drawn(rng)
         model = core.base_model() + find_effect('calibration', name)()
         std = [e.std for e in placed(rng, device).fit(model).estimates[name].values()]
@@ -348,16 +348,16 @@ def test_a_step_between_poses_is_found_at_its_time():
 
 @pytest.mark.thorough
 def test_names_with_fewer_coefficients_that_explain_as_much_are_sure():
-    """Heat that settles is no warm-up of its own, and a line in time none: 6 sessions each."""
+    """Heat that settles is no warm-up of its own, and a line in time none: 10 sessions each."""
     rng, t = np.random.default_rng(12), 8.0 * np.arange(24)
     heat = 25 + 9 * (1 - np.exp(-t / 110))
     for name, made in (
             ('temperature', {'temperature': heat,
                              'late': np.outer(heat - 25, [6e-3, -4e-3, 8e-3])}),
             ('drift', {'late': np.outer(t, [1e-4, -5e-5, 8e-5])})):
-        said = [verdict(over_time(rng, **made)[0]) for _ in range(6)]
+        said = [verdict(over_time(rng, **made)[0]) for _ in range(10)]
         right = [d.verdict == 'missing' and [f.name for f in d.found] == [name] for d in said]
-        assert sum(right) >= 5, [d.advice for d in said]
+        assert sum(right) >= 8, [d.advice for d in said]
 
 
 @pytest.mark.thorough
