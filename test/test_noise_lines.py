@@ -276,7 +276,7 @@ def test_lines_even_over_octaves_are_a_family_once_in_a_hundred(duration, dt):
 def test_unrelated_lines_are_no_family():
     rng, effect = np.random.default_rng(5), find_effect('noise', 'harmonics')()
     count = 0
-    for _ in range(8):
+    for _ in range(12):
         y = sum(np.sin(2 * np.pi * f * T) for f in rng.uniform(0.5, 24, 8))
         evidence = record_with(y, rng)
         count += bool(effect.rows(evidence, list(range(len(evidence.line_table)))))
