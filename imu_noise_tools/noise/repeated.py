@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 RARE = 1e-4     # of the chance to repeat one sample, to repeat it once more that is left out
+KEPT = 32   # sets of frequencies for which what is wanted again and again is kept
+LEAST = 1e-9    # squared gain
 ANGLES = (np.arange(256) + 0.5) / 256   # cubed, of Nyquist: a filter may end far below it
 
 
@@ -51,30 +53,36 @@ def _held_on(left: np.ndarray, begin: float) -> np.ndarray:
 
 def coherent(fraction: float, run: int, f: ArrayLike, dt: float) -> np.ndarray:
     """Return the squared gain at f (Hz) on what is no noise: |sum_k P(age k) e^(-i w k)|^2."""
-    some = ages(fraction, run)
-    turns = np.exp(-2j * np.pi * np.multiply.outer(np.asarray(f, float) * dt,
-                                                   np.arange(len(some))))
-    return np.abs(turns @ some / np.sum(some)) ** 2
+    at = np.asarray(f, float) * dt
+    return _coherent(fraction, run, at.tobytes()).reshape(at.shape)
 
 
 def scattered(fraction: float, run: int, gain2: np.ndarray, f: np.ndarray,
               dt: float) -> np.ndarray:
     """
-    Return the power at f (Hz, (k,)) of what holding scatters of white noise behind a filter.
+    Return the level at f (Hz, (k,)) of what holding scatters of white noise behind a filter.
 
-    Beside what :func:`coherent` passes, over the level of the white noise; ``gain2`` (m,) is the
-    filter's at :data:`ANGLES` cubed, of Nyquist, or (m, n) of several.
+    Over :func:`coherent`, which passes it; ``gain2`` (m,) is the filter's at :data:`ANGLES` cubed,
+    of Nyquist, or (m, n) of several.
 
     """
     return _spread(fraction, run, (np.asarray(f, float) * dt).tobytes()) @ gain2
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=KEPT)
+def _coherent(fraction: float, run: int, f: bytes) -> np.ndarray:
+    """Return :func:`coherent` at frequencies f (a sample), (k,), and no less than a little."""
+    some = ages(fraction, run)
+    turns = np.exp(-2j * np.pi * np.multiply.outer(np.frombuffer(f), np.arange(len(some))))
+    return np.maximum(np.abs(turns @ some / np.sum(some)) ** 2, LEAST)
+
+
+@lru_cache(maxsize=KEPT)
 def _spread(fraction: float, run: int, f: bytes) -> np.ndarray:
     """
-    Return what noise at each of the angles puts at frequencies f (a sample), (k, m).
+    Return what noise at each of the angles puts at frequencies f (a sample), (k, m), over A^2.
 
-    With w the one, u the other, D_L = (1 - e^(-i w L))/(1 - e^(-i w)) and v = w - u, it is
+    A^2 that of :func:`coherent`. With w the one, u the other, D_L = (1 - e^(-i w L))/(1 - e^(-i w)) and v = w - u, it is
     (E|D|^2 + 2 Re[E(D* e^(-i v L)) E(D)/(1 - E e^(-i v L))])/E(L): the transform of a row of
     blocks, each of which is D_L of its value, in its place (of the renewals' sum over k >= 1 of
     Q^(k-1) = 1/(1 - Q)).
@@ -97,4 +105,5 @@ def _spread(fraction: float, run: int, f: bytes) -> np.ndarray:
             q += p * each
             b += (p * np.conj(block[:, k]))[:, None] * each
         out += 0.5 * (square[:, None] + 2 * np.real(b * mean[:, None] / (1 - q)))
-    return out / (chance @ length) * 3 * ANGLES**2 / len(ANGLES)
+    out *= 3 * ANGLES**2 / (len(ANGLES) * (chance @ length))
+    return out / _coherent(fraction, run, f)[:, None]

@@ -169,7 +169,7 @@ class Duplicates(Defect, Response):
         if self.scatters and self._run == 1:
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
         if self.scatters:
-            return np.maximum(coherent(p, self._run, f, dt), 1e-9)
+            return coherent(p, self._run, f, dt)
         share = self._repeated()
         k = np.arange(1, len(share) + 1)
         gain = 1 + 2 * np.cos(np.multiply.outer(w, k)) @ share
@@ -189,15 +189,12 @@ class Duplicates(Defect, Response):
         """
         if not self.scatters:
             return np.zeros(np.shape(f))
+        p = self['fraction']
         if self._run == 1:
             at = WITHIN ** 3 * 0.5 / dt
             lost = (1 - self.gain2(at, dt)) * gain2_of(before, at, dt)
             return np.full(np.shape(f), self._often * np.mean(3 * WITHIN ** 2 * lost))
-        return self._scattered(gain2_of(before, ANGLES ** 3 * 0.5 / dt, dt), f, dt)
-
-    def _scattered(self, gain2: np.ndarray, f: np.ndarray, dt: float) -> np.ndarray:
-        spread = scattered(self['fraction'], self._run, gain2, f, dt)
-        return (spread.T / self.gain2(f, dt)).T
+        return scattered(p, self._run, gain2_of(before, ANGLES ** 3 * 0.5 / dt, dt), f, dt)
 
     def unscattered(self, gain2: np.ndarray, bins: Bins) -> np.ndarray:
         """Return the g that is seen so over what would be seen of 1."""
@@ -213,9 +210,9 @@ class Duplicates(Defect, Response):
         seen = gain2 * (1 + every[1:]) / (1 + every[0])
         # g = seen (1 + what it scatters to zero) - what it scatters, linear in g
         one, own = np.eye(len(at)), np.interp(at, bins.f, seen)
-        to = self._scattered(one, np.append(0.0, at), bins.dt)
+        to = scattered(self['fraction'], self._run, one, np.append(0.0, at), bins.dt)
         g = np.linalg.solve(one + to[1:] - np.outer(own, to[0]), own)
-        level = self._scattered(np.maximum(g, 0.0), f, bins.dt)
+        level = scattered(self['fraction'], self._run, np.maximum(g, 0.0), f, bins.dt)
         return seen * (1 + level[0]) - level[1:]
 
     @property
