@@ -82,10 +82,10 @@ def _spread(fraction: float, run: int, f: bytes) -> np.ndarray:
     """
     Return what noise at each of the angles puts at frequencies f (a sample), (k, m), over A^2.
 
-    A^2 that of :func:`coherent`. With w the one, u the other, D_L = (1 - e^(-i w L))/(1 - e^(-i w)) and v = w - u, it is
-    (E|D|^2 + 2 Re[E(D* e^(-i v L)) E(D)/(1 - E e^(-i v L))])/E(L): the transform of a row of
-    blocks, each of which is D_L of its value, in its place (of the renewals' sum over k >= 1 of
-    Q^(k-1) = 1/(1 - Q)).
+    A^2 that of :func:`coherent`. With w the one, u the other, v = w - u and D_L = (1 - e^(-i w
+    L))/(1 - e^(-i w)), it puts (E|D|^2 + 2 Re[E(D* e^(-i v L)) E(D)/(1 - E e^(-i v L))])/E(L)
+    there: the transform of a row of blocks, each of which is D_L of its value, in its place (of
+    the renewals' sum over k >= 1 of Q^(k-1) = 1/(1 - Q)).
 
     """
     w = 2 * np.pi * np.maximum(np.frombuffer(f), 1e-7)
