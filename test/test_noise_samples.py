@@ -19,6 +19,7 @@ from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, ro
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
+from imu_noise_tools.noise import repeated
 from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
@@ -294,6 +295,13 @@ def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, val
     back = held.unscattered(own, bins)
     np.testing.assert_allclose(back, spectrum.expected(lambda f: low.gain2(f, 1.0), bins),
                                atol=0.01)
+
+
+@pytest.mark.parametrize('share', [0.1, 0.99])
+def test_a_sample_is_looked_for_no_further_than_a_few_runs_back(share):
+    """Where nearly all is held a chain of runs that overlap has thousands of samples."""
+    for some in (repeated.ages(share, 50), repeated.same_again(share, 50)):
+        assert 50 <= len(some) <= 401 and np.all(np.diff(some) < 1e-12)
 
 
 # --- counts of an angle ---

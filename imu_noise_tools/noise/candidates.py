@@ -123,7 +123,8 @@ def clear_of_less(findings: list[Finding]) -> list[Finding]:
     """
     out = []
     for f in findings:
-        less = max((g for g in findings if _holds(f.effect, g.effect) and not g.against),
+        less = max((g for g in findings
+                    if _holds(type(f.effect), type(g.effect)) and not g.against),
                    key=lambda g: g.gain, default=None)
         if less is not None and less.gain > less.penalty and f.gain - less.gain <= DIRECTED:
             f = replace(f, against=f.against or _more(f.gain - less.gain, less.name))
@@ -139,19 +140,18 @@ def no_more_than_less(problem: NoiseProblem, fit: Fit, label: str) -> str:
 
     """
     for name, cls in registry('noise').items():
-        if _holds(fit.model[label], cls({})) and name not in fit.model:
-            less = problem.point(Model((*unfitted(fit.model.minus(label)), cls({}))))
+        if _holds(type(fit.model[label]), cls) and name not in fit.model:
+            less = problem.point(Model((*unfitted(fit.model.minus(label)), cls())))
             beyond = _gained(problem.evidence, less, fit)
             if beyond <= DIRECTED:
                 return _more(beyond, name)
     return ''
 
 
-def _holds(one: Effect | None, other: Effect | None) -> bool:
+def _holds(one: type, other: type) -> bool:
     """Tell whether an effect explains all that another one does, and more."""
-    if not isinstance(one, NoiseEffect) or not isinstance(other, NoiseEffect):
-        return False
-    return bool(other.explains) and set(other.explains) < set(one.explains)
+    return issubclass(one, NoiseEffect) and issubclass(other, NoiseEffect) \
+        and bool(other.explains) and set(other.explains) < set(one.explains)
 
 
 def _more(gain: float, name: str) -> str:
@@ -264,12 +264,11 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     Of the mean all of them, for they bend to anything together.
 
     """
-    priced = sum(not p.discrete and p.name not in effect.optional for p in effect.parameters)
     clear = sum(abs(estimates[name].point or 0.0) > OPTIONAL * (estimates[name].std or 0.0)
                 for name in effect.optional)
     if isinstance(effect, Mean):
-        return min(priced - 1, MOST_SHAPES) + clear
-    return min(priced - 1 + clear, MOST_SHAPES)
+        return min(effect.always_fitted - 1, MOST_SHAPES) + clear
+    return min(effect.always_fitted - 1 + clear, MOST_SHAPES)
 
 
 def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimate]) -> str:

@@ -371,7 +371,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     said = sum(max(e.bonus(evidence, fit), 0.0) for e in fit.model.of(NoiseEffect) if e.knees)
     if effect.label in [*spent][:-1]:
         return ''
-    spent.setdefault(effect.label, _free(effect))
+    spent.setdefault(effect.label, effect.always_fitted)
     # as where names are compared: what is optional counts where it is used
     spent = {e.label: spent[e.label] + _used(e)
              for e in fit.model.of(NoiseEffect) if e.label in spent}
@@ -388,7 +388,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
         # a part of a peak counts as well
         better = gained(bands, fit.details, rival.details, partly=peak) - said
         more = len(Knee.parameters) - sum(spent.values()) - sum(
-            _free(e) + _used(e) for e in filters if e not in some)
+            e.always_fitted + _used(e) for e in filters if e not in some)
         least = PRICE * more
         if more > 0:    # of a drift that the knee does without it has the parameters as well
             spared = max(0, _levels(fit, some) - _levels(rival, some))
@@ -400,11 +400,6 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
             steepness = rival.model['knee']['steepness']
             return f'a knee of steepness {steepness:.2g}, which has no name, fits {how}'
     return ''
-
-
-def _free(effect: NoiseEffect) -> int:
-    """Return how many parameters of an effect are always fitted."""
-    return sum(not p.discrete and p.name not in effect.optional for p in effect.parameters)
 
 
 def _used(effect: NoiseEffect) -> int:

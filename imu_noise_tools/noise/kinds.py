@@ -173,6 +173,11 @@ class NoiseEffect(Effect):
         """
         return 0
 
+    @property
+    def always_fitted(self) -> int:
+        """How many of its parameters are: what is discrete is chosen, what is optional may do."""
+        return sum(not p.discrete and p.name not in self.optional for p in self.parameters)
+
     def idle(self, parameter: Parameter) -> float:
         """Return the value of a parameter with which it leaves a record as it is."""
         p = parameter
@@ -621,14 +626,17 @@ def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     return gain2_of(model.of(Response), f, dt, True)
 
 
-def beside_unfiltered(gain2: np.ndarray, share: float | np.ndarray) -> np.ndarray:
+def beside_unfiltered(gain2: np.ndarray | float, share: float | np.ndarray,
+                      at_zero: float | None = None) -> np.ndarray:
     """
     Return a filter's squared gain where a share of the white noise arises behind it.
 
-    (g + s)/(1 + s): the total at full gain stays, and it never falls to nothing.
+    (g + s)/(1 + s): the total at full gain stays, and it never falls to nothing. Of a share that
+    is not the same at all frequencies, that ``at_zero`` is in the total.
 
     """
-    return np.maximum((gain2 + share) / (1 + share), 1e-9)
+    total = 1 + (share if at_zero is None else at_zero)
+    return np.maximum((gain2 + share) / total, 1e-9)
 
 
 def gain2_of(responses: Sequence[Response], f: np.ndarray, dt: float,
@@ -653,8 +661,7 @@ def together(responses: Sequence[Response], each: Sequence[np.ndarray], f: np.nd
         if r.last:
             if white and r.scatters:
                 level = r.scattered(before, np.append(0.0, f), dt)
-                seen = out + level[1:].reshape(np.shape(f))
-                out = np.maximum(seen / (1 + level[0]), 1e-9)
+                out = beside_unfiltered(out, level[1:].reshape(np.shape(f)), level[0])
             out = g * out
     return out
 

@@ -17,6 +17,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+LONGEST = 50    # samples that are held at a time
+MOST = 8 * LONGEST      # samples that one is repeated for, runs that overlap
 RARE = 1e-4     # of the chance to repeat one sample, to repeat it once more that is left out
 KEPT = 32   # sets of frequencies for which what is wanted again and again is kept
 LEAST = 1e-9    # squared gain
@@ -45,7 +47,7 @@ def ages(fraction: float, run: int) -> np.ndarray:
 def _held_on(left: np.ndarray, begin: float) -> np.ndarray:
     """Return the chances (k,) that 1, 2 ... are held, of those of 1, 2 ... run still to come."""
     out = [float(np.sum(left))]
-    while out[-1] > RARE * out[0]:
+    while out[-1] > RARE * out[0] and len(out) < MOST:
         left = np.append((1 - begin) * left[1:], begin * out[-1])
         out.append(float(np.sum(left)))
     return np.array(out)

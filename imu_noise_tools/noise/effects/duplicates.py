@@ -11,12 +11,11 @@ from scipy.special import xlogy
 from ..evidence import Evidence
 from ..held import clock
 from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
-from ..repeated import ANGLES, begins, coherent, same_again, scattered
+from ..repeated import ANGLES, begins, coherent, LONGEST, same_again, scattered
 from ...core.spectrum import Bins, folded
 from ...core.statistics import interval, Repeats, repeats
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
-LONGEST = 50  # samples that are held at a time
 STRETCHES = 8  # of the record, in which repeats are counted
 PIECES = (1024, 256)  # samples in which a beat is looked for
 IMAGES, FAINTEST = 16, 1e-3  # of a line, on either side; shares of its power
@@ -187,9 +186,9 @@ class Duplicates(Defect, Response):
         (:mod:`~imu_noise_tools.noise.repeated`).
 
         """
-        if not self.scatters:
-            return np.zeros(np.shape(f))
         p = self['fraction']
+        if not self.scatters or self._run == 1 and not before:
+            return np.zeros(np.shape(f))    # all of white noise keeps its form
         if self._run == 1:
             at = WITHIN ** 3 * 0.5 / dt
             lost = (1 - self.gain2(at, dt)) * gain2_of(before, at, dt)
