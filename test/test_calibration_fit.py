@@ -247,7 +247,7 @@ def test_method_is_chosen_from_the_poses():
     assert core.calibrate(six(rng, device, times=3, names=False)).problem.method == 'faces'
 
 
-LEVEL = {0: 100, 1: 250, 5: 1500, 10: 4000}     # tilt, deg: ppm of a scale factor
+LEVEL = {0: 100, 1: 250, 2: 500, 5: 1500, 10: 4000}     # tilt, deg: ppm of a scale factor
 
 
 @pytest.mark.parametrize('tilt', daily(LEVEL, 0, 5))
