@@ -35,6 +35,7 @@ from imu_noise_tools.noise import (
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import gain2_of
+from imu_noise_tools.noise.slower import as_measured
 
 DT = 0.02
 VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence', 'repeats', 'grid',
@@ -283,11 +284,16 @@ def test_response(effect):
     assert gain.shape == F.shape and np.all(np.isfinite(gain)) and np.all(gain >= 0)
     assert gain[0] == pytest.approx(1, abs=1e-6), 'N is what it was at low frequencies'
     n, draws = 4096, 150
-    b, given, rng = spectrum.bins_of(n, DT), inputs(n), np.random.default_rng(3)
-    seen = np.mean([spectrum.power(spectrum.cosine_transform(
-        effect.apply(rng.standard_normal(n), given, rng)), DT, b) for _ in range(draws)], axis=0)
-    seen = seen / (2 * DT)
-    expected = spectrum.expected(lambda f: gain2_of([effect], f, DT, white=True), b)
+    given, rng, seen = inputs(n), np.random.default_rng(3), []
+    for _ in range(draws):      # once each, where samples are those of a slower sensor
+        y = np.outer(effect.apply(rng.standard_normal(n), given, rng), [1, 0, 0])
+        own = as_measured(record.ImuRecord(y, None, given.t, 1 / DT), ['gyro_x'],
+                          record.Memory())[0].record
+        b = spectrum.bins_of(own.n, own.dt)
+        seen.append(spectrum.power(
+            spectrum.cosine_transform(own.column('gyro_x')), own.dt, b) / (2 * own.dt))
+    seen = np.mean(seen, axis=0)
+    expected = spectrum.expected(lambda f: gain2_of([effect], f, b.dt, white=True), b)
     some = expected > 1e-4
     error = np.sqrt(2 / (draws * b.count))[some]
     ratio = seen[some] / expected[some]

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -14,7 +16,7 @@ from scipy.signal import butter, lfilter
 
 from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.allan import overlapping_variance
-from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.record import ImuRecord, Memory
 from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
@@ -23,11 +25,11 @@ from imu_noise_tools.noise import repeated
 from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.held import clock
-from imu_noise_tools.noise.kinds import Inputs, model_avar, model_psd, Response, Spectrum
+from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding, colour_of_counts
+from imu_noise_tools.noise.slower import as_measured, shown_first
 from imu_noise_tools.tasks.noise import analyse_record
 
 SPIKES, DUPLICATES, SHOCK = (
@@ -225,9 +227,10 @@ def test_a_slower_clock_is_told_from_holding_at_random(ratio, step):
     """Also where rounding makes two readings equal, so that some are held twice as long."""
     plain = step * np.round(noise(7) / step) if step else noise(7)
     held = plain[np.floor(np.arange(N) * ratio).astype(int)]
-    inputs = Inputs(np.arange(N) * 0.01, 0.01)
-    assert DUPLICATES.statistics(held, inputs)['regular'] == 1
-    assert DUPLICATES.statistics(held_at_random(plain, 1 - ratio), inputs)['regular'] == 0
+    chance = repeats(held).chance
+    first = shown_first(np.diff(held) == 0, chance)
+    assert len(first) == pytest.approx(N * ratio, rel=2e-3)
+    assert shown_first(np.diff(held_at_random(plain, 1 - ratio)) == 0, chance) is None
 
 
 @pytest.mark.parametrize('slow', [0.5, 0.9, 0.99])
@@ -300,8 +303,8 @@ def test_what_a_filter_took_is_filled_where_samples_are_held_at_random(name, val
 @pytest.mark.parametrize('share', [0.1, 0.99])
 def test_a_sample_is_looked_for_no_further_than_a_few_runs_back(share):
     """Where nearly all is held a chain of runs that overlap has thousands of samples."""
-    for some in (repeated.ages(share, 50), repeated.same_again(share, 50)):
-        assert 50 <= len(some) <= 401 and np.all(np.diff(some) < 1e-12)
+    some = repeated.ages(share, 50)
+    assert 50 <= len(some) <= 401 and np.all(np.diff(some) < 1e-12)
 
 
 # --- counts of an angle ---
@@ -565,14 +568,18 @@ def test_knocks_ring_beside_a_slower_clock(fraction):
     knocks = sum(np.where(t >= b, 4 * np.exp(-np.maximum(t - b, 0) / 0.3)
                           * np.cos(2 * np.pi * 7.3 * (t - b)), 0) for b in begins)
     inputs = Inputs(t, 0.01)
-    y = held.apply(plain + knocks, inputs, rng)
-    kept = SHOCK.statistics(y, inputs)
-    assert kept['begin'] * 0.01 == pytest.approx(begins, abs=0.06)
+    y, still = (as_measured(ImuRecord(np.outer(held.apply(x, inputs, rng), [1, 0, 0]), None, t,
+                                      100.0), ['gyro_x'], Memory())[0].record
+                for x in (plain + knocks, plain))
+    inputs = Inputs(y.t, y.dt)
+    assert y.rate_hz == pytest.approx(100 * (1 - fraction), rel=1e-4)
+    kept = SHOCK.statistics(y.column('gyro_x'), inputs)
+    assert kept['begin'] * y.dt == pytest.approx(begins, abs=0.06)
     assert kept['ring'] == pytest.approx(7.3, abs=0.2)
     assert kept['decay'] == pytest.approx(0.3, rel=0.4)
-    left = SHOCK.screen(y, kept, inputs) - held.apply(plain, inputs, rng)
-    assert np.sum(left**2) < 0.2 * np.sum(knocks**2)
-    assert not SHOCK.statistics(held.apply(plain, inputs, rng), inputs)
+    left = SHOCK.screen(y.column('gyro_x'), kept, inputs) - still.column('gyro_x')
+    assert np.sum(left**2) < 0.2 * np.sum(knocks**2) * (1 - fraction)
+    assert not SHOCK.statistics(still.column('gyro_x'), inputs)
 
 
 def test_knocks_ring_beside_a_few_samples_that_are_held():
@@ -612,34 +619,31 @@ def test_a_filter_is_found_behind_a_grid_as_coarse_as_the_noise(counts):
                                        'low_pass'}
 
 
-@pytest.mark.parametrize('fraction, f', [(0.4533, 9.46), (0.7071, 2.0), (0.1903, 5.5)])
-def test_a_line_has_images_where_a_slower_clock_holds_the_samples(fraction, f):
-    """Their frequencies and shares of its power, beside those of a line that is held."""
-    n, dt = 200_000, 0.04
-    held = find_effect('noise', 'duplicates')().with_values(
-        fraction=fraction, pattern=1.0, run=1.0)
-    t = dt * np.arange(n)
-    y = held.apply(np.cos(2 * np.pi * f * t + 0.3), Inputs(t, dt), np.random.default_rng(1))
-    power = np.abs(np.fft.rfft(y * np.hanning(n))) ** 2
-    images = sorted(held.images(f, dt), key=lambda x: -x[1])
-    assert sum(share for _, share in images) == pytest.approx(1, abs=0.04)
-    at = np.fft.rfftfreq(n, dt)
-    for where, share in images[:4]:
-        there = np.sum(power[np.abs(at - where) < 6 / (n * dt)]) / np.sum(power)
-        assert there == pytest.approx(share, rel=0.03)
-    assert held.with_values(pattern=0.0).images(f, dt) == []
+def of_a_slower_sensor(rng, n, rate, drift=0.0, late=0.0):
+    """Return which value of a sensor each of n samples is, its clock and its reader uneven."""
+    j = np.arange(n) + late * rng.uniform(-0.5, 0.5, n)
+    turns = rate * (j + drift * n * np.sin(2 * np.pi * j / n) / (2 * np.pi)) + 0.33
+    return np.floor(turns).astype(int)
 
 
-@pytest.mark.parametrize('rate, phase, rounded', [
-    (0.58801, 0.3, 0.0), (0.31713, 0.9, 0.1), (0.93017, 0.02, 0.02), (0.47112, 0.7, 0.05)])
-def test_the_clock_of_a_slower_sensor_is_read_from_what_it_repeats(rate, phase, rounded):
-    n = 50_000
-    turns = (rate * np.arange(n) + phase) % 1
-    same = ((turns >= rate) | (np.random.default_rng(2).random(n) < rounded))[1:]
-    found = clock(same, 1 - rate + 0.003)
-    assert abs(found[0] - rate) * n < 0.02
-    assert abs((found[1] + found[0] * n / 2 - phase - rate * n / 2 + 0.5) % 1 - 0.5) < 0.003
-    assert clock(np.random.default_rng(3).random(n - 1) > rate, 1 - rate) is None
+@pytest.mark.parametrize('rate, step, axes, drift, late', [
+    (0.2, 0.0, 1, 0.0, 0.0), (0.2, 1.0, 3, 2e-3, 0.8), (0.1, 0.5, 1, 1e-3, 0.9),
+    (0.3367, 1.0, 1, 2e-3, 0.6), (0.5, 0.1, 3, 0.0, 0.0), (0.4993, 0.3, 3, 1e-4, 0.0),
+    (0.58801, 0.0, 1, 1e-4, 0.0), (0.8017, 0.3, 3, 1e-4, 0.0), (0.93017, 0.02, 3, 1e-4, 0.0)])
+def test_each_value_of_a_slower_sensor_is_taken_once(rate, step, axes, drift, late):
+    """Whose clock goes faster and slower, whose reader is late and early, on a coarse grid."""
+    rng, n = np.random.default_rng(2), 100_000
+    which = of_a_slower_sensor(rng, n, rate, drift, late)
+    x = rng.standard_normal((which[-1] + 1, 3))
+    x = step * np.round(x / step) if step else x
+    gyro = x[which]
+    gyro[:, axes:] = rng.standard_normal((n, 3 - axes))
+    record = ImuRecord(gyro, None, np.arange(n) * 0.01, 100.0)
+    seen, *others = as_measured(record, ['gyro_x'], Memory())
+    assert not others and seen.record.rate_hz == pytest.approx(100 * rate, rel=2e-3)
+    taken = which[seen.first + (np.diff(seen.first, append=n) - 1) // 2]
+    assert np.mean(np.diff(taken) != 1) < 5e-3
+    assert np.mean(seen.record.column('gyro_x') == x[taken, 0]) == 1
 
 
 @pytest.mark.parametrize('evenly', [False, True])
@@ -656,37 +660,34 @@ def test_the_images_of_lines_behind_a_slower_clock_are_no_lines(evenly):
     assert np.sort(evidence.line_table[:, 0]) == pytest.approx([4.31, 11.7], abs=1e-3)
 
 
+def test_two_sensors_of_two_clocks_are_looked_at_each_at_its_own():
+    rng, n = np.random.default_rng(6), 60_000
+    x, data = rng.standard_normal((n, 3)), {}
+    for sensor, rate in (('gyro', 0.2), ('accel', 0.41)):
+        data[sensor] = x[of_a_slower_sensor(rng, n, rate)]
+    record = ImuRecord(data['gyro'], data['accel'], np.arange(n) * 1e-3, 1000.0)
+    found = gather(record, ['gyro_x', 'accel_y', 'gyro_z'])
+    assert list(found) == ['gyro_x', 'accel_y', 'gyro_z']
+    assert 1 / found['gyro_z'].dt == pytest.approx(200, rel=1e-3)
+    assert 1 / found['accel_y'].dt == pytest.approx(410, rel=1e-3)
+    both = gather(replace(record, accel=x[of_a_slower_sensor(rng, n, 0.2)]), record.axes)
+    assert {round(1 / e.dt) for e in both.values()} == {200}
+    assert both['gyro_x'].common is both['accel_x'].common
+
+
 @pytest.mark.thorough
-def test_a_band_is_found_with_its_images_where_a_slower_clock_holds_the_samples():
-    rng, n, dt, f = np.random.default_rng(17), 7_500, 0.04, 9.46
-    pole = np.exp(2j * np.pi * f * dt - np.pi * 0.12 * dt)
-    band = lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], rng.standard_normal(n + 500))[500:]
-    y = rng.standard_normal((n, 3))
-    y[:, 0] += 0.5 * band / np.std(band)
-    held = find_effect('noise', 'duplicates')().with_values(fraction=0.4533, pattern=1.0, run=1.0)
-    t = dt * np.arange(n)
-    y = np.column_stack([held.apply(x, Inputs(t, dt), rng) for x in y.T])
-    study = analyse_record(ImuRecord(1e-4 * y, None, t, 1 / dt), axes=('gyro_x',),
-                           keep_motion=True)
-    found = {x.name: x.effect for x in study.diagnose(['gyro_x'])['gyro_x'].found}
-    assert set(found) == {'duplicates', 'narrowband'}
-    assert found['narrowband']['frequency'] == pytest.approx(f, abs=0.05)
-    assert found['narrowband']['rms'] == pytest.approx(0.5e-4, rel=0.25)
-
-
-def test_a_band_with_its_images_has_the_allan_variance_of_what_is_held():
-    rng, n, dt = np.random.default_rng(18), 400_000, 0.04
-    band = find_effect('noise', 'narrowband')().with_values(
-        frequency=9.46, width=0.16, rms=1.0, form=0.0)
-    held = find_effect('noise', 'duplicates')().with_values(fraction=0.4533, pattern=1.0, run=1.0)
-    inputs = Inputs(dt * np.arange(n), dt)
-    y = held.apply(band.apply(np.zeros(n), inputs, rng), inputs, rng)
-    m = np.array([1, 2, 4, 9])
-    means = [y[:n // k * k].reshape(-1, k).mean(axis=1) for k in m]
-    wanted = [0.5 * np.mean(np.diff(x) ** 2) for x in means]
-    assert model_avar(Model((band, held)), m, dt) == pytest.approx(wanted, rel=0.05)
-    f = np.linspace(0.01, 12.49, 20_000)
-    assert np.mean(model_psd(Model((band, held)), f, dt)) * 12.5 == pytest.approx(1, rel=0.05)
+@pytest.mark.parametrize('read', [1000.0, 730.0, 415.0])
+def test_a_filter_is_found_in_a_sensor_that_is_read_faster_than_it_measures(read):
+    rng, n = np.random.default_rng(17), 36_000
+    x = lfilter(*butter(2, 40 / 100), rng.standard_normal((n, 3)), axis=0)
+    x += 0.02 * rng.standard_normal((n, 3))
+    k = np.arange(int(n / 200 * read))
+    record = ImuRecord(1e-3 * x[np.floor(k / read * 200 + 1e-9).astype(int)], None, k / read, read)
+    study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
+    diagnosis = study.diagnose(['gyro_x'])['gyro_x']
+    found = {f.name: f.effect for f in diagnosis.found}
+    assert set(found) == {'duplicates', 'low_pass'} and diagnosis.remaining is None
+    assert found['low_pass']['cutoff'] == pytest.approx(40, rel=0.03)
 
 
 @pytest.mark.parametrize('what', ['rate', 'angle'])

@@ -24,7 +24,6 @@ from scipy.special import ndtri
 
 from . import shared
 from .evidence import Common, course_beside, Evidence, Part
-from .held import images_of_lines
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
     also_in, find_peaks, fine_edges, MOST_LINES, of_a_swing, PIECE, reference_spectrum, ROUNDS,
@@ -32,6 +31,7 @@ from .lines import (
 )
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
+from .slower import as_measured, images_of_lines, Measured
 from .sweep import find_sweep
 from .telegraph import levels
 from .thermal import follows_at, TEMPERATURE
@@ -97,27 +97,26 @@ def gather(
         Where arrays as long as the record are kept.
 
     """
-    memory = memory or Memory()
-    work = _Gathering(record, axes, progress, memory)
-    for axis in axes:
-        work.samples(axis, deviation=deviation, points=points, octaves=octaves)
-    work.beside()
-    whole = {axis: work.spectrum(axis) for axis in axes}
-    work.follow(whole)
-    work.part('whole', 0, work.used, whole)
-    work.part('first', 0, work.half)
-    work.part('second', work.half, work.half)
-    work.step('halves and cross-spectra')
-    common = work.common()
-    return {a: Evidence(a, record.dt, work.used, common=common, statistics=work.kept[a],
-                        **work.own[a]) for a in axes}
+    memory, out = memory or Memory(), {}
+    groups = as_measured(record, axes, memory)
+    for k, seen in enumerate(groups):
+        part = (lambda p, what, k=k: progress((k + p) / len(groups), what)) if progress else None
+        work = _Gathering(record, seen, part, memory)
+        out.update(work.evidence(deviation=deviation, points=points, octaves=octaves))
+    return {a: out[a] for a in axes}
 
 
 class _Gathering:
-    """What is gathered of all axes, step by step; what is long lies where ``memory`` says."""
+    """
+    What is gathered of axes of one clock, step by step; what is long lies where ``memory`` says.
 
-    def __init__(self, record: ImuRecord, axes, progress, memory: Memory):
-        self.gaps, record = record, _unmasked(record, memory)
+    ``read`` is the record as it was read.
+
+    """
+
+    def __init__(self, read: ImuRecord, seen: Measured, progress, memory: Memory):
+        self.read, self.seen, axes = read, seen, seen.axes
+        self.gaps, record = seen.record, _unmasked(seen.record, memory)
         self.record, self.axes, self.memory = record, axes, memory
         self.step = _Steps(progress, 4 * len(axes) + 2)
         self.dt, n = record.dt, record.n
@@ -136,10 +135,26 @@ class _Gathering:
         self.shaken: dict[str, tuple[np.ndarray, np.ndarray | None, bool]] = {}
         self.slow_derived: dict[str, np.ndarray] = {}
 
+    def evidence(self, **curve) -> dict[str, Evidence]:
+        """Return what is gathered of each axis; ``curve`` says which curve."""
+        for axis in self.axes:
+            self.samples(axis, **curve)
+        self.beside()
+        whole = {axis: self.spectrum(axis) for axis in self.axes}
+        self.follow(whole)
+        self.part('whole', 0, self.used, whole)
+        self.part('first', 0, self.half)
+        self.part('second', self.half, self.half)
+        self.step('halves and cross-spectra')
+        common = self.common()
+        return {a: Evidence(a, self.dt, self.used, common=common, statistics=self.kept[a],
+                            **self.own[a]) for a in self.axes}
+
     def samples(self, axis: str, **curve) -> None:
         """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
         y = self.raw[axis] = np.ascontiguousarray(self.record.column(axis), float)
         self.kept[axis], without = _looked_at(y, self.inputs)
+        self.kept[axis].update(self._of_readings(axis))
         without = _bridged(without, self.record)
         self.clean[axis] = y if without is y else self.memory.keep(without)
         self.memory.rest()
@@ -159,6 +174,13 @@ class _Gathering:
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
 
+    def _of_readings(self, axis: str) -> dict[str, dict[str, np.ndarray]]:
+        """Return what effects keep of all that was read of an axis."""
+        y = np.ascontiguousarray(self.read.column(axis), float)
+        inputs = Inputs(self.read.t, self.read.dt, first=self.seen.first)
+        return {name: kept for name, cls in _known().items()
+                if cls.of_readings and (kept := cls.statistics(y, inputs))}
+
     def beside(self) -> None:
         """Take defects out of the axes that were not asked for, as out of those that were."""
         for axis in (a for a in self.record.axes if a in self.covariates):
@@ -177,14 +199,12 @@ class _Gathering:
             lines = find_peaks(c, reference, self.dt)[0]
         if len(lines):  # broken off by what was left out, they would look like a narrow band
             c, reference = self._instead(axis, _bridged(self.clean[axis], self.gaps, lines))
-        clock = next((kept['clock'] for kept in self.kept[axis].values() if 'clock' in kept),
-                     np.zeros(0))
-        held = self.clean[axis]
-        for _ in range(ROUNDS if len(clock) else 0):
+        measured = self.clean[axis]
+        for _ in range(ROUNDS if self.seen.first is not None else 0):
             if not len(lines := find_peaks(c, reference, self.dt)[0]):
                 break
-            images = images_of_lines(held, lines, clock.tolist(), self.dt)
-            c, reference = self._instead(axis, held - images)
+            images = images_of_lines(measured, lines, self.seen)
+            c, reference = self._instead(axis, measured - images)
             if len(lines) < MOST_LINES:     # there may be fainter ones behind the images
                 break
         self._whiten(axis, c, reference)
@@ -425,9 +445,10 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     """
     at = levels(y)
     kept: dict[str, dict] = {}
-    known = {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
+    known = _known()
     for turn in sorted({cls.turn for cls in known.values()}):
-        some = {name: cls for name, cls in known.items() if cls.turn == turn}
+        some = {name: cls for name, cls in known.items()
+                if cls.turn == turn and not cls.of_readings}
         beside = y if at is None else y - at
         found = {name: cls.statistics(beside if _is_taken_out(cls) else y, inputs)
                  for name, cls in some.items()}
@@ -436,6 +457,10 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
             if _is_taken_out(cls) and name in kept:
                 y = _without(y, at, partial(cls.screen, kept=kept[name], inputs=inputs))
     return kept, y
+
+
+def _known() -> dict[str, type[NoiseEffect]]:
+    return {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
 
 
 def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
-from typing import Any, cast, ClassVar, TYPE_CHECKING, TypeAlias
+from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -69,7 +69,8 @@ class Inputs:
     What an effect may depend on besides its parameters; all arrays (n,).
 
     ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates``
-    (temperature in degrees Celsius ...) and the other axes by name, all at ``t``.
+    (temperature in degrees Celsius ...) and the other axes by name, all at ``t``; ``first`` (k,)
+    which samples show each value of a slower sensor first, None where it is as fast as its reader.
 
     """
 
@@ -77,6 +78,7 @@ class Inputs:
     dt: float
     covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
     axes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    first: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,8 @@ class NoiseEffect(Effect):
     explains: ClassVar[tuple[str, ...]] = ()
     #: in which turn it looks at the samples; what a turn finds is taken out for those that follow
     turn: ClassVar[int] = 1
+    #: whether it looks at all that was read, where a slower sensor's values are sent again
+    of_readings: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
     #: whether it says that what it adds is normal noise, on every time scale
@@ -125,6 +129,10 @@ class NoiseEffect(Effect):
     needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
+
+    def muting(self) -> tuple[str, ...]:
+        """Return the views that it mutes as it is, of those it may mute."""
+        return self.mutes
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
@@ -243,10 +251,6 @@ class Spectrum(NoiseEffect):
     def centre(self) -> float | None:
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""
         return None
-
-    def at(self, centre: float) -> Spectrum:
-        """Return the same peak at another frequency, Hz."""
-        raise NotImplementedError(f'{self.name} has no centre')
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return what the power of a record is expected to be in each bin, (b,)."""
@@ -458,10 +462,6 @@ class Response(NoiseEffect):
         """Return the squared gain at f (Hz)."""
         raise NotImplementedError
 
-    def images(self, f: float, dt: float) -> list[tuple[float, float]]:
-        """Return (Hz, share of the power) of what it makes of a line at f; none of a filter."""
-        return []
-
     def scattered(self, before: Sequence[Response], f: np.ndarray, dt: float) -> np.ndarray:
         """
         Return the level at f (Hz) of what it scatters over all frequencies, a filter nothing.
@@ -592,23 +592,7 @@ def model_tails(model: Model, evidence: Evidence) -> Tails | None:
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the one-sided PSD of an effect behind the model's responses that act on it."""
-    images = images_of(effect, responses_on(effect, model), dt)
-    if images:
-        return sum((share * image.psd(f, dt) for image, share in images), np.zeros(np.shape(f)))
     return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
-
-
-def images_of(effect: Spectrum, behind: Sequence[Response], dt: float) -> list[
-        tuple[Spectrum, float]]:
-    """Return (peak, share of the power) of each image that holding samples makes of a peak."""
-    centre = effect.centre
-    for r in behind if centre is not None else ():
-        images = r.images(cast(float, centre), dt)
-        if images:      # of what has passed the others
-            others = [other for other in behind if other is not r]
-            passed = float(gain2_of(others, np.array(centre), dt))
-            return [(effect.at(f), passed * share) for f, share in images]
-    return []
 
 
 def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
@@ -691,10 +675,8 @@ def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
         rest = Model((*some, *model.of(Response)))
         total = quadrature_avar(lambda f: model_psd(rest, f, dt), m, dt)
         for e in (e for e in model.of(Spectrum) if e.centre is not None):
-            behind = responses_on(e, model)
-            passed = images_of(e, behind, dt) or [
-                (e, float(gain2_of(behind, np.array(e.centre), dt)))]
-            total = total + sum(share * image.avar(m, dt) for image, share in passed)
+            passed = float(gain2_of(responses_on(e, model), np.array(e.centre), dt))
+            total = total + passed * e.avar(m, dt)
     else:
         total = sum((e.avar(m, dt) for e in model.of(Spectrum)), np.zeros(len(m)))
     return total + sum(

@@ -25,7 +25,6 @@ from .evidence import Evidence
 from .explained import Explained
 from .kinds import (
     Coupling,
-    images_of,
     Mean,
     MEASURED,
     model_crowd,
@@ -601,10 +600,7 @@ class Likelihood:
         return square * self._kept((*key, ''), lambda: gathered(one, self.bins))
 
     def _peak(self, effect, behind):
-        """Return what a peak puts into the bins, and its images where samples are held."""
-        images = images_of(effect, behind, self.dt)
-        if images:
-            return sum(share * image.binned(self.bins) for image, share in images)
+        """Return what a peak puts into the bins, behind responses."""
         own = effect.binned(self.bins)
         return own * gathered(self._gain2(behind), self.bins) if behind else own
 
@@ -751,8 +747,6 @@ class Likelihood:
     def _slopes(self, effect, model):
         """Return d v/d x_j, (b,) each, of what a spectrum has in closed form, by name."""
         slopes, behind = effect.slopes(self.bins), responses_on(effect, model)
-        if slopes and images_of(effect, behind, self.dt):
-            return {}
         if slopes and behind:
             gain = gathered(self._gain2(behind), self.bins)
             slopes = {name: slope * gain for name, slope in slopes.items()}

@@ -30,27 +30,16 @@ def begins(fraction: float, run: int) -> float:
     return 1 - (1 - fraction) ** (1 / run)
 
 
-def same_again(fraction: float, run: int) -> np.ndarray:
-    """Return the chances (k,) that one more, two more ... samples are the same as one."""
-    begin = begins(fraction, run)
-    return _held_on(begin * (1 - begin) ** np.arange(run)[::-1], begin)
-
-
 def ages(fraction: float, run: int) -> np.ndarray:
     """Return the chances (k,) that a sample is what was measured 0, 1, 2 ... samples before."""
     begin = begins(fraction, run)
-    fresh = np.zeros(run)
-    fresh[-1] = begin
-    return (1 - fraction) * np.append(1.0, _held_on(fresh, begin))
-
-
-def _held_on(left: np.ndarray, begin: float) -> np.ndarray:
-    """Return the chances (k,) that 1, 2 ... are held, of those of 1, 2 ... run still to come."""
-    out = [float(np.sum(left))]
-    while out[-1] > RARE * out[0] and len(out) < MOST:
+    left = np.zeros(run)    # of those held, by how many of their run are still to come
+    left[-1] = begin
+    out = [begin]
+    while out[-1] > RARE * begin and len(out) < MOST:
         left = np.append((1 - begin) * left[1:], begin * out[-1])
         out.append(float(np.sum(left)))
-    return np.array(out)
+    return (1 - fraction) * np.append(1.0, out)
 
 
 def coherent(fraction: float, run: int, f: ArrayLike, dt: float) -> np.ndarray:

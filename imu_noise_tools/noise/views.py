@@ -76,7 +76,7 @@ def hidden_by(evidence: Evidence, fit: Fit, view: str) -> bool:
 
 def muted_by(fit: Fit, view: str) -> bool:
     """Tell whether an effect that is there mutes a view."""
-    return any(view in e.mutes and _there(fit, e) for e in fit.model.of(NoiseEffect))
+    return any(view in e.muting() and _there(fit, e) for e in fit.model.of(NoiseEffect))
 
 
 def _there(fit: Fit, effect) -> bool:

@@ -9,16 +9,13 @@ import numpy as np
 from scipy.special import xlogy
 
 from ..evidence import Evidence
-from ..held import clock
 from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
-from ..repeated import ANGLES, begins, coherent, LONGEST, same_again, scattered
-from ...core.spectrum import Bins, folded
+from ..repeated import ANGLES, begins, coherent, LONGEST, scattered
+from ...core.spectrum import Bins
 from ...core.statistics import interval, Repeats, repeats
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 STRETCHES = 8  # of the record, in which repeats are counted
-PIECES = (1024, 256)  # samples in which a beat is looked for
-IMAGES, FAINTEST = 16, 1e-3  # of a line, on either side; shares of its power
 WITHIN = (np.arange(1024) + 0.5) / 1024     # cubed, of Nyquist: a filter may end far below it
 
 
@@ -26,7 +23,8 @@ class Duplicates(Defect, Response):
     """
     A share of the samples repeats the one before.
 
-    The sensor is read faster than it measures, or a message is sent twice.
+    A message is sent twice, or the sensor is read faster than it measures: what repeats evenly
+    tells nothing, and the record is looked at as it was measured (:mod:`~..slower`), once each.
 
     """
 
@@ -35,9 +33,9 @@ class Duplicates(Defect, Response):
     title = 'repeated samples'
     equation = (
         'gain^2, scaled to 1 at f = 0, of the autocovariance r_k, the chance that k samples more '
-        'repeat one: p^k held at random, each for one sample; the triangle of 1/(1-p) samples '
-        'where always held as long; held at random behind a filter of gain^2 g, white noise has '
-        '(g + w)/(1 + w) for g, w = (1+p)/(1-p) mean (1 - gain^2) g up to Nyquist'
+        'repeat one: p^k held at random, each for one sample; behind a filter of gain^2 g, white '
+        'noise has (g + w)/(1 + w) for g, w = (1+p)/(1-p) mean (1 - gain^2) g up to Nyquist; none '
+        'where always held as long: each value counts once, at the rate of the sensor'
     )
     signature = (
         'neighbours are exactly equal more often than noise and resolution allow; power falls '
@@ -52,6 +50,7 @@ class Duplicates(Defect, Response):
     views = ('frequency', 'time', 'distribution', 'variance', 'repeats')
     mutes = ('distribution', 'variance')  # whitened, held samples are neither normal nor steady
     last = True
+    of_readings = True
     certain = True      # exactly equal beyond what the resolution makes: no spectrum does that
     decide = 'read the sensor at its own rate'
     parameters = (
@@ -68,15 +67,15 @@ class Duplicates(Defect, Response):
         """
         Keep the share of equal neighbours and what chance gives.
 
-        Kept too are the shares of stretches of the record, how they clump, whether a sample is
-        held always as long, and how long where not.
+        Kept too are the shares of stretches of the record, how they clump, whether all are those
+        of a slower sensor, and for how long samples are held where not.
 
         """
         fraction, expected, held = repeats(y)
         out = {
             'fraction': np.array(fraction),
             'expected': np.array(expected),
-            'regular': np.array(0.0),
+            'regular': np.array(float(inputs is not None and inputs.first is not None)),
             'held': np.array(held),
             'n': np.array(len(y)),
         }
@@ -89,19 +88,6 @@ class Duplicates(Defect, Response):
         out['stretches'] = np.array([np.mean(x) for x in np.array_split(same, STRETCHES)])
         out['clumps'] = np.array(np.mean(more**2) / np.mean(more) if len(more) else 1.0)
         if len(runs) > 10:
-            # always as long: one length, or two that are neighbours where its mean lies between
-            counts = np.bincount(runs)
-            shorter = int(np.argmax(counts[:-1] + counts[1:]))
-            longer = np.mean(runs > shorter + 1)
-            by_chance = fraction**(shorter + 1)
-            # two of them become one where rounding makes them equal
-            merged = expected if shorter > 1 else 0.0
-            alike = (longer < 0.1 * by_chance + merged and by_chance * len(runs) > 10
-                     and np.mean(runs < shorter) < 0.02)
-            share = Repeats(fraction, expected, held).share
-            out['regular'] = np.array(float(alike or _beats(same, share)))
-            found = clock(same, share) if out['regular'] and 0 < share < 1 else None
-            out['clock'] = np.array(found or ())
             # rounding makes some equal as well, mostly one at a time
             often = np.bincount(more, minlength=2).astype(float)
             often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))
@@ -156,23 +142,23 @@ class Duplicates(Defect, Response):
             'would be by rounding',
         )
 
+    def muting(self) -> tuple[str, ...]:
+        """Return the views that fail where samples are held; none where each counts once."""
+        return self.mutes if self.scatters else ()
+
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """
         Return the squared gain, scaled to 1 at zero frequency.
 
-        On white noise, where always held as long; at random what is passed without being
-        :meth:`scattered`.
+        Of what is passed without being :meth:`scattered`; 1 of a slower sensor, at its own rate.
 
         """
+        if not self.scatters:
+            return np.ones(np.shape(f))
+        if self._run > 1:
+            return coherent(self['fraction'], self._run, f, dt)
         p, w = self['fraction'], 2 * np.pi * np.asarray(f, float) * dt
-        if self.scatters and self._run == 1:
-            return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
-        if self.scatters:
-            return coherent(p, self._run, f, dt)
-        share = self._repeated()
-        k = np.arange(1, len(share) + 1)
-        gain = 1 + 2 * np.cos(np.multiply.outer(w, k)) @ share
-        return np.maximum(gain / (1 + 2 * np.sum(share)), 1e-9)
+        return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(w / 2)) ** 2)
 
     def scattered(self, before: Sequence[Response], f: np.ndarray, dt: float) -> np.ndarray:
         """
@@ -224,39 +210,9 @@ class Duplicates(Defect, Response):
         """How much more of white noise is seen at low frequencies than there is."""
         return (1 + self['fraction']) / (1 - self['fraction'])
 
-    def images(self, f: float, dt: float) -> list[tuple[float, float]]:
-        """
-        Return (Hz, share of the power) of what it makes of a line at f, where it is regular.
-
-        The age of a sample goes with the phase of the two clocks: the line is modulated at the
-        multiples of the sensor's own rate.
-
-        """
-        if self.chosen('pattern') != 'regular':
-            return []
-        rate, w = 1 - self['fraction'], 2 * np.pi * f * dt
-        edges = np.append(np.arange(0, 1, rate), 1.0)
-        k = np.arange(-IMAGES, IMAGES + 1)[:, None]
-        turns = np.exp(-2j * np.pi * k * edges)
-        each = np.where(k == 0, np.diff(edges), np.diff(turns, axis=1) / np.where(
-            k == 0, 1, -2j * np.pi * k))
-        share = np.abs(each @ np.exp(-1j * w * np.arange(len(edges) - 1))) ** 2
-        at = folded(f + k[:, 0] * rate / dt, dt)
-        return [(float(x), float(s)) for x, s in zip(at, share) if s > FAINTEST]
-
     @property
     def _run(self) -> int:
         return int(self.values.get('run', 1.0))
-
-    def _repeated(self) -> np.ndarray:
-        """Return the chance that k = 1, 2, ... samples more repeat one, where that is any."""
-        p = self['fraction']
-        if self.chosen('pattern') == 'regular':
-            r = 1 / max(1 - p, 1e-6)
-            m, k = int(r), np.arange(1, int(r) + 1)
-            short, long = np.maximum(m - k, 0), m + 1 - k   # blocks of m and of m + 1 samples
-            return ((m + 1 - r) * short + (r - m) * long) / r
-        return same_again(p, self._run)
 
     def crowd(self) -> float:
         """
@@ -266,9 +222,9 @@ class Duplicates(Defect, Response):
         and two of neighbouring runs with p; as many independent samples would have (1-p)(1+p)^2.
 
         """
+        if not self.scatters:
+            return 1.0
         p = self['fraction']
-        if self.chosen('pattern') == 'regular':
-            return 1 / max(1 - p, 1e-6)
         return ((1 + p) ** 2 + p * (1 - p) ** 2 + 2 * p * p) / ((1 - p) * (1 + p) ** 2)
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
@@ -288,30 +244,3 @@ class Duplicates(Defect, Response):
     def example(cls) -> Effect:
         """Every fifth sample is a repeat."""
         return cls({'fraction': 0.2, 'pattern': 'random', 'run': 1.0})
-
-
-def _beats(same: np.ndarray, p: float) -> bool:
-    """
-    Tell whether a share p is held in the beat of two rates, whatever rounding makes equal beside.
-
-    A sensor that is read 1/(1-p) times as often as it measures is held at the frequency p of the
-    reading: the indicator has 2 (sin(pi p)/pi)^2 of its variance p (1 - p) there (the first
-    harmonic of a pulse train), held at random or in runs what is around there as well.
-
-    """
-    length = next((n for n in PIECES if len(same) >= 8 * n), 0)
-    if not length:
-        return False
-    rows = same[:len(same) // length * length].reshape(-1, length)
-    rows = rows - rows.mean(axis=1, keepdims=True)
-    window = np.hanning(length + 1)[:length]
-    power = np.mean(np.abs(np.fft.rfft(rows * window, axis=1)) ** 2, axis=0)
-    # what rounding makes equal is known to a hundredth or so
-    at, reach = int(abs(p - round(p)) * length), length // 50
-    if at <= reach:     # slower than what comes in bursts
-        return False
-    k = at - reach + int(np.argmax(power[at - reach:at + reach + 1]))
-    near = power[max(1, k - 2):k + 3]
-    around = np.median(power[max(1, k - length // 32):k + length // 32])
-    beat = 2 * (np.sin(np.pi * p) / np.pi) ** 2 / (p * (1 - p))
-    return bool(np.sum(near - 2 * around) > 0.5 * beat * np.sum(power[1:]))

@@ -118,10 +118,6 @@ class Narrowband(Spectrum):
             return bell.psd(f, *self._swing, dt)
         return oscillator.psd(f, *self._swing, dt, self._velocity)
 
-    def at(self, centre: float) -> Spectrum:
-        """Return the same peak at another frequency, Hz."""
-        return self.with_values(frequency=centre)
-
     def binned(self, bins: Bins) -> np.ndarray:
         """Return its expected power in bins, however narrow it is."""
         if self._wanders:

@@ -12,7 +12,6 @@ from scipy.special import binom, chdtrc, chdtri, digamma, polygamma
 
 from ..dying import lasting
 from ..evidence import Evidence
-from ..held import clock
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import reference_spectrum
 from ..ringing import find_rings, loudest, NONE, Rings, tail_of
@@ -199,22 +198,13 @@ def _rings_in(y: np.ndarray, dt: float) -> Rings:
     Return what rings in samples (n,), of which some may be held.
 
     Where few are, others are drawn between; where many are, a spike is a swing of the frequencies
-    that holding removes, unless they are those of a slower clock, at which the rest is even.
+    that holding removes.
 
     """
     held = repeats(y)
     if not held.held:
         return find_rings(y, dt, RINGS)
-    if held.seen < FEW_HELD:
-        return find_rings(_joined_by_lines(y), dt, RINGS)
-    own = clock(np.diff(y) == 0, held.share)
-    if own is None:
-        return NONE
-    rate, phase = own
-    new = np.flatnonzero((rate * np.arange(len(y)) + phase) % 1 < rate)
-    rings = find_rings(y[new], dt / rate, RINGS)
-    return rings._replace(begin=new[rings.begin.astype(int)].astype(float),
-                          omega=rings.omega * rate, tau=rings.tau / rate)
+    return find_rings(_joined_by_lines(y), dt, RINGS) if held.seen < FEW_HELD else NONE
 
 
 def _joined_by_lines(y: np.ndarray) -> np.ndarray:
