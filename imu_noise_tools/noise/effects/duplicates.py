@@ -129,6 +129,9 @@ class Duplicates(Defect, Response):
         std = float(np.sqrt(seen * (1 - seen) / n))
         effect = self.with_values(fraction=share, pattern=float(kept['regular']),
                                   run=float(kept.get('run', 1.0)))
+        slower = '' if effect.scatters else (
+            f'; a sensor that measures {1 / evidence.dt:.4g} times a second is read '
+            f'{1 / max(1 - share, 1e-6):.3g} times as often, and each value counts once')
         return Finding(
             self.name,
             float(gain),
@@ -139,7 +142,7 @@ class Duplicates(Defect, Response):
                 'run': Estimate(effect['run'], None, None),
             },
             evidence=f'{100 * seen:.3g} % of neighbours are exactly equal, {100 * chance:.2g} % '
-            'would be by rounding',
+            f'would be by rounding{slower}',
         )
 
     def muting(self) -> tuple[str, ...]:
