@@ -977,3 +977,22 @@ def test_a_coefficient_near_zero_does_not_confirm_what_axes_do_not_share():
     more = model_of('noise', ('white', 'shared_noise'))
     before, after = problem.held_out(model_of('noise', ('white',))), problem.held_out(more)
     assert abs(fall_of(before, after, [more['shared_noise']])) < FALL
+
+
+def test_a_band_is_held_out_where_it_is_on_in_one_half_alone():
+    """Each half says how loud it is; the other where it is, and how wide. It raised the error."""
+    rng, n, dt, f = np.random.default_rng(31), 40_000, 0.01, 18.3
+    pole = np.exp(2j * np.pi * f * dt - np.pi * 0.8 * dt)
+    band = lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], rng.standard_normal(n + 500))[500:]
+    y = rng.standard_normal((n, 3))
+    y[23_000:33_000, 0] += 0.35 * band[23_000:33_000] / np.std(band)
+    problem = NoiseProblem(gather(ImuRecord(1e-3 * y, None, np.arange(n) * dt, 1 / dt),
+                                  ['gyro_x'])['gyro_x'])
+    before = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, before, problem.held_out(before.model)))
+    assert 'narrowband' in {x.name for x in found.found} <= {'narrowband', 'variance_change'}
+    band = next(x for x in found.found if x.name == 'narrowband')
+    after = problem.fit(before.model.plus(band.effect))
+    fall = fall_of(problem.held_out(before.model), problem.held_out(after.model), [band.effect])
+    assert fall > band.gain
+    assert after.model['narrowband']['frequency'] == pytest.approx(f, abs=0.2)

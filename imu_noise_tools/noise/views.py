@@ -15,6 +15,7 @@ independence.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,8 @@ TIME_BLOCKS = 256
 GROUP = 4  # block means to a bin of the time view
 SEGMENTS = 8  # stretches of the record, predicted in turn from the others
 TAKEN = 3.0  # coefficients that a line takes: frequency, amplitude and phase
+LOUDER = np.append(0.0, np.geomspace(1e-3, 1e3, 121))   # a peak's power in one half, in another
+FAINT = 0.1     # of what is beside it, below which a half tells no peak's form
 
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):
@@ -127,9 +130,11 @@ def frequency(
     power, weight = likelihood.power, likelihood.weight
     if likelihood.couplings:
         power = likelihood.without_couplings(fit.model)
-    v, _ = likelihood.spectra(fit.model)
+    v, each = likelihood.spectra(fit.model)
+    asked = 0.0
     if not fitted_here:  # what is flat in the spectrum was as loud as it was in the other half
         v = v + np.min(v) * (_louder_than_in_the_other(evidence, fit.model, part) - 1)
+        v, asked = _as_loud_as_here(likelihood, fit.model, mean, power, v, each)
     v = _around_lines(evidence.part(part).lines, power, v, weight)
     lines, own = _unclaimed_lines(evidence, part, fit.model, v)
     lines = lines * likelihood.bins.count / np.maximum(weight, 1)
@@ -142,6 +147,7 @@ def frequency(
     extra = 0.0 if fitted_here else parameter_scatter(evidence, part, fit, v, weight)
     taken = np.full(len(own), TAKEN)
     excess = np.append(excess, np.where(own > 1, gamma_excess(own, taken)[0], 0.0))
+    excess[0] += asked
     pull = np.append(gamma_pull(x, weight), np.where(own > 1, gamma_pull(own, taken), 0.0))
     f = np.append(likelihood.bins.f, evidence.line_table[:, 0])
     order = np.argsort(f, kind='stable')    # pictures shade what fails side by side
@@ -153,6 +159,29 @@ def frequency(
     rest = np.maximum(power + lines, 1e-300) / np.maximum(likelihood.power + lines, 1e-300)
     return replace(view, log_score=float(np.sum(excess) + weight @ np.where(
         likelihood.weight > 0, np.log(rest), 0.0)))
+
+
+def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, power: np.ndarray,
+                     v: np.ndarray, each: Mapping[str, np.ndarray]) -> tuple[np.ndarray, float]:
+    """
+    Return the model's power (b,) with that of each peak as it is in a part, and what that takes.
+
+    What makes a peak is switched on and off: where it is, and how wide, was told by the other
+    half, or by the whole record where it was off in that; how strong, each half tells for itself.
+    A deviance of 1 is what such a value takes by chance.
+
+    """
+    asked = 0.0
+    for e in (e for e in model.of(Spectrum) if e.centre is not None):
+        own = each[e.label]
+        rest = np.maximum(v - own, 1e-9 * v)
+        if whole is not None and np.max(own / rest) < FAINT and e.label in whole.model:
+            own = likelihood.spectra(model.with_effect(whole.model[e.label]))[1][e.label]
+        some = own > 1e-3 * np.max(own)
+        tried = rest[some] + np.multiply.outer(LOUDER, own[some])
+        nats = np.sum(likelihood.weight[some] * (np.log(tried) + power[some] / tried), axis=1)
+        v, asked = rest + LOUDER[int(np.argmin(nats))] * own, asked + 1.0
+    return v, asked
 
 
 def _around_lines(lines, power, v, weight):
