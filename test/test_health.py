@@ -242,6 +242,18 @@ def test_knocks_are_found_and_set_aside(seed, rate):
     assert len(kept.disturbances) == 4 and kept.left_out == ()
 
 
+@pytest.mark.parametrize('back, whole', [(True, True), (False, False)])
+def test_a_nudge_of_seconds_does_not_part_a_record_of_hours(back, whole):
+    """Gone for five seconds, then as before: of 2.8 h all is analysed. Or it lies otherwise."""
+    r = quiet(np.random.default_rng(4), 10_000, 10)
+    push = np.sin(np.pi * np.clip((r.t - 4000) / (5 if back else 10), 0, 1 if back else 0.5))
+    found = prepare(replace(r, gyro=r.gyro + 0.3 * np.gradient(push, r.t)[:, None],
+                            accel=r.accel + 2 * push[:, None]))
+    assert found.n == r.n if whole else found.n == pytest.approx(60_000, abs=100)
+    assert [d.kind for d in found.disturbances] == ['shock'] * whole
+    assert len(found.left_out) == whole
+
+
 def test_what_lasts_is_listed_and_kept():
     """A motor that runs for a quarter of the time is listed at most, never left out."""
     r = quiet(np.random.default_rng(0), 600, 100)

@@ -29,6 +29,8 @@ MOST = {'gyro': 0.01, 'accel': 0.1}
 TURNING = 0.035         # a steady rate that differs so much from the rest's is a turn, rad/s
 # a disturbance no longer than this, after which nothing has changed, is a knock
 KNOCK_S = 3.0
+BRIEF = 0.003           # as is what takes no more of the shorter rest beside it, at most
+BRIEF_S = 20.0
 SAME = {'gyro': 0.0087, 'accel': 0.15}
 # Who starts or stops a record rocks it: views at its ends swing by so many times what they usually
 # do, and go on with so many, on two axes of each sensor. The middle one of three independent axes
@@ -127,20 +129,25 @@ def _goes_round(record: ImuRecord, seconds: float, drifts: bool = False) -> bool
 
 
 def without_knocks(
-    record: ImuRecord, stretches: list[tuple[int, int]]
+    record: ImuRecord, stretches: list[tuple[int, int]], brief: float = 0.0
 ) -> list[list[tuple[int, int]]]:
     """
     Return the stretches in groups, between whose members there were only knocks.
 
-    A knock is short, and before and after it the means over ten seconds are the same.
+    A knock is short, and before and after it the means over ten seconds are the same. So is what
+    takes no more than a ``brief`` share of the shorter of both stretches.
 
     """
+    def takes(i: int, j: int) -> float:
+        return float(record.t[j] - record.t[i])
+
     groups: list[list[tuple[int, int]]] = []
     for stretch in stretches:
         last = groups[-1][-1] if groups else None
         if (
             last
-            and record.t[stretch[0]] - record.t[last[1] - 1] <= KNOCK_S
+            and takes(last[1] - 1, stretch[0]) <= max(KNOCK_S, min(BRIEF_S, brief * min(
+                takes(last[0], last[1] - 1), takes(stretch[0], stretch[1] - 1))))
             and _same(record, last, stretch)
         ):
             groups[-1].append(stretch)
@@ -151,12 +158,12 @@ def without_knocks(
 
 def longest_rest(record: ImuRecord) -> list[tuple[int, int]]:
     """
-    Return the longest group of stretches that are parted by knocks alone.
+    Return the longest group of stretches that are parted by knocks alone, or by little time.
 
     It is empty where nothing rests.
 
     """
-    groups = without_knocks(record, still_stretches(record))
+    groups = without_knocks(record, still_stretches(record), BRIEF)
     return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
 
 
