@@ -996,3 +996,15 @@ def test_a_band_is_held_out_where_it_is_on_in_one_half_alone():
     fall = fall_of(problem.held_out(before.model), problem.held_out(after.model), [band.effect])
     assert fall > band.gain
     assert after.model['narrowband']['frequency'] == pytest.approx(f, abs=0.2)
+
+
+@pytest.mark.parametrize('seed', [1, 3])
+def test_what_rises_as_an_angle_s_rounding_is_no_filter_that_folds(seed):
+    """Wider than Nyquist a filter that is decimated bends the same way: neither was named."""
+    rng, n = np.random.default_rng(seed), 30_000
+    y = rng.standard_normal((n, 3)) + np.diff(rng.uniform(-0.4, 0.4, (n + 1, 3)), axis=0)
+    problem = NoiseProblem(gather(ImuRecord(1e-4 * y, None, np.arange(n) * 0.01, 100.0),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['quantization'] and found.found[0].probability > 0.99

@@ -21,6 +21,7 @@ FORMS = (
     POLE, 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
     'butterworth_2_sampled', *DECIMATED, AVERAGED
 )
+FOLDED = ('butterworth_2_sampled', *DECIMATED)
 # shares to start from: for one that is missed a form with a floor of its own makes up
 BEHIND = (0.0, *np.geomspace(1e-4, 1.6e-2, 12))
 SHARES = (0.3, 0.7)  # of an average, too
@@ -114,12 +115,16 @@ class LowPass(Response):
         """
         Up to a little beyond Nyquist, where the beginning of a fall still shows.
 
-        What is no part of a form stays null.
+        Not of what is folded by sampling: a wider filter than that adds more at Nyquist than it
+        takes, and the power rises as that of an angle's rounding does. What is no part of a form
+        stays null.
 
         """
         out = {'cutoff': (1 / evidence.duration, 1 / evidence.dt)}
         if 'form' in self.values:
             form = self.chosen('form')
+            if form in FOLDED:
+                out['cutoff'] = (1 / evidence.duration, 0.5 / evidence.dt)
             out |= {'behind': (0.0, 0.0)} if form == AVERAGED else {}
             out |= {'averaged': (0.0, 0.0)} if form != AVERAGED else {}
         return out
