@@ -233,6 +233,15 @@ def test_a_slower_clock_is_told_from_holding_at_random(ratio, step):
     assert shown_first(np.diff(held_at_random(plain, 1 - ratio)) == 0, chance) is None
 
 
+@pytest.mark.parametrize('steps', [0, 43, 80])
+def test_what_drifts_over_a_coarse_grid_is_not_held(steps):
+    """What lies far apart in time is equal less often then: neighbours seemed to be held."""
+    y = 0.75 * noise(6, 14_000) + np.linspace(0, steps, 14_000)
+    seen = repeats(np.round(y))
+    assert not seen.held and seen.chance == pytest.approx(seen.seen, abs=0.012)
+    assert repeats(held_at_random(np.round(y), 0.2)).share == pytest.approx(0.2, abs=0.03)
+
+
 @pytest.mark.parametrize('slow', [0.5, 0.9, 0.99])
 def test_slow_noise_on_a_coarse_grid_is_not_held(slow):
     from scipy.signal import lfilter

@@ -223,6 +223,19 @@ def _by_rounding(y: np.ndarray, step: float) -> float:
     return max(float(np.exp((4 * np.log(one) - np.log(two)) / 3)), one, two)
 
 
+def _equal_over(y: np.ndarray, lag: int) -> float:
+    """
+    Return the share of samples (n,) that are equal over a lag, or would be without a drift.
+
+    A normal difference of variance v is off zero by a drift of d: exp(-d^2/(2 v)) as often zero.
+
+    """
+    over = y[lag:] - y[:-lag]
+    v = float(np.var(over))
+    less = float(np.mean(over)) ** 2 / (2 * v) if v > 0 else 0.0
+    return float(np.mean(over == 0)) * float(np.exp(min(less, 1.0)))
+
+
 def repeats(y: np.ndarray) -> Repeats:
     """
     Tell whether more neighbours are equal than rounding makes equal by chance.
@@ -241,7 +254,7 @@ def repeats(y: np.ndarray) -> Repeats:
     # equal by rounding: density of the difference of two neighbours at zero times the step
     near = min(1.0, step / (2 * np.sqrt(np.pi) * max(sigma, 1e-300))) if step > 0 else 0.0
     lags = [k for k in FAR if k < n]
-    far = float(np.mean([np.mean(y[k:] == y[:-k]) for k in lags])) if lags else 0.0
+    far = float(np.mean([_equal_over(y, k) for k in lags])) if lags else 0.0
     if max(near, far) <= 0.2:
         chance = max(near, far, _by_rounding(y, step))
         return Repeats(seen, chance, (seen - chance) * n >= 10 + 5 * np.sqrt(4 * chance * n))
