@@ -1008,3 +1008,21 @@ def test_what_rises_as_an_angle_s_rounding_is_no_filter_that_folds(seed):
     fit = problem.fit(model_of('noise', BASE))
     found = diagnose(State(problem, fit, problem.held_out(fit.model)))
     assert [f.name for f in found.found] == ['quantization'] and found.found[0].probability > 0.99
+
+
+@pytest.mark.thorough
+def test_a_filter_is_found_around_a_peak_that_stands_far_above_it():
+    """Neither was: on all bins the peak draws the filter along, and beside it none is left."""
+    rng, n, dt, f = np.random.default_rng(12), 7000, 0.04, 5.7
+    y = lfilter(*iirnotch(8.2 * 2 * dt, 3.3), rng.standard_normal((n, 3)), axis=0)
+    y += 0.1 * rng.standard_normal((n, 3))
+    pole = np.exp(2j * np.pi * f * dt - np.pi * 0.1 * dt)
+    band = lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], rng.standard_normal(n + 500))[500:]
+    y[:, 0] += 0.8 * band / np.std(band)
+    problem = NoiseProblem(gather(ImuRecord(1e-3 * y, None, np.arange(n) * dt, 1 / dt),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert {x.name for x in found.found} == {'notch', 'narrowband'} and found.remaining is None
+    effect = next(x.effect for x in found.found if x.name == 'notch')
+    assert effect['frequency'] == pytest.approx(8.2, rel=0.03)

@@ -18,7 +18,7 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence
-from .explained import Bands, gained, gained_beyond, supported
+from .explained import Bands, Explained, gained, gained_beyond, supported
 from .fit import Details, fit as fit_part
 from .flexible import asks_nothing
 from .kinds import (
@@ -38,6 +38,9 @@ CAP = 50.0  # nats that levels of its own cost a half-octave band where candidat
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
 SLOW = 32  # coefficients that hold nearly all of what acts on the mean
 LEFT = 0.01  # share of the power that is left at least where a source were known
+STANDS = 3.0  # times the model's power that a peak has
+FOOT, BROAD = 20.0, 1.5  # of its width that a peak reaches, as narrow or as broad as it is seen
+SEEN = 8.0  # standard errors that a broad one stands out
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -340,12 +343,30 @@ def _refitted(evidence, fit, effect):
         # what was set aside there may be its doing
         hint = replace(hint, f=evidence.whole.bins.f, weight=np.where(slow, 1.0, known))
     more = fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
+    beside = _beside_peaks(evidence, fit)
+    if isinstance(effect, Response) and not np.all(beside > 0):
+        # a peak without a name takes the filter along that is to be seen around it
+        some = Explained(evidence.whole.bins.f, beside)
+        other = fit_part(evidence, model, intervals=False, start=fit.model, basis=some)
+        more = max(more, other, key=lambda x: _gain(evidence, fit, x, False))
     # nor that of noise beside which it is not needed; what is measured has nothing that is free
     if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
         other = fit_part(evidence, model, intervals=False, start=fit.model, hint=bare)
         peak = other.model.of(Spectrum)[-1].centre is not None
         more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))
     return more
+
+
+def _beside_peaks(evidence: Evidence, fit: Fit) -> np.ndarray:
+    """Return 0 (b,) in the bins of peaks that a fit does not explain, 1 in all others."""
+    f, out = evidence.whole.bins.f, np.ones(len(evidence.whole.bins.f))
+    peaks = [(middle, FOOT * width) for middle, width, _ in evidence.humps.tolist()]
+    peaks += [(middle, BROAD * width) for middle, width, z in evidence.bumps(2) if z > SEEN]
+    for middle, reach in peaks:
+        at = np.argmin(np.abs(f - middle))
+        if fit.details.power[at] > STANDS * fit.details.v[at]:
+            out[np.abs(f - middle) < reach] = 0.0
+    return out
 
 
 def _line(evidence, fit, effect):

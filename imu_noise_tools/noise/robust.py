@@ -71,6 +71,12 @@ def resting_on_what_it_explains(search: Search, plain: Found, hint: Explained | 
     seen: list[np.ndarray] = []
     begins = _beginnings(plain, now, hint)
     ended = [e for e in (_settled(search, bands, plain, b, seen) for b in begins) if e]
+    if hint is not None and given is not None and _with_filter_or_peak(plain) \
+            and all(s.label in given for s in plain.likelihood.slots):
+        # on all bins a filter is drawn along by a peak beside it, and is not found again
+        x = with_values_of(given, plain.likelihood, plain.x)
+        again = _settled(search, bands, plain, replace(hint, order=Order(), values=()), [], x)
+        ended += [again] if again else []
     ended.sort(key=lambda e: -e[1])
     held = [found for found, _ in ended]
     if not held or ended[0][1] < _CREDIBLE * bands.count and not lacks(plain):
