@@ -457,7 +457,9 @@ class Evidence:
 
     def with_power(self, power: np.ndarray) -> Evidence:
         """Return the evidence with another power of the whole (b,), for starts to look at."""
-        return replace(self, whole=replace(self.whole, power=power))
+        out = replace(self, whole=replace(self.whole, power=power))
+        object.__setattr__(out, '_self', self._self)    # what starts remember is none of it
+        return out
 
     def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
         """
