@@ -8,7 +8,6 @@ from itertools import product
 
 import numpy as np
 from scipy.fft import dct, idct
-from scipy.special import expit
 
 from ..dwells import both_ways, Levels, SHORTEST, two_levels
 from ..evidence import Evidence
@@ -156,7 +155,8 @@ class Rts(Spectrum):
         loud = loud / np.mean(loud)
         step, tau, noise = grid
         gaussian = _gauss_markov(z, loud, step, tau, noise, width)
-        levels = max(_two_levels(z, loud, step, tau, noise, width, s) for s in _SHARES)
+        share = np.repeat(_SHARES, len(step))
+        levels = _two_levels(z, loud, *np.tile(grid, len(_SHARES)), width, share)
         return float(levels - gaussian - np.log(len(_SHARES)))
 
     def _means(self, evidence, fit):
@@ -329,22 +329,26 @@ def _gauss_markov(z, loud, step, tau, noise, width) -> float:
 
 
 def _two_levels(z, loud, step, tau, noise, width, share) -> float:
-    """Return the same of z as a chain of two levels in white noise, ``share`` in the upper one."""
+    """
+    Return the same of z as a chain of two levels in white noise.
+
+    A ``share`` (g,) of the time it is in the upper one.
+
+    """
     # a chain of the same second moments: its levels lie apart by step, its mean is zero
     apart = 0.5 * step / np.sqrt(share * (1 - share))
     up, down = (1 - share) * apart, -share * apart
     keep = np.exp(-2 * width / tau)
-    upper = np.full((len(z), len(step)), share)
+    upper = share + np.zeros((len(z), len(step)))
     total = np.zeros(len(step))
     for y, here in zip(z.T, loud.T):
         y, white = y[:, None], here[:, None] * noise
         # ln of the odds that y came from the upper level
         odds = (apart / white) * (y - 0.5 * (up + down))
-        log_down = -0.5 * (y - down) ** 2 / white
-        peak = np.maximum(odds, 0.0)
-        total += np.sum(
-            log_down + peak + np.log(upper * np.exp(odds - peak)
-                                     + (1 - upper) * np.exp(-peak)), axis=0)
-        at = expit(odds + np.log(upper) - np.log1p(-upper))
-        upper = np.clip(share + keep * (at - share), 1e-12, 1 - 1e-12)
+        less = np.exp(-np.abs(odds))    # of the unlikelier one, the likelier one is 1
+        of_upper = upper * np.where(odds > 0, 1.0, less)
+        both = of_upper + (1 - upper) * np.where(odds > 0, less, 1.0)
+        total += np.sum(np.maximum(odds, 0.0) - 0.5 * (y - down) ** 2 / white + np.log(both),
+                        axis=0)
+        upper = np.clip(share + keep * (of_upper / both - share), 1e-12, 1 - 1e-12)
     return float(np.max(total - 0.5 * (z.size * np.log(noise) + np.sum(np.log(loud)))))
