@@ -16,7 +16,7 @@ from .response import OPEN
 REACH = 2.0  # by how much a step may change what is searched on a log scale
 NEAR = 1.0  # squared standard deviations away is a minimum that is met
 SAME = 0.3  # share of the way down to it by which the parabola may miss it
-HOPELESS = 0.1  # share of what is lacking, which one more step must gain
+HOPELESS = 0.1  # share of what is lacking, that one more step must promise
 PATIENCE = 6  # steps after which the curvature is learnt from the way, too
 
 
@@ -36,15 +36,16 @@ class Known(NamedTuple):
         """Return the minimum that the way leads to, if it is one of these."""
         return next((end for end in self.ends if here.leads_to(*end)), None)
 
-    def hopeless(self, here: _Here, able: np.ndarray, form: float, gain: float) -> bool:
+    def hopeless(self, here: _Here, able: np.ndarray, form: float) -> bool:
         """
         Tell whether what is wanted is out of reach, where some (p,) may move.
 
-        The last step has gained a small share of the way that is left to it, and the next will.
+        The parabola here leads a small share of the way that is left to it, whatever the step
+        before has gained.
 
         """
         lacks = here.nll + form - self.least
-        return lacks > 0 and max(gain, here.gains(able)) < HOPELESS * lacks
+        return lacks > 0 and here.gains(able) < HOPELESS * lacks
 
 
 def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = None,
@@ -86,7 +87,7 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
     lower, upper = likelihood.bounds
     x = np.clip(x, lower, upper)
     best, *rest = value(x)
-    damping, gain = 1e-3, np.inf
+    damping = 1e-3
     reach = np.array([np.inf if s.label == OPEN else REACH for s in likelihood.slots])
     curvature = _Curvature()
     for _ in range(steps):
@@ -100,7 +101,7 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
         # what a bound stops does not move, or it would bend the way of the others
         able = free & ~((x <= lower) & (here.gradient > 0)) & ~(
             (x >= upper) & (here.gradient < 0))
-        if not able.any() or known.hopeless(here, able, rest[0].form, gain):
+        if not able.any() or known.hopeless(here, able, rest[0].form):
             break
         for damping, moved in _moves(x, able, here.gradient, curvature.at(able), damping, reach):
             trial = np.clip(moved, lower, upper)
