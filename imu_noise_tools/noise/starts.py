@@ -45,7 +45,7 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
     if filters and not model.of(Spectrum):
         raise FitError(f'{likelihood.evidence.axis}: the model holds no noise that '
                        f'{filters[0].name} could filter', 'add white')
-    grid = [model]
+    grid, held = [model], []
     for e in model.of(NoiseEffect):
         if isinstance(e, MEASURED):
             continue
@@ -76,13 +76,32 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
             options = _best_columns(likelihood, grid[0], e, options, 1 if moved else 2, not begun)
             if moved and first not in options:
                 options.append(first)   # what is likely beside a rough spectrum may be less so
+        if begun and isinstance(e, Mean):
+            held.append(options[1:])
+            options = options[:1]
         grid = [g.with_effect(o) for g in grid for o in options]
+    grid = [other for g in grid for other in _one_moved(g, [o for o in held if o])]
     out = []
     for candidate in grid[:64]:
         found = _with_amplitudes(likelihood, candidate, (0.02, 0.3))
         if given is not None:
             found.append(with_values_of(given, likelihood, found[0]))
         out += [(candidate, x0) for x0 in found]
+    return out
+
+
+def _one_moved(model: Model, others: list[list]) -> list[Model]:
+    """
+    Return a model, and with one of its means as another one of those ``others`` (of each mean).
+
+    And with all so: of many means all combinations would be tried for each of those that are new.
+
+    """
+    out = [model, *(model.with_effect(o) for options in others for o in options)]
+    if len(others) > 1:
+        for options in others:
+            model = model.with_effect(options[-1])
+        out.append(model)
     return out
 
 
