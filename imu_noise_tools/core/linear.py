@@ -18,7 +18,7 @@ def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
     And ln |x' x| of the columns that are anything: one may be nothing in a record, or in a form.
 
     """
-    scale = np.sqrt(np.sum(x**2, axis=0))
+    scale = np.sqrt(np.einsum('ij,ij->j', x, x))
     some = np.flatnonzero(scale)
     x, scale, beta = x[:, some], scale[some], np.zeros(len(scale))
     covariance = np.zeros((len(beta), len(beta)))
@@ -28,7 +28,7 @@ def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
     beta[some] = (vt.T @ ((u.T @ y) / s)) / scale
     covariance[np.ix_(some, some)] = (vt.T / s**2) @ vt / np.outer(scale, scale)
     log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
-    return beta, covariance, np.sum(u**2, axis=1), log_det
+    return beta, covariance, np.einsum('ij,ij->i', u, u), log_det
 
 
 def _factors(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
