@@ -26,6 +26,7 @@ SLOW = 1 << 14  # block means of a record
 _SHORT = (1, 4, 16)  # samples in means that tell dwells which the record's block means smear
 _KEPT = 128  # segments kept of each of them
 _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing of the levels
+_FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
 
 
@@ -155,8 +156,10 @@ class Rts(Spectrum):
         loud = loud / np.mean(loud)
         step, tau, noise = grid
         gaussian = _gauss_markov(z, loud, step, tau, noise, width)
-        share = np.repeat(_SHARES, len(step))
-        levels = _two_levels(z, loud, *np.tile(grid, len(_SHARES)), width, share)
+        values = np.vstack([np.tile(grid, len(_SHARES)), np.repeat(_SHARES, len(step))])
+        some = slice(None, None, max(1, rows // _FEW))
+        likely = np.argsort(_two_levels(z[some], loud[some], *values, width))[-_LIKELY:]
+        levels = np.max(_two_levels(z, loud, *values[:, likely], width))
         return float(levels - gaussian - np.log(len(_SHARES)))
 
     def _means(self, evidence, fit):
@@ -328,9 +331,9 @@ def _gauss_markov(z, loud, step, tau, noise, width) -> float:
     return float(np.max(total))
 
 
-def _two_levels(z, loud, step, tau, noise, width, share) -> float:
+def _two_levels(z, loud, step, tau, noise, share, width) -> np.ndarray:
     """
-    Return the same of z as a chain of two levels in white noise.
+    Return ln p (g,) of z (rows, k) as a chain of two levels in white noise, of sets of values.
 
     A ``share`` (g,) of the time it is in the upper one.
 
@@ -351,4 +354,4 @@ def _two_levels(z, loud, step, tau, noise, width, share) -> float:
         total += np.sum(np.maximum(odds, 0.0) - 0.5 * (y - down) ** 2 / white + np.log(both),
                         axis=0)
         upper = np.clip(share + keep * (of_upper / both - share), 1e-12, 1 - 1e-12)
-    return float(np.max(total - 0.5 * (z.size * np.log(noise) + np.sum(np.log(loud)))))
+    return total - 0.5 * (z.size * np.log(noise) + np.sum(np.log(loud)))
