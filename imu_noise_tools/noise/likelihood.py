@@ -44,7 +44,6 @@ from ..loop.verdict import PRICE
 KEPT = 16  # points of a search at which the value is kept
 UNITS = 128  # spectra of effects and gains of responses that are kept of a part
 LINES = 4       # that are slow, the strongest, whose values are solved for beside a mean
-CANCELS = 100.0     # times the power of all that an effect on the mean is what another takes away
 SLOWEST = 1024      # coefficients, in which all is that a slow mean does
 
 
@@ -814,20 +813,17 @@ class Likelihood:
         moves = [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
         if not moves:
             return
-        model, every = self.with_search(x), np.sqrt(2 * self.dt / self._fine(v))
+        model = self.with_search(x)
         solved = [s.label for s in self.linear_slots if isinstance(self.model[s.label], Mean)]
         beta = linear.beta[-len(solved):]
         inside = linear.covariance[-len(solved):, -len(solved):]
-        root = (every * self._counted())[:, None]
-        y = self.slow_rest(model, v)[:, None] * root
-        columns, rest = self._beside_lines(root[:, 0], self.design(model) * root, y)
-        rest = rest[:, 0] - columns @ beta
+        root = (np.sqrt(2 * self.dt / self._fine(v)) * self._counted())[:, None]
+        columns, rest = self._beside_lines(root[:, 0], self.design(model) * root,
+                                           self.slow_rest(model, v) * root[:, 0])
+        rest = rest - columns @ beta
         for j in moves:
             slot = self.slots[j]
             own = np.flatnonzero([label == slot.label for label in solved])
-            if np.sum((columns[:, own] @ beta[own]) ** 2) > CANCELS * np.sum(y**2):
-                yield j, 0.0, 0.0   # of two that are all but the same none tells where it goes
-                continue
             down, here, up = (self.slow_columns(model[slot.label].with_values(
                 **{slot.parameter.name: slot.from_search(x[j] + by)})) for by in (-h, 0.0, h))
             turn, bent = self._beside_lines(root[:, 0], (up - down) / (2 * h) * root,
