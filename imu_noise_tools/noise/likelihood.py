@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import cast
 
 import numpy as np
 from scipy.fft import dct
@@ -824,7 +825,8 @@ class Likelihood:
         for j in moves:
             slot = self.slots[j]
             own = np.flatnonzero([label == slot.label for label in solved])
-            down, here, up = (self.slow_columns(model[slot.label].with_values(
+            effect = cast(Mean, model[slot.label])
+            down, here, up = (self.slow_columns(effect.with_values(
                 **{slot.parameter.name: slot.from_search(x[j] + by)})) for by in (-h, 0.0, h))
             turn, bent = self._beside_lines(root[:, 0], (up - down) / (2 * h) * root,
                                             (up - 2 * here + down) / h**2 * root)
