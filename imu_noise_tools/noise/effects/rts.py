@@ -158,8 +158,8 @@ class Rts(Spectrum):
         gaussian = _gauss_markov(z, loud, step, tau, noise, width)
         values = np.vstack([np.tile(grid, len(_SHARES)), np.repeat(_SHARES, len(step))])
         some = slice(None, None, max(1, rows // _FEW))
-        likely = np.argsort(_two_levels(z[some], loud[some], *values, width))[-_LIKELY:]
-        levels = np.max(_two_levels(z, loud, *values[:, likely], width))
+        likely = np.argsort(_two_levels(z[some], loud[some], width, *values))[-_LIKELY:]
+        levels = np.max(_two_levels(z, loud, width, *values[:, likely]))
         return float(levels - gaussian - np.log(len(_SHARES)))
 
     def _means(self, evidence, fit):
@@ -331,7 +331,7 @@ def _gauss_markov(z, loud, step, tau, noise, width) -> float:
     return float(np.max(total))
 
 
-def _two_levels(z, loud, step, tau, noise, share, width) -> np.ndarray:
+def _two_levels(z, loud, width, step, tau, noise, share) -> np.ndarray:
     """
     Return ln p (g,) of z (rows, k) as a chain of two levels in white noise, of sets of values.
 
