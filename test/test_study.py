@@ -26,6 +26,7 @@ from imu_noise_tools.loop.effect import (
     Score,
     View,
 )
+from imu_noise_tools.loop.places import Places
 from imu_noise_tools.loop.problem import Problem
 from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.gather import gather
@@ -322,6 +323,17 @@ def test_the_loop_finds_what_is_missing():
     assert s.diagnosis['points'].verdict == 'complete'
     assert s.states['points'].model['bend']['c'] == pytest.approx(4, abs=1)
     assert s.add() == [], 'nothing is missing, so nothing is added'
+
+
+def test_where_a_member_has_fallen_more_is_looked_at():
+    """Of a place that was passed by, as the effort is bounded, the candidates are had then."""
+    s = parabola(bend=4.0)
+    s.states['points'].problem.looks = 0
+    places = Places(s.states['points'])
+    base, more = places.base, places.base.plus(Slope())
+    assert places.at(base).candidates and not places.at(more).candidates
+    places.look_further(1)
+    assert [f.name for f in places.at(more).candidates] == ['bend']
 
 
 def test_the_loop_finds_two_one_after_another():

@@ -38,16 +38,22 @@ class Places:
         self._places: dict[frozenset[str], Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
-        self._looked = 0
+        self._looked, self._most = 0, self.problem.looks
+        self._unseen: set[frozenset[str]] = set()
+
+    def look_further(self, more: int) -> None:
+        """Allow ``more`` places to be looked at: what was thought to hold has fallen."""
+        self._most = max(self._most, self._looked + more)
 
     def at(self, model: Model) -> Place | None:
         """Return a model fitted, with its candidates; None where the record cannot hold it."""
         key = frozenset(model.labels)
-        if key not in self._places:
+        if key not in self._places or key in self._unseen and self._looked < self._most:
             try:
                 here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
-                looks = model == self.base or self._looked < self.problem.looks
+                looks = model == self.base or self._looked < self._most
+                (self._unseen.discard if looks else self._unseen.add)(key)
                 self._looked += looks and not self.problem.knows_candidates(here)
                 found = self.problem.candidates(here) if looks else []
                 self._places[key] = Place(model, here, tuple(

@@ -413,6 +413,7 @@ class Search:
                 break
             chain = [f for k, f in zip(self.places.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
+            self.places.look_further(rules.ANEW)
             for k, f in refuted.items():
                 self._disproved.setdefault(k, []).append(f)
             more = self._acquitted(self.places.model_of(chain), refuted) or turn < ROUNDS

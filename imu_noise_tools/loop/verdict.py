@@ -51,6 +51,8 @@ FLEXIBLE_SHARE = 0.02
 HEALED = 0.5
 #: times as much that fails elsewhere makes a finding a side of something else
 SHADOW = 10.0
+#: models whose candidates are fitted at least where something that was added has fallen
+ANEW = 2
 #: relative change of the Allan deviation over tau <= T/10 that does not matter
 MATERIAL = 0.05
 

@@ -343,8 +343,7 @@ def _refitted(evidence, fit, effect):
         # what was set aside there may be its doing
         hint = replace(hint, f=evidence.whole.bins.f, weight=np.where(slow, 1.0, known))
     more = fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
-    beside = _beside_peaks(evidence, fit)
-    if isinstance(effect, Response) and not np.all(beside > 0):
+    if isinstance(effect, Response) and not np.all(beside := _beside_peaks(evidence, fit)):
         # a peak without a name takes the filter along that is to be seen around it
         some = Explained(evidence.whole.bins.f, beside)
         other = fit_part(evidence, model, intervals=False, start=fit.model, basis=some)
@@ -358,7 +357,12 @@ def _refitted(evidence, fit, effect):
 
 
 def _beside_peaks(evidence: Evidence, fit: Fit) -> np.ndarray:
-    """Return 0 (b,) in the bins of peaks that a fit does not explain, 1 in all others."""
+    """
+    Return 0 (b,) in the bins of peaks that a fit does not explain, 1 in all others.
+
+    1 in all where peaks are most of the spectrum.
+
+    """
     f, out = evidence.whole.bins.f, np.ones(len(evidence.whole.bins.f))
     peaks = [(middle, FOOT * width) for middle, width, _ in evidence.humps.tolist()]
     peaks += [(middle, BROAD * width) for middle, width, z in evidence.bumps(2) if z > SEEN]
@@ -366,7 +370,7 @@ def _beside_peaks(evidence: Evidence, fit: Fit) -> np.ndarray:
         at = np.argmin(np.abs(f - middle))
         if fit.details.power[at] > STANDS * fit.details.v[at]:
             out[np.abs(f - middle) < reach] = 0.0
-    return out
+    return out if np.mean(out) > 0.5 else np.ones(len(f))
 
 
 def _line(evidence, fit, effect):
