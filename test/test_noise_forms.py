@@ -1026,3 +1026,22 @@ def test_a_filter_is_found_around_a_peak_that_stands_far_above_it():
     assert {x.name for x in found.found} == {'notch', 'narrowband'} and found.remaining is None
     effect = next(x.effect for x in found.found if x.name == 'notch')
     assert effect['frequency'] == pytest.approx(8.2, rel=0.03)
+
+
+def test_of_a_day_of_samples_one_knock_is_told_by_its_moment():
+    """Among so many its few samples do not show in how all are spread: no part confirmed it."""
+    rng, n = np.random.default_rng(3), 150_000
+    y = rng.standard_normal((n, 3))
+    for begin in (30_000, 100_000):
+        dying = 7 * np.exp(-np.arange(60) / 8)[:, None]
+        y[begin:begin + 60] += dying * rng.standard_normal((60, 3))
+    problem = NoiseProblem(gather(ImuRecord(1e-4 * y, None, np.arange(n) * 0.1, 10.0),
+                                  ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model)))
+    assert [f.name for f in found.found] == ['shock'] and found.remaining is None
+    assert 'moments' in {f.name for f in found.failed}
+    shock = found.found[0]
+    after = problem.point(fit.model.plus(shock.effect))
+    assert fall_of(problem.held_out(fit.model), problem.held_out(after.model),
+                   [shock.effect]) > 1.5 * shock.gain
