@@ -24,17 +24,18 @@ from imu_noise_tools.tasks.noise import analyse_record
 AXIS = 'gyro_x'
 # steps beyond two standard deviations bend the spectrum in a way that no sum of spectra has
 STRENGTH = {'rate_quantization': 0.5}
-
+# at twice as many samples the search takes ten times as long, and says the same
+RATE = {'variance_change': 25.0}
 
 # of these a value is known as well as this
 VALUES = {'sinusoid': ('frequency', 1e-3), 'gauss_markov': ('tc', 0.6), 'ramp': ('R', 0.5),
           'low_pass': ('cutoff', 0.02), 'rts': ('tau', 0.4), 'variance_change': ('factor', 0.35)}
 
 
-def first_verdict(seed, effects, strength=5.0):
+def first_verdict(seed, effects, strength=5.0, rate_hz=50.0):
     """Return what is hidden, the study of it with its first diagnosis, and the name or verdict."""
     rng = np.random.default_rng(seed)
-    record, truth = hidden.draw(rng, effects, strength=strength, hours=0.5)
+    record, truth = hidden.draw(rng, effects, strength=strength, hours=0.5, rate_hz=rate_hz)
     study = analyse_record(record, axes=(AXIS,), keep_motion=True)
     found = study.diagnose([AXIS])[AXIS]
     said = found.ranked[0].name if found.verdict == 'missing' else found.verdict
@@ -63,7 +64,8 @@ OF_PAIRS = {'quantization', 'duplicates', 'shared_noise', 'step'}
 def test_what_is_hidden_is_named_and_added(name):
     """Five times as strong as the noise: named at once; added, the error falls to chance."""
     strength = STRENGTH.get(name, 5.0)
-    inside, study, said = first_verdict([30, hidden.KNOWN.index(name)], [name], strength)
+    inside, study, said = first_verdict(
+        [30, hidden.KNOWN.index(name)], [name], strength, RATE.get(name, 50.0))
     assert said == name, study.diagnosis[AXIS]
     first = surely_first(study)
     if name in VALUES:
@@ -82,7 +84,7 @@ def verdict_of_nothing(k):
     return first_verdict([32, k], ())[2]
 
 
-@pytest.mark.parametrize('records', daily([3, 10], 3))
+@pytest.mark.parametrize('records', daily([3, 6], 3))
 def test_nothing_hidden_is_complete(records):
     """Of records with nothing in them (2 % may fail), one may."""
     verdicts = [verdict_of_nothing(k) for k in range(records)]
@@ -106,7 +108,7 @@ def test_what_nothing_explains_is_never_given_a_wrong_name(name, also):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('pair', [
-    ('sinusoid', 'gauss_markov'), ('low_pass', 'ramp'),
+    ('sinusoid', 'gauss_markov'),           # a filter beside a mean: test_noise_rivals.py
     ('gauss_markov', 'quantization'),       # alone, neither heals; rate_quantization would
     ('duplicates', 'spikes'),               # one mutes the views that show the other
     ('shared_noise', 'step'),               # the mean is solved for without what couples in
@@ -133,14 +135,19 @@ def test_adding_what_is_not_there_does_not_lower_the_error():
 
 @pytest.mark.thorough
 def test_of_two_that_do_the_same_one_is_left_when_the_other_falls(shared_data):
-    """A shock does no more beside spikes; where nothing speaks for spikes it is there again."""
+    """
+    A shock does no more beside spikes; where nothing speaks for spikes it is there again.
+
+    Of the whole record spikes are no rival of it, and the search takes twice as long.
+
+    """
     with np.load(shared_data / 'records' / 'vn100_desk_756s.npz') as kept:
-        gyro = kept['gyro'].astype(float)
+        gyro = kept['gyro'][400 * 40:].astype(float)
     record = ImuRecord(gyro, None, np.arange(len(gyro)) / 40, 40.0)
     study = analyse_record(record, axes=(AXIS,), keep_motion=True, selection=Selection(
         screen=False))
     found = study.diagnose([AXIS])[AXIS]
-    shock = next(f for f in found.found if f.name == 'shock')     # its note: one at 742 s
+    shock = next(f for f in found.found if f.name == 'shock')     # its note: one at 742 s of all
     assert shock.gain > 1000 and 'spikes' not in [f.name for f in found.found]
 
 
