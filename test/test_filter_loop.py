@@ -28,6 +28,7 @@ from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.loop.study import Study
 
 RATE, N = 100.0, 6000
+SAMPLES = 1500                                    # of a recording that commands filter
 R, Q, PHI = 0.36, 4e-4, 0.107                     # (deg/s)^2: the ADIS16350
 STATED = {'white': {'R': R * DEG ** 2}, 'ar_increment': {'phi': PHI, 'q': Q * DEG ** 2}}
 SEED = ('constant_rate', 'ar_increment')
@@ -255,7 +256,7 @@ def recording(tmp_path_factory):
 
     """
     folder = tmp_path_factory.mktemp('recording')
-    n = 3000
+    n = SAMPLES
     gyro = np.outer(record('sinusoid', 3, n), [0, 0, 1])
     path = folder / 'imu.npz'
     np.savez(
@@ -275,7 +276,7 @@ def test_command_filters_a_recording_and_its_study_goes_through_the_loop(
     out = tmp_path / 'filtered.npz'
     assert main(['filter', str(recording), '-o', str(out), '--json']) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said['motion'] == ['auto'] and said['counts']['samples'] == 3000
+    assert said['motion'] == ['auto'] and said['counts']['samples'] == SAMPLES
     assert said['axes']['gyro_z']['sigma_after'] < 0.5 * said['axes']['gyro_z']['sigma_before']
     assert any('gyro_y is not in the study' in note for note in said['notes'])
     with np.load(recording) as before, np.load(out) as after:
@@ -421,7 +422,7 @@ def shaken(n, jitter, alternate=False, seed=41):
 @pytest.mark.thorough
 def test_what_a_bank_does_not_know_of_a_hand_is_no_jitter():
     """A hand that shakes at 3 Hz is no random walk: beside its law, nothing gains by jitter."""
-    problem = FilterProblem(shaken(8000, 0.0), 1 / RATE)
+    problem = FilterProblem(shaken(6000, 0.0), 1 / RATE)
     study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
     model = study.states['gyro_x'].fit.model
     more = model + SamplingJitter({'jitter': 5e-4})
