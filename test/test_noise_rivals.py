@@ -205,10 +205,9 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('t0', [0.5, 2.0])
-def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift(t0):
+def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift():
     rng = np.random.default_rng(31)
-    creep = 1.5 * SIZE * np.log1p(T / t0)
+    creep = 1.5 * SIZE * np.log1p(T / 0.5)
     names, said = found_in([y - g * creep for y, g in zip(
         axes_with(np.zeros(N), rng), (1.0, -0.7, 1.3))])
     assert not set(names) - {'shared_noise'} and said.remaining is not None, said
@@ -678,10 +677,10 @@ def test_a_notch_that_takes_out_most_of_the_band_is_one():
 
 @pytest.mark.thorough
 def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
-    rng = np.random.default_rng(22)
+    rng, n = np.random.default_rng(22), 40_000
     b, a = iirnotch(30, 5, 1 / DT)
-    gyro = [lfilter(b, a, SIZE * rng.standard_normal(N)) + 0.05 * SIZE * rng.standard_normal(N)
-            + 30 * SIZE * np.exp(-T / 80) for _ in range(3)]
+    gyro = [lfilter(b, a, SIZE * rng.standard_normal(n)) + 0.05 * SIZE * rng.standard_normal(n)
+            + 30 * SIZE * np.exp(-T[:n] / 80) for _ in range(3)]
     names, said = found_in(gyro)
     assert set(names) == {'notch', 'transient'}, said
     assert said.remaining is None, said
