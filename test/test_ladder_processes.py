@@ -20,7 +20,6 @@ import sys
 
 from calibration_sessions import Device, faces, stream
 import numpy as np
-from params import daily
 import pytest
 import yaml
 
@@ -83,7 +82,8 @@ STUDIES = {'noise': (noise_study, 'sinusoid', 'gyro_x'),
            'filter': (filter_study, 'angular_acceleration', 'gyro_x')}
 
 
-@pytest.mark.parametrize('domain', daily(STUDIES, 'calibration'))
+@pytest.mark.thorough       # every day in one process: test_calibration_session.py, test_study.py
+@pytest.mark.parametrize('domain', STUDIES)
 def test_the_ladder(domain, tmp_path):
     make, name, target = STUDIES[domain]
     study = make(tmp_path)
