@@ -129,7 +129,8 @@ COMMANDS = (
     ('export', '--list'),
     ('calibrate', 'faces.npz', '-o', 'cal'),
     ('apply', 'bag', '-o', 'applied', '--calibration', 'cal'),
-    ('filter', 'bag', '-o', 'filtered'),
+    # what is installed says nothing of how many motions a filter is ready for: of one it is quick
+    ('filter', 'bag', '-o', 'filtered', '--motion', 'constant_rate,ar_increment'),
     ('plan', 'study'),
     ('sheet', '--list'),
     ('sheet', 'bmi088', '-o', 'sheet'),
