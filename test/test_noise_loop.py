@@ -84,7 +84,7 @@ def verdict_of_nothing(k):
     return first_verdict([32, k], ())[2]
 
 
-@pytest.mark.parametrize('records', daily([3, 6], 3))
+@pytest.mark.parametrize('records', daily([3, 10], 3))
 def test_nothing_hidden_is_complete(records):
     """Of records with nothing in them (2 % may fail), one may."""
     verdicts = [verdict_of_nothing(k) for k in range(records)]
@@ -108,7 +108,7 @@ def test_what_nothing_explains_is_never_given_a_wrong_name(name, also):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('pair', [
-    ('sinusoid', 'gauss_markov'),           # a filter beside a mean: test_noise_rivals.py
+    ('sinusoid', 'gauss_markov'), ('low_pass', 'ramp'),
     ('gauss_markov', 'quantization'),       # alone, neither heals; rate_quantization would
     ('duplicates', 'spikes'),               # one mutes the views that show the other
     ('shared_noise', 'step'),               # the mean is solved for without what couples in

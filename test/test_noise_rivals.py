@@ -205,9 +205,10 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
 
 
 @pytest.mark.thorough
-def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift():
+@pytest.mark.parametrize('t0', [0.5, 2.0])
+def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift(t0):
     rng = np.random.default_rng(31)
-    creep = 1.5 * SIZE * np.log1p(T / 0.5)
+    creep = 1.5 * SIZE * np.log1p(T / t0)
     names, said = found_in([y - g * creep for y, g in zip(
         axes_with(np.zeros(N), rng), (1.0, -0.7, 1.3))])
     assert not set(names) - {'shared_noise'} and said.remaining is not None, said
