@@ -42,7 +42,8 @@ def _factors(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if len(values) and values[0] > APART * values[-1]:
         s = np.sqrt(values)
         return x @ (axes / s), s, axes.T
-    return np.linalg.svd(x, full_matrices=False)
+    u, s, axes = np.linalg.svd(x, full_matrices=False)
+    return u, s, axes
 
 
 def inverse(gram: np.ndarray) -> np.ndarray:
