@@ -38,21 +38,25 @@ class Places:
         self._places: dict[frozenset[str], Place | None] = {}
         self._tested: dict[frozenset[str], list[Finding]] = {}
         self._scored: dict[frozenset[str], Score | None] = {}
-        self._looked, self._most = 0, self.problem.looks
+        self._looked = self._further = 0
         self._unseen: set[frozenset[str]] = set()
 
     def look_further(self, more: int) -> None:
         """Allow ``more`` places to be looked at: what was thought to hold has fallen."""
-        self._most = max(self._most, self._looked + more)
+        self._further = self._looked + more
+
+    @property
+    def _may_look(self) -> bool:
+        return self._looked < max(self.problem.looks, self._further)
 
     def at(self, model: Model) -> Place | None:
         """Return a model fitted, with its candidates; None where the record cannot hold it."""
         key = frozenset(model.labels)
-        if key not in self._places or key in self._unseen and self._looked < self._most:
+        if key not in self._places or key in self._unseen and self._may_look:
             try:
                 here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
-                looks = model == self.base or self._looked < self._most
+                looks = model == self.base or self._may_look
                 (self._unseen.discard if looks else self._unseen.add)(key)
                 self._looked += looks and not self.problem.knows_candidates(here)
                 found = self.problem.candidates(here) if looks else []
