@@ -252,10 +252,10 @@ class Evidence:
 
     def quick_inputs(self, many: int) -> Inputs:
         """
-        Return what a smooth effect on the mean, or of time alone, may depend on, at some places.
+        Return what a smooth effect on the mean may depend on, at so many places or a few more.
 
-        As many as asked for or a few more, as a DCT is quick for, of the parts as well. The lower
-        half of its coefficients is as good as that of all blocks.
+        As many as a DCT is quick for, of the parts as well. The lower half of its coefficients is
+        as good as that of all blocks.
 
         """
         if many not in self._quick:
