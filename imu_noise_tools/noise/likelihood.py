@@ -14,10 +14,9 @@ scoring with Levenberg's damping.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import cast
 
 import numpy as np
 from scipy.fft import dct
@@ -793,47 +792,20 @@ class Likelihood:
         w = linear.weight
         gradient = 0.5 * jac.T @ (w * (1 - linear.power / v))
         information = 0.5 * (jac * w[:, None]).T @ jac
-        for j, slope, curved in self._slopes_of_means(x, linear, v):
-            gradient[j], information[j, j] = slope, max(curved, 1e-3)
+        for j in (j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)):
+            h = 1e-3
+            up, down = x.copy(), x.copy()
+            up[j] += h
+            down[j] -= h
+            # the spectrum stays where it is
+            a, c = (self._cost(self.solve_linear(self.with_search(z), v), v) for z in (down, up))
+            b = self._cost(linear, v)
+            gradient[j] = (c - a) / (2 * h)
+            information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
         for j, at, error in self._told:
             gradient[j] += (x[j] - at) / error**2
             information[j, j] += 1 / error**2
         return gradient, information
-
-    def _slopes_of_means(self, x: np.ndarray, linear: Linear, v: np.ndarray, h: float = 1e-3,
-                         ) -> Iterator[tuple[int, float, float]]:
-        """
-        Yield (index, d -ln L/dx, its curvature) of what is searched of a mean.
-
-        The spectrum stays where it is, and what is solved for moves along (variable projection:
-        Golub and Pereyra 1973): of the rest r of columns X the slope is -r' dX beta, and what REML
-        takes moves with ln |X' X|.
-
-        """
-        moves = [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
-        if not moves:
-            return
-        model = self.with_search(x)
-        solved = [s.label for s in self.linear_slots if isinstance(self.model[s.label], Mean)]
-        beta = linear.beta[-len(solved):]
-        inside = linear.covariance[-len(solved):, -len(solved):]
-        root = (np.sqrt(2 * self.dt / self._fine(v)) * self._counted())[:, None]
-        columns, rest = self._beside_lines(root[:, 0], self.design(model) * root,
-                                           self.slow_rest(model, v) * root[:, 0])
-        rest = rest - columns @ beta
-        for j in moves:
-            slot = self.slots[j]
-            own = np.flatnonzero([label == slot.label for label in solved])
-            effect = cast(Mean, model[slot.label])
-            down, here, up = (self.slow_columns(effect.with_values(
-                **{slot.parameter.name: slot.from_search(x[j] + by)})) for by in (-h, 0.0, h))
-            turn, bent = self._beside_lines(root[:, 0], (up - down) / (2 * h) * root,
-                                            (up - 2 * here + down) / h**2 * root)
-            along = turn @ beta[own]
-            both = along @ columns
-            slope = float(np.sum(inside[own] * (turn.T @ columns)) - rest @ along)
-            both[own] -= rest @ turn
-            yield j, slope, float(along @ along - rest @ bent @ beta[own] - both @ inside @ both)
 
 
 def spectrum_without(evidence: Evidence, fit: Fit, label: str) -> np.ndarray | None:

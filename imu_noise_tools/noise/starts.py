@@ -26,7 +26,6 @@ Start: TypeAlias = tuple[Model, np.ndarray]
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 LEAST = 1e-6  # of its median, that a level is anywhere
 BESIDE = 6  # of the starts of a filter beside noise of a smaller model
-ALIKE = 1e-10  # of its power, less of which is left of a column beside others: it is those
 LOWEST = 1e-3  # of what is seen behind held samples, that a filter before them is taken to leave
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
@@ -45,7 +44,7 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
     if filters and not model.of(Spectrum):
         raise FitError(f'{likelihood.evidence.axis}: the model holds no noise that '
                        f'{filters[0].name} could filter', 'add white')
-    grid, held = [model], []
+    grid = [model]
     for e in model.of(NoiseEffect):
         if isinstance(e, MEASURED):
             continue
@@ -76,32 +75,13 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
             options = _best_columns(likelihood, grid[0], e, options, 1 if moved else 2, not begun)
             if moved and first not in options:
                 options.append(first)   # what is likely beside a rough spectrum may be less so
-        if begun and isinstance(e, Mean):
-            held.append(options[1:])
-            options = options[:1]
         grid = [g.with_effect(o) for g in grid for o in options]
-    grid = [other for g in grid for other in _one_moved(g, [o for o in held if o])]
     out = []
     for candidate in grid[:64]:
         found = _with_amplitudes(likelihood, candidate, (0.02, 0.3))
         if given is not None:
             found.append(with_values_of(given, likelihood, found[0]))
         out += [(candidate, x0) for x0 in found]
-    return out
-
-
-def _one_moved(model: Model, others: list[list]) -> list[Model]:
-    """
-    Return a model, and with one of its means as another one of those ``others`` (of each mean).
-
-    And with all so: of many means all combinations would be tried for each of those that are new.
-
-    """
-    out = [model, *(model.with_effect(o) for options in others for o in options)]
-    if len(others) > 1:
-        for options in others:
-            model = model.with_effect(options[-1])
-        out.append(model)
     return out
 
 
@@ -168,7 +148,11 @@ def _best_columns(likelihood, model, effect, options, keep, finer):
         if known:
             before = _basis(np.concatenate(known, axis=1) * root)
             y = y - before @ (before.T @ y)
-        gains = _gains_of(np.array([x.T for x in proposed]) * root[:, 0], before, y)
+        gains = []
+        for x in proposed:
+            x = x * root
+            basis = _basis(x - before @ (before.T @ x), np.sum(x**2, axis=0))
+            gains.append(float(np.sum((basis.T @ y) ** 2)) - 2 * PRICE * basis.shape[1])
         if again:
             break
         # a strong one is in that spectrum itself: what the best leaves tells them apart
@@ -211,27 +195,9 @@ def _background(bins: Bins, power: np.ndarray) -> np.ndarray:
     return np.maximum(level, least)
 
 
-def _gains_of(x: np.ndarray, before: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """
-    Return what forms (k,) of columns x (k, p, q) explain of y (q,), less a price for each column.
-
-    That is beside an orthonormal basis ``before`` (q, m), of which y holds nothing. By Gram
-    matrices: of hundreds of forms most are one column.
-
-    """
-    gram, told = x @ x.transpose(0, 2, 1), x @ before
-    power = np.diagonal(gram, axis1=1, axis2=2)
-    unit = 1 / np.sqrt(np.where(power > 0, power, np.inf))
-    left = (gram - told @ told.transpose(0, 2, 1)) * unit[:, :, None] * unit[:, None]
-    values, axes = np.linalg.eigh(left)
-    along = ((x @ y * unit)[:, None] @ axes)[:, 0]
-    new = values > ALIKE
-    return np.sum(new * (along**2 / np.where(new, values, 1.0) - 2 * PRICE), axis=1)
-
-
-def _basis(x: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of the columns x (q, p)."""
-    scale = np.sqrt(np.sum(x**2, axis=0))
+def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
+    """Return an orthonormal basis of the columns x (q, p), whose squares were ``of`` (p,) once."""
+    scale = np.sqrt(np.sum(x**2, axis=0) if of is None else of)
     q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
     return q[:, np.abs(np.diag(r)) > 1e-6]
 
