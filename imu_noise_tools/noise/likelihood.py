@@ -228,8 +228,7 @@ class Likelihood:
         rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
         # a lag and a mean temperature are those of the whole record
         e = self.evidence
-        places = (2 if self.part_name == 'whole' else 4) * SLOWEST     # of them half are as good
-        inputs = e.quick_inputs(places if effect.slow else len(e.slow_t) // 2) \
+        inputs = e.quick_inputs(4 * SLOWEST if effect.slow else len(e.slow_t) // 2) \
             if effect.smooth else e.even_inputs
         return e.remembered(
             (self.part_name, self._count, type(effect), *rest.values()),
