@@ -236,7 +236,7 @@ def test_runs_are_told_from_what_rounding_makes_equal():
     held[0] = False
     y = np.round(14 * rng.standard_normal(n))[
         np.maximum.accumulate(np.where(held, 0, np.arange(n)))]
-    kept = find_effect('noise', 'duplicates').statistics(y, None)
+    kept = find_effect('noise', 'duplicates').statistics(y, Inputs(np.arange(n), 1.0))
     assert kept['expected'] > 0.018 and kept['run'] == 4 and not kept['regular']
 
 

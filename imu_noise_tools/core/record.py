@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -213,6 +213,34 @@ class ImuRecord:
             accel=None if self.accel is None else self.accel[some],
             receive_t=None if self.receive_t is None else self.receive_t[some],
             covariates={k: v[some] for k, v in self.covariates.items()})
+
+    def taken(self, which: np.ndarray, memory: Memory) -> ImuRecord:
+        """Return some samples (copies), by mask or index."""
+        return self.changed(lambda x: x[which], memory)
+
+    def changed(self, change: Callable[[np.ndarray], np.ndarray], memory: Memory) -> ImuRecord:
+        """Return a record whose columns are what a function makes of each, (n,) -> (m,)."""
+
+        def new(x: np.ndarray) -> np.ndarray:
+            some = change(x if x.ndim == 1 else x[:, 0])
+            if x.ndim == 1:
+                out = memory.empty(len(some))
+                out[:] = some
+            else:
+                out = memory.columns(len(some))
+                for k in range(3):
+                    out[:, k] = change(x[:, k]) if k else some
+            memory.rest()
+            return out
+
+        return replace(
+            self,
+            t=new(self.t),
+            gyro=None if self.gyro is None else new(self.gyro),
+            accel=None if self.accel is None else new(self.accel),
+            receive_t=None if self.receive_t is None else new(self.receive_t),
+            covariates={k: new(v) for k, v in self.covariates.items()},
+        )
 
     def warned(self, *more: str) -> ImuRecord:
         """Return the record with warnings added (each once)."""

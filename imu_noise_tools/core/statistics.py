@@ -269,6 +269,16 @@ def repeats(y: np.ndarray) -> Repeats:
     return Repeats(seen, far, bool(fresh < 0.95 and alike))
 
 
+def whole_runs(same: np.ndarray) -> np.ndarray:
+    """
+    Return how many samples (k,) show each value that is seen to begin and to end.
+
+    ``same`` (n - 1,) tells which samples equal the one before.
+
+    """
+    return np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]])))[1:-1]
+
+
 def grid_gain(n: int, step: float, sigma: float) -> float:
     """
     Return what a grid says in nats: each sample on it is likelier than under a density.

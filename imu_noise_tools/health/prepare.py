@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .stamps import changed, ordered
+from .stamps import ordered
 from .united import united
 from .values import finite, is_constant, wrong_units
 from ..core.clock import fit_clock, SampleClock
@@ -302,9 +302,9 @@ def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:
         memory.rest()
         place = clock.place(record.n)
         axes = replace(record, receive_t=None, covariates={})
-        axes = changed(axes, _on_grid(place, good, n), memory)
+        axes = axes.changed(_on_grid(place, good, n), memory)
         rest = replace(record, gyro=None, accel=None)
-        rest = changed(rest, _on_grid(place, np.ones(record.n, bool), n), memory)
+        rest = rest.changed(_on_grid(place, np.ones(record.n, bool), n), memory)
         record = replace(
             rest, gyro=axes.gyro, accel=axes.accel, missing=record.missing + bad + lost
         ).warned(*said)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,10 +66,10 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
     memory = memory or Memory()
     said = []
     if found.not_finite:
-        record = _take(record, np.isfinite(record.t), memory)
+        record = record.taken(np.isfinite(record.t), memory)
         said.append(f'{found.not_finite} sample(s) without a stamp were dropped')
     if found.backward and found.swapped:
-        record = _take(record, np.argsort(record.t, kind='stable'), memory)
+        record = record.taken(np.argsort(record.t, kind='stable'), memory)
         said.append(f'{found.backward} backward stamp(s): the samples were put in order')
     elif found.backward:
         record = replace(record, t=_going_on(record.t))
@@ -82,7 +81,7 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         twice = [k + 1 for k in np.flatnonzero(step == 0).tolist() if _equal(record, k)]
         keep = np.ones(record.n, bool)
         keep[twice] = False
-        record = _take(record, keep, memory)
+        record = record.taken(keep, memory)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
     if found.duplicate:
         said.append(
@@ -120,33 +119,3 @@ def _going_on(t: np.ndarray) -> np.ndarray:
             else:
                 t[k + 1:] += t[k] + dt - t[k + 1]
     return np.maximum.accumulate(t)
-
-
-def _take(record: ImuRecord, which: np.ndarray, memory: Memory) -> ImuRecord:
-    """Return some samples, by mask or index."""
-    return changed(record, lambda x: x[which], memory)
-
-
-def changed(record: ImuRecord, change: Callable, memory: Memory) -> ImuRecord:
-    """Return a record whose columns are what a function makes of each, (n,) -> (m,)."""
-
-    def new(x: np.ndarray) -> np.ndarray:
-        some = change(x if x.ndim == 1 else x[:, 0])
-        if x.ndim == 1:
-            out = memory.empty(len(some))
-            out[:] = some
-        else:
-            out = memory.columns(len(some))
-            for k in range(3):
-                out[:, k] = change(x[:, k]) if k else some
-        memory.rest()
-        return out
-
-    return replace(
-        record,
-        t=new(record.t),
-        gyro=None if record.gyro is None else new(record.gyro),
-        accel=None if record.accel is None else new(record.accel),
-        receive_t=None if record.receive_t is None else new(record.receive_t),
-        covariates={k: new(v) for k, v in record.covariates.items()},
-    )

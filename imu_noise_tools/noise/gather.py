@@ -177,7 +177,7 @@ class _Gathering:
     def _of_readings(self, axis: str) -> dict[str, dict[str, np.ndarray]]:
         """Return what effects keep of all that was read of an axis."""
         y = np.ascontiguousarray(self.read.column(axis), float)
-        inputs = Inputs(self.read.t, self.read.dt, first=self.seen.first)
+        inputs = Inputs(self.read.t, self.read.dt, slower=self.seen.slower)
         return {name: kept for name, cls in _known().items()
                 if cls.of_readings and (kept := cls.statistics(y, inputs))}
 
@@ -200,7 +200,7 @@ class _Gathering:
         if len(lines):  # broken off by what was left out, they would look like a narrow band
             c, reference = self._instead(axis, _bridged(self.clean[axis], self.gaps, lines))
         measured = self.clean[axis]
-        for _ in range(ROUNDS if self.seen.first is not None else 0):
+        for _ in range(ROUNDS if self.seen.slower else 0):
             if not len(lines := find_peaks(c, reference, self.dt)[0]):
                 break
             images = images_of_lines(measured, lines, self.seen)

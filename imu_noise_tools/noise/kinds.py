@@ -69,8 +69,8 @@ class Inputs:
     What an effect may depend on besides its parameters; all arrays (n,).
 
     ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates``
-    (temperature in degrees Celsius ...) and the other axes by name, all at ``t``; ``first`` (k,)
-    which samples show each value of a slower sensor first, None where it is as fast as its reader.
+    (temperature in degrees Celsius ...) and the other axes by name, all at ``t``; ``slower``:
+    whether the sensor is, than its reader, so that its values are sent again.
 
     """
 
@@ -78,7 +78,7 @@ class Inputs:
     dt: float
     covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
     axes: Mapping[str, np.ndarray] = field(default_factory=dict)
-    first: np.ndarray | None = None
+    slower: bool = False
 
 
 @dataclass(frozen=True)

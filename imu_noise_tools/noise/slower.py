@@ -19,7 +19,7 @@ from typing import cast, NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.record import ImuRecord, Memory, sensor_of
-from ..core.statistics import repeats
+from ..core.statistics import repeats, whole_runs
 
 #: complex values, of size 1, at numbered samples (n,)
 Wave: TypeAlias = Callable[[np.ndarray], np.ndarray]
@@ -73,8 +73,7 @@ def _by_runs(same: np.ndarray, length: float) -> np.ndarray:
 
 def _as_long(same: np.ndarray, seen: float, chance: float) -> bool:
     """Tell whether all are held as long: one length, or two that are neighbours."""
-    edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
-    runs = np.diff(edges)[1:-1]
+    runs = whole_runs(same)
     if len(runs) <= 10:
         return False
     counts = np.bincount(runs)
@@ -180,10 +179,9 @@ class Measured(NamedTuple):
     first: np.ndarray | None = None
 
     @property
-    def rate(self) -> float:
-        """Values a sample that was read."""
-        return 1.0 if self.first is None else (self.record.n - 1) / float(
-            self.first[-1] - self.first[0])
+    def slower(self) -> bool:
+        """Whether the sensor is, than its reader."""
+        return self.first is not None
 
 
 def as_measured(record: ImuRecord, axes: Sequence[str], memory: Memory) -> list[Measured]:
@@ -232,22 +230,10 @@ def _once_each(record: ImuRecord, first: np.ndarray, axes: list[str], memory: Me
     """Return a record with what a sensor measured once each, in even times."""
     # a reader that is late or early shows it in mid-time all the same
     at = first + (np.diff(first, append=record.n) - 1) // 2
-
-    def taken(data: np.ndarray | None) -> np.ndarray | None:
-        if data is None:
-            return None
-        out = memory.columns(len(at))
-        for k, y in enumerate(data.T):
-            out[:, k] = y[at]
-            memory.rest()
-        return out
-
     begin, end = record.t[first[[0, -1]]]
     rate = float((len(at) - 1) / (end - begin))
-    return Measured(replace(
-        record, gyro=taken(record.gyro), accel=taken(record.accel), rate_hz=rate,
-        t=begin + np.arange(len(at)) / rate,
-        covariates={k: v[at] for k, v in record.covariates.items()}), axes, first)
+    return Measured(replace(record.taken(at, memory), rate_hz=rate,
+                            t=begin + np.arange(len(at)) / rate), axes, first)
 
 
 def images_of_lines(y: np.ndarray, lines: np.ndarray, seen: Measured) -> np.ndarray:
@@ -285,7 +271,8 @@ def images_of_lines(y: np.ndarray, lines: np.ndarray, seen: Measured) -> np.ndar
 def _when_read(f: float, seen: Measured) -> Wave:
     """Return the wave of f (a value of the sensor's) at the times at which it was first read."""
     first = cast(np.ndarray, seen.first)
-    return lambda m: np.exp(2j * np.pi * f * seen.rate * first[m])
+    rate = (len(first) - 1) / float(first[-1] - first[0])   # values a sample that was read
+    return lambda m: np.exp(2j * np.pi * f * rate * first[m])
 
 
 def _pieces(n: int) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from ..evidence import Evidence
 from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
 from ..repeated import ANGLES, begins, coherent, LONGEST, scattered
 from ...core.spectrum import Bins
-from ...core.statistics import interval, Repeats, repeats
+from ...core.statistics import interval, Repeats, repeats, whole_runs
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 STRETCHES = 8  # of the record, in which repeats are counted
@@ -24,7 +24,8 @@ class Duplicates(Defect, Response):
     A share of the samples repeats the one before.
 
     A message is sent twice, or the sensor is read faster than it measures: what repeats evenly
-    tells nothing, and the record is looked at as it was measured (:mod:`~..slower`), once each.
+    tells nothing, and the record is looked at as it was measured once each
+    (:mod:`~imu_noise_tools.noise.slower`).
 
     """
 
@@ -75,15 +76,14 @@ class Duplicates(Defect, Response):
         out = {
             'fraction': np.array(fraction),
             'expected': np.array(expected),
-            'regular': np.array(float(inputs is not None and inputs.first is not None)),
+            'regular': np.array(float(inputs.slower)),
             'held': np.array(held),
             'n': np.array(len(y)),
         }
         if not held:
             return out
         same = np.diff(y) == 0
-        edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
-        runs = np.diff(edges)[1:-1]
+        runs = whole_runs(same)
         more = runs[runs > 1] - 1
         out['stretches'] = np.array([np.mean(x) for x in np.array_split(same, STRETCHES)])
         out['clumps'] = np.array(np.mean(more**2) / np.mean(more) if len(more) else 1.0)
