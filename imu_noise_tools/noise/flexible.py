@@ -172,8 +172,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     """
     Say that a flexible form does better than an effect of a model, empty where it does not.
 
-    ``fit`` and ``without`` are the model with the effect and without it; ``claim`` is what the
-    effect gains, nats.
+    ``fit`` and ``without`` are the model with the effect and without it, nor the peaks that draw
+    one shape with it; ``claim`` is what the effect gains, nats.
 
     """
     effect, claimed = fit.model[label], claim
@@ -213,7 +213,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     gain = -effect.bonus(evidence, fit)
     if gain > FLEXIBLE:     # of the candidate it was asked where the others were not there
         return f'the samples themselves speak against it by {gain:.0f} nats'
-    if isinstance(effect, Spectrum) and _joined(fit, effect, evidence.dt):
+    if len(joined(fit, label, evidence.dt)) >= TOGETHER:
+        # two may each be a machine, near as they are; more bend to any hump
         return 'with other peaks it draws one shape: there is no valley between them'
     if effect.broad:
         against = _knee(evidence, fit, effect, claimed)
@@ -339,24 +340,20 @@ def _own(evidence: Evidence, fit: Fit, label: str) -> float:
     return 0.5 * float(np.sum(d.weight * (np.log(v / d.v) + d.power / v - d.power / d.v)))
 
 
-def _joined(fit: Fit, effect: Spectrum, dt: float) -> bool:
-    """
-    Tell whether a peak is one of three and more with no valley between any and the next.
-
-    Two may each be a machine, near as they are; more that are joined bend to any hump.
-
-    """
+def joined(fit: Fit, label: str, dt: float) -> list[str]:
+    """Return the labels of the peaks that draw one shape with a peak: no valley parts them."""
     peaks = sorted(((e.centre, e) for e in fit.model.of(Spectrum) if e.centre is not None),
                    key=lambda z: z[0])
-    run: list[str] = []
+    run = [peaks[0][1].label] if peaks else []
     for (low, one), (high, other) in zip(peaks, peaks[1:]):
         f = np.linspace(low, high, 65)
         both = sum((p.psd(f, dt) for _, p in peaks), np.zeros(len(f)))
-        joined = np.min(both) > VALLEY * min(both[0], both[-1])
-        run = [*(run or [one.label]), other.label] if joined else []
-        if len(run) >= TOGETHER and effect.label in run:
-            return True
-    return False
+        if np.min(both) <= VALLEY * min(both[0], both[-1]):
+            if label in run:
+                break
+            run = []
+        run.append(other.label)
+    return run if label in run else []
 
 
 def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> str:

@@ -252,6 +252,10 @@ class Spectrum(NoiseEffect):
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""
         return None
 
+    def elsewhere(self) -> list[Effect]:
+        """Return what a part of a record may have of a peak that is now here, now there."""
+        return []
+
     def binned(self, bins: Bins) -> np.ndarray:
         """Return what the power of a record is expected to be in each bin, (b,)."""
         return expected(lambda f: self.psd(f, bins.dt), bins)

@@ -263,7 +263,10 @@ class NoiseProblem(Problem):
         """
         key = (*fit.model.labels, label, claim)
         if key not in self._shapes:
-            without = self.point(unfitted(fit.model.minus(label)))
+            without = fit.model
+            for k in flexible.joined(fit, label, self.evidence.dt) or [label]:
+                without = without.minus(k)
+            without = self.point(unfitted(without))
             self._shapes[key] = at_bound(
                 self.evidence, fit.model[label], fit.estimates.get(label, {})) \
                 or no_more_than_less(self, fit, label) \

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -168,19 +169,23 @@ def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, po
 
     What makes a peak is switched on and off: where it is, and how wide, was told by the other
     half, or by the whole record where it was off in that; how strong, each half tells for itself.
-    A deviance of 1 is what such a value takes by chance.
+    So it does where a peak is that wanders. A deviance of 1 is what such a value takes by chance.
 
     """
-    asked = 0.0
+    asked, w = 0.0, likelihood.weight
     for e in (e for e in model.of(Spectrum) if e.centre is not None):
         own = each[e.label]
         rest = np.maximum(v - own, 1e-9 * v)
-        if whole is not None and np.max(own / rest) < FAINT and e.label in whole.model:
-            own = likelihood.spectra(model.with_effect(whole.model[e.label]))[1][e.label]
-        some = own > 1e-3 * np.max(own)
-        tried = rest[some] + np.multiply.outer(LOUDER, own[some])
-        nats = np.sum(likelihood.weight[some] * (np.log(tried) + power[some] / tried), axis=1)
-        v, asked = rest + LOUDER[int(np.argmin(nats))] * own, asked + 1.0
+        known = whole.model[e.label] if whole is not None and e.label in whole.model else e
+        others = cast(Spectrum, known).elsewhere()
+        if known is not e and np.max(own / rest) < FAINT:
+            others, own = [*others, known], np.zeros(len(v))
+        best, asked = np.inf, asked + (3.0 if others else 1.0)
+        for here in (own, *(likelihood.spectra(model.with_effect(x))[1][e.label] for x in others)):
+            tried = rest + np.multiply.outer(LOUDER, here)
+            nats = np.log(tried) @ w + (1 / tried) @ (w * power)
+            if np.min(nats) < best:
+                best, v = np.min(nats), tried[int(np.argmin(nats))]
     return v, asked
 
 

@@ -16,6 +16,8 @@ BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
 CLEAR = 5.0  # standard errors of one of those
 BLUNT = 30.0  # f0/width of a faint one: above, both of a resonance look alike
+MOVED = np.linspace(-1, 1, 17)     # widths by which a part of a record may have it elsewhere
+NARROWER = 1.0, 0.7, 0.5, 0.35     # and widths that it may have there
 FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
 
 
@@ -95,6 +97,14 @@ class Narrowband(Spectrum):
     def centre(self) -> float:
         """Its power is narrower than a grid of frequencies may resolve."""
         return self['frequency']
+
+    def elsewhere(self) -> list[Effect]:
+        """Return where a line that wanders may be in a part of a record, and how narrow."""
+        if not self._wanders:
+            return []
+        f, width = self['frequency'], self['width']
+        return [self.with_values(frequency=f + shift * width, width=share * width)
+                for share in NARROWER for shift in MOVED if f + shift * width > 0]
 
     @property
     def _form(self) -> str:
