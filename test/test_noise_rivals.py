@@ -231,7 +231,10 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
         peaks = [cls({'frequency': 5.0 + apart * k, 'width': 0.5, 'form': 0.0, 'rms': 1e-5},
                      f'peak.{k}') for k in range(count)]
         fit = SimpleNamespace(model=Model(peaks))
-        assert all(flexible._joined(fit, e, DT) == joined for e in peaks)
+        runs = [flexible.joined(fit, e.label, DT) for e in peaks]
+        assert all((len(run) >= flexible.TOGETHER) == joined for run in runs)
+        assert all(e.label in run and len(run) == (1 if apart > 1 else count)
+                   for e, run in zip(peaks, runs))
 
 
 def alone(x, *names):

@@ -285,3 +285,41 @@ def test_rivals_that_share_alike_come_in_one_order(search):
     search.scores = {frozenset(['chosen']): 1.0, frozenset(reversed(rivals)): 0.0}
     probability, said = search.odds(Model(), 'chosen')
     assert said == rivals[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))
+
+
+def _places(search, standing, fits=lambda model: None):
+    """Let what stands out at a model be given by the names added to it, joined by commas."""
+    def at(model):
+        names = ', '.join(model.labels[1:])
+        return SimpleNamespace(model=model, fit=SimpleNamespace(supported=fits(model)),
+                               candidates=tuple(standing.get(names, ())))
+    search.places.at = at
+
+
+def test_what_stands_out_most_is_asked_for_beside_another_before_less_is_taken(search):
+    """A filter around a line that nothing holds yet: alone neither heals, and other noise does."""
+    filtered, line, other = found('low_pass', gain=200.0), found('narrowband', gain=190.0), \
+        found('gauss_markov', gain=60.0)
+    _places(search, {'': [filtered, other], 'low_pass': [line]})
+    search._heals = lambda members, f: f.name != 'low_pass' or bool(members)
+    search._lowers = lambda *_: True
+    search.places.tests = leaves({'': 500.0})
+    search.against.unhealed, search.against.unlowered = (lambda *_: ''), (lambda *_: (9.0, ''))
+    search.places.beside_others = lambda f, *_: f
+    assert [f.name for f in search.chain()] == ['low_pass', 'narrowband']
+
+
+def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
+    """Beside noise that has fallen a filter had gained little; without it, it gains the most."""
+    main = [found('gauss_markov', gain=90.0), found('notch', gain=80.0)]
+    held = [found('low_pass', gain=20.0), found('narrowband', gain=60.0)]
+    supported = {'gauss_markov': 1000.0, 'low_pass': 1100.0}
+    search.chain = lambda begin=(): [*begin] or main
+    search._rivals = lambda *_: []
+    _places(search, {}, lambda model: supported.get(model.labels[-2], 0.0))
+    search.places.tests = leaves({'gauss_markov, notch': 5.0, 'low_pass, narrowband': 5.0})
+    assert search.forward(held) == held
+    worth = search.scores[search.places.set_of(held)]
+    assert worth > search.scores.get(search.places.set_of(main), -np.inf)
+    supported['low_pass'] = 900.0
+    assert search.forward(held) == main

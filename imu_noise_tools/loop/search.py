@@ -88,15 +88,21 @@ class Search:
             best: list[Finding] = []
             failed: set[str] = set()
             able = self.able(place)
+            paired: list[Finding] | None = None
             for f in able:
                 first = [g for g in able if yields(f, g)]
-                best = self._first(members, first, failed) or first and self._pair(members, place)
+                best = self._first(members, first, failed)
+                if first and not best:
+                    best = paired = self._pair(members, place)
                 self._yielded += [f] if best else []
                 best = best or self._first(members, [f], failed)
+                # what stands out most may need another one beside it; less would take its place
+                if not best and paired is None:
+                    best = paired = self._pair(members, place)
                 if best:
                     break
             self._note(members, place, failed)
-            best = best or self._pair(members, place)
+            best = best or (self._pair(members, place) if paired is None else [])
             if not best:
                 break
             members += best
@@ -239,9 +245,11 @@ class Search:
                 and (f.effect.several or f.name not in self.refuted)]
         again = self.places.model_of(held)
         new = len(held) > 1 and not whole.issuperset(again.labels)
+        total = {self.places.set_of(c): gained(c) for c in chains}
         if new and self.places.at(again) is not None:
             chains.append(self.chain(held))
-        best = max(chains, key=gained)
+            self._weigh_anew(total, main, chains[-1])
+        best = max(chains, key=lambda c: total[self.places.set_of(c)])
         left = {self.places.set_of(c): self.places.left(c) for c in chains}
         whole_ones = [c for c in chains if not left[self.places.set_of(c)]]
         if whole_ones and left[self.places.set_of(best)]:
@@ -249,6 +257,30 @@ class Search:
             self._follow(best, left)
         self.scores.setdefault(self.places.set_of(best), gained(best))
         return self._as_few(best, chains)
+
+    def _weigh_anew(self, total: dict[frozenset[str], float], main: list[Finding],
+                    held: list[Finding]) -> None:
+        """
+        Give a chain that was held the surplus that it has over another one, in ``total`` by set.
+
+        Its members were found beside what has fallen since, and gain something else without it.
+
+        """
+        here, there = self.places.set_of(held), self.places.set_of(main)
+        more = self._worth(held) - self._worth(main)
+        total.setdefault(here, max(gained(held), total[there] + more) if np.isfinite(more)
+                         else gained(held))
+        self.scores[here] = max(total[here], self.scores.get(here, -np.inf))
+
+    def _worth(self, chain: Iterable[Finding]) -> float:
+        """Return what a chain explains all together, nats, less what its members cost."""
+        chain = list(chain)
+        here = self.places.at(self.places.model_of(chain))
+        if here is None or here.fit.supported is None:
+            return -np.inf
+        return here.fit.supported + sum(
+            (f.gain if certain(f) else f.elsewhere) - f.penalty - rules.PRICE * f.shapes
+            for f in chain)
 
     def _exchanged(self, chain: list[Finding]) -> list[Finding]:
         """
@@ -319,9 +351,7 @@ class Search:
             if here is None or here.fit.supported is None or self.places.left(chain):
                 continue
             least, whole = min(least, len(chain)), self.places.set_of(chain)
-            worth[whole] = here.fit.supported + sum(
-                (f.gain if certain(f) else f.elsewhere) - f.penalty - rules.PRICE * f.shapes
-                for f in chain)
+            worth[whole] = self._worth(chain)
             if worth[whole] >= max(worth.values()):
                 found = chain
         if not worth:

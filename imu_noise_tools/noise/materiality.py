@@ -158,7 +158,8 @@ def _beyond_chance(c, some, model):
 
 def _moved(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
     """Return which amplitudes leave their interval in a fit that has to follow every bin."""
-    return _outside(fit, fit_part(evidence, unfitted(fit.model), intervals=False, robust=False))
+    return _outside(fit, fit_part(evidence, unfitted(fit.model), intervals=False,
+                                  start=fit.model, robust=False))
 
 
 def _without_a_course(evidence: Evidence, fit: Fit) -> tuple[str, ...]:

@@ -1,0 +1,77 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Peaks that wander, and several in one record: how they are confirmed, and what they move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import model_of, unfitted
+from imu_noise_tools.loop.prediction import fall_of
+from imu_noise_tools.noise import materiality
+from imu_noise_tools.noise.fit import fit as fit_part
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
+
+BASE = ('white', 'flicker', 'random_walk')
+DT, SIZE = 0.01, 1e-3
+
+
+def problem_of(y):
+    """Return the problem of the first of three axes (n, 3)."""
+    record = ImuRecord(SIZE * y, None, np.arange(len(y)) * DT, 1 / DT)
+    return NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+
+
+def ringing(rng, n, f, width, rms):
+    """Return a resonance (n,), as the recursion of its two states has it."""
+    pole = np.exp(2j * np.pi * f * DT - np.pi * width * DT)
+    swing = lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], rng.standard_normal(n + 2000))[2000:]
+    return rms * swing / np.std(swing)
+
+
+def machine(rng, n, f, rms):
+    """Return a line (n,) of a frequency (n,) whose strength wanders."""
+    slow = lfilter([1], [1, -0.995], rng.standard_normal((n, 2)), axis=0)
+    phase = 2 * np.pi * np.cumsum(f) * DT
+    y = slow[:, 0] * np.cos(phase) + slow[:, 1] * np.sin(phase)
+    return rms * y / np.std(y)
+
+
+@pytest.fixture(scope='module')
+def fan():
+    """Return the problem of noise behind a filter, two resonances and a fan that wanders."""
+    rng, n = np.random.default_rng(0), 60_000
+    y = lfilter([0.55], [1, -0.45], rng.standard_normal((n, 3)), axis=0)
+    y[:, 0] += ringing(rng, n, 0.567, 0.0015, 0.3) + ringing(rng, n, 1.7, 0.009, 0.12)
+    y[:, 0] += machine(rng, n, 10 + np.cumsum(rng.standard_normal(n)) * 0.02 * np.sqrt(DT), 0.25)
+    return problem_of(y)
+
+
+def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
+    """From the start of each peak again it was caught where a filter does some of their work."""
+    fit = fan.point(model_of('noise', [*BASE, 'gauss_markov', 'narrowband', 'narrowband']))
+    other = fit_part(fan.evidence, unfitted(fit.model), intervals=False, start=fit.model,
+                     robust=False)
+    assert other.details.ml > fit.details.ml - 1e-3
+    assert materiality._moved(fan.evidence, fit) == materiality._outside(fit, other)
+
+
+def test_what_wanders_is_elsewhere_in_each_half():
+    rng, n = np.random.default_rng(5), 40_000
+    y = rng.standard_normal((n, 3))
+    f = np.where(np.arange(n) < n / 2, 20.5, 19.0) + 0.02 * np.cumsum(
+        rng.standard_normal(n)) * np.sqrt(DT)
+    y[:, 0] += machine(rng, n, f, 0.7)
+    problem = problem_of(y)
+    model = model_of('noise', [*BASE, 'narrowband'])
+    peak = problem.point(model).model['narrowband']
+    # a thirtieth of it where the one half is predicted at the other one's place
+    assert fall_of(problem.held_out(model.minus('narrowband')), problem.held_out(model),
+                   [peak]) > 5000
+    assert peak.chosen('form') == 'wandering' and len(peak.elsewhere()) > 30
+    assert not peak.with_values(form='velocity').elsewhere()
