@@ -169,7 +169,8 @@ def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, po
 
     What makes a peak is switched on and off: where it is, and how wide, was told by the other
     half, or by the whole record where it was off in that; how strong, each half tells for itself.
-    So it does where a peak is that wanders. A deviance of 1 is what such a value takes by chance.
+    So it does where a peak is that wanders, if that explains more. A deviance of 1 is what each
+    such value takes by chance.
 
     """
     asked, w = 0.0, likelihood.weight
@@ -177,15 +178,19 @@ def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, po
         own = each[e.label]
         rest = np.maximum(v - own, 1e-9 * v)
         known = whole.model[e.label] if whole is not None and e.label in whole.model else e
-        others = cast(Spectrum, known).elsewhere()
         if known is not e and np.max(own / rest) < FAINT:
-            others, own = [*others, known], np.zeros(len(v))
-        best, asked = np.inf, asked + (3.0 if others else 1.0)
-        for here in (own, *(likelihood.spectra(model.with_effect(x))[1][e.label] for x in others)):
-            tried = rest + np.multiply.outer(LOUDER, here)
-            nats = np.log(tried) @ w + (1 / tried) @ (w * power)
-            if np.min(nats) < best:
-                best, v = np.min(nats), tried[int(np.argmin(nats))]
+            own = likelihood.spectra(model.with_effect(known))[1][e.label]
+        tried = [(own, 1.0)]
+        for other in cast(Spectrum, known).elsewhere():
+            tried.append((likelihood.spectra(model.with_effect(other))[1][e.label], 3.0))
+        best = np.inf
+        for here, cost in tried:
+            louder = rest + np.multiply.outer(LOUDER, here)
+            deviance = np.log(louder) @ w + (1 / louder) @ (w * power) + cost
+            k = int(np.argmin(deviance))
+            if deviance[k] < best:
+                best, v, takes = deviance[k], louder[k], cost
+        asked += takes
     return v, asked
 
 
