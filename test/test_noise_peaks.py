@@ -53,12 +53,15 @@ def fan():
 
 
 def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
-    """From the start of each peak again it was caught where a filter does some of their work."""
-    fit = fan.point(model_of('noise', [*BASE, 'gauss_markov', 'narrowband', 'narrowband']))
+    """Begun anew, two peaks exchanged their places, and each had left its intervals."""
+    for many in 1, 2, 3:    # as a search finds them
+        fit = fan.point(model_of('noise', [*BASE, 'gauss_markov', *['narrowband'] * many]))
+    assert sorted(e['frequency'] for e in fit.model if e.name == 'narrowband') == pytest.approx(
+        [0.567, 1.7, 10.0], rel=0.06)
     other = fit_part(fan.evidence, unfitted(fit.model), intervals=False, start=fit.model,
                      robust=False)
     assert other.details.ml > fit.details.ml - 1e-3
-    assert materiality._moved(fan.evidence, fit) == materiality._outside(fit, other)
+    assert not materiality._moved(fan.evidence, fit)
 
 
 def test_what_wanders_is_elsewhere_in_each_half():
