@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from itertools import combinations, count, islice
 
 import numpy as np
@@ -88,21 +89,17 @@ class Search:
             best: list[Finding] = []
             failed: set[str] = set()
             able = self.able(place)
-            paired: list[Finding] | None = None
+            pair = cache(partial(self._pair, members, place))
             for f in able:
                 first = [g for g in able if yields(f, g)]
-                best = self._first(members, first, failed)
-                if first and not best:
-                    best = paired = self._pair(members, place)
+                best = self._first(members, first, failed) or first and pair()
                 self._yielded += [f] if best else []
-                best = best or self._first(members, [f], failed)
                 # what stands out most may need another one beside it; less would take its place
-                if not best and paired is None:
-                    best = paired = self._pair(members, place)
+                best = best or self._first(members, [f], failed) or pair()
                 if best:
                     break
             self._note(members, place, failed)
-            best = best or (self._pair(members, place) if paired is None else [])
+            best = best or pair()
             if not best:
                 break
             members += best
@@ -248,7 +245,9 @@ class Search:
         total = {self.places.set_of(c): gained(c) for c in chains}
         if new and self.places.at(again) is not None:
             chains.append(self.chain(held))
-            self._weigh_anew(total, main, chains[-1])
+            here = self.places.set_of(chains[-1])
+            total.setdefault(here, self._gained_anew(chains[-1], main))
+            self.scores[here] = max(total[here], self.scores.get(here, -np.inf))
         best = max(chains, key=lambda c: total[self.places.set_of(c)])
         left = {self.places.set_of(c): self.places.left(c) for c in chains}
         whole_ones = [c for c in chains if not left[self.places.set_of(c)]]
@@ -258,23 +257,18 @@ class Search:
         self.scores.setdefault(self.places.set_of(best), gained(best))
         return self._as_few(best, chains)
 
-    def _weigh_anew(self, total: dict[frozenset[str], float], main: list[Finding],
-                    held: list[Finding]) -> None:
+    def _gained_anew(self, held: Sequence[Finding], main: Sequence[Finding]) -> float:
         """
-        Give a chain that was held the surplus that it has over another one, in ``total`` by set.
+        Return the surplus of a chain that was held, by what it explains more than another one.
 
         Its members were found beside what has fallen since, and gain something else without it.
 
         """
-        here, there = self.places.set_of(held), self.places.set_of(main)
         more = self._worth(held) - self._worth(main)
-        total.setdefault(here, max(gained(held), total[there] + more) if np.isfinite(more)
-                         else gained(held))
-        self.scores[here] = max(total[here], self.scores.get(here, -np.inf))
+        return max(gained(held), gained(main) + more) if np.isfinite(more) else gained(held)
 
-    def _worth(self, chain: Iterable[Finding]) -> float:
-        """Return what a chain explains all together, nats, less what its members cost."""
-        chain = list(chain)
+    def _worth(self, chain: Sequence[Finding]) -> float:
+        """Return what a chain explains all together, nats, less its cost; -inf: not known."""
         here = self.places.at(self.places.model_of(chain))
         if here is None or here.fit.supported is None:
             return -np.inf
@@ -347,11 +341,11 @@ class Search:
         for chain in [*tried, best]:
             if len(chain) > least and chain is not best:
                 continue    # what fewer explain needs no more
-            here = self.places.at(self.places.model_of(chain))
-            if here is None or here.fit.supported is None or self.places.left(chain):
+            explains = self._worth(chain)
+            if not np.isfinite(explains) or self.places.left(chain):
                 continue
             least, whole = min(least, len(chain)), self.places.set_of(chain)
-            worth[whole] = self._worth(chain)
+            worth[whole] = explains
             if worth[whole] >= max(worth.values()):
                 found = chain
         if not worth:

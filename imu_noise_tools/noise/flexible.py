@@ -341,11 +341,16 @@ def _own(evidence: Evidence, fit: Fit, label: str) -> float:
 
 
 def joined(fit: Fit, label: str, dt: float) -> list[str]:
-    """Return the labels of the peaks that draw one shape with a peak: no valley parts them."""
+    """
+    Return the labels of what draws one shape with an effect: of peaks that no valley parts.
+
+    Of what is no peak, its own.
+
+    """
     peaks = sorted(((e.centre, e) for e in fit.model.of(Spectrum) if e.centre is not None),
                    key=lambda z: z[0])
     run = [peaks[0][1].label] if peaks else []
-    for (low, one), (high, other) in zip(peaks, peaks[1:]):
+    for (low, _), (high, other) in zip(peaks, peaks[1:]):
         f = np.linspace(low, high, 65)
         both = sum((p.psd(f, dt) for _, p in peaks), np.zeros(len(f)))
         if np.min(both) <= VALLEY * min(both[0], both[-1]):
@@ -353,7 +358,7 @@ def joined(fit: Fit, label: str, dt: float) -> list[str]:
                 break
             run = []
         run.append(other.label)
-    return run if label in run else []
+    return run if label in run else [label]
 
 
 def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> str:

@@ -545,6 +545,10 @@ class Likelihood:
         total, each = self._own(model)
         return self._with_missed(total, model) if each else total, each
 
+    def spectrum(self, model: Model, label: str) -> np.ndarray:
+        """Return v (b,) of one effect of a model, as :meth:`spectra` has it."""
+        return self._spectrum(model[label], model)
+
     def _own(self, model):
         """Return :meth:`spectra` less what couplings miss of their sources."""
         each = {e.label: self._spectrum(e, model) for e in model.of(Spectrum)}

@@ -264,7 +264,7 @@ class NoiseProblem(Problem):
         key = (*fit.model.labels, label, claim)
         if key not in self._shapes:
             without = fit.model
-            for k in flexible.joined(fit, label, self.evidence.dt) or [label]:
+            for k in flexible.joined(fit, label, self.evidence.dt):
                 without = without.minus(k)
             without = self.point(unfitted(without))
             self._shapes[key] = at_bound(

@@ -179,10 +179,10 @@ def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, po
         rest = np.maximum(v - own, 1e-9 * v)
         known = whole.model[e.label] if whole is not None and e.label in whole.model else e
         if known is not e and np.max(own / rest) < FAINT:
-            own = likelihood.spectra(model.with_effect(known))[1][e.label]
+            own = likelihood.spectrum(model.with_effect(known), e.label)
         tried = [(own, 1.0)]
         for other in cast(Spectrum, known).elsewhere():
-            tried.append((likelihood.spectra(model.with_effect(other))[1][e.label], 3.0))
+            tried.append((likelihood.spectrum(model.with_effect(other), e.label), 3.0))
         best = np.inf
         for here, cost in tried:
             louder = rest + np.multiply.outer(LOUDER, here)

@@ -24,7 +24,7 @@ class Duplicates(Defect, Response):
     A share of the samples repeats the one before.
 
     A message is sent twice, or the sensor is read faster than it measures: what repeats evenly
-    tells nothing, and the record is looked at as it was measured once each
+    tells nothing, and the record is looked at as it was measured, once each
     (:mod:`~imu_noise_tools.noise.slower`).
 
     """
