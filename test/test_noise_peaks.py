@@ -12,10 +12,13 @@ from scipy.signal import lfilter
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of, unfitted
 from imu_noise_tools.loop.prediction import fall_of
+from imu_noise_tools.loop.verdict import PRICE
 from imu_noise_tools.noise import materiality
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.search import Found
 
 BASE = ('white', 'flicker', 'random_walk')
 DT, SIZE = 0.01, 1e-3
@@ -78,3 +81,21 @@ def test_what_wanders_is_elsewhere_in_each_half():
                    [peak]) > 5000
     assert peak.chosen('form') == 'wandering' and len(peak.elsewhere()) > 30
     assert not peak.with_values(form='velocity').elsewhere()
+
+
+def test_of_two_forms_as_good_that_which_has_room_is_meant():
+    """A line that hardly wanders: the bell ends at the narrowest it may be, a resonance does not."""
+    problem = problem_of(np.random.default_rng(3).standard_normal((15_000, 3)))
+    bell = {'form': 'wandering', 'frequency': 31.3, 'width': 0.1}
+    view = Likelihood(problem.evidence, 'whole', model_of('noise', [*BASE, 'narrowband'])
+                      .with_values({'narrowband': bell}))
+    lower, upper = view.bounds
+    inside = (lower + upper) / 2
+    width, rms = ([s.parameter.name for s in view.slots].index(k) for k in ('width', 'rms'))
+    ends = np.where(np.arange(len(inside)) == width, lower, inside)
+    assert np.exp(ends[width]) == pytest.approx(2.2 / 150)
+    with_room, at_end, weak = (
+        Found(view, x, 10.0, None).cost - view.value(x)[1].form for x in (
+            inside, ends, np.where(np.arange(len(inside)) == rms, lower, inside)))
+    assert at_end - with_room == PRICE
+    assert weak == with_room, 'an amplitude at its bound is none, which is an estimate'

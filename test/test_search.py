@@ -198,6 +198,10 @@ def test_what_only_stands_for_what_has_no_name_is_refuted(search):
         return search._stands_in(members, search.places.model_of(members), finding.name, finding)
 
     assert stands_in([filters], filters)
+    blunt, sharp = (replace(found('narrowband'), effect=registry('noise')['narrowband'](
+        {'frequency': 10.0, 'width': width})) for width in (1.0, 0.01))
+    assert stands_in([blunt], blunt)
+    assert not stands_in([sharp], sharp), 'nothing else draws what is so narrow'
     assert not stands_in([line], line)
     filled = found('quantization')
     assert not stands_in([line, filled], filled), 'it stands out beside both'

@@ -222,6 +222,11 @@ class Effect:
         return tuple(names)
 
     @property
+    def sharp(self) -> bool:
+        """Whether, as it is, nothing of another form bends as it does."""
+        return False
+
+    @property
     def fitted(self) -> bool:
         """Whether every parameter has a value."""
         return all(p.name in self.values for p in self.parameters)

@@ -522,7 +522,7 @@ class Search:
 
         """
         assert finding.effect is not None
-        if finding.effect.certain or finding.effect.paired:
+        if finding.effect.certain or finding.effect.paired or finding.effect.sharp:
             return ''
         before = members[:members.index(finding)]
         for other in (f for k, f in self._nameless.items() if k not in model):

@@ -44,6 +44,7 @@ from ..loop.verdict import PRICE
 KEPT = 16  # points of a search at which the value is kept
 UNITS = 128  # spectra of effects and gains of responses that are kept of a part
 LINES = 4       # that are slow, the strongest, whose values are solved for beside a mean
+AT_BOUND = 1e-3     # share of the room of a shape, on the search scale, that is none
 SLOWEST = 1024      # coefficients, in which all is that a slow mean does
 
 
@@ -782,6 +783,15 @@ class Likelihood:
         """Lower and upper ends, (p,) each, on the search scale."""
         ends = np.array([s.bounds for s in self.slots]).reshape(-1, 2)
         return ends[:, 0], ends[:, 1]
+
+    def ended(self, x: np.ndarray) -> int:
+        """Return how many shapes of noise of several forms lie at a bound, of those of x (p,)."""
+        lower, upper = self.bounds
+        near = np.minimum(x - lower, upper - x) < AT_BOUND * (upper - lower)
+        several = {e.label for e in self.model.of(Spectrum)
+                   if any(p.discrete for p in e.parameters)}
+        return sum(bool(at_end) and s.label in several and not s.parameter.amplitude
+                   for s, at_end in zip(self.slots, near))
 
     def information(self, x: np.ndarray) -> np.ndarray:
         """Return the Fisher matrix (p, p) at a point."""

@@ -129,8 +129,15 @@ class Found:
 
     @property
     def cost(self) -> float:
-        """By what forms with more or fewer parameters are compared."""
-        return self.nll + PRICE * len(self.x) + self.likelihood.value(self.x)[1].form
+        """
+        By what forms with more or fewer parameters are compared.
+
+        A shape at its bound is no estimate: there another form goes on, and of two as good that
+        which has room is meant.
+
+        """
+        free = len(self.x) + self.likelihood.ended(self.x)
+        return self.nll + PRICE * free + self.likelihood.value(self.x)[1].form
 
 
 def _revived(likelihood, found, reddest, enough):

@@ -15,6 +15,7 @@ SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
 NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
 CLEAR = 5.0  # standard errors of one of those
+SHARP = 100.0    # f0/width: above, nothing but a peak draws it
 BLUNT = 30.0  # f0/width of a faint one: above, both of a resonance look alike
 MOVED = np.linspace(-1, 1, 17)     # widths by which a part of a record may have it elsewhere
 NARROWER = 1.0, 0.7, 0.5, 0.35     # and widths that it may have there
@@ -97,6 +98,12 @@ class Narrowband(Spectrum):
     def centre(self) -> float:
         """Its power is narrower than a grid of frequencies may resolve."""
         return self['frequency']
+
+    @property
+    def sharp(self) -> bool:
+        """It is narrower than a filter or what axes share can draw."""
+        f, width = (self.values.get(k, 0.0) for k in ('frequency', 'width'))
+        return f > SHARP * width
 
     def elsewhere(self) -> list[Effect]:
         """Return where a line that wanders may be in a part of a record, and how narrow."""
