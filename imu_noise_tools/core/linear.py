@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+SILENT = 1e-280  # of a signal behind a filter: what is left has no digits, and its inverse no number
+
 
 def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
         np.ndarray, np.ndarray, np.ndarray, float]:
@@ -31,9 +33,9 @@ def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
 
 def inverse(gram: np.ndarray) -> np.ndarray:
     """Return the inverse of a Gram matrix (p, p), of what it says nothing about zero."""
-    power = np.maximum(np.diag(gram), 0.0)
+    power = np.diag(gram)
     # of a silent signal eigenvectors hold what rounding leaves, which no scale may enlarge
-    unit = np.where(power > 0, 1 / np.sqrt(np.where(power > 0, power, 1.0)), 0.0)
+    unit = np.where(power > SILENT, 1 / np.sqrt(np.where(power > SILENT, power, 1.0)), 0.0)
     values, axes = np.linalg.eigh(gram * np.outer(unit, unit))
     some = values > 1e-12 * max(values[-1], 1e-300)
     axes = axes[:, some] * unit[:, None]

@@ -30,7 +30,7 @@ from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
 from .sweep import PARTS as SWEPT, Sweep
 from .together import unlike_noise
-from ..core.linear import inverse
+from ..core.linear import inverse, SILENT
 from ..core.statistics import independent_squares, kurtosis_pull
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
@@ -557,7 +557,7 @@ def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> tuple[float, 
     for k in range(bands.count):
         some = bands.of == k
         gram, c = own[:, :, some] @ (w / v)[some], cross[:, some] @ (w / v)[some]
-        there = np.diag(gram) > 0
+        there = np.diag(gram) > SILENT
         if np.sum(w[some]) > ENOUGH * np.sum(there):
             gain += 0.5 * float(c @ inverse(gram) @ c - np.sum(there))
             free += int(np.sum(there))
