@@ -97,11 +97,21 @@ class Against:
         """Say that a flexible form does better in a member's place."""
         return self.places.problem.shape(self.places.problem.point(model), name, finding.gain)
 
-    def shadowed(self, model: Model, finding: Finding) -> str:
-        """Say that far more fails elsewhere than a finding explains, and nothing explains that."""
+    def shadowed(self, model: Model, name: str, finding: Finding) -> str:
+        """
+        Say that far more fails elsewhere than a member explains, and nothing explains that.
+
+        A gain counts no part of a view for more than a little; what fails has no such limit. What
+        a member explains is therefore what of its view fails without it as well.
+
+        """
         assert finding.effect is not None
         left = sum(f.gain for f in failures(self.places.tests(model)) if f.view != finding.view)
-        if finding.effect.certain or left <= rules.SHADOW * finding.gain:
+        if finding.effect.certain or finding.effect.sharp or left <= rules.SHADOW * finding.gain:
             return ''
-        return (f'it explains {finding.gain:.0f} nats, and {left:.0f} that fail elsewhere nothing '
-                'does')
+        without, with_it = (sum(f.gain for f in failures(self.places.tests(m))
+                                if f.view == finding.view) for m in (model.minus(name), model))
+        explains = max(finding.gain, without - with_it)
+        if left <= rules.SHADOW * explains:
+            return ''
+        return f'it explains {explains:.0f} nats, and {left:.0f} that fail elsewhere nothing does'

@@ -507,7 +507,7 @@ class Search:
             if against:
                 out[k] = replace(f, against=against)
         for k, f in members.items() if last or not out else ():
-            against = self.against.shadowed(model, f)
+            against = self.against.shadowed(model, k, f)
             if against:
                 out.setdefault(k, replace(f, against=against))
         return out

@@ -180,16 +180,17 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
         return _coupled_otherwise(evidence, fit, effect, claim) or _swept(evidence, effect, claim)
-    if isinstance(effect, (Spectrum, Response)) and not effect.certain:
+    if peak:
+        claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
+    if effect.sharp:    # no smooth form has it; what is left beside it is another's
+        gain, where = 0.0, ''
+    elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
         if felt.sum() < 2 * KNOTS:
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
-        if peak:
-            claim = max(claim, min(fit.details.ml - without.details.ml,
-                                   _own(evidence, fit, label)))
         if isinstance(effect, Response):    # of a claim no band counts more than a little
             _, x, _ = spectrum_left(evidence, without)
             claim = max(claim, min(smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])),
@@ -207,7 +208,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
         return _course(evidence, fit, effect, claim) or _beside_a_knee(evidence, fit, label, claim)
-    against = _swept(evidence, effect, claimed if peak else claim)
+    against = _swept(evidence, effect, claim)
     if against:
         return against
     gain = -effect.bonus(evidence, fit)
