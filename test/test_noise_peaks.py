@@ -13,7 +13,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of, unfitted
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import PRICE
-from imu_noise_tools.noise import materiality
+from imu_noise_tools.noise import flexible, materiality
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -67,6 +67,17 @@ def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
     assert not materiality._moved(fan.evidence, fit)
 
 
+def test_no_smooth_form_stands_in_a_sharp_peak_s_place(fan, monkeypatch):
+    """What is left beside it is another's: of five peaks all fell for what the others had left."""
+    fit = fan.point(model_of('noise', [*BASE, 'gauss_markov', *['narrowband'] * 3]))
+    monkeypatch.setattr(flexible, 'smooth_gain', lambda *_: 1e6)
+    for e in (e for e in fit.model if e.name == 'narrowband'):
+        against = flexible.shape(fan.evidence, fit, fan.point(unfitted(fit.model.minus(e.label))),
+                                 e.label, 100.0)
+        assert ('a smooth form' in against) != e.sharp, (e, against)
+    assert {e.sharp for e in fit.model if e.name == 'narrowband'} == {False, True}
+
+
 def test_what_wanders_is_elsewhere_in_each_half():
     rng, n = np.random.default_rng(5), 40_000
     y = rng.standard_normal((n, 3))
@@ -84,7 +95,7 @@ def test_what_wanders_is_elsewhere_in_each_half():
 
 
 def test_of_two_forms_as_good_that_which_has_room_is_meant():
-    """A line that hardly wanders: the bell ends at the narrowest it may be, a resonance does not."""
+    """Of a line that hardly wanders: a bell ends at the narrowest it may be."""
     problem = problem_of(np.random.default_rng(3).standard_normal((15_000, 3)))
     bell = {'form': 'wandering', 'frequency': 31.3, 'width': 0.1}
     view = Likelihood(problem.evidence, 'whole', model_of('noise', [*BASE, 'narrowband'])

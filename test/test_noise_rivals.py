@@ -326,7 +326,8 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
     assert flexible._swept(evidence, filtered, 25.0)
     assert not flexible._swept(evidence, filtered, 250.0)
-    for frequency, width, is_none in ((3.0, 1.0, True), (1.4, 1.0, False), (3.0, 4.5, False)):
+    for frequency, width, is_none in ((3.0, 1.0, True), (1.4, 1.0, False), (3.0, 4.5, False),
+                                      (3.0, 1.5, False)):     # a machine that wanders
         one = peak.with_values(frequency=frequency, width=width)
         assert bool(flexible._swept(evidence, one, 25.0)) == is_none
         assert not flexible._swept(evidence, one, 250.0)

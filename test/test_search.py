@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.loop.effect import Finding, Fit, Model, model_of, registry
-from imu_noise_tools.loop.findings import pairs
+from imu_noise_tools.loop.findings import pairs, yields
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.search import ROUNDS, Search
 
@@ -47,6 +47,40 @@ def leaves(nats):
 def test_what_hides_another(one, other, hides):
     """Two means each other; what lowers the noise all that it stood beside, a mean too."""
     assert pairs(one, other) == hides
+
+
+def test_what_explains_far_more_yields_to_none():
+    """A step of 19 nats on three axes is not what they share by 67 000."""
+    step = found('step', 'time', 19.0)
+    assert yields(found('shared_noise', 'coherence', 100.0), step)
+    assert not yields(found('shared_noise', 'coherence', 67_000.0), step)
+    assert not yields(step, found('shared_noise', 'coherence', 19.0))
+
+
+def test_a_shadow_falls_by_the_measure_of_what_casts_it(search):
+    """What fails counts whole; a gain counts no part of a view for more than a little."""
+    filters = found('low_pass', gain=180.0)
+
+    def shadowed(with_it, without, finding=filters):
+        some = {k: {'frequency': float(f), 'coherence': float(c)} for k, (f, c) in {
+            True: with_it, False: without}.items()}
+        search.places.tests = lambda model: [
+            Finding(k, x, view=k, p_value=0.0 if x else 1.0)
+            for k, x in some[finding.name in model].items()]
+        return search.against.shadowed(
+            model_of('noise', ('white', finding.name)), finding.name, finding)
+
+    assert not shadowed((0, 1500), (180, 1500))
+    assert '180 nats, and 8000' in shadowed((0, 8000), (180, 8000))
+    assert not shadowed((100, 8000), (19_000, 8000)), 'uncapped it explains 18 900'
+    blunt, sharp = (replace(found('narrowband'), effect=registry('noise')['narrowband'](
+        {'frequency': 10.0, 'width': width})) for width in (1.0, 0.01))
+    assert not shadowed((0, 8000), (100, 8000), blunt), 'other axes hear it too'
+    elsewhere = Finding('sweep', 8000.0, view='sweep', p_value=0.0)
+    search.places.tests = lambda model: [elsewhere]
+    model = model_of('noise', ('white', 'narrowband'))
+    assert search.against.shadowed(model, 'narrowband', blunt)
+    assert not search.against.shadowed(model, 'narrowband', sharp), 'nothing imitates it'
 
 
 @pytest.mark.parametrize('last', [False, True])

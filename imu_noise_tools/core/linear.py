@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-SILENT = 1e-280  # of a signal behind a filter: what is left has no digits, and its inverse no number
+SILENT = 1e-280  # of a signal behind a filter: the inverse of what is left is no number
 
 
 def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[

@@ -106,7 +106,8 @@ class Against:
 
         """
         assert finding.effect is not None
-        left = sum(f.gain for f in failures(self.places.tests(model)) if f.view != finding.view)
+        aside = {finding.view, *finding.effect.aside}
+        left = sum(f.gain for f in failures(self.places.tests(model)) if f.view not in aside)
         if finding.effect.certain or finding.effect.sharp or left <= rules.SHADOW * finding.gain:
             return ''
         without, with_it = (sum(f.gain for f in failures(self.places.tests(m))

@@ -144,6 +144,8 @@ class Effect:
     yields: ClassVar[bool] = False
     # is what it explains there in any case? where its name falls nothing else may stand for it
     stays: ClassVar[bool] = False
+    # views whose failure casts no shadow on it: what fails there may be of its own doing
+    aside: ClassVar[tuple[str, ...]] = ()
     # parameters that are null unless the record asks for them: a simpler form is no other effect
     optional: ClassVar[tuple[str, ...]] = ()
 

@@ -75,9 +75,14 @@ def bends(finding: Finding) -> bool:
 
 
 def yields(one: Finding, other: Finding) -> bool:
-    """Tell whether one of two findings explains whatever the other one does in several axes."""
+    """
+    Tell whether one of two findings may explain what the other one does in several axes.
+
+    What explains far more than the other one is not that.
+
+    """
     return one.effect is not None and other.effect is not None \
-        and one.effect.yields and other.effect.paired
+        and one.effect.yields and other.effect.paired and one.gain <= rules.SHADOW * other.gain
 
 
 def pairs(one: Finding, other: Finding) -> bool:

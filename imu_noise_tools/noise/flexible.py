@@ -50,6 +50,7 @@ FEWEST = 64  # differences of block means that tell a kurtosis
 FIRST = 2, 4, KNOTS  # cosines of the mean, of which the slowest may do
 SLOWLY = 'time', 'the logarithm of time'  # of which cosines of the mean are slow
 MANY = 4  # times as many, from which so few independent ones are those of a course
+BEYOND = 3.0  # widths of a peak, farther than which a line that sweeps is no peak that wanders
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
 
@@ -182,7 +183,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return _coupled_otherwise(evidence, fit, effect, claim) or _swept(evidence, effect, claim)
     if peak:
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
-    if effect.sharp:    # no smooth form has it; what is left beside it is another's
+    if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
         gain, where = 0.0, ''
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
@@ -307,7 +308,8 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
 
     What is spread over many frequencies stands out of the spectrum by less than along its path,
     and bends it like a filter or a drift, or is what axes share; a peak only where it passes all
-    of its band, and takes most of the record for it. What axes share in all of the record it may
+    of its band and far beyond, and takes most of the record for it: one that wanders is seen on a
+    straight path of little more than its width. What axes share in all of the record it may
     do that is seen in a part of it, on a path that is not straight.
 
     """
@@ -319,9 +321,10 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
         return ''
     elif isinstance(effect, Spectrum) and effect.centre is not None:
         low, high = sorted((sweep.first, sweep.last))
-        half = 0.5 * effect.values.get('width', 0.0)
-        if not low < effect.centre - half < effect.centre + half < high \
-                or sweep.end - sweep.begin < 0.5 * evidence.duration:
+        width = effect.values.get('width', 0.0)
+        inside = low < effect.centre - width / 2 < effect.centre + width / 2 < high
+        far = inside and high - low > BEYOND * width
+        if not far or sweep.end - sweep.begin < 0.5 * evidence.duration:
             return ''
     if sweep.sure <= sure or sweep.strong <= claim * part:
         return ''

@@ -54,6 +54,7 @@ class Narrowband(Spectrum):
     )
     several = True
     broad = True
+    aside = ('coherence',)      # other axes hear it as well
     decide = 'record on another base with the machines near by stopped: what rings by itself stays'
     parameters = (
         Parameter('frequency', 'Hz', 1e-5, 1e5, title='centre'),
