@@ -188,6 +188,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
+        if peak:    # without it others bend elsewhere too, where what is left is theirs
+            felt &= fit.details.each[label] > FELT * fit.details.v
         if felt.sum() < 2 * KNOTS:
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
