@@ -141,6 +141,7 @@ def test_hidden_effect_is_found(name, make, sensor, noise):
     assert all(d.verdict != 'missing' or d.ranked[0].name == name for d in found)
 
 
+@pytest.mark.thorough
 def test_hidden_tilt_is_found():
     """Faces put down four times each, off by 3 to 6 deg where 1 is stated."""
     rng = np.random.default_rng(4)

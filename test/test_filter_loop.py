@@ -99,6 +99,7 @@ def test_the_missing_effect_is_named_added_and_the_error_falls(kind):
     assert study.states['gyro_x'].summary['nats_per_sample'] < 0.5 * before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind', ['nothing', 'rest'])
 def test_where_nothing_is_missing_it_says_so(kind):
     for seed in (1, 2):
@@ -371,6 +372,7 @@ def test_motion_that_stops_and_starts_is_named_and_the_bank_holds_it():
     assert study.diagnose()['gyro_x'].verdict == 'complete'
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind', daily(['sinusoid', 'outliers', 'noise_level'], 'outliers'))
 def test_under_the_bank_what_the_noise_lacks_is_named(kind):
     problem = FilterProblem(record(kind), 1 / RATE, stated={'white': STATED['white']})
@@ -385,6 +387,7 @@ def test_under_the_bank_what_the_noise_lacks_is_named(kind):
     assert not study.states['gyro_x'].error.failing
 
 
+@pytest.mark.thorough
 def test_under_the_bank_a_motion_that_repeats_is_named_with_the_size_of_it():
     """A bank of random walks follows a sway, and never expects it: it is no motion the less."""
     amplitude, n = 0.7, 4000

@@ -256,6 +256,7 @@ def test_a_fading_memory_is_refused():
         filter_record(t, z, design(alpha=0.7), smooth=True)
 
 
+@pytest.mark.thorough
 def test_command(tmp_path, capsys):
     t, z, truth = turning(1200, seed=8)
     bag = tmp_path / 'in.npz'

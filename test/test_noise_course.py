@@ -99,6 +99,7 @@ def test_swings_that_imitate_redder_noise_are_none_though_they_hold_it_where_it_
     assert all(said.startswith('beside a knee') for said in beside_a_knee(red(rng), rng))
 
 
+@pytest.mark.thorough
 def test_a_drift_gains_beside_a_knee_no_more_than_the_knee_alone_leaves_to_it():
     """In redder noise a parabola holds a knee where there is room for both."""
     rng = np.random.default_rng([9, 9])
@@ -115,6 +116,7 @@ def test_a_drift_gains_beside_a_knee_no_more_than_the_knee_alone_leaves_to_it():
     assert 1.2 < steepness < 2 and 0 <= gain < claim
 
 
+@pytest.mark.thorough
 # of four; one of the swings of the fourth is taken for a knee of steepness 4
 @pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.thorough)])
 def test_swings_that_are_there_stay_beside_a_knee(seed):

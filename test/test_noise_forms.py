@@ -268,6 +268,7 @@ def test_a_second_step_lands_beside_the_first():
     assert abs(times[0] - 400) < 5 and abs(times[1] - 1100) < 5
 
 
+@pytest.mark.thorough
 def test_up_and_down_again_is_two_steps():
     """One of them alone leaves more than half of what it claims: a pair is tried as one."""
     rng, rate, n = np.random.default_rng([22, 1]), 100.0, 12_000
@@ -342,6 +343,7 @@ def dwelling(seed, dwell, n=12_000, rate=50.0):
     return 4 * (np.cumsum(rng.random(n) < 1 / (dwell * rate)) % 2 - 0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', daily([0, 2], 0))
 def test_long_dwells_are_read_from_the_path_and_leave_nothing_in_time(seed):
     """Fitted to the spectrum a random walk takes a telegraph of few switches for its own."""
@@ -358,6 +360,7 @@ def test_long_dwells_are_read_from_the_path_and_leave_nothing_in_time(seed):
     assert min(p_value(time(evidence, fit, known)) for known in ('odd', 'even')) > 1e-3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('louder', [1.0, 1.6])
 @pytest.mark.parametrize('seed', daily([1, 3], 1))
 def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, louder):
@@ -376,6 +379,7 @@ def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, loud
         assert before == behind and inside / before == pytest.approx(louder**2, rel=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind', daily(['walk', 'relaxation', 'steps', 'swing', 'white'],
                                        'relaxation', 'steps'))
 def test_what_does_not_come_back_to_two_levels_has_none(kind):
@@ -390,6 +394,7 @@ def test_what_does_not_come_back_to_two_levels_has_none(kind):
         assert two_levels(rng.standard_normal(n) + made[kind], 240.0) is None
 
 
+@pytest.mark.thorough
 def test_a_path_of_three_levels_is_none_of_two():
     """Though it is seldom at one of them, so that steps of any size are no better than two."""
     rng, n = np.random.default_rng([0, 33]), 16_384
@@ -421,6 +426,7 @@ def test_levels_far_apart_are_told_as_exactly_as_they_are(seed):
     assert found.step == pytest.approx(2 * step * np.sqrt(share * (1 - share)), rel=0.3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('spikes', daily([0, 400], 0))
 def test_short_stays_at_the_other_level_are_no_spikes(spikes):
     """Samples drawn of the rest of the model have as many of them, and no more."""
@@ -895,6 +901,7 @@ def test_a_spectrum_is_made_once_for_all_models_and_evidence_that_was_fitted_goe
     assert evidence.units['whole'] and not pickle.loads(pickle.dumps(evidence)).units['whole']
 
 
+@pytest.mark.thorough
 def test_a_step_is_looked_for_where_the_best_one_hides_none():
     """Up, and down again, on a slope: the noise that the second leaves is the slope's as well."""
     rng, n, dt = np.random.default_rng(12), 45_000, 0.01
@@ -979,6 +986,7 @@ def test_a_coefficient_near_zero_does_not_confirm_what_axes_do_not_share():
     assert abs(fall_of(before, after, [more['shared_noise']])) < FALL
 
 
+@pytest.mark.thorough
 def test_a_band_is_held_out_where_it_is_on_in_one_half_alone():
     """Each half says how loud it is; the other where it is, and how wide. It raised the error."""
     rng, n, dt, f = np.random.default_rng(31), 40_000, 0.01, 18.3
@@ -998,6 +1006,7 @@ def test_a_band_is_held_out_where_it_is_on_in_one_half_alone():
     assert after.model['narrowband']['frequency'] == pytest.approx(f, abs=0.2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', [1, 3])
 def test_what_rises_as_an_angle_s_rounding_is_no_filter_that_folds(seed):
     """Wider than Nyquist a filter that is decimated bends the same way: neither was named."""
@@ -1028,6 +1037,7 @@ def test_a_filter_is_found_around_a_peak_that_stands_far_above_it():
     assert effect['frequency'] == pytest.approx(8.2, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_of_a_day_of_samples_one_knock_is_told_by_its_moment():
     """Among so many its few samples do not show in how all are spread: no part confirmed it."""
     rng, n = np.random.default_rng(3), 150_000

@@ -334,6 +334,7 @@ def test_an_axis_that_follows_a_late_thermometer_keeps_its_cycle():
     assert also_in(np.array([f]), read, step, 1024, axis)[0]
 
 
+@pytest.mark.thorough
 def test_intervals_of_lines_hold_the_truth():
     """Beside flicker and a random walk, where single coefficients tell the level."""
     pulls = []

@@ -246,6 +246,7 @@ def alone(x, *names):
     return problem, problem.point(model_of('noise', names))
 
 
+@pytest.mark.thorough
 def test_a_peak_wider_than_one_may_be_is_none_beside_the_others():
     """Noise behind a band-pass from 8 to 12 Hz; a resonance, wide but one."""
     rng = np.random.default_rng(3)
@@ -267,6 +268,7 @@ def test_a_shape_beyond_a_bound_that_goes_with_another_is_at_it(width, against):
     assert against in said and bool(against) == bool(said)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('power', daily((0.5, 0.7), 0.7))
 def test_what_the_others_do_elsewhere_is_no_claim_of_a_notch(power):
     """Beside a dip they bend to f^-p, and 200 nats that are left are little of those 10^4."""
@@ -282,6 +284,7 @@ def test_what_the_others_do_elsewhere_is_no_claim_of_a_notch(power):
     assert flexible._own(problem.evidence, fit, 'notch') > 1000
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('bonus, refuted', (
     (0.0, True), pytest.param(50.0, False, marks=pytest.mark.thorough)))
 def test_popcorn_noise_spends_what_a_relaxation_does_unless_the_samples_tell(
@@ -297,6 +300,7 @@ def test_popcorn_noise_spends_what_a_relaxation_does_unless_the_samples_tell(
     assert ('which has no name' in said) == refuted, said
 
 
+@pytest.mark.thorough
 def test_what_the_samples_speak_against_is_no_popcorn_noise():
     """A relaxation of the same spectrum has one hump."""
     rng = np.random.default_rng(2)
@@ -307,6 +311,7 @@ def test_what_the_samples_speak_against_is_no_popcorn_noise():
     assert not problem.shape(fit, 'gauss_markov', 300.0)
 
 
+@pytest.mark.thorough
 def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
     """A filter of own noise alone and a relaxation spend four, a knee that is as good three."""
     names = ('white', 'gauss_markov', 'low_pass')
@@ -819,6 +824,7 @@ def test_samples_that_other_axes_hold_are_no_sign_against_what_they_share(monkey
         assert ('not normal' in said) != holds
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('power', [1.0, 1.3])
 def test_filters_that_bend_noise_of_any_colour_to_its_form_give_it_no_name(power):
     """What rises with the frequency is an angle's rounding behind a filter and a notch, or one."""

@@ -452,6 +452,7 @@ def test_a_half_behind_a_sharp_resonance_is_fitted(q):
             assert found['white']['N'] == pytest.approx(robust.TRUTH['N'], rel=0.05)
 
 
+@pytest.mark.thorough
 def test_swings_that_come_and_go_are_no_spikes():
     """A band that swells every few seconds: its crests stay, and N is that of the curve at 1 s."""
     y, rng = noise(31)

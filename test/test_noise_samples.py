@@ -669,6 +669,7 @@ def test_the_images_of_lines_behind_a_slower_clock_are_no_lines(evenly):
     assert np.sort(evidence.line_table[:, 0]) == pytest.approx([4.31, 11.7], abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_two_sensors_of_two_clocks_are_looked_at_each_at_its_own():
     rng, n = np.random.default_rng(6), 60_000
     x, data = rng.standard_normal((n, 3)), {}
