@@ -84,6 +84,31 @@ def test_a_shadow_falls_by_the_measure_of_what_casts_it(search):
 
 
 @pytest.mark.parametrize('last', [False, True])
+def test_nothing_is_judged_where_far_more_has_fallen(search, last):
+    """Without the grid of the output a filter behind it has no form."""
+    search.against.unconfirmed = lambda model, name, f: (
+        0.0, 'not confirmed' if f.name == 'quantization' else '')
+    search.against.unhealed_with = search.against.shadowed = lambda *_: ''
+    search.against.shaped = lambda model, name, f: 'a smooth form fits better'
+    chain = [found('quantization', gain=4e5), found('shared_noise', 'coherence', 5e4),
+             found('low_pass', gain=180.0)]
+    assert [*search.backward(chain, last)] == [
+        'quantization', 'shared_noise', *['low_pass'] * last]
+
+
+def test_without_what_explained_far_more_it_is_another_search(search):
+    looks = []
+    search.places.problem = SimpleNamespace(exchanges=False, looks=6)
+    search.places.look_further = looks.append
+    chain = [found('quantization', gain=4e5), found('low_pass', gain=180.0)]
+    search.forward = lambda held=(): [f for f in chain if f.name not in search.refuted]
+    search.with_odds = list
+    search.backward = lambda some, last: {some[0].name: some[0]} if some else {}
+    assert search.settled() == []
+    assert looks == [6, 2], 'the filter explained no more than is usual'
+
+
+@pytest.mark.parametrize('last', [False, True])
 def test_what_means_leave_is_held_against_the_last_of_them(search, last):
     search.against.unconfirmed = lambda *_: (100.0, '')
     search.against.unhealed_with = search.against.shadowed = lambda *_: ''

@@ -82,7 +82,12 @@ def yields(one: Finding, other: Finding) -> bool:
 
     """
     return one.effect is not None and other.effect is not None \
-        and one.effect.yields and other.effect.paired and one.gain <= rules.SHADOW * other.gain
+        and one.effect.yields and other.effect.paired and not outweighs(one, other)
+
+
+def outweighs(one: Finding, other: Finding) -> bool:
+    """Tell whether a finding explains so much that another one stands in its shadow."""
+    return one.gain > rules.SHADOW * other.gain
 
 
 def pairs(one: Finding, other: Finding) -> bool:

@@ -26,7 +26,8 @@ from . import verdict as rules
 from .against import Against, DOUBT
 from .effect import Finding, Model
 from .findings import (
-    bends, certain, elsewhere, failures, fresh, gained, label, pairs, surplus, together, yields
+    bends, certain, elsewhere, failures, fresh, gained, label, outweighs, pairs, surplus, together,
+    yields
 )
 from .places import Place, Places
 from .prediction import State
@@ -437,7 +438,10 @@ class Search:
                 break
             chain = [f for k, f in zip(self.places.labels_of(chain), chain) if k not in refuted]
             self.refuted.update(refuted)
-            self.places.look_further(rules.ANEW)
+            # without what explained far more than all that is left it is another search
+            most = max(refuted.values(), key=lambda f: f.gain)
+            anew = chain and all(outweighs(most, f) for f in chain)
+            self.places.look_further(self.places.problem.looks if anew else rules.ANEW)
             for k, f in refuted.items():
                 self._disproved.setdefault(k, []).append(f)
             more = self._acquitted(self.places.model_of(chain), refuted) or turn < ROUNDS
@@ -471,7 +475,8 @@ class Search:
         Return the members by label, with what speaks against each, that do not hold.
 
         Unless it is the last look, none is refuted for what another one left when it was refuted
-        itself: a candidate that was not tried yet may explain that.
+        itself: a candidate that was not tried yet may explain that. Nor is what explains little
+        judged where far more has fallen.
 
         """
         labels, model = self.places.labels_of(chain), self.places.model_of(chain)
@@ -488,10 +493,13 @@ class Search:
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
+        gone = [f for f in out.values() if not last]
         place, later = self.places.base, list(members.values())
         bent: dict[str, str] = {}   # the last one with another shape, of each that they share
         for k, f in members.items():
             before, place, later = place, place.plus(fresh(f)), later[1:]
+            if any(outweighs(g, f) for g in gone):     # without it nothing shows what this one is
+                continue
             against = self.against.unhealed_with(before, place, f, later)
             if not against and (against := self.against.shaped(model, k, f)):
                 # what they leave together is held against each: the last one is asked first
