@@ -118,7 +118,7 @@ def test_a_drift_gains_beside_a_knee_no_more_than_the_knee_alone_leaves_to_it():
 
 @pytest.mark.thorough
 # of four; one of the swings of the fourth is taken for a knee of steepness 4
-@pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize('seed', [0, 2])
 def test_swings_that_are_there_stay_beside_a_knee(seed):
     rng = np.random.default_rng([seed, 6])
     hum = np.convolve(rng.standard_normal(N), np.cos(0.3 * np.arange(60)) / 4, 'same')

@@ -344,7 +344,7 @@ def dwelling(seed, dwell, n=12_000, rate=50.0):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('seed', daily([0, 2], 0))
+@pytest.mark.parametrize('seed', [0, 2])
 def test_long_dwells_are_read_from_the_path_and_leave_nothing_in_time(seed):
     """Fitted to the spectrum a random walk takes a telegraph of few switches for its own."""
     n, rate, dwell = 12_000, 50.0, 8.0
@@ -362,7 +362,7 @@ def test_long_dwells_are_read_from_the_path_and_leave_nothing_in_time(seed):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('louder', [1.0, 1.6])
-@pytest.mark.parametrize('seed', daily([1, 3], 1))
+@pytest.mark.parametrize('seed', [1, 3])
 def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, louder):
     """They lie where they will: some stretch has more of them than others."""
     rng, n, rate = np.random.default_rng([seed, 92]), 30_000, 25.0
@@ -380,8 +380,7 @@ def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, loud
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('kind', daily(['walk', 'relaxation', 'steps', 'swing', 'white'],
-                                       'relaxation', 'steps'))
+@pytest.mark.parametrize('kind', ['walk', 'relaxation', 'steps', 'swing', 'white'])
 def test_what_does_not_come_back_to_two_levels_has_none(kind):
     n, rng = 12_000, np.random.default_rng(7)
     t = np.arange(n) / n
@@ -427,7 +426,7 @@ def test_levels_far_apart_are_told_as_exactly_as_they_are(seed):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('spikes', daily([0, 400], 0))
+@pytest.mark.parametrize('spikes', [0, 400])
 def test_short_stays_at_the_other_level_are_no_spikes(spikes):
     """Samples drawn of the rest of the model have as many of them, and no more."""
     rng, n, rate = np.random.default_rng([5, 95]), 60_000, 50.0

@@ -106,9 +106,11 @@ class Against:
 
         """
         assert finding.effect is not None
+        if finding.effect.certain or finding.effect.sharp:
+            return ''
         aside = {finding.view, *finding.effect.aside}
         left = sum(f.gain for f in failures(self.places.tests(model)) if f.view not in aside)
-        if finding.effect.certain or finding.effect.sharp or left <= rules.SHADOW * finding.gain:
+        if left <= rules.SHADOW * finding.gain:     # else a model more is fitted
             return ''
         without, with_it = (sum(f.gain for f in failures(self.places.tests(m))
                                 if f.view == finding.view) for m in (model.minus(name), model))

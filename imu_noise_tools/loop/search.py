@@ -493,7 +493,7 @@ class Search:
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
-        gone = [f for f in out.values() if not last]
+        gone = [] if last else [*out.values()]
         place, later = self.places.base, list(members.values())
         bent: dict[str, str] = {}   # the last one with another shape, of each that they share
         for k, f in members.items():

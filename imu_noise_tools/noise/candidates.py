@@ -24,7 +24,7 @@ from .flexible import asks_nothing
 from .kinds import (
     Coupling, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
 )
-from .likelihood import Likelihood, spectrum_without, told_by_gains
+from .likelihood import AT_BOUND, Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
@@ -291,13 +291,13 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)
-        slack = 0.01 * (np.log(high / low) if p.log else high - low)
+        room = np.log(high / low) if p.log else high - low
         within = [np.log(b / a) if p.log else b - a
                   for a, b in ((low, effect[p.name]), (effect[p.name], high))]
         std = estimates[p.name].std if p.name in estimates else None
         told = np.inf if std is None else 2 * std / (effect[p.name] if p.log else 1.0)
-        near = 0.1 * slack if isinstance(effect, Mean) else max(told, 0.1 * slack)
-        if min(within) < min(slack, near):
+        near = AT_BOUND * room if isinstance(effect, Mean) else max(told, AT_BOUND * room)
+        if min(within) < min(0.01 * room, near):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
 
