@@ -337,6 +337,20 @@ def test_dwells_shorter_than_block_means_are_told_from_a_process_of_the_same_spe
     assert bonus > 20 if two_levels else bonus < -20
 
 
+@pytest.mark.parametrize('two_levels', [True, False])
+def test_a_grid_that_slow_noise_walks_over_is_no_telegraph(two_levels):
+    """Rounded, what a filter lets through stays on a level; steps less than the grid's show."""
+    rng, n = np.random.default_rng(15), 24_000
+    if two_levels:
+        y = 0.35 * rng.standard_normal(n) + dwelling(15, 4.0, n) / 5
+    else:
+        y = 2 * lfilter(*butter(2, 0.05), rng.standard_normal(n))
+    evidence = evidence_of(1e-3 * np.round(y), 50.0)
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
+    bonus = fit.model['rts'].bonus(evidence, fit)
+    assert bonus > 20 if two_levels else bonus == 0
+
+
 def dwelling(seed, dwell, n=12_000, rate=50.0):
     """Return two levels, four standard deviations of a sample apart, that last ``dwell`` s."""
     rng = np.random.default_rng(seed)

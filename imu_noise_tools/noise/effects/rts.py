@@ -28,6 +28,8 @@ _KEPT = 128  # segments kept of each of them
 _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing of the levels
 _FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
+_OF_GRID = 1.5  # steps of the output's grid: no more, and it may be the grid that jumps
+_HELD = 24.0  # times that it is on one level in a dwell: six means of four, near enough to normal
 
 
 class Rts(Spectrum):
@@ -64,7 +66,8 @@ class Rts(Spectrum):
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Keep means of a few samples from the middle of a record whose block means are longer."""
-        out: dict[str, np.ndarray] = {}
+        changes = max(1, np.count_nonzero(np.diff(y)))
+        out = {'held': np.array(inputs.dt * len(y) / changes)}
         for length in (k for k in _SHORT if 2 * k <= len(y) // SLOW):
             size = _KEPT * _SEGMENT * length
             begin = (len(y) - size) // 2
@@ -116,7 +119,15 @@ class Rts(Spectrum):
         if not len(found):
             return None
         step, tau, step_error, tau_error, lead = found[:numbers].tolist()
+        if Rts._of_grid(evidence, step, tau):
+            return None
         return Levels(step, tau, step_error, tau_error, lead, found[numbers:])
+
+    @staticmethod
+    def _of_grid(evidence: Evidence, step: float, tau: float) -> bool:
+        """Tell whether levels may be the output's own: as near, and for not much longer."""
+        held = float(evidence.kept(Rts.name).get('held', 0.0))
+        return step < _OF_GRID * evidence.resolution and tau < _HELD * held
 
     @property
     def knees(self) -> int:
@@ -136,6 +147,8 @@ class Rts(Spectrum):
         seen = self._seen(evidence)
         if seen is not None:
             return seen.lead
+        if self._of_grid(evidence, self['step'], self['tau']):
+            return 0.0
         z, t, width = self._means(evidence, fit)
         some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
         width *= some
