@@ -337,6 +337,19 @@ def test_dwells_shorter_than_block_means_are_told_from_a_process_of_the_same_spe
     assert bonus > 20 if two_levels else bonus < -20
 
 
+def test_what_samples_say_against_a_finding_counts_where_chains_are_compared():
+    """By its spectrum alone a telegraph is as good as the process that is there."""
+    rng, n = np.random.default_rng(14), 60_000
+    phi = np.exp(-0.05)
+    y = lfilter([1], [1, -phi], np.sqrt(1 - phi**2) * rng.standard_normal(n))
+    problem = NoiseProblem(evidence_of(1e-3 * (y + rng.standard_normal((n, 3))[:, 0]), 100.0))
+    fit = problem.point(model_of('noise', ('white',)))
+    found = {f.name: f for f in problem.candidates(fit)}
+    assert found['rts'].elsewhere < -20 and found['gauss_markov'].elsewhere == 0
+    assert found['rts'].gain - found['rts'].elsewhere == pytest.approx(
+        found['gauss_markov'].gain, rel=0.02)
+
+
 @pytest.mark.parametrize('two_levels', [True, False])
 def test_a_grid_that_slow_noise_walks_over_is_no_telegraph(two_levels):
     """Rounded, what a filter lets through stays on a level; steps less than the grid's show."""
@@ -874,6 +887,19 @@ def test_what_is_smooth_is_the_same_at_a_quick_number_of_places(name):
                                      if not p.linear})))
         error = np.sqrt(np.sum((quick - exact) ** 2, axis=0))
         assert np.all(error <= 2e-3 * np.sqrt(np.sum(exact**2, axis=0)))
+
+
+def test_a_noisy_thermometer_read_ahead_has_one_mean():
+    """What is fitted is what is taken out: its rate of change is mostly noise, and no smooth."""
+    rng, n = np.random.default_rng(6), 28_000
+    read = 30 + np.cos(np.arange(n) / 9000) + 0.02 * rng.standard_normal(n)
+    evidence = evidence_of(rng.standard_normal(n), 50.0, temperature=read)
+    effect = find_effect('noise', 'temperature')().with_values(
+        lag=-0.8, smoothing=0.05, read=0.0, slope=1e-2, curvature=-3e-3, cubed=2e-3, course=0.0)
+    view = Likelihood(evidence, 'whole', model_of('noise', ('white',)).plus(effect))
+    solved = view.slow_columns(effect) @ [effect[p.name] for p in effect.parameters if p.linear]
+    known = view._slow_transform(effect.mean(evidence.even_inputs))
+    assert np.sum((solved - known) ** 2) <= 1e-6 * np.sum(known ** 2)
 
 
 def test_what_is_asked_for_again_and_again_is_worked_out_once_whatever_a_search_asks_between():

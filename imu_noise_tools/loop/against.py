@@ -62,7 +62,7 @@ class Against:
         for views in ({finding.view}, {finding.view, *finding.effect.views} & shown):
             before, after = (sum(max(f.gain, 0.0) for f in tests if f.view in views)
                              for tests in (without, with_it))
-            claim = min(finding.gain - finding.elsewhere, before)
+            claim = min(finding.gain - max(finding.elsewhere, 0.0), before)
             if before - after >= rules.HEALED * claim:
                 return ''
             said = said or (f'it claims {claim:.0f} nats of what fails in {finding.view} and '

@@ -601,7 +601,8 @@ class Finding:
     give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
     against it, empty where nothing does. ``shapes`` counts the parameters besides one that the
     penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show:
-    what the samples themselves say. ``log_score`` is that of a test's view.
+    what the samples themselves say, or say against it (negative). ``log_score`` is that of a
+    test's view.
 
     """
 

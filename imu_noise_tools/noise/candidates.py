@@ -190,7 +190,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where,
         against=at_bound(evidence, more.model[label], more.estimates[label]),
         shapes=_shapes(effect, more.estimates[label]),
-        elsewhere=max(bonus, 0.0) + fast,
+        elsewhere=bonus + fast,
     )
     return Tried(finding, whole, partly, peak)
 

@@ -22,7 +22,7 @@ class Temperature(Mean):
     """The bias follows the temperature, its square and its cube, later or earlier."""
 
     name = 'temperature'
-    smooth = slow = True
+    slow = True  # not smooth: the noise of a thermometer, read ahead, is not
     symbol = 'slope, curvature, cubed, course, lag, smoothing, read'
     title = 'temperature sensitivity of the bias'
     equation = (
