@@ -337,6 +337,18 @@ def test_dwells_shorter_than_block_means_are_told_from_a_process_of_the_same_spe
     assert bonus > 20 if two_levels else bonus < -20
 
 
+@pytest.mark.parametrize('cutoff', [5.0, 8.0])
+def test_a_filter_is_found_beside_the_rounding_of_an_angle_behind_it(cutoff):
+    """Without the filter white noise fills the middle, and the rounding is taken for less."""
+    rng, rate, n = np.random.default_rng(16), 50.0, 60_000
+    p = np.exp(-2 * np.pi * cutoff / rate)
+    y = lfilter([1 - p], [1, -p], rng.standard_normal(n)) + np.diff(rng.uniform(-2, 2, n + 1))
+    problem = NoiseProblem(evidence_of(1e-3 * y, rate))
+    problem.point(model_of('noise', ('white', 'quantization')))
+    fit = problem.point(model_of('noise', ('white', 'quantization', 'low_pass')))
+    assert fit.model['low_pass']['cutoff'] == pytest.approx(cutoff, rel=0.15)
+
+
 def test_what_samples_say_against_a_finding_counts_where_chains_are_compared():
     """By its spectrum alone a telegraph is as good as the process that is there."""
     rng, n = np.random.default_rng(14), 60_000

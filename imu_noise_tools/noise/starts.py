@@ -26,6 +26,7 @@ Start: TypeAlias = tuple[Model, np.ndarray]
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 LEAST = 1e-6  # of its median, that a level is anywhere
 BESIDE = 6  # of the starts of a filter beside noise of a smaller model
+MOST = 0.9, 0.99  # of the level that what lies behind a filter may have
 LOWEST = 1e-3  # of what is seen behind held samples, that a filter before them is taken to leave
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
@@ -97,8 +98,13 @@ def _of_what_passes(likelihood, given, effect):
                 not (e.own or isinstance(e, MEASURED)) for e in given.of(Spectrum)) \
             and not any(r.scatters for r in given.of(Response)):
         return []
-    before = Likelihood(likelihood.evidence, 'whole', given)
-    return _gain_alone(before, given.plus(effect), effect).starts(effect)[:BESIDE]
+    before, more = Likelihood(likelihood.evidence, 'whole', given), given.plus(effect)
+    out = _gain_alone(before, more, effect).starts(effect)[:BESIDE]
+    if all(effect.acts_on(e) for e in given.of(Spectrum)):
+        return out
+    # without the filter white noise takes for its own what lies behind it
+    return out + [o for most in MOST
+                  for o in _gain_alone(before, more, effect, most).starts(effect)[:BESIDE // 2]]
 
 
 def _beneath(likelihood, given, effect):
@@ -276,14 +282,22 @@ def _of_each_form(found: Likelihood, x: np.ndarray, here: Model, response: Respo
     return best
 
 
-def _gain_alone(found, here, response):
-    """Return the evidence with what a response leaves of white noise as its power."""
+def _gain_alone(found, here, response, most=0.0):
+    """
+    Return the evidence with what a response leaves of white noise as its power.
+
+    Less what lies behind it: as found, or as a share of the most there may be in the spectrum.
+
+    """
     if found.part_name != 'whole':
         return found.evidence
     _, each = found.spectra(here.minus(response.label))
     power = found.evidence.whole.power
     beside = sum(each[e.label] for e in here.of(Spectrum) if not response.acts_on(e))
     before = sum(each[e.label] for e in here.of(Spectrum) if response.acts_on(e))
+    if most and np.any(beside > 0):
+        some = beside > 0
+        beside = beside * (most * np.min(smooth(power)[some] / beside[some]))
     gain2 = np.maximum(power - beside, 1e-3 * power) / before
     for r in here.of(Response):
         gain2 = np.maximum(r.unscattered(gain2, found.bins), LOWEST * gain2)
