@@ -34,7 +34,7 @@ from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
-from imu_noise_tools.noise.views import p_value, time
+from imu_noise_tools.noise.views import p_value, time, variance
 
 BASE = ('white', 'flicker', 'random_walk')
 
@@ -347,6 +347,23 @@ def test_a_filter_is_found_beside_the_rounding_of_an_angle_behind_it(cutoff):
     problem.point(model_of('noise', ('white', 'quantization')))
     fit = problem.point(model_of('noise', ('white', 'quantization', 'low_pass')))
     assert fit.model['low_pass']['cutoff'] == pytest.approx(cutoff, rel=0.15)
+
+
+def test_a_machine_that_is_switched_on_hides_no_change_of_the_noise():
+    """Beside its band what the noise does is seen: its own coming and going is none of that."""
+    rng, rate, n = np.random.default_rng(17), 20.0, 80_000
+    t = np.arange(n) / rate
+    swing = lfilter([1], [1, -1.96 * np.cos(2 * np.pi * 4.0 / rate), 0.96], rng.standard_normal(n))
+    on = (t > 0.3 * t[-1]) & (t < 0.55 * t[-1])
+    y = rng.standard_normal(n) * np.where(t > 0.8 * t[-1], 1.4, 1.0) + 0.5 * on * swing
+    problem = NoiseProblem(evidence_of(1e-3 * y, rate))
+    fit = problem.point(model_of('noise', ('white', 'narrowband')))
+    change = {f.name: f for f in problem.candidates(fit)}['variance_change']
+    assert change.effect.chosen('form') == 'step' and not change.against
+    assert change.effect['time'] == pytest.approx(0.8 * t[-1], rel=0.02)
+    more = problem.point(model_of('noise', ('white', 'narrowband', 'variance_change')))
+    assert p_value(variance(problem.evidence, more)) > 1e-3 > p_value(
+        variance(problem.evidence, fit))
 
 
 def test_what_samples_say_against_a_finding_counts_where_chains_are_compared():

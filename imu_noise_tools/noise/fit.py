@@ -21,7 +21,7 @@ import numpy as np
 from .descent import minimise
 from .evidence import Evidence
 from .explained import Bands, Explained, judge, set_aside, SetAside, supported as supported_by
-from .kinds import Mean
+from .kinds import Mean, MEASURED, Modulation
 from .likelihood import Likelihood, Linear
 from .measured import with_measured
 from .response import OPEN, OpenResponse, Rational
@@ -148,6 +148,8 @@ def _fit_of(found: Found, measured, flags, intervals: bool) -> Fit:
     likelihood, x = found.likelihood, found.x
     nll, linear, _, _ = likelihood.value(x)
     fitted = with_linear(likelihood, likelihood.with_search(x), linear)
+    if fitted.of(Modulation):   # beside peaks as they were fitted
+        fitted, measured, flags = with_measured(likelihood.evidence, fitted)
     said = dict(measured)
     if intervals:
         more, hit = estimates(likelihood, x, found.information, linear, found.slowest)
@@ -179,10 +181,11 @@ def beside(evidence: Evidence, fit: Fit, model: Model) -> Fit:
     intervals.
 
     """
-    model, said, flags = with_measured(evidence, model)
-    same = {e.label: e.values for e in fit.model if e.label in model and e.label not in said}
+    model, said, flags = with_measured(evidence, model.with_values(
+        {e.label: e.values for e in fit.model
+         if e.label in model and not isinstance(e, MEASURED)}))
     return replace(
-        fit, model=model.with_values(same),
+        fit, model=model,
         estimates={k: said[k] if k in said else fit.estimates[k] for k in model.labels
                    if k in said or k in fit.estimates},
         flags=(*flags, *_in_words(fit.details, evidence.loud)))

@@ -460,7 +460,8 @@ _HANN_SKEW = 8 / 3 * 0.1315
 
 
 _FIRST = 3  # ordinate at which the lowest band of the power in time begins
-_PART = 0.1  # of its power, from which the mean is seen there
+_PART = 0.1  # of its power, from which the mean or a peak is seen there
+_LEAKS = 1.5  # ordinates by which a band's power is seen beyond it through a Hann window
 _BESIDE = 4  # blocks on either side that tell the power of one
 
 
@@ -493,7 +494,8 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
         return t, below[0][:, None], below[1][:, None]
     p = evidence.block_power[-1] if model is None else evidence.block_power_of(model)
     if model is not None:
-        p = _without_mean(evidence, model, p)
+        p = _without_peaks(peaks_in(evidence, model), evidence.block_count,
+                           _without_mean(evidence, model, p))
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
     level = np.mean(p, axis=0)
@@ -521,13 +523,52 @@ def beside(evidence: Evidence, model: Model) -> Evidence:
     """
     Return what is seen beside a model of what changes in time.
 
-    A jump of a path that is seen is no noise that is loud where it comes.
+    A jump of a path that is seen is no noise that is loud where it comes, and a machine that comes
+    and goes none that is the sensor's.
 
     """
     here = evidence.beside(model)
     seen = [s for s in model.of(Spectrum) if s.path(evidence) is not None]
-    return here.steadier(tuple(s.label for s in seen), lambda p: _without(
-        evidence, _followed_by(evidence, Model(tuple(seen))), p)) if seen else here
+    if seen:
+        here = here.steadier(tuple(s.label for s in seen), lambda p: _without(
+            evidence, _followed_by(evidence, Model(tuple(seen))), p))
+    held = peaks_in(evidence, model)
+    return here.steadier(('bands', *np.flatnonzero(held)), lambda p: _without_peaks(
+        held, evidence.block_count, p)) if np.any(held) else here
+
+
+def peaks_in(evidence: Evidence, model: Model) -> np.ndarray:
+    """
+    Tell in which bands of the power in time the model's peaks are seen, (bands,) bool.
+
+    Nowhere where that is most of them: what then changes are the peaks.
+
+    """
+    count, bins = evidence.block_count, evidence.whole.bins
+    none = np.zeros(len(count), bool)
+    peaks = [s for s in model.of(Spectrum) if all(p.name in s.values for p in s.parameters)
+             and s.centre is not None]
+    if not peaks:
+        return none
+    own, total = (np.concatenate([[0.0], np.cumsum(v * bins.count)]) for v in (
+        sum(s.binned(bins) for s in peaks), evidence.whole.power))
+    width = 1 / (evidence.n // evidence.block_power.shape[1] * evidence.dt)
+    last = _FIRST + np.cumsum(count)
+    at = 2 * bins.n * evidence.dt * width * np.array(
+        [last - count - 0.5 - _LEAKS, last - 0.5 + _LEAKS])
+    own, total = (np.diff(np.interp(at, np.append(bins.first, bins.n), v), axis=0)[0]
+                  for v in (own, total))
+    held = own > _PART * total
+    return held if count[held].sum() <= 0.5 * count.sum() else none
+
+
+def _without_peaks(held: np.ndarray, count: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the power in time (blocks, bands) with some bands as loud as the others are."""
+    if not np.any(held):
+        return p
+    level = np.mean(p, axis=0)
+    others = (p[:, ~held] / level[~held]) @ count[~held] / count[~held].sum()
+    return np.where(held, level * others[:, None], p)
 
 
 def _without_mean(evidence: Evidence, model: Model, p: np.ndarray) -> np.ndarray:
