@@ -164,6 +164,23 @@ def test_jumps_between_levels_are_no_bursts_where_samples_are_held():
         assert least <= len(kept['size']) <= least + 12
 
 
+@pytest.mark.parametrize('kind', ['white', 'filtered', 'quieter at times'])
+@pytest.mark.parametrize('seed', range(8))
+def test_a_few_runs_of_one_length_are_held_samples(kind, seed):
+    """Of 28 000 samples 18 begin to be held, for eight each: the grid makes 600 pairs equal."""
+    rng, n = np.random.default_rng([21, seed]), 28_000
+    y = rng.standard_normal(n)
+    if kind == 'filtered':
+        y = lfilter([0.5], [1, -0.5], y)
+    elif kind != 'white':
+        y[n // 2:n // 2 + 2000] /= 4
+    held = y.copy()
+    for k in rng.integers(0, n - 10, 18):
+        held[k:k + 8] = held[k]
+    for samples, is_held in ((y, False), (held, True)):
+        assert repeats(0.07 * np.round(samples / 0.07)).held == is_held
+
+
 def test_where_all_samples_stand_on_one_level_nothing_is_told():
     assert not before_rounding(np.r_[8.0 * np.round(noise(6) / 8), 8.0], 8.0).size
 

@@ -17,6 +17,8 @@ TWO_SIDED, ONE_SIDED = 1.959963984540054, 1.6448536269514722
 CHI2_95, CHI2_90 = 3.841458820694124, 2.705543454095404
 MAD = 1.482602218505602         # standard deviation over median absolute deviation, if normal
 FAR = (101, 149, 211)  # samples: longer than any hold
+LENGTHS = 3, 50     # of equal samples, that rounding makes seldom and a sensor holds
+FEWEST_RUNS = 5     # of one length
 
 
 def interval(value: Any, std: Any, positive: bool = False) -> tuple[Any, Any]:
@@ -196,11 +198,17 @@ def _levels(y: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Repeats(NamedTuple):
-    """Shares of neighbours that are equal, and by chance would be; whether samples are held."""
+    """
+    Shares of neighbours that are equal, and by chance would be; whether samples are held.
+
+    ``runs`` is what those that are held for one length say, nats (:func:`runs_of_one_length`).
+
+    """
 
     seen: float
     chance: float
     held: bool
+    runs: float = 0.0
 
     @property
     def share(self) -> float:
@@ -257,7 +265,9 @@ def repeats(y: np.ndarray) -> Repeats:
     far = float(np.mean([_equal_over(y, k) for k in lags])) if lags else 0.0
     if max(near, far) <= 0.2:
         chance = max(near, far, _by_rounding(y, step))
-        return Repeats(seen, chance, (seen - chance) * n >= 10 + 5 * np.sqrt(4 * chance * n))
+        runs = runs_of_one_length(y[1:] == y[:-1], chance)
+        many = (seen - chance) * n >= 10 + 5 * np.sqrt(4 * chance * n)
+        return Repeats(seen, chance, many or runs > 0, runs)
     if not lags or far > 0.8:
         return Repeats(seen, max(near, far), False)
     wide = 1.5 * step
@@ -267,6 +277,24 @@ def repeats(y: np.ndarray) -> Repeats:
     expected = others * fresh * n
     alike = expected > 100 and abs(jumps * n - expected) < 0.1 * expected + 4 * expected**0.5
     return Repeats(seen, far, bool(fresh < 0.95 and alike))
+
+
+def runs_of_one_length(same: np.ndarray, chance: float) -> float:
+    """
+    Return what runs of equal samples say that are longer than others, all alike; 0: there are none.
+
+    Of runs that rounding makes there are the fewer the longer they are. ``same`` (n - 1,) tells
+    which samples equal the one before, ``chance`` how often rounding makes two equal; nats of a
+    Poisson count of runs as long.
+
+    """
+    count = np.bincount(whole_runs(same), minlength=LENGTHS[1] + 2)
+    length = np.arange(LENGTHS[0], LENGTHS[1] + 1)
+    seen = count[length]
+    alike = (seen >= FEWEST_RUNS) & (seen > 2 * (count[length - 1] + count[length + 1]))
+    expected = len(same) * max(chance, 1 / len(same)) ** (length - 1.0)
+    gain = seen * np.log(np.maximum(seen, 1) / expected) - (seen - expected)
+    return float(np.max(gain, where=alike, initial=0.0))
 
 
 def whole_runs(same: np.ndarray) -> np.ndarray:

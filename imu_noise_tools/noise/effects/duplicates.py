@@ -72,12 +72,13 @@ class Duplicates(Defect, Response):
         of a slower sensor, and for how long samples are held where not.
 
         """
-        fraction, expected, held = repeats(y)
+        fraction, expected, held, runs = repeats(y)
         out = {
             'fraction': np.array(fraction),
             'expected': np.array(expected),
             'regular': np.array(float(inputs.slower)),
             'held': np.array(held),
+            'runs': np.array(runs),
             'n': np.array(len(y)),
         }
         if not held:
@@ -126,6 +127,7 @@ class Duplicates(Defect, Response):
         # likelihood ratio of the binomial count of equal neighbours
         q = min(max(chance, 0.5 / n), 0.999)
         gain = n * (seen * np.log(seen / q) + (1 - seen) * np.log(max(1 - seen, 1e-12) / (1 - q)))
+        gain = max(gain, float(kept.get('runs', 0.0)))      # or that of runs of one length
         std = float(np.sqrt(seen * (1 - seen) / n))
         effect = self.with_values(fraction=share, pattern=float(kept['regular']),
                                   run=float(kept.get('run', 1.0)))
