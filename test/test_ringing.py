@@ -212,3 +212,17 @@ def test_a_knock_that_ends_where_noise_falls_stands_out_of_the_louder():
         noise = rng.standard_normal(60_000) * np.where(np.arange(60_000) < 8000, 1.2, 1.0)
         y = knocked(noise, (5.9, 30.0), 27.0, 0.3, 150.0, dt=0.001, rng=rng)
         assert np.any(np.abs(find_rings(y, 0.001, LEAST).begin - 5900) < 30)
+
+
+@pytest.mark.parametrize('real', [False, True])
+@pytest.mark.parametrize('seed', [12, 17, 22])
+def test_what_stays_on_the_levels_of_a_coarse_grid_is_no_shock(seed, real):
+    """Of noise less than the counts of an angle some blocks are far from normal by chance."""
+    rng, n, dt = np.random.default_rng([22, seed]), 270_000, 2.5e-4
+    rate = 0.3 * (np.cumsum(rng.random(n) < dt / 3) % 2 - 0.5)
+    angle = np.cumsum(rate + 0.05 * rng.standard_normal(n)) + 0.25 * rng.standard_normal(n)
+    if real:
+        angle[150_000:151_000] += 3 * np.exp(-np.arange(1000) / 200) * rng.standard_normal(1000)
+    found = find_effect('noise', 'shock').statistics(
+        1e-3 * np.diff(np.round(angle)), Inputs(dt * np.arange(n - 1), dt))
+    assert bool(found and np.sum(found['worth']) > 0) == real

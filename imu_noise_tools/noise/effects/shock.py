@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy.fft import idct
 from scipy.ndimage import median_filter
-from scipy.special import binom, chdtrc, chdtri, digamma, polygamma
+from scipy.special import binom, chdtrc, chdtri, digamma, pdtrc, polygamma
 
 from ..dying import lasting
 from ..evidence import Evidence
@@ -32,6 +32,7 @@ SURE = 15.0  # nats that one is worth at least, the search for it paid
 AROUND = 1 << 14  # samples at least whose spectrum one is weighed against
 RINGS = 7.0  # nats beyond chance of knocks that ring alike: one record in a thousand has them
 FADED = 4.0  # time constants after which nothing of a ring is heard
+SELDOM = 1e-3    # share of the samples that reach a level of a coarse grid, and of such by chance
 COARSE = 2.0  # standard deviations in a step of the grid
 FEW_HELD = 0.2  # share of samples that are held, between which a ring is drawn
 STRETCHES = 8  # of a half in which knocks that ring are counted
@@ -83,8 +84,8 @@ class Shock(Defect):
 
         """
         # what jumps between two levels or three is nothing like the noise that rings stand out of
-        coarse = grid_step(y)[0] > COARSE * np.std(y)
-        rings = NONE if coarse else _rings_in(y, inputs.dt)
+        jumps = grid_step(y)[0] > COARSE * np.std(y)
+        rings = NONE if jumps else _rings_in(y, inputs.dt)
         out = _dying_out(y, _loud(y, inputs.dt), inputs.dt)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
@@ -282,8 +283,30 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
         return {}
     out = dict(zip(('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T))
     out = _beyond_the_usual(ratio, degrees, length, out)
+    out = _beyond_the_usual_levels(y, out)
     out = _beyond_the_spectrum(y, out, dt) if len(out['begin']) else {}
     return out if len(out.get('begin', ())) else {}
+
+
+def _beyond_the_usual_levels(y: np.ndarray, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """
+    Return what reaches levels of a coarse grid more often than others do, or all where none is.
+
+    How loud rounding makes noise less than its step goes with where the mean stands between two
+    levels, which are all that is then seen.
+
+    """
+    if not len(kept['begin']) or grid_step(y)[0] < np.std(y):
+        return kept
+    off, inside = np.abs(y - np.median(y)), np.zeros(len(y), bool)
+    stretches = [slice(int(b), int(e)) for b, e in zip(kept['begin'], kept['end'])]
+    for at in stretches:
+        inside[at] = True
+    rare = off > np.quantile(off[~inside], 1 - SELDOM) * (1 + 1e-9)
+    often = np.mean(rare[~inside])
+    beyond = np.array([pdtrc(np.sum(rare[at]) - 1, often * (at.stop - at.start)) < SELDOM
+                       if np.any(rare[at]) else False for at in stretches])
+    return {k: v[beyond] for k, v in kept.items()}
 
 
 def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:
