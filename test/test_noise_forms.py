@@ -34,7 +34,7 @@ from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
-from imu_noise_tools.noise.views import p_value, time, variance
+from imu_noise_tools.noise.views import beside, p_value, time, variance
 
 BASE = ('white', 'flicker', 'random_walk')
 
@@ -364,6 +364,20 @@ def test_a_machine_that_is_switched_on_hides_no_change_of_the_noise():
     more = problem.point(model_of('noise', ('white', 'narrowband', 'variance_change')))
     assert p_value(variance(problem.evidence, more)) > 1e-3 > p_value(
         variance(problem.evidence, fit))
+
+
+@pytest.mark.parametrize('turn, told', [(0.1, False), (0.2, False), (0.5, True)])
+def test_how_loud_the_error_of_a_counted_angle_is_says_nothing_where_it_is_a_swing(turn, told):
+    """It goes with where the mean stands; of more than a third of a count it is noise."""
+    rng, n, rate = np.random.default_rng(18), 40_000, 50.0
+    t = np.arange(n) / rate
+    louder = np.where((t > 0.6 * t[-1]) & told, 1.5, 1.0)
+    angle = np.cumsum(0.4 * np.sin(2 * np.pi * t / 422) + turn * louder * rng.standard_normal(n))
+    evidence = evidence_of(1e-3 * np.diff(np.round(angle)), rate)
+    for names, free in ((('white', 'quantization'), told), (('white',), True)):
+        found = beside(evidence, model_of('noise', names)).measured(
+            find_effect('noise', 'variance_change')())
+        assert bool(found and found.gain > 20) == free
 
 
 def test_what_samples_say_against_a_finding_counts_where_chains_are_compared():

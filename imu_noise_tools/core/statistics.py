@@ -281,7 +281,7 @@ def repeats(y: np.ndarray) -> Repeats:
 
 def runs_of_one_length(same: np.ndarray, chance: float) -> float:
     """
-    Return what runs of equal samples say that are longer than others, all alike; 0: there are none.
+    Return what runs of equal samples say that are longer than others, all alike; 0: none are.
 
     Of runs that rounding makes there are the fewer the longer they are. ``same`` (n - 1,) tells
     which samples equal the one before, ``chance`` how often rounding makes two equal; nats of a

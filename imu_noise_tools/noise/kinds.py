@@ -130,6 +130,10 @@ class NoiseEffect(Effect):
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
 
+    def levels_loudness(self, evidence: Evidence) -> bool:
+        """Tell whether beside it nothing of how loud noise is in time is the noise's own doing."""
+        return False
+
     def muting(self) -> tuple[str, ...]:
         """Return the views that it mutes as it is, of those it may mute."""
         return self.mutes

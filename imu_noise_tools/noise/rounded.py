@@ -137,22 +137,36 @@ def colour_of_counts(y: np.ndarray, step: float) -> np.ndarray:
         One count.
 
     """
+    turned, mean = _turns(y, step)
+    every = np.arange(1, len(turned) + 1)
+    out = 12 * np.array([_error(d, _waves(k * mean)) for k, d in zip(every, turned)])
+    return np.append(1.0, out) if np.any(np.abs(out) > FAINT) else np.ones(1)
+
+
+def turn_of_a_sample(y: np.ndarray, step: float) -> float:
+    """
+    Return D_1 (:func:`colour_of_counts`), in counts squared, of rates y (n,) in whole counts.
+
+    Infinite where it is no angle that is counted, or one that turns by next to nothing.
+
+    """
+    turned, _ = _turns(y, step)
+    return float(turned[0]) if len(turned) else np.inf
+
+
+def _turns(y: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return D (k,) of counts after k samples and b (blocks,); none where no angle is counted."""
     count = np.rint((y[:MANY] - y[0]) / step)
     length = max(len(count) // BLOCKS, LENGTH)
     while length <= len(count):
-        block = count[:len(count) // length * length].reshape(-1, length)
-        turned, mean = _turned_after(block)
+        turned, mean = _turned_after(count[:len(count) // length * length].reshape(-1, length))
         if turned[-1] > GONE:
-            break
+            # in twice the time no angle turns by more than twice as much: each rate was rounded
+            # by itself
+            counted = len(turned) > 1 and turned[1] <= 4 * turned[0]
+            return (turned, mean) if counted else (np.zeros(0), np.zeros(0))
         length *= 4
-    else:
-        return np.ones(1)   # it turns by so little that its error is a swing, or none
-    # in twice the time no angle turns by more than twice as much: each rate was rounded by itself
-    if len(turned) == 1 or turned[1] > 4 * turned[0]:
-        return np.ones(1)
-    every = np.arange(1, len(turned) + 1)
-    out = 12 * np.array([_error(d, _waves(k * mean)) for k, d in zip(every, turned)])
-    return np.append(1.0, out) if np.max(np.abs(out)) > FAINT else np.ones(1)
+    return np.zeros(0), np.zeros(0)     # its error is a swing, or none
 
 
 def _turned_after(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,11 +11,12 @@ from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
-from ..rounded import coarse, colour_of_counts
+from ..rounded import coarse, colour_of_counts, turn_of_a_sample
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 from ...loop.effect import Effect, Fit
 
 QUICK = 1 << 16     # samples whose differences say whether a step is large
+SWINGS = 0.2    # of the first wave of an error, that two samples have in common: it is no noise
 LEAST = 1e-3    # of white: what is told of the colour is not exact
 
 
@@ -54,6 +55,7 @@ class Quantization(Spectrum):
         out = {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
         if step > 0 and np.mean(np.diff(y[:QUICK]) ** 2) < step**2:
             out['colour'] = colour_of_counts(y, step)
+            out['turned'] = np.array(turn_of_a_sample(y, step))
         return out
 
     def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
@@ -64,6 +66,16 @@ class Quantization(Spectrum):
         s = np.fft.rfft(np.append(r, np.zeros(15 * len(r)))).real * 2 - 1
         at = np.linspace(0, 0.5 / evidence.dt, len(s))
         return lambda f: np.interp(f, at, np.maximum(s, LEAST))
+
+    def levels_loudness(self, evidence: Evidence) -> bool:
+        """
+        Where the angle turns by little of a step in a sample.
+
+        The error is then a swing, whose power goes with where the mean stands.
+
+        """
+        turned = float(evidence.kept(self.name).get('turned', np.inf))
+        return bool(np.exp(-2 * np.pi**2 * turned) > SWINGS)
 
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """

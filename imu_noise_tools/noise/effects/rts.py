@@ -66,7 +66,7 @@ class Rts(Spectrum):
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """Keep means of a few samples from the middle of a record whose block means are longer."""
-        changes = max(1, np.count_nonzero(np.diff(y)))
+        changes = max(1, int(np.count_nonzero(np.diff(y))))
         out = {'held': np.array(inputs.dt * len(y) / changes)}
         for length in (k for k in _SHORT if 2 * k <= len(y) // SLOW):
             size = _KEPT * _SEGMENT * length

@@ -92,6 +92,8 @@ class VarianceChange(Modulation):
         if len(t) < FEWEST:
             return None
         # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
+        if np.ptp(x) < 1e-9:    # of means, which are 1
+            return None
         w = rough_degrees(x, w)
         some = sorted(self._shapes(t, pooled(x, w), degrees_of(w)),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
