@@ -45,7 +45,9 @@ COMMAND = pathlib.Path(sys.executable).parent / 'imu_noise'
 def run(arguments, folder, limit):
     """Run the command; return exit code, standard output, standard error and its CPU seconds."""
     out, err = folder / 'stdout', folder / 'stderr'
-    environment = {'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1', **os.environ}
+    # compiled once, as what is installed is
+    environment = {'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1', **os.environ,
+                   'PYTHONDONTWRITEBYTECODE': ''}
     with open(out, 'w') as o, open(err, 'w') as e:
         process = subprocess.Popen([str(COMMAND), *arguments], stdout=o, stderr=e, cwd=folder,
                                    env=environment)
