@@ -27,7 +27,7 @@ from imu_noise_tools.core.spectrum import Bins
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
-from imu_noise_tools.noise import flexible, shared, views
+from imu_noise_tools.noise import candidates, flexible, shared, views
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
@@ -851,3 +851,24 @@ def test_bursts_are_taken_out_before_two_levels_are_looked_for():
     problem, _ = alone(SIZE * y, 'white', 'spikes')
     kept = problem.evidence.kept('rts')
     assert np.max(np.abs(kept['means_1'])) < 6 * np.std(kept['means_1'])
+
+
+def test_where_a_response_was_left_open_a_filter_is_looked_for_in_all_of_the_spectrum(monkeypatch):
+    """What the smaller model explained with that says nothing of where the filter shows."""
+    rng, n, rate = np.random.default_rng(60), 46_000, 200.0
+    own = np.convolve(rng.standard_normal(5 * n + 20), np.ones(21) / 21, 'valid')[::5]
+    y = SIZE * (own / np.std(own) + 0.06 * rng.standard_normal(n))
+    e = gather(ImuRecord(np.outer(y, [1, 0, 0]), None, np.arange(n) / rate, rate), ['gyro_x'])
+    fit = NoiseProblem(e['gyro_x']).point(model_of('noise', ('white', 'flicker', 'random_walk')))
+    assert fit.details.hint.order.terms
+    begun = []
+    original = candidates.fit_part
+
+    def seen(*given, hint=None, **named):
+        begun.append(hint)
+        return original(*given, hint=hint, **named)
+
+    monkeypatch.setattr(candidates, 'fit_part', seen)
+    more = candidates._refitted(e['gyro_x'], fit, find_effect('noise', 'low_pass')())
+    assert begun[0] is None
+    assert more.model['low_pass']['cutoff'] == pytest.approx(0.443 * rate / 4.2, rel=0.05)

@@ -331,8 +331,6 @@ def _refitted(evidence, fit, effect):
     model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
     # what was left open must not do its work
     bare = replace(hint, order=Order(), values=())
-    if isinstance(effect, Response):
-        hint = bare
     slow = evidence.whole.bins.last <= SLOW
     slow[:evidence.thermal('whole')] = True
     if isinstance(effect, Mean):
@@ -342,7 +340,10 @@ def _refitted(evidence, fit, effect):
             return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
         # what was set aside there may be its doing
         hint = replace(hint, f=evidence.whole.bins.f, weight=np.where(slow, 1.0, known))
-    more = fit_part(evidence, model, intervals=False, start=fit.model, hint=hint)
+    # nor does what was explained with that say where a filter should look
+    left_open = isinstance(effect, Response) and hint.order.terms
+    more = fit_part(evidence, model, intervals=False, start=fit.model,
+                    hint=None if left_open else hint)
     if isinstance(effect, Response) and not np.all(beside := _beside_peaks(evidence, fit)):
         # a peak without a name takes the filter along that is to be seen around it
         some = Explained(evidence.whole.bins.f, beside)
