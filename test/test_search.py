@@ -234,6 +234,18 @@ def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):
     assert search._begun([rival], main) == [rival]
 
 
+@pytest.mark.parametrize('shared', [90.0, 110.0])
+def test_what_would_yield_to_a_mean_is_no_rival_of_it_whichever_stands_out_more(search, shared):
+    able = {'': [found('transient', 'time'), found('shared_noise', 'coherence', shared)]}
+    able[''].sort(key=lambda f: -f.gain)
+    search._heals = search._lowers = lambda *_: True
+    search._pair = lambda *_: []
+    search.places.at = lambda model: SimpleNamespace(
+        model=model, candidates=able.get(', '.join(model.labels[1:]), []))
+    assert [f.name for f in search.chain()] == ['transient']
+    assert [f.name for f in search._yielded] == ['shared_noise']
+
+
 def test_what_is_left_in_the_end_is_asked_again(search):
     """Where more falls each time than there are rounds: without what fell it may not hold."""
     chain = [found('narrowband', gain=100.0 - k) for k in range(ROUNDS + 3)]

@@ -98,6 +98,8 @@ class Search:
                 # what stands out most may need another one beside it; less would take its place
                 best = best or self._first(members, [f], failed) or pair()
                 if best:
+                    # nor is what would have given way a rival of that
+                    self._yielded += [g for g in able if yields(g, best[0])]
                     break
             self._note(members, place, failed)
             best = best or pair()
