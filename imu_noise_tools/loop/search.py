@@ -99,7 +99,7 @@ class Search:
                 best = best or self._first(members, [f], failed) or pair()
                 if best:
                     # nor is what would have given way a rival of that
-                    self._yielded += [g for g in able if yields(g, best[0])]
+                    self._yielded += [g for g in able if g is not f and yields(g, best[0])]
                     break
             self._note(members, place, failed)
             best = best or pair()
