@@ -324,6 +324,17 @@ def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
     assert not said[0] and '1 parameter less' in said[1], said
 
 
+@pytest.mark.parametrize('better, named', [(1.0, True), (8.0, False)])
+def test_a_filter_alone_is_named_where_it_is_as_good_as_a_knee(better, named, monkeypatch):
+    """It may spend more parameters, of noise behind it and what it acts on; it has a name."""
+    problem, fit = alone(SIZE * coloured(np.random.default_rng(3), 0.6), 'white', 'low_pass')
+    monkeypatch.setattr(flexible, 'gained', lambda *_, **__: better)
+    one = replace(fit, model=fit.model.with_values({'low_pass': {
+        'form': 'first_order', 'averaged': 0.0, 'behind': 0.01, 'filters': 1.0}}))
+    said = flexible._knee(problem.evidence, one, one.model['low_pass'], 100.0)
+    assert (not said) == named, said
+
+
 def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     """Nor is a peak of which it passes all, most of the time; but what explains more."""
     evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]), duration=600.0)

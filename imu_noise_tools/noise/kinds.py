@@ -130,7 +130,7 @@ class NoiseEffect(Effect):
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
 
-    def levels_loudness(self, evidence: Evidence) -> bool:
+    def hides_loudness(self, evidence: Evidence) -> bool:
         """Tell whether beside it nothing of how loud noise is in time is the noise's own doing."""
         return False
 

@@ -73,7 +73,7 @@ def hidden_by(evidence: Evidence, fit: Fit, view: str) -> bool:
     A coarse grid does not hide the variance where the levels tell it.
 
     """
-    if view == 'variance' and any(e.levels_loudness(evidence) for e in fit.model.of(NoiseEffect)):
+    if view == 'variance' and any(e.hides_loudness(evidence) for e in fit.model.of(NoiseEffect)):
         return True
     if view == 'variance' and evidence.unrounded.size:
         return False
@@ -530,7 +530,7 @@ def beside(evidence: Evidence, model: Model) -> Evidence:
 
     """
     here = evidence.beside(model)
-    if any(e.levels_loudness(evidence) for e in model.of(NoiseEffect)):
+    if any(e.hides_loudness(evidence) for e in model.of(NoiseEffect)):
         return here.as_rounded.steadier(('level',), lambda p: np.ones_like(p) * np.mean(p, axis=0))
     seen = [s for s in model.of(Spectrum) if s.path(evidence) is not None]
     if seen:

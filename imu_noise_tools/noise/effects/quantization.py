@@ -67,7 +67,7 @@ class Quantization(Spectrum):
         at = np.linspace(0, 0.5 / evidence.dt, len(s))
         return lambda f: np.interp(f, at, np.maximum(s, LEAST))
 
-    def levels_loudness(self, evidence: Evidence) -> bool:
+    def hides_loudness(self, evidence: Evidence) -> bool:
         """
         Where the angle turns by little of a step in a sample.
 
