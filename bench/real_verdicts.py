@@ -39,7 +39,7 @@ def run(*arguments) -> tuple[dict, float]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     got = subprocess.run([str(COMMAND), *map(str, arguments), '--json'], capture_output=True,
                          text=True, env={'OMP_NUM_THREADS': '1', **os.environ,
-                              'PYTHONDONTWRITEBYTECODE': ''})
+                                         'PYTHONDONTWRITEBYTECODE': ''})
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if got.returncode:
         print(got.stderr.strip(), file=sys.stderr)
