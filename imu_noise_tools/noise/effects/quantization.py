@@ -55,7 +55,8 @@ class Quantization(Spectrum):
         out = {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
         if step > 0 and np.mean(np.diff(y[:QUICK]) ** 2) < step**2:
             out['colour'] = colour_of_counts(y, step)
-            out['turned'] = np.array(turn_of_a_sample(y, step))
+            if np.isfinite(turned := turn_of_a_sample(y, step)):
+                out['turned'] = np.array(turned)
         return out
 
     def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
