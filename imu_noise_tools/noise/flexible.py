@@ -398,8 +398,9 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
         gone = [e for e in filters if e not in some]
         more = len(Knee.parameters) - sum(spent.values()) - sum(
             e.always_fitted + _used(e) for e in gone)
-        # one alone is named where it is as good; several may do a knee's work together
-        least = PRICE * more if gone or len(spent) > 1 else DIRECTED
+        # a filter alone is named where it is as good; several may do a knee's work together
+        alone = isinstance(effect, Response) and not gone and len(spent) == 1
+        least = DIRECTED if alone else PRICE * more
         if more > 0:    # of a drift that the knee does without it has the parameters as well
             spared = max(0, _levels(fit, some) - _levels(rival, some))
             more = max(0, more - spared)
