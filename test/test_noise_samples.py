@@ -28,7 +28,9 @@ from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.rounded import added_by_rounding, before_rounding, colour_of_counts
+from imu_noise_tools.noise.rounded import (
+    added_by_rounding, before_rounding, colour_of_turns, turns_of_counts
+)
 from imu_noise_tools.noise.slower import as_measured, shown_first
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -349,7 +351,7 @@ def counted(sigma, length, mean, n=N):
 def test_the_error_of_counts_has_a_colour_where_the_angle_turns_by_little(sigma, length, mean):
     """Also where the rate swings, so that one of its means is none."""
     y, error = counted(sigma, length, mean)
-    colour = colour_of_counts(0.7 * y, 0.7)
+    colour = colour_of_turns(*turns_of_counts(0.7 * y, 0.7))
     assert len(colour) > 3
     e = error - np.mean(error)
     seen = [12 * np.mean(e[k:] * e[:-k]) for k in range(1, len(colour))]
@@ -357,14 +359,14 @@ def test_the_error_of_counts_has_a_colour_where_the_angle_turns_by_little(sigma,
 
 
 def test_the_error_of_counts_is_white_where_noise_spans_one():
-    assert len(colour_of_counts(counted(0.6, 1, 0.2)[0], 1.0)) == 1
+    assert len(colour_of_turns(*turns_of_counts(counted(0.6, 1, 0.2)[0], 1.0))) == 1
 
 
 @pytest.mark.parametrize('mean', [0.1, 0.3, 0.45])
 @pytest.mark.parametrize('sigma, share', [(0.3, 0.3), (0.25, 0.99)])
 def test_rates_that_were_rounded_each_by_itself_are_no_counts(sigma, share, mean):
     y = np.round(sigma * lfilter(*butter(2, share), noise(12)) + mean)
-    assert len(colour_of_counts(y, 1.0)) == 1
+    assert len(colour_of_turns(*turns_of_counts(y, 1.0))) == 1
 
 
 @pytest.mark.parametrize('mean', [0.0, 0.2])

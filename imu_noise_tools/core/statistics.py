@@ -254,7 +254,8 @@ def repeats(y: np.ndarray) -> Repeats:
 
     """
     n = len(y)
-    seen = float(np.mean(y[1:] == y[:-1])) if n > 1 else 0.0
+    same = y[1:] == y[:-1]
+    seen = float(np.mean(same)) if n > 1 else 0.0
     if seen == 0:
         return Repeats(0.0, 0.0, False)
     step, _ = grid_step(y)
@@ -265,7 +266,7 @@ def repeats(y: np.ndarray) -> Repeats:
     far = float(np.mean([_equal_over(y, k) for k in lags])) if lags else 0.0
     if max(near, far) <= 0.2:
         chance = max(near, far, _by_rounding(y, step))
-        runs = runs_of_one_length(y[1:] == y[:-1], chance)
+        runs = runs_of_one_length(same, chance)
         many = (seen - chance) * n >= 10 + 5 * np.sqrt(4 * chance * n)
         return Repeats(seen, chance, many or runs > 0, runs)
     if not lags or far > 0.8:

@@ -329,8 +329,6 @@ def _unlikely(fit: Fit) -> float:
 
 def _refitted(evidence, fit, effect):
     model, hint = Model((*unfitted(fit.model), effect)), fit.details.hint
-    # what was left open must not do its work
-    bare = replace(hint, order=Order(), values=())
     slow = evidence.whole.bins.last <= SLOW
     slow[:evidence.thermal('whole')] = True
     if isinstance(effect, Mean):
@@ -340,7 +338,7 @@ def _refitted(evidence, fit, effect):
             return fit_part(evidence, model, intervals=False, start=fit.model, basis=hint)
         # what was set aside there may be its doing
         hint = replace(hint, f=evidence.whole.bins.f, weight=np.where(slow, 1.0, known))
-    # nor does what was explained with that say where a filter should look
+    # what was left open must not do its work, nor does what it explained say where to look
     left_open = isinstance(effect, Response) and hint.order.terms
     more = fit_part(evidence, model, intervals=False, start=fit.model,
                     hint=None if left_open else hint)
@@ -351,6 +349,7 @@ def _refitted(evidence, fit, effect):
         more = max(more, other, key=lambda x: _gain(evidence, fit, x, False))
     # nor that of noise beside which it is not needed; what is measured has nothing that is free
     if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
+        bare = replace(hint, order=Order(), values=())
         other = fit_part(evidence, model, intervals=False, start=fit.model, hint=bare)
         peak = other.model.of(Spectrum)[-1].centre is not None
         more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))

@@ -120,7 +120,7 @@ def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:
     return step**2 * np.append(variance - power[0], rho[:, None] ** orders[1:] @ power[1:])
 
 
-def colour_of_counts(y: np.ndarray, step: float) -> np.ndarray:
+def colour_of_turns(turned: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """
     Return the autocorrelation, from lag 0 on, of the error of an angle that is read in counts.
 
@@ -131,31 +131,25 @@ def colour_of_counts(y: np.ndarray, step: float) -> np.ndarray:
 
     Parameters
     ----------
-    y : ndarray (n,)
-        Rates that are whole counts.
-    step : float
-        One count.
+    turned : ndarray (k,)
+        D of 1, 2, ... samples, in counts squared (:func:`turns_of_counts`).
+    mean : ndarray (blocks,)
+        b of each block, in counts.
 
     """
-    turned, mean = _turns(y, step)
     every = np.arange(1, len(turned) + 1)
     out = 12 * np.array([_error(d, _waves(k * mean)) for k, d in zip(every, turned)])
     return np.append(1.0, out) if np.any(np.abs(out) > FAINT) else np.ones(1)
 
 
-def turn_of_a_sample(y: np.ndarray, step: float) -> float:
+def turns_of_counts(y: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return D_1 (:func:`colour_of_counts`), in counts squared, of rates y (n,) in whole counts.
+    Return D (k,), counts squared, after k samples, and b (blocks,) of :func:`colour_of_turns`.
 
-    Infinite where it is no angle that is counted, or one that turns by next to nothing.
+    None of either where no angle is counted, or one that turns by next to nothing. y (n,) are
+    rates that are whole counts, of a step.
 
     """
-    turned, _ = _turns(y, step)
-    return float(turned[0]) if len(turned) else np.inf
-
-
-def _turns(y: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return D (k,) of counts after k samples and b (blocks,); none where no angle is counted."""
     count = np.rint((y[:MANY] - y[0]) / step)
     length = max(len(count) // BLOCKS, LENGTH)
     while length <= len(count):

@@ -73,11 +73,15 @@ def hidden_by(evidence: Evidence, fit: Fit, view: str) -> bool:
     A coarse grid does not hide the variance where the levels tell it.
 
     """
-    if view == 'variance' and any(e.hides_loudness(evidence) for e in fit.model.of(NoiseEffect)):
+    if view == 'variance' and _hides_loudness(evidence, fit.model):
         return True
     if view == 'variance' and evidence.unrounded.size:
         return False
     return any(view in e.hides and _there(fit, e) for e in fit.model.of(NoiseEffect))
+
+
+def _hides_loudness(evidence: Evidence, model: Model) -> bool:
+    return any(e.hides_loudness(evidence) for e in model.of(NoiseEffect))
 
 
 def muted_by(fit: Fit, view: str) -> bool:
@@ -496,7 +500,7 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
         return t, below[0][:, None], below[1][:, None]
     p = evidence.block_power[-1] if model is None else evidence.block_power_of(model)
     if model is not None:
-        p = _without_peaks(peaks_in(evidence, model), evidence.block_count,
+        p = _without_peaks(_peaks_in(evidence, model), evidence.block_count,
                            _without_mean(evidence, model, p))
     blocks = len(p)
     t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
@@ -504,10 +508,9 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
     count = evidence.block_count.astype(float)
     parts = [i for i in np.array_split(np.arange(len(level)), groups) if len(i)]
     x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts])
-    width = 1 / (evidence.n // blocks * evidence.dt)
+    edges, width = _bands(evidence)
     band = np.repeat(np.arange(len(level)), evidence.block_count)
     # within a band that falls steeply few ordinates hold most of the power
-    edges = width * (_FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)]))
     s = _mean_power(evidence, width * (_FIRST - 0.5 + np.arange(len(band) + 1)))[0]
     s = s / (np.bincount(band, s) / count)[band]
     mean, square = _mean_power(evidence, edges)
@@ -530,38 +533,34 @@ def beside(evidence: Evidence, model: Model) -> Evidence:
 
     """
     here = evidence.beside(model)
-    if any(e.hides_loudness(evidence) for e in model.of(NoiseEffect)):
+    if _hides_loudness(evidence, model):
         return here.as_rounded.steadier(('level',), lambda p: np.ones_like(p) * np.mean(p, axis=0))
     seen = [s for s in model.of(Spectrum) if s.path(evidence) is not None]
     if seen:
         here = here.steadier(tuple(s.label for s in seen), lambda p: _without(
             evidence, _followed_by(evidence, Model(tuple(seen))), p))
-    held = peaks_in(evidence, model)
+    held = _peaks_in(evidence, model)
     return here.steadier(('bands', *np.flatnonzero(held)), lambda p: _without_peaks(
         held, evidence.block_count, p)) if np.any(held) else here
 
 
-def peaks_in(evidence: Evidence, model: Model) -> np.ndarray:
+def _peaks_in(evidence: Evidence, model: Model) -> np.ndarray:
     """
     Tell in which bands of the power in time the model's peaks are seen, (bands,) bool.
 
     Nowhere where that is most of them: what then changes are the peaks.
 
     """
-    count, bins = evidence.block_count, evidence.whole.bins
+    count = evidence.block_count
     none = np.zeros(len(count), bool)
     peaks = [s for s in model.of(Spectrum) if all(p.name in s.values for p in s.parameters)
              and s.centre is not None]
     if not peaks:
         return none
-    own, total = (np.concatenate([[0.0], np.cumsum(v * bins.count)]) for v in (
-        sum(s.binned(bins) for s in peaks), evidence.whole.power))
-    width = 1 / (evidence.n // evidence.block_power.shape[1] * evidence.dt)
-    last = _FIRST + np.cumsum(count)
-    at = 2 * bins.n * evidence.dt * width * np.array(
-        [last - count - 0.5 - _LEAKS, last - 0.5 + _LEAKS])
-    own, total = (np.diff(np.interp(at, np.append(bins.first, bins.n), v), axis=0)[0]
-                  for v in (own, total))
+    edges, width = _bands(evidence)
+    seen = np.array([edges[:-1] - _LEAKS * width, edges[1:] + _LEAKS * width])
+    own, total = (np.diff(_below(evidence, v, seen)[1], axis=0)[0] for v in (
+        np.sum([s.binned(evidence.whole.bins) for s in peaks], axis=0), evidence.whole.power))
     held = own > _PART * total
     return held if count[held].sum() <= 0.5 * count.sum() else none
 
@@ -618,14 +617,25 @@ def _without(evidence: Evidence, known: np.ndarray, p: np.ndarray) -> np.ndarray
 def _mean_power(evidence: Evidence, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean of the measured power and of its square between edges (Hz), (k,) each."""
     bins, power = evidence.whole.bins, evidence.whole.power
-    k = np.append(bins.first, bins.n)
-    at = np.clip(edges * 2 * bins.n * evidence.dt, 1, bins.n)
     # of w coefficients the mean square is larger than the square of their level by 1 + 2/w
     both = power, power**2 * bins.count / (bins.count + 2)
-    return tuple(
-        np.maximum(np.diff(np.interp(at, k, np.concatenate([[0.0], np.cumsum(v * bins.count)])))
-                   / np.maximum(np.diff(at), 1e-9), 1e-300)
-        for v in both)
+    mean, square = (np.maximum(np.diff(total) / np.maximum(np.diff(at), 1e-9), 1e-300)
+                    for at, total in (_below(evidence, v, edges) for v in both))
+    return mean, square
+
+
+def _below(evidence: Evidence, v: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how many coefficients are below f (Hz), and their sum of a spectrum v (b,)."""
+    bins = evidence.whole.bins
+    at = np.clip(f * 2 * bins.n * evidence.dt, 1, bins.n)
+    return at, np.interp(at, np.append(bins.first, bins.n),
+                         np.concatenate([[0.0], np.cumsum(v * bins.count)]))
+
+
+def _bands(evidence: Evidence) -> tuple[np.ndarray, float]:
+    """Return the edges (bands + 1,) of the power in time's bands, and an ordinate's width, Hz."""
+    width = 1 / (evidence.n // evidence.block_power.shape[1] * evidence.dt)
+    return width * (_FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)])), width
 
 
 def modulated(model: Model, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:

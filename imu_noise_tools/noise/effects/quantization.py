@@ -11,7 +11,7 @@ from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
-from ..rounded import coarse, colour_of_counts, turn_of_a_sample
+from ..rounded import coarse, colour_of_turns, turns_of_counts
 from ...core.statistics import grid_gain, grid_step, robust_sigma
 from ...loop.effect import Effect, Fit
 
@@ -54,9 +54,10 @@ class Quantization(Spectrum):
         step, _ = grid_step(y)
         out = {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
         if step > 0 and np.mean(np.diff(y[:QUICK]) ** 2) < step**2:
-            out['colour'] = colour_of_counts(y, step)
-            if np.isfinite(turned := turn_of_a_sample(y, step)):
-                out['turned'] = np.array(turned)
+            turned, mean = turns_of_counts(y, step)
+            out['colour'] = colour_of_turns(turned, mean)
+            if len(turned):
+                out['turned'] = np.array(turned[0])
         return out
 
     def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:

@@ -91,9 +91,9 @@ class VarianceChange(Modulation):
         t, x, w = power_in_time(evidence)
         if len(t) < FEWEST:
             return None
-        # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
         if np.ptp(x) < 1e-9:    # of means, which are 1
             return None
+        # scatter of the blocks beyond w: flicker in the low bands; take it from neighbours
         w = rough_degrees(x, w)
         some = sorted(self._shapes(t, pooled(x, w), degrees_of(w)),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
