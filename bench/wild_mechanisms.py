@@ -763,7 +763,13 @@ def make_rate_quantization(rng, bed, form=None):
 
 
 def make_duplicates(rng, bed, form=None):
-    """Make held samples: now and then, in runs, or a slower sensor read too often."""
+    """
+    Make held samples: now and then, in runs, or a slower sensor read too often.
+
+    A bed is that of the sensor, filters and all: what reads it faster, by a clock of its own, only
+    repeats what was measured last.
+
+    """
     form = _form(rng, form, ['random', 'runs', 'slower'])
     params = {'random': lambda: {'share': _between(rng, .005, .4)},
               'runs': lambda: {'share': _between(rng, .005, .2), 'run': int(rng.integers(3, 12))},
@@ -1315,9 +1321,9 @@ def _white(plan, axis, rng, n0):
 def _hold(h, rng, n):
     """Return for each sample which one is given out."""
     index = np.arange(n)
-    if h.form == 'slower':
-        ratio = h.params['ratio']
-        return np.floor(np.floor(index * ratio + 1e-9) / ratio + 1e-9).astype(int)
+    if h.form == 'slower':      # what is made here is what the sensor measured, at its own times
+        read = int((n - 1) / h.params['ratio']) + 1
+        return np.floor(np.arange(read) * h.params['ratio'] + 1e-9).astype(int)
     run = h.params.get('run', 1)
     start = rng.random(n) < h.params['share'] / run
     held = np.convolve(start, np.ones(run), 'full')[:n] > 0
@@ -1397,16 +1403,21 @@ def realise(plan, turn=0):
         counts = any(h.how == 'angle' and h.form == 'counts' for h in plan.hidden)
         if plan.lsb[axis] and not counts:
             x = np.round(x / plan.lsb[axis]) * plan.lsb[axis]
-        for number, h in enumerate(plan.hidden):
-            if h.how == 'hold':
-                x = x[streams[number]]
         gyro[:, axis] = x
     accel = _accel(plan, turn, streams) if plan.has_accel else None
-    t = None
+    covariates = {name: np.array(values) for name, values in plan.covariates.items()}
+    for number, h in enumerate(plan.hidden):
+        if h.how != 'hold':
+            continue
+        gyro = gyro[streams[number]]
+        accel = accel[streams[number]] if accel is not None else None
+        if h.form == 'slower':
+            fs = fs / h.params['ratio']
+            covariates = {name: values[streams[number]] for name, values in covariates.items()}
+    t, n = None, len(gyro)
     if plan.jitter:
         wobble = np.clip(_rng(seed, turn, 'stamps').standard_normal(n), -4, 4) * plan.jitter
         t = (np.arange(n) + wobble) / fs + 1000.0
-    covariates = {name: np.array(values) for name, values in plan.covariates.items()}
     return Record(gyro, accel, t, fs, covariates, dict(plan.truth, turn=turn), plan)
 
 
@@ -1433,9 +1444,6 @@ def _accel(plan, turn, streams):
                 x += .5 * weight * ratio * h.size * h.mean
         lsb = plan.fine * white * np.sqrt(fs)
         accel[:, axis] = np.round(x / lsb) * lsb if lsb else x
-    for number, h in enumerate(plan.hidden):
-        if h.how == 'hold':
-            accel = accel[streams[number]]
     return accel
 
 

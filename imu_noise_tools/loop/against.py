@@ -48,10 +48,13 @@ class Against:
         Nor do all views together in which it is judged: what one of them shows of a member may be
         little beside what something else leaves there. Nor do the data become likelier by it:
         where noise was taken for what several effects do, with one of them there is less of it,
-        and beside less noise the others stand out as much as both did.
+        and beside less noise the others stand out as much as both did. A mean that does most of
+        what it does where its view does not look, faster than that, is not asked there.
 
         """
         assert finding.effect is not None
+        if finding.effect.paired and finding.elsewhere >= rules.HEALED * finding.gain:
+            return ''
         without = self.places.tests(before_it)
         if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
