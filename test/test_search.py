@@ -307,6 +307,11 @@ def test_a_claim_is_counted_in_the_view_that_shows_it(search):
     assert unhealed(step, {'time': 300.0}, {'time': 310.0})
     assert unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5060.0))
     assert not unhealed(step, {'time': 300.0}, {'time': 310.0}, (-5000.0, -5100.0))
+    # what is faster than the view looks is not asked there
+    assert unhealed(found('temperature', 'time', 430.0, elsewhere=200.0), {'time': 95.0}, {
+        'time': 1280.0})
+    assert not unhealed(found('temperature', 'time', 430.0, elsewhere=410.0), {'time': 95.0}, {
+        'time': 1280.0})
     relaxing = found('gauss_markov', 'frequency', 80.0)     # by another view than its own
     search.places.tests = lambda some: [Finding(k, x, view=k, p_value=0.0, log_score=y)
                                         for k, (x, y) in some.items()]
