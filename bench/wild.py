@@ -149,9 +149,12 @@ def judge(job):
         if keep:
             np.savez(pathlib.Path(keep) / f'{kind}_{seed}.npz', **record.arrays())
         row['made_s'] = round(time.process_time() - started, 2)
-        code, text, errors, cpu = run(
-            ['analyse', 'record.npz', '-o', 'study', '--axes', ','.join(axes), '--effects',
-             ','.join(truth['fit']), '--json'], folder, limit)
+        analyse = ['analyse', 'record.npz', '-o', 'study', '--axes', ','.join(axes), '--effects',
+                   ','.join(truth['fit']), '--json']
+        code, text, errors, cpu = run(analyse, folder, limit)
+        if code == 1 and 'override with --keep-motion' in errors:   # of these it is known
+            code, text, errors, more_cpu = run([*analyse, '--keep-motion'], folder, limit)
+            row['kept_motion'], cpu = True, cpu + more_cpu
         stage, study, result = 'analyse', {}, {}
         if code == 0:
             study = _read(text)

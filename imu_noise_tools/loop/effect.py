@@ -142,6 +142,8 @@ class Effect:
     uncovers: ClassVar[bool] = False
     # may what it explains be what a paired one does on other targets too? then it is tried later
     yields: ClassVar[bool] = False
+    # is it in nearly every sensor, so that the odds are for it where it is not in the model?
+    common: ClassVar[bool] = False
     # is what it explains there in any case? where its name falls nothing else may stand for it
     stays: ClassVar[bool] = False
     # views whose failure casts no shadow on it: what fails there may be of its own doing

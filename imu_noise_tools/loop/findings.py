@@ -35,10 +35,16 @@ def surplus(finding: Finding) -> float:
     Return what a finding gains beyond chance, nats.
 
     A form with more to choose must be that much better: of nested names with equal gain the
-    simpler one holds.
+    simpler one holds. What nearly every sensor has is there before it is looked for.
 
     """
-    return finding.gain - finding.penalty - rules.PRICE * finding.shapes
+    return finding.gain - price(finding)
+
+
+def price(finding: Finding) -> float:
+    """Return what a finding must gain to be as likely as not, nats."""
+    known = rules.COMMON if finding.effect is not None and finding.effect.common else 0.0
+    return finding.penalty + rules.PRICE * finding.shapes - known
 
 
 def beyond_chance(error: Score) -> list[Finding]:

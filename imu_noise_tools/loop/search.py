@@ -26,8 +26,8 @@ from . import verdict as rules
 from .against import Against, DOUBT
 from .effect import Finding, Model
 from .findings import (
-    bends, certain, elsewhere, failures, fresh, gained, label, outweighs, pairs, surplus, together,
-    yields
+    bends, certain, elsewhere, failures, fresh, gained, label, outweighs, pairs, price, surplus,
+    together, yields
 )
 from .places import Place, Places
 from .prediction import State
@@ -276,8 +276,7 @@ class Search:
         if here is None or here.fit.supported is None:
             return -np.inf
         return here.fit.supported + sum(
-            (f.gain if certain(f) else f.elsewhere) - f.penalty - rules.PRICE * f.shapes
-            for f in chain)
+            (f.gain if certain(f) else f.elsewhere) - price(f) for f in chain)
 
     def _exchanged(self, chain: list[Finding]) -> list[Finding]:
         """

@@ -39,6 +39,9 @@ FALL = 6.0
 #: nats by which a form must be better for each parameter more than an amplitude, so that of nested
 #: names with equal gain the simpler one has 0.92 of the probability: e^2.5/(1 + e^2.5)
 PRICE = 2.5
+#: nats of the odds for what nearly every sensor has, ten to one (a choice: who looks at a sensor
+#: expects its flicker and its random walk before a relaxation that looks like them)
+COMMON = 2.3
 #: nats by which a form without a name must do better than a named one to refute it: of eight free
 #: levels, once in a thousand (chi-squared/2), ...
 FLEXIBLE = 13.0

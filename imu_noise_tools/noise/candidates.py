@@ -188,7 +188,8 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
-        against=at_bound(evidence, more.model[label], more.estimates[label]),
+        against=at_bound(evidence, more.model[label], more.estimates[label])
+        or more.model[label].part_of(more.model),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
     )

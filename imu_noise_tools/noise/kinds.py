@@ -130,6 +130,10 @@ class NoiseEffect(Effect):
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
 
+    def part_of(self, model: Model) -> str:
+        """Say that it is another one's shape in a model rather than one by itself, or nothing."""
+        return ''
+
     def hides_loudness(self, evidence: Evidence) -> bool:
         """Tell whether beside it nothing of how loud noise is in time is the noise's own doing."""
         return False
@@ -255,6 +259,11 @@ class Spectrum(NoiseEffect):
     def centre(self) -> float | None:
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""
         return None
+
+    @property
+    def uneven(self) -> bool:
+        """Whether its power may come and go by more than Gaussian noise does, as a machine's."""
+        return self.centre is not None
 
     def elsewhere(self) -> list[Effect]:
         """Return what a part of a record may have of a peak that is now here, now there."""

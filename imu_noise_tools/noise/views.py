@@ -548,13 +548,14 @@ def _peaks_in(evidence: Evidence, model: Model) -> np.ndarray:
     """
     Tell in which bands of the power in time the model's peaks are seen, (bands,) bool.
 
-    Nowhere where that is most of them: what then changes are the peaks.
+    And all else of which the power comes and goes. Nowhere where that is most of them: what then
+    changes are the peaks.
 
     """
     count = evidence.block_count
     none = np.zeros(len(count), bool)
     peaks = [s for s in model.of(Spectrum) if all(p.name in s.values for p in s.parameters)
-             and s.centre is not None]
+             and s.uneven]
     if not peaks:
         return none
     edges, width = _bands(evidence)

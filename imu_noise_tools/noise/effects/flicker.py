@@ -23,6 +23,7 @@ class Flicker(Spectrum):
 
     """
 
+    common = True
     name = 'flicker'
     symbol = 'B'
     title = 'bias instability'

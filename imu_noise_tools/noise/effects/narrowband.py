@@ -9,7 +9,8 @@ from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ...core import bell, oscillator
 from ...core.spectrum import Bins
-from ...loop.effect import Effect
+from ...loop.effect import Effect, Model
+from ...loop.verdict import FLEXIBLE_SHARE
 
 SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
 BLUNTEST = 3.0  # f0/width: below, it is no band
@@ -19,6 +20,8 @@ SHARP = 100.0    # f0/width: above, nothing but a peak draws it
 BLUNT = 30.0  # f0/width of a faint one: above, both of a resonance look alike
 MOVED = np.linspace(-1, 1, 17)     # widths by which a part of a record may have it elsewhere
 NARROWER = 1.0, 0.7, 0.5, 0.35     # and widths that it may have there
+SKIRTS = 4.0    # times as wide as a peak, or as narrow, that what its form lacks may be
+STAYED = 0.1    # of its power, that a line that wanders may have where it stayed a while
 FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
 
 
@@ -105,6 +108,28 @@ class Narrowband(Spectrum):
         """It is narrower than a filter or what axes share can draw."""
         f, width = (self.values.get(k, 0.0) for k in ('frequency', 'width'))
         return f > SHARP * width
+
+    def part_of(self, model: Model) -> str:
+        """
+        Say that one of two that lie on each other is what the other's form lacks.
+
+        No machine wanders as a formula says: a peak far above all else is none of its forms to
+        the last hundredth, and what is left of it is as wide as it, or its skirts. And where a
+        line that wanders stayed a while it has a narrower peak.
+
+        """
+        for other in model.of(Narrowband):
+            if other.label == self.label:
+                continue
+            weak, strong = sorted((self, other), key=lambda e: e['rms'])
+            share = (weak['rms'] / strong['rms']) ** 2
+            wider = weak['width'] / strong['width']
+            if abs(weak['frequency'] - strong['frequency']) < max(weak['width'], strong['width']) \
+                    and (1 / SKIRTS < wider < SKIRTS and share < FLEXIBLE_SHARE
+                         or strong._wanders and wider < 1 and share < STAYED):
+                return (f'of two that lie on each other at {strong["frequency"]:.4g} Hz one has '
+                        f'{100 * share:.2g} % of the power: it is the shape of the other')
+        return ''
 
     def elsewhere(self) -> list[Effect]:
         """Return where a line that wanders may be in a part of a record, and how narrow."""

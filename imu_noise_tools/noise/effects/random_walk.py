@@ -12,6 +12,7 @@ from ...loop.effect import Effect
 class RandomWalk(Spectrum):
     """K: integrated white noise."""
 
+    common = True
     name = 'random_walk'
     symbol = 'K'
     title = 'rate random walk'

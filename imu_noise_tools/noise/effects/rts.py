@@ -130,6 +130,11 @@ class Rts(Spectrum):
         return step < _OF_GRID * evidence.resolution and tau < _HELD * held
 
     @property
+    def uneven(self) -> bool:
+        """Yes: it switches now more often, now less, than the mean spectrum says."""
+        return True
+
+    @property
     def knees(self) -> int:
         """Two, of its spectrum: how high, and where."""
         return 2

@@ -12,6 +12,7 @@ from ...loop.effect import Effect
 class White(Spectrum):
     """N: the same power at all frequencies."""
 
+    common = True
     name = 'white'
     symbol = 'N'
     title = 'angle / velocity random walk'
