@@ -28,7 +28,7 @@ from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.search import Search
 from imu_noise_tools.noise.starts import (
-    _carried, entered_behind, most_promising, starts
+    _carried, begun_anew, entered_behind, most_promising, starts
 )
 
 BASE = ('white', 'flicker', 'random_walk')
@@ -496,6 +496,18 @@ def test_a_pole_whose_output_is_averaged(window):
         e = found.estimates['low_pass'][name]
         assert abs(e.value - true) < 4 * e.std and e.std < 0.2 * true, (name, e, true)
     assert found.estimates['white']['N'].value == pytest.approx(1e-3, rel=0.03)
+
+
+def test_a_filter_is_begun_anew_beside_own_noise_that_was_missing():
+    """It was chosen where flicker had to do for a random walk; what was there decided already."""
+    y = np.random.default_rng(6).standard_normal(20_000)
+    evidence = gather(record_of(y), ['gyro_x'])['gyro_x']
+    for names, anew in ((('white', 'flicker', 'low_pass', 'random_walk'), True),
+                        (('white', 'flicker', 'random_walk', 'low_pass'), False)):
+        here = Likelihood(evidence, 'whole', model_of('noise', names))
+        x = np.array([s.to_search(1.0) for s in here.slots])
+        begun = {e.model['low_pass'].chosen('form') for e, _ in begun_anew(here, x, 2)}
+        assert (len(begun) == 2) == anew
 
 
 def test_an_average_that_jumps_pass_is_not_begun_as_the_pole_of_them_all():

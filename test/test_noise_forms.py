@@ -449,6 +449,22 @@ def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, loud
         assert before == behind and inside / before == pytest.approx(louder**2, rel=0.1)
 
 
+@pytest.mark.parametrize('often', [1.0, 2.0])
+def test_a_telegraph_that_switches_now_more_often_now_less_is_no_louder_noise(often):
+    """Of dwells too short for a path; what the white noise does is seen above them."""
+    n, rate = 120_000, 100.0
+    rng = np.random.default_rng([93, int(10 * often)])
+    faster = np.where(np.arange(n) < n // 2, 2.0 * often, 2.0)
+    levels = 1.5e-3 * (np.cumsum(rng.random(n) < faster / rate) % 2 - 0.5)
+    evidence = evidence_of(levels + 1e-3 * rng.standard_normal(n), rate)
+    fitted = NoiseProblem(evidence).point(model_of('noise', ('white', 'rts')))
+    assert fitted.model['rts'].path(evidence) is None
+    found = find_effect('noise', 'variance_change')().measure(beside(evidence, fitted.model))
+    assert found is None or found.gain < penalty('variance_change')
+    seen = variance(evidence, fitted)
+    assert seen.excess < 4 * seen.std
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('kind', ['walk', 'relaxation', 'steps', 'swing', 'white'])
 def test_what_does_not_come_back_to_two_levels_has_none(kind):

@@ -237,6 +237,23 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
                    for e, run in zip(peaks, runs))
 
 
+@pytest.mark.parametrize('second, form, one', [
+    ((5.02, 0.9, 1.2e-6), 'displacement', True),    # its skirts
+    ((5.02, 0.9, 2e-6), 'displacement', False),
+    ((5.8, 0.9, 1.2e-6), 'displacement', True),
+    ((6.2, 0.9, 1.2e-6), 'displacement', False),    # beside it
+    ((5.2, 0.04, 2e-6), 'wandering', True),         # where it stayed a while
+    ((5.2, 0.04, 2e-6), 'displacement', False),
+    ((5.2, 0.04, 4e-6), 'wandering', False),
+])
+def test_of_two_peaks_that_lie_on_each_other_one_is_the_other_s_shape(second, form, one):
+    cls = registry('noise')['narrowband']
+    first, other = (cls(dict(zip(('frequency', 'width', 'rms'), z), form=form))
+                    for z in ((5.0, 0.5, 1e-5), second))
+    model = model_of('noise', ('white',)).plus(first).plus(other)
+    assert [bool(model[k].part_of(model)) for k in model.labels[1:]] == [one, one]
+
+
 def alone(x, *names):
     """Return the problem of an axis beside two of white noise, and the fit of some effects."""
     rng = np.random.default_rng(0)
