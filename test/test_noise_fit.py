@@ -504,7 +504,8 @@ def test_a_filter_is_begun_anew_beside_own_noise_that_was_missing():
     evidence = gather(record_of(y), ['gyro_x'])['gyro_x']
     for names, anew in ((('white', 'flicker', 'low_pass', 'random_walk'), True),
                         (('white', 'flicker', 'random_walk', 'low_pass'), False)):
-        here = Likelihood(evidence, 'whole', model_of('noise', names))
+        here = Likelihood(evidence, 'whole', model_of('noise', names).with_values(
+            {'low_pass': dict(cutoff=2.0, form=0.0, behind=0.01, averaged=0.0, filters=0.0)}))
         x = np.array([s.to_search(1.0) for s in here.slots])
         begun = {e.model['low_pass'].chosen('form') for e, _ in begun_anew(here, x, 2)}
         assert (len(begun) == 2) == anew

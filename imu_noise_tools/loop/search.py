@@ -36,6 +36,7 @@ CHAINS = 2  # chains that are followed, rivals' included
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
 HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
+FAINT = 2  # that say nothing alone are looked at with another, where nothing stands out
 SETS = 12  # of what stood out that are tried in a chain's place
 ROUNDS = 4  # times the search begins anew without what was refuted, unless something came back
 
@@ -149,25 +150,30 @@ class Search:
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
         little by itself; then the second must gain what it lacks. Of others only the best of each
         sort is tried first. A spectrum with one of two has a lower floor, above which the other
-        stands out the more; so has its slow end, above which a mean does.
+        stands out the more; so has its slow end, above which a mean does. Two that bend it to and
+        fro may gain nothing each: where nothing stands out they are tried all the same.
 
         """
-        before, asked = self.places.model_of(members), set[bool]()
+        before, asked, faint = self.places.model_of(members), set[bool](), 0
         failing = {t.view for t in failures(self.places.tests(before))}
+        able = self.able(place)
         for f in self.open_at(place):
             if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
             paired = f.effect.paired
             clear = surplus(f) > 0 and f.view in failing and paired not in asked
-            if not clear and not (paired and f.effect.several and f.gain >= HINT * f.penalty):
+            hidden = bends(f) and f.view in failing and not able and faint < FAINT
+            if not clear and not hidden and not (
+                    paired and f.effect.several and f.gain >= HINT * f.penalty):
                 continue
             if clear:
                 asked.add(paired)
+            faint += hidden
             between = self.places.at(before.plus(fresh(f)))
             if between is None:
                 continue
             g = next((g for g in self.able(between)
-                      if g.name == f.name or clear and pairs(f, g)), None)
+                      if g.name == f.name or (clear or hidden) and pairs(f, g)), None)
             if g is None or surplus(f) + surplus(g) <= 0:
                 continue
             after = between.model.plus(fresh(g))
