@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.loop.effect import Finding, Fit, Model, model_of, registry
-from imu_noise_tools.loop.findings import pairs, yields
+from imu_noise_tools.loop.findings import pairs, surplus, yields
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.search import ROUNDS, Search
 
@@ -119,10 +119,33 @@ def test_what_means_leave_is_held_against_the_last_of_them(search, last):
     assert [*out] == ['transient', 'ramp'][-1 - last:]
 
 
+def test_what_nearly_every_sensor_has_is_expected():
+    """Of two as good it is ten times as likely, though no more is gained by it."""
+    walk, other = found('random_walk', gain=40.0), found('gauss_markov', gain=40.0)
+    assert walk.gain == other.gain and walk.penalty == other.penalty
+    assert np.exp(surplus(walk) - surplus(other)) == pytest.approx(10, rel=0.01)
+
+
+def test_two_that_bend_a_view_to_and_fro_are_seen_together_where_nothing_stands_out(search):
+    """Neither gains anything alone; where something does, that is looked at first."""
+    filled, notch, line = found('quantization', gain=2.0), found('notch'), found('ramp', 'time')
+    filled, line = replace(filled, penalty=6.5), replace(line, penalty=8.0)
+    beside = {'': [filled], 'quantization': [notch]}
+    search.places.at = lambda model: SimpleNamespace(
+        model=model, candidates=beside.get(', '.join(model.labels[1:]), []))
+    search.places.tests = leaves({'': 2000.0})
+    search.places.beside_others = lambda f, *_: f
+    search.against.unhealed = lambda *_: ''
+    search.against.unlowered = lambda *_: (10.0, '')
+    assert search._pair([], search.places.at(search.places.base)) == [filled, notch]
+    beside[''] = [line, filled]
+    assert search._pair([], search.places.at(search.places.base)) == []
+
+
 def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     """And is the likelier by as much as the other leaves, but for what was not tried beside it."""
     main = [found('transient', 'time', 900.0), found('ramp', 'time', 600.0), found('narrowband')]
-    held = [main[0], main[2], found('random_walk', gain=40.0)]
+    held = [main[0], main[2], found('gauss_markov', gain=40.0)]
     search.chain = lambda begin=(): [*begin] or main
     search._rivals = lambda *_: []
     search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=None))
