@@ -60,6 +60,9 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
             if anew and given is not None and isinstance(e, Spectrum):
                 options += [options[0].with_values(**{p.name: float(k)}) for p in e.parameters
                             for k in range(len(p.choices)) if k != known[p.name]]
+            if isinstance(e, Response) and FILTERS.name in shapes and _begins(model, given):
+                options += [options[0].with_values(**{FILTERS.name: float(k)})
+                            for k in range(len(FILTERS.choices)) if k != known[FILTERS.name]]
             if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
                 # nothing else moves it to where it is seen once more is in the model
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
@@ -84,6 +87,18 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
             found.append(with_values_of(given, likelihood, found[0]))
         out += [(candidate, x0) for x0 in found]
     return out
+
+
+def _filtered(model: Model) -> tuple[float, ...]:
+    """Return what each response of a model filters, by its number."""
+    return tuple(r.values.get(FILTERS.name, 0.0) for r in model.of(Response))
+
+
+def _begins(model: Model, given: Model | None) -> bool:
+    """Tell whether noise that may be none of the sensor's own begins beside a smaller model."""
+    return given is not None and any(
+        e.label not in given.labels and not (e.own or isinstance(e, MEASURED))
+        for e in model.of(Spectrum))
 
 
 def _of_what_passes(likelihood, given, effect):
@@ -213,7 +228,8 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
     """
     Return (likelihood, start) of the starts whose likelihood is best where they stand.
 
-    Other shapes come before other amplitudes of one shape, which mostly end where that ends.
+    Other shapes come before other amplitudes of one shape, which mostly end where that ends; and
+    before both what responses filter, for what was found with one of that goes on with it.
 
     """
     found: dict[Model, list] = {}
@@ -233,6 +249,8 @@ def most_promising(plain: Likelihood, starts: list[Start], mean: Fit | None,
         some.sort(key=lambda z: z[0])
         ranked += [(place, *z) for place, z in enumerate(some)]
     ranked.sort(key=lambda z: z[:2])
+    first = {_filtered(z[2].model): z for z in reversed(ranked)}
+    ranked = sorted(ranked, key=lambda z: first[_filtered(z[2].model)] is not z)
     return [(likelihood, x0) for _, _, likelihood, x0 in ranked[:most]]
 
 

@@ -28,6 +28,7 @@ _KEPT = 128  # segments kept of each of them
 _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing of the levels
 _FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
+_FLAT = 0.9  # spectral flatness of white noise behind filters that is taken for white
 _OF_GRID = 1.5  # steps of the output's grid: no more, and it may be the grid that jumps
 _HELD = 24.0  # times that it is on one level in a dwell: six means of four, near enough to normal
 
@@ -145,7 +146,8 @@ class Rts(Spectrum):
 
         Block means are predicted one after another by either: by the filter of a two-state chain
         (Hamilton 1989) and by Kalman's, each with the level of noise, the step and the dwell that
-        suit it best near the fitted ones. Where the path of the record shows long dwells, it is
+        suit it best near the fitted ones; so where a filter colours that noise they say nothing.
+        Where the path of the record shows long dwells, it is
         what they say more than that or anything else that drifts beside steps.
 
         """
@@ -158,8 +160,8 @@ class Rts(Spectrum):
         some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
         width *= some
         rows = len(z) // some // _SEGMENT
-        if rows < 2 or self['tau'] < 3 * width:
-            return 0.0  # the means are too few, or too long to show the levels
+        if rows < 2 or self['tau'] < 3 * width or not _white(evidence, fit, 0.5 / width):
+            return 0.0  # too few means, or too long to show the levels; or their noise is no white
         z = z[: len(z) // some * some].reshape(-1, some).mean(axis=1)
         z = z[-rows * _SEGMENT:].reshape(rows, _SEGMENT)
         noise = 0.5 * np.mean(np.diff(z, axis=1) ** 2)
@@ -327,6 +329,20 @@ class Rts(Spectrum):
     def example(cls) -> Effect:
         """Return levels 412 deg/h (0.002 rad/s) apart, each held for 8 s on average."""
         return cls({'step': 2e-3, 'tau': 8.0})
+
+
+def _white(evidence: Evidence, fit: Fit, most: float) -> bool:
+    """Tell whether white noise is as white up to a frequency (Hz), behind filters, as seen."""
+    white = sum(s for label, s in fit.details.each.items()
+                if isinstance(e := fit.model[label], Spectrum) and e.flat)
+    bins = evidence.whole.bins
+    if not np.any(white > 0):
+        return True
+    some = (bins.f <= most) & (white > 0)
+    seen, count = white[some], bins.count[some]
+    # the spectral flatness: the geometric over the arithmetic mean
+    return bool(np.exp(np.average(np.log(seen), weights=count))
+                > _FLAT * np.average(seen, weights=count))
 
 
 def _gauss_markov(z, loud, step, tau, noise, width) -> float:
