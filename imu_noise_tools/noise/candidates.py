@@ -41,6 +41,7 @@ LEFT = 0.01  # share of the power that is left at least where a source were know
 STANDS = 3.0  # times the model's power that a peak has
 FOOT, BROAD = 20.0, 1.5  # of its width that a peak reaches, as narrow or as broad as it is seen
 SEEN = 8.0  # standard errors that a broad one stands out
+CLEAR = 100.0   # nats of a peak that is one in some form or other
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -169,7 +170,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         return Tried(_measured(evidence, fit, effect))
     if not evidence.starts(effect):
         return Tried(None)
-    more = _refitted(evidence, fit, effect)
+    more = _within_bounds(evidence, fit, _refitted(evidence, fit, effect))
     problem.begin_from(more)
     label = more.model.labels[-1]
     bonus = more.model[label].bonus(evidence, more)
@@ -355,6 +356,27 @@ def _refitted(evidence, fit, effect):
         peak = other.model.of(Spectrum)[-1].centre is not None
         more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))
     return more
+
+
+def _within_bounds(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
+    """
+    Return a fit with a clear peak more, in another of its forms where it ends at its bound.
+
+    What is missing bends what is around a peak, so that the one form that should be none comes out
+    somewhat better than the others.
+
+    """
+    peak = more.model.effects[-1]
+    if not isinstance(peak, Spectrum) or peak.centre is None \
+            or not at_bound(evidence, peak, more.estimates[peak.label]) \
+            or _gain(evidence, fit, more, True) < CLEAR:
+        return more
+    forms = [p for p in peak.parameters if p.choices]
+    others = (_refitted(evidence, fit, type(peak)({p.name: float(k)}))
+              for p in forms for k in range(len(p.choices)) if k != peak[p.name])
+    return max((x for x in others if not at_bound(
+        evidence, x.model.effects[-1], x.estimates[x.model.labels[-1]])),
+        key=lambda x: _gain(evidence, fit, x, True), default=more)
 
 
 def _beside_peaks(evidence: Evidence, fit: Fit) -> np.ndarray:
