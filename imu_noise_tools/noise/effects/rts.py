@@ -28,7 +28,7 @@ _KEPT = 128  # segments kept of each of them
 _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing of the levels
 _FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
-_FLAT = 0.9  # spectral flatness of white noise behind filters that is taken for white
+_FLAT = 0.98  # spectral flatness of white noise behind filters that is taken for white
 _OF_GRID = 1.5  # steps of the output's grid: no more, and it may be the grid that jumps
 _HELD = 24.0  # times that it is on one level in a dwell: six means of four, near enough to normal
 
