@@ -449,6 +449,21 @@ def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, loud
         assert before == behind and inside / before == pytest.approx(louder**2, rel=0.1)
 
 
+@pytest.mark.parametrize('deep, told', [(None, True), (0.2, True), (20.0, False)])
+def test_behind_a_filter_that_colours_noise_samples_tell_no_levels(deep, told):
+    """Both ways of predicting them are those of white noise."""
+    rng, n, rate = np.random.default_rng(95), 60_000, 100.0
+    noise = rng.standard_normal(n + 100)
+    if deep:
+        noise = lfilter(*iirnotch(30.0, 30.0 / deep, rate), noise)
+    levels = 2 * (np.cumsum(rng.random(n) < 1 / 5) % 2 - 0.5)
+    evidence = evidence_of(1e-3 * (noise[100:] + levels), rate)
+    names = ('white', 'notch', 'rts') if deep else ('white', 'rts')
+    fitted = NoiseProblem(evidence).point(model_of('noise', names))
+    bonus = fitted.model['rts'].bonus(evidence, fitted)
+    assert (bonus > 10) == told and (bonus == 0) != told, bonus
+
+
 @pytest.mark.parametrize('often', [1.0, 2.0])
 def test_a_telegraph_that_switches_now_more_often_now_less_is_no_louder_noise(often):
     """Of dwells too short for a path; what the white noise does is seen above them."""

@@ -94,6 +94,21 @@ def test_what_wanders_is_elsewhere_in_each_half():
     assert not peak.with_values(form='velocity').elsewhere()
 
 
+@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize('stays, least, most', [(None, 1.0, 2.5), (400, 1.0, 3.0), (6, 6.0, 1e3)])
+def test_a_line_that_stayed_at_few_places_is_restless(seed, stays, least, most):
+    """Its halves differ by more than noise; of many places, and of a resonance, by as much."""
+    rng, n = np.random.default_rng([seed, 94]), 40_000
+    if stays is None:
+        peak = ringing(rng, n, 10.0, 0.8, 0.5)
+    else:
+        speed = np.repeat(10 + 0.4 * rng.standard_normal(stays), n // stays + 1)[:n]
+        peak = 0.7 * np.cos(2 * np.pi * np.cumsum(speed) * DT)
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += peak
+    assert least <= flexible._restless(problem_of(y).evidence, 9.0, 11.0) <= most
+
+
 def test_of_two_forms_as_good_that_which_has_room_is_meant():
     """Of a line that hardly wanders: a bell ends at the narrowest it may be."""
     problem = problem_of(np.random.default_rng(3).standard_normal((15_000, 3)))

@@ -194,6 +194,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
+        if effect.elsewhere():
+            gain /= _restless(evidence, f[i], f[j])
         if isinstance(effect, Response):    # of a claim no band counts more than a little
             _, x, _ = spectrum_left(evidence, without)
             claim = max(claim, min(smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])),
@@ -225,6 +227,25 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if against:
             return against
     return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
+
+
+def _restless(evidence: Evidence, low: float, high: float) -> float:
+    """
+    Return how much more than noise's the power of a band differs between the halves, 1 at least.
+
+    A line that wanders is now here, now there, and has in a record the form of where it was: of
+    few stays that is as far from its mean form as halves are from each other.
+
+    """
+    halves = evidence.first, evidence.second
+    bins = halves[0].bins
+    some = np.flatnonzero((bins.f >= low) & (bins.f <= high))
+    if len(some) < KNOTS or len(halves[1].power) != len(bins.f):
+        return 1.0
+    count = np.array([np.sum(bins.count[i]) for i in np.array_split(some, KNOTS)])
+    one, other = (np.array([np.average(part.power[i], weights=bins.count[i])
+                            for i in np.array_split(some, KNOTS)]) for part in halves)
+    return max(1.0, float(np.mean(count * ((one - other) / (one + other)) ** 2)))
 
 
 def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:

@@ -130,6 +130,10 @@ class NoiseEffect(Effect):
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
 
+    def elsewhere(self) -> list[Effect]:
+        """Return what a part of a record may have of a peak that is now here, now there."""
+        return []
+
     def part_of(self, model: Model) -> str:
         """Say that it is another one's shape in a model rather than one by itself, or nothing."""
         return ''
@@ -264,10 +268,6 @@ class Spectrum(NoiseEffect):
     def uneven(self) -> bool:
         """Whether its power may come and go by more than Gaussian noise does, as a machine's."""
         return self.centre is not None
-
-    def elsewhere(self) -> list[Effect]:
-        """Return what a part of a record may have of a peak that is now here, now there."""
-        return []
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return what the power of a record is expected to be in each bin, (b,)."""
