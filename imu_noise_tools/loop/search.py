@@ -505,7 +505,8 @@ class Search:
         bent: dict[str, str] = {}   # the last one with another shape, of each that they share
         for k, f in members.items():
             before, place, later = place, place.plus(fresh(f)), later[1:]
-            if any(outweighs(g, f) for g in gone):     # without it nothing shows what this one is
+            more = gone if last else [*gone, *(g for j, g in members.items() if j in out)]
+            if any(outweighs(g, f) for g in more):     # without it nothing shows what this one is
                 continue
             against = self.against.unhealed_with(before, place, f, later)
             if not against and (against := self.against.shaped(model, k, f)):

@@ -29,7 +29,7 @@ from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
-from ..loop.verdict import DIRECTED, PRICE
+from ..loop.verdict import COMMON, DIRECTED, PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -149,6 +149,26 @@ def no_more_than_less(problem: NoiseProblem, fit: Fit, label: str) -> str:
             beyond = _gained(problem.evidence, less, fit)
             if beyond <= DIRECTED:
                 return _more(beyond, name)
+    return ''
+
+
+def no_more_than_chance(problem: NoiseProblem, fit: Fit, without: Fit, label: str) -> str:
+    """
+    Say that beside the others a broad effect of a model gains no more than chance reaches.
+
+    As a candidate it may have done what one of them does, which was not there yet.
+
+    """
+    effect = fit.model[label]
+    if not isinstance(effect, (Spectrum, Response)) or effect.certain \
+            or isinstance(effect, Spectrum) and effect.centre is not None:
+        return ''
+    estimates = fit.estimates.get(label, {})
+    beyond = _gained(problem.evidence, without, fit) + effect.bonus(problem.evidence, fit)
+    wanted = _penalty(effect) + PRICE * (_shapes(effect, estimates) if estimates else 0) \
+        - COMMON * effect.common
+    if beyond < wanted:
+        return f'beside the others it gains {beyond:.1f} nats, chance reaches {wanted:.1f}'
     return ''
 
 

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from . import classic, flexible, views
-from .candidates import at_bound, candidates, no_more_than_less, Tried
+from .candidates import (
+    at_bound, candidates, no_more_than_chance, no_more_than_less, Tried
+)
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
@@ -270,6 +272,7 @@ class NoiseProblem(Problem):
             self._shapes[key] = at_bound(
                 self.evidence, fit.model[label], fit.estimates.get(label, {})) \
                 or no_more_than_less(self, fit, label) \
+                or no_more_than_chance(self, fit, without, label) \
                 or flexible.shape(self.evidence, fit, without, label, claim)
         return self._shapes[key]
 
