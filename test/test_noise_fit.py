@@ -511,13 +511,20 @@ def test_what_a_filter_passes_is_asked_where_noise_begins_that_may_be_no_sensor_
 
 
 def test_a_filter_is_begun_anew_beside_own_noise_that_was_missing():
-    """It was chosen where flicker had to do for a random walk; what was there decided already."""
-    y = np.random.default_rng(6).standard_normal(20_000)
-    evidence = gather(record_of(y), ['gyro_x'])['gyro_x']
+    """
+    It was chosen where flicker had to do for a random walk; what was there decided already.
+
+    Beside what other axes tell as well.
+    """
+    y = np.random.default_rng(6).standard_normal((20_000, 3))
+    evidence = gather(replace(record_of(y[:, 0]), gyro=y), ['gyro_x'])['gyro_x']
     for names, anew in ((('white', 'flicker', 'low_pass', 'random_walk'), True),
+                        (('white', 'flicker', 'low_pass', 'shared_noise'), True),
                         (('white', 'flicker', 'random_walk', 'low_pass'), False)):
+        known = {'low_pass': dict(cutoff=2.0, form=0.0, behind=0.01, averaged=0.0, filters=0.0),
+                 'shared_noise': dict(source=1.0, other=2.0, heard=0.0)}
         here = Likelihood(evidence, 'whole', model_of('noise', names).with_values(
-            {'low_pass': dict(cutoff=2.0, form=0.0, behind=0.01, averaged=0.0, filters=0.0)}))
+            {k: v for k, v in known.items() if k in names}))
         x = np.array([s.to_search(1.0) for s in here.slots])
         begun = {e.model['low_pass'].chosen('form') for e, _ in begun_anew(here, x, 2)}
         assert (len(begun) == 2) == anew

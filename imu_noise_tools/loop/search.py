@@ -156,13 +156,13 @@ class Search:
         """
         before, asked, faint = self.places.model_of(members), set[bool](), 0
         failing = {t.view for t in failures(self.places.tests(before))}
-        able = self.able(place)
+        hopeless = not self.able(place) and not any(bends(f) for f in members)
         for f in self.open_at(place):
             if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
             paired = f.effect.paired
             clear = surplus(f) > 0 and f.view in failing and paired not in asked
-            hidden = bends(f) and f.view in failing and not able and faint < FAINT
+            hidden = hopeless and bends(f) and f.view in failing and faint < FAINT
             if not clear and not hidden and not (
                     paired and f.effect.several and f.gain >= HINT * f.penalty):
                 continue
@@ -178,6 +178,8 @@ class Search:
                 continue
             after = between.model.plus(fresh(g))
             both = together(f, g)
+            if hidden and self.against.unlowered(before.plus(fresh(g)), after, f)[1]:
+                continue    # the other one needs it not
             if not self.against.unhealed(before, after, both) and not self.against.unlowered(
                     before, after, both)[1]:
                 return [self.places.beside_others(f, label(before, f), after), g]

@@ -259,8 +259,8 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     Return (likelihood, start) of responses begun anew, all else as it was found at x (p,).
 
     A form is chosen where all begin, and noise that is not the sensor's own decides there: a
-    narrow peak that no start meets, or a knee whose fall hides the filter's; or the sensor's own
-    that was missing there. Beside such it is asked again where that has been met, the same form
+    narrow peak that no start meets, or a knee whose fall hides the filter's; or what
+    other channels tell, or the sensor's own that was missing there. Beside such it is asked again where that has been met, the same form
     too, for it may have ended at the bound of what is optional. Of each form the best start, of
     these the best ``most``; none where the model has no such noise, or neither of them is new in
     it.
@@ -271,6 +271,7 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     last = here[here.labels[-1]]
     coloured = {e.label for e in here.of(Spectrum)
                 if not (e.own and e is not last or isinstance(e, MEASURED))}
+    coloured |= {e.label for e in here.of(Coupling)}
     if not coloured or here.labels[-1] not in coloured | {e.label for e in here.of(Response)}:
         return []
     searched = {s.label for s in found.slots}   # of others the samples say which form they have
