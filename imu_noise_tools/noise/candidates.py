@@ -193,7 +193,8 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     more = _within_bounds(evidence, fit, _refitted(evidence, fit, effect))
     problem.begin_from(more)
     label = more.model.labels[-1]
-    bonus = more.model[label].bonus(evidence, more)
+    added = cast(NoiseEffect, more.model[label])
+    bonus = added.bonus(evidence, more)
     where = _where(evidence, fit, more, effect)
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
@@ -204,13 +205,12 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     finding = Finding(
         effect.name,
         float(partly if peak else whole) + bonus,
-        more.model[label],
+        added,
         more.estimates[label],
         _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
-        against=at_bound(evidence, more.model[label], more.estimates[label])
-        or more.model[label].part_of(more.model),
+        against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
     )

@@ -259,11 +259,11 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     Return (likelihood, start) of responses begun anew, all else as it was found at x (p,).
 
     A form is chosen where all begin, and noise that is not the sensor's own decides there: a
-    narrow peak that no start meets, or a knee whose fall hides the filter's; or what
-    other channels tell, or the sensor's own that was missing there. Beside such it is asked again where that has been met, the same form
-    too, for it may have ended at the bound of what is optional. Of each form the best start, of
-    these the best ``most``; none where the model has no such noise, or neither of them is new in
-    it.
+    narrow peak that no start meets, or a knee whose fall hides the filter's; or what other
+    channels tell, or the sensor's own that was missing there. Beside such it is asked again where
+    that has been met, the same form too, for it may have ended at the bound of what is optional.
+    Of each form the best start, of these the best ``most``; none where the model has no such
+    noise, or neither of them is new in it.
 
     """
     here, out = found.with_search(x), []
