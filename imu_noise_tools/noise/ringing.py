@@ -106,12 +106,13 @@ class Rings(NamedTuple):
 NONE = Rings(*np.zeros((7, 0)))
 
 
-def find_rings(y: np.ndarray, dt: float, least: float) -> Rings:
+def find_rings(y: np.ndarray, dt: float, least: float, joined: bool = False) -> Rings:
     """
     Return the knocks in samples y (n,), of which those that ring alike are worth ``least`` nats.
 
-    Looked for again where there are any: the spectrum by which samples are whitened must not hold
-    them, and strong ones are in it until they are out of it.
+    None of those that a filter takes out where samples are ``joined`` by lines, which bend there
+    as behind no filter. Looked for again where there are any: the spectrum by which samples are
+    whitened must not hold them, and strong ones are in it until they are out of it.
 
     """
     if not _lengths(len(y), dt) or not np.ptp(y) > 0:
@@ -125,7 +126,9 @@ def find_rings(y: np.ndarray, dt: float, least: float) -> Rings:
         total = float(np.sum(found.nats))
     if not len(found.begin):
         return NONE
-    return _found(_White.of(y, found.out_of(y)), dt, least)
+    white = _White.of(y, found.out_of(y))
+    found = _found(white, dt, least)
+    return found.of(~np.array([white.hollow(x) for x in found.omega], bool)) if joined else found
 
 
 class _White(NamedTuple):

@@ -205,7 +205,9 @@ def _rings_in(y: np.ndarray, dt: float) -> Rings:
     held = repeats(y)
     if not held.held:
         return find_rings(y, dt, RINGS)
-    return find_rings(_joined_by_lines(y), dt, RINGS) if held.seen < FEW_HELD else NONE
+    if held.seen >= FEW_HELD:
+        return NONE
+    return find_rings(_joined_by_lines(y), dt, RINGS, joined=True)
 
 
 def _joined_by_lines(y: np.ndarray) -> np.ndarray:
