@@ -254,6 +254,37 @@ def test_of_two_peaks_that_lie_on_each_other_one_is_the_other_s_shape(second, fo
     assert [bool(model[k].part_of(model)) for k in model.labels[1:]] == [one, one]
 
 
+@pytest.mark.parametrize('gain, kept, form', [
+    (400.0, (0, 1), 1.0), (400.0, (1,), 1.0), (400.0, (0,), 0.0), (400.0, (), 2.0),
+    (40.0, (0, 1), 2.0)])
+def test_a_clear_peak_that_ends_at_its_bound_is_asked_in_its_other_forms(
+        gain, kept, form, monkeypatch):
+    """The best of those that do not; not where it is no peak in any form, nor where all do."""
+    cls = registry('noise')['narrowband']
+
+    def fit_of(effect):
+        return SimpleNamespace(model=model_of('noise', ('white',)).plus(effect),
+                               estimates={'narrowband': {}})
+
+    monkeypatch.setattr(candidates, '_refitted', lambda e, f, effect: fit_of(effect))
+    monkeypatch.setattr(candidates, 'at_bound', lambda e, effect, s: effect['form'] not in kept)
+    monkeypatch.setattr(candidates, '_gain', lambda e, f, more, partly: gain + more.model[
+        'narrowband']['form'])
+    best = candidates._within_bounds(None, None, fit_of(cls({'frequency': 5.0, 'form': 2.0})))
+    assert best.model['narrowband']['form'] == form
+
+
+@pytest.mark.parametrize('there', [False, True])
+def test_a_broad_effect_gains_more_than_chance_beside_the_others(there):
+    y = np.random.default_rng(9).standard_normal(N)
+    if there:
+        y += lfilter([0.08], [1, -0.95], np.random.default_rng(10).standard_normal(N))
+    problem, fit = alone(SIZE * y, 'white', 'flicker', 'gauss_markov')
+    without = problem.point(model_of('noise', ('white', 'flicker')))
+    said = candidates.no_more_than_chance(problem, fit, without, 'gauss_markov')
+    assert ('beside the others it gains' in said) != there
+
+
 def alone(x, *names):
     """Return the problem of an axis beside two of white noise, and the fit of some effects."""
     rng = np.random.default_rng(0)

@@ -142,6 +142,18 @@ def test_two_that_bend_a_view_to_and_fro_are_seen_together_where_nothing_stands_
     assert search._pair([], search.places.at(search.places.base)) == []
 
 
+@pytest.mark.parametrize('last', [False, True])
+def test_what_explains_little_is_not_judged_where_far_more_falls_in_the_same_look(search, last):
+    """Without that it may be as good as a form without a name, which it was not beside it."""
+    search.against.unconfirmed = lambda *_: (100.0, '')
+    search.against.unhealed_with = search.against.shadowed = lambda *_: ''
+    search.against.shaped = lambda *_: 'a knee fits better'
+    chain = [found('quantization', gain=22500.0), found('low_pass', gain=37.0),
+             found('notch', gain=4000.0)]
+    out = search.backward(chain, last=last)
+    assert [*out] == (['quantization', 'low_pass', 'notch'] if last else ['quantization', 'notch'])
+
+
 def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     """And is the likelier by as much as the other leaves, but for what was not tried beside it."""
     main = [found('transient', 'time', 900.0), found('ramp', 'time', 600.0), found('narrowband')]
