@@ -167,7 +167,7 @@ def test_the_ends_of_what_a_notch_filtered_are_no_knocks():
 
 @pytest.mark.parametrize('seed', [5, 9, 14])
 def test_lines_that_join_held_samples_do_not_ring_where_a_filter_takes_out(seed):
-    """They bend there, and of what bends a notch took nothing out: one record in five had knocks."""
+    """They bend there, and a notch took nothing out of that: one record in five had knocks."""
     rng, n, dt = np.random.default_rng([seed, 96]), 22_500, 0.008
     y = lfilter(*iirnotch(51.0, 51.0 / 37, 1 / dt), rng.standard_normal(n + 100))[100:]
     y += 0.06 * rng.standard_normal(n)
