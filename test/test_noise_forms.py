@@ -449,7 +449,8 @@ def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, loud
         assert before == behind and inside / before == pytest.approx(louder**2, rel=0.1)
 
 
-@pytest.mark.parametrize('deep, told', [(None, True), (0.2, True), (20.0, False)])
+@pytest.mark.parametrize('deep, told', daily(
+    ((None, True), (0.2, True), (20.0, False)), (0.2, True), (20.0, False)))
 def test_behind_a_filter_that_colours_noise_samples_tell_no_levels(deep, told):
     """Both ways of predicting them are those of white noise."""
     rng, n, rate = np.random.default_rng(95), 60_000, 100.0
@@ -464,7 +465,7 @@ def test_behind_a_filter_that_colours_noise_samples_tell_no_levels(deep, told):
     assert (bonus > 10) == told and (bonus == 0) != told, bonus
 
 
-@pytest.mark.parametrize('often', [1.0, 2.0])
+@pytest.mark.parametrize('often', daily((1.0, 2.0), 2.0))
 def test_a_telegraph_that_switches_now_more_often_now_less_is_no_louder_noise(often):
     """Of dwells too short for a path; what the white noise does is seen above them."""
     n, rate = 120_000, 100.0
