@@ -449,10 +449,11 @@ def test_jumps_between_levels_are_no_change_of_variance_and_hide_none(seed, loud
         assert before == behind and inside / before == pytest.approx(louder**2, rel=0.1)
 
 
-@pytest.mark.parametrize('deep, told', daily(
+@pytest.mark.parametrize('deep_told', daily(
     ((None, True), (0.2, True), (20.0, False)), (0.2, True), (20.0, False)))
-def test_behind_a_filter_that_colours_noise_samples_tell_no_levels(deep, told):
+def test_behind_a_filter_that_colours_noise_samples_tell_no_levels(deep_told):
     """Both ways of predicting them are those of white noise."""
+    deep, told = deep_told
     rng, n, rate = np.random.default_rng(95), 60_000, 100.0
     noise = rng.standard_normal(n + 100)
     if deep:
