@@ -13,6 +13,7 @@ import numpy as np
 from params import daily
 import pytest
 from scipy.signal import butter, lfilter
+from scipy.special import ndtr
 
 from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.allan import overlapping_variance
@@ -29,7 +30,7 @@ from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.rounded import (
-    added_by_rounding, before_rounding, colour_of_turns, turns_of_counts
+    added_by_rounding, before_rounding, colour_of_turns, moved_by_rounding, turns_of_counts
 )
 from imu_noise_tools.noise.slower import as_measured, shown_first
 from imu_noise_tools.tasks.noise import analyse_record
@@ -204,6 +205,34 @@ def test_what_a_coarse_grid_adds_has_the_colour_of_the_noise(sigma, place, keep,
     # of finer steps all that is there is white
     fine = np.round(2 * y + rng.standard_normal(n))
     assert added_by_rounding(fine, 1.0, 1.0) == pytest.approx([1 / 12])
+
+
+@pytest.mark.parametrize('noise', [0.2, 0.3, 0.4, 0.7])
+def test_what_rounding_moves_a_mean_by_is_its_largest_error_of_two(noise):
+    """As the distribution function of normal noise has it; where the noise is the least."""
+    m, k = np.linspace(-0.5, 0.5, 401), np.arange(-20, 20) + 0.5
+    seen = np.sum(ndtr((m[:, None] - k) / noise) - (k < 0), axis=1)
+    want, sigma = np.ptp(seen - m), np.sqrt(noise**2 + 1 / 12)
+    none = np.zeros((2, 0))
+    found = moved_by_rounding(3.0, 3 * sigma, none) / 3
+    assert found == (pytest.approx(want, rel=0.06) if noise < 0.5 else 0)
+    calm = np.array([np.repeat([1.1, 0.25], [224, 32]), np.full(256, 40.0)])
+    assert moved_by_rounding(3.0, 3 * sigma, calm) == pytest.approx(
+        moved_by_rounding(3.0, 3 * np.sqrt(noise**2 / 4 + 1 / 12), none) if found else 0)
+
+
+def test_a_mean_that_rounding_moves_is_no_step():
+    """Noise grew less, and then more of a mean between two levels was rounded away."""
+    rng, n, level = np.random.default_rng(12), 60_000, -0.24
+    noise = np.where(np.arange(n) < 0.8 * n, 0.365, 0.242)
+    for size in (0.0, 0.6):
+        y = level + noise * rng.standard_normal(n) + size * (np.arange(n) > 0.4 * n)
+        y = np.column_stack([np.round(y), rng.standard_normal((n, 2))])
+        record = ImuRecord(1e-3 * y, None, 0.01 * np.arange(n), 100.0)
+        problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+        model = model_of('noise', ('white', 'rate_quantization', 'variance_change'))
+        step = next(f for f in problem.candidates(problem.point(model)) if f.name == 'step')
+        assert step.gain > step.penalty and ('rounding moves a mean' in step.against) == (not size)
 
 
 @pytest.mark.parametrize('louder', [1.0, 1.6])

@@ -28,6 +28,7 @@ from .likelihood import AT_BOUND, Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
+from .rounded import moved_by_rounding
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
 from ..loop.verdict import COMMON, DIRECTED, PRICE
 
@@ -43,6 +44,7 @@ FOOT, BROAD = 20.0, 1.5  # of its width that a peak reaches, as narrow or as bro
 SEEN = 8.0  # standard errors that a broad one stands out
 CLEAR = 100.0   # nats of a peak that is one in some form or other
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
+ROUNDED = 2.0   # times what rounding moves a mean by, that one must change by
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
@@ -210,11 +212,26 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
-        against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model),
+        against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model)
+        or _of_rounding(evidence, added),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
     )
     return Tried(finding, whole, partly, peak)
+
+
+def _of_rounding(evidence: Evidence, effect: NoiseEffect) -> str:
+    """Say that a mean changes by little more than what rounding moves means by, or nothing."""
+    step, bins = evidence.resolution, evidence.whole.bins
+    if not isinstance(effect, Mean) or not step > 0:
+        return ''
+    fast = bins.f > 0.25 / evidence.dt
+    level = np.average(evidence.whole.power[fast], weights=bins.count[fast])
+    moved = moved_by_rounding(step, np.sqrt(0.5 * level / evidence.dt), evidence.unrounded)
+    size = float(np.ptp(effect.mean(evidence.slow_inputs))) if moved > 0 else np.inf
+    return '' if size > ROUNDED * moved else (
+        f'it is {size / step:.2g} steps of the output, by which rounding moves a mean by '
+        f'{moved / step:.2g}')
 
 
 def _penalty(effect: NoiseEffect) -> float:

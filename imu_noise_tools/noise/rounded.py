@@ -14,6 +14,7 @@ from scipy.special import ndtr
 
 BLOCKS, LENGTH = 256, 256  # at most, and samples of one at least
 SPANNED = 0.577  # steps of noise, after the rounding, that are half a step before it
+PARTS = 8  # of a record, in which noise may be less than in all of it
 PIECES = 8  # of a block, over which its mean may move evenly
 REACH = 8  # levels on either side of a block's middle one; what is beyond counts as there
 LOW, HIGH = 0.05, 5.0  # steps between which the noise is looked for
@@ -32,6 +33,31 @@ ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds h
 def coarse(step: float, sigma: float) -> bool:
     """Tell whether noise, a standard deviation after the rounding, spans less than half a step."""
     return bool(step > 0 and sigma < SPANNED * step)
+
+
+def moved_by_rounding(step: float, sigma: float, blocks: np.ndarray) -> float:
+    """
+    Return by how much rounding moves means at most, from one place between levels to another.
+
+    Noise of s before it leaves of a mean m an error of step/pi e^(-2 pi^2 s^2/step^2) sin(2 pi
+    m/step), the first of its waves (Widrow and Kollar, Quantization Noise, 2008). Where the noise
+    is the least it is the most.
+
+    Parameters
+    ----------
+    step, sigma : float
+        Of the grid; standard deviation of the fast part of the samples on it.
+    blocks : ndarray (2, blocks)
+        How loud the noise was in each (:func:`before_rounding`); may be empty, (2, 0).
+
+    """
+    if not coarse(step, sigma):
+        return 0.0
+    parts = (np.array_split(x, min(PARTS, blocks.shape[1])) for x in blocks) \
+        if blocks.size else ([], [])
+    least = min((np.average(v, weights=w) for v, w in zip(*parts) if np.sum(w) > 0), default=1.0)
+    before = max(least * (sigma**2 - step**2 / 12), 0.0)
+    return float(2 * step / np.pi * np.exp(-2 * np.pi**2 * before / step**2))
 
 
 def before_rounding(y: np.ndarray, step: float) -> np.ndarray:
