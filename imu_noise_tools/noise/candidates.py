@@ -213,17 +213,18 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _view_of(effect),
         where,
         against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model)
-        or _of_rounding(evidence, added),
+        or _of_rounding(evidence, fit.model, added),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
     )
     return Tried(finding, whole, partly, peak)
 
 
-def _of_rounding(evidence: Evidence, effect: NoiseEffect) -> str:
+def _of_rounding(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
     """Say that a mean changes by little more than what rounding moves means by, or nothing."""
     step, bins = evidence.resolution, evidence.whole.bins
-    if not isinstance(effect, Mean) or not step > 0:
+    if not isinstance(effect, Mean) or not any(
+            e.moves_means for e in model.of(NoiseEffect)) or not step > 0:
         return ''
     fast = bins.f > 0.25 / evidence.dt
     level = np.average(evidence.whole.power[fast], weights=bins.count[fast])
@@ -287,15 +288,17 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
     Return what a fit loses without an effect, nats, where all others keep their values.
 
     Refitted they lose less, so this is a bound of what the effect gains; a gain beyond it is that
-    of a refit that was caught before, and none of the effect's doing.
+    of a refit that was caught before, and none of the effect's doing. Without a filter few bands
+    lose much, where refitted all lose some: of those each counts in full.
 
     """
     v, d = spectrum_without(evidence, fit, label), fit.details
     if v is None:
         return np.inf
     bands = Bands.on(evidence.whole.bins)
+    cap = np.inf if isinstance(fit.model[label], Response) else CAP
     with_it, without = (
-        supported(bands, d.power, d.weight, x, CAP, partly) for x in (d.v, v))
+        supported(bands, d.power, d.weight, x, cap, partly) for x in (d.v, v))
     return with_it - without
 
 

@@ -119,6 +119,8 @@ class NoiseEffect(Effect):
     of_readings: ClassVar[bool] = False
     #: whether a fit that leaves nothing of it is out of the ordinary
     in_every_sensor: ClassVar[bool] = False
+    #: whether it moves means, each by its place between two levels of the output
+    moves_means: ClassVar[bool] = False
     #: whether it says that what it adds is normal noise, on every time scale
     normal: ClassVar[bool] = False
     #: whether it may bend the spectrum over decades, where a knee without a name may do as well

@@ -51,6 +51,7 @@ class RateQuantization(Spectrum, Defect):
     certain = True      # samples on few levels: no form of the spectrum puts them there
     views = ()
     explains = ('grid',)
+    moves_means = True
     mutes = ('distribution', 'variance')  # samples on a coarse grid are not normal
 
     @property
