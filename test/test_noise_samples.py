@@ -221,6 +221,21 @@ def test_what_rounding_moves_a_mean_by_is_its_largest_error_of_two(noise):
         moved_by_rounding(3.0, 3 * np.sqrt(noise**2 / 4 + 1 / 12), none) if found else 0)
 
 
+def test_a_filter_before_an_angle_s_rounding_gains_what_a_relaxation_gains_that_bends_alike():
+    """Where it was bounded by what few bands lose without it, it gained 17 nats less of 460."""
+    rng, n, dt = np.random.default_rng(13), 60_000, 0.02
+    p = np.exp(-2 * np.pi * 1.9 * dt)
+    x = lfilter([1 - p], [1, -p], rng.standard_normal((n, 3)), axis=0)
+    x += 0.1 * rng.standard_normal((n, 3))
+    y = np.diff(np.round(np.cumsum(x, axis=0) / 2.4 + 0.3), axis=0, prepend=0) * 2.4
+    record = ImuRecord(1e-5 * y, None, dt * np.arange(n), 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'flicker', 'quantization')))
+    gain = {f.name: f.gain for f in problem.candidates(fit)}
+    assert gain['low_pass'] > 100 and gain['low_pass'] == pytest.approx(
+        gain['gauss_markov'], abs=5)
+
+
 def test_a_mean_that_rounding_moves_is_no_step():
     """Noise grew less, and then more of a mean between two levels was rounded away."""
     rng, n, level = np.random.default_rng(12), 60_000, -0.24

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .problem import NoiseProblem
 
 CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
+WHOLE = 1e9  # nats that no band costs
 MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
 SLOW = 32  # coefficients that hold nearly all of what acts on the mean
 LEFT = 0.01  # share of the power that is left at least where a source were known
@@ -296,7 +297,7 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
     if v is None:
         return np.inf
     bands = Bands.on(evidence.whole.bins)
-    cap = np.inf if isinstance(fit.model[label], Response) else CAP
+    cap = WHOLE if isinstance(fit.model[label], Response) else CAP
     with_it, without = (
         supported(bands, d.power, d.weight, x, cap, partly) for x in (d.v, v))
     return with_it - without
