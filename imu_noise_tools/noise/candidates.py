@@ -167,7 +167,9 @@ def no_more_than_chance(problem: NoiseProblem, fit: Fit, without: Fit, label: st
             or isinstance(effect, Spectrum) and effect.centre is not None:
         return ''
     estimates = fit.estimates.get(label, {})
-    beyond = _gained(problem.evidence, without, fit) + effect.bonus(problem.evidence, fit)
+    # what the samples say against it is said as that
+    beyond = _gained(problem.evidence, without, fit) + max(
+        effect.bonus(problem.evidence, fit), 0.0)
     wanted = _penalty(effect) + PRICE * (_shapes(effect, estimates) if estimates else 0) \
         - COMMON * effect.common
     if beyond < wanted:
