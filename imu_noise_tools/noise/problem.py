@@ -272,8 +272,8 @@ class NoiseProblem(Problem):
             self._shapes[key] = at_bound(
                 self.evidence, fit.model[label], fit.estimates.get(label, {})) \
                 or no_more_than_less(self, fit, label) \
-                or no_more_than_chance(self, fit, without, label) \
-                or flexible.shape(self.evidence, fit, without, label, claim)
+                or flexible.shape(self.evidence, fit, without, label, claim) \
+                or no_more_than_chance(self, fit, without, label)
         return self._shapes[key]
 
     def materiality(self, fit: Fit) -> tuple[float, float, bool]:
