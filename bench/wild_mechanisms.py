@@ -1320,7 +1320,6 @@ def _white(plan, axis, rng, n0):
 
 def _hold(h, rng, n):
     """Return for each sample which one is given out."""
-    index = np.arange(n)
     if h.form == 'slower':      # what is made here is what the sensor measured, at its own times
         read = int((n - 1) / h.params['ratio']) + 1
         return np.floor(np.arange(read) * h.params['ratio'] + 1e-9).astype(int)
@@ -1328,7 +1327,7 @@ def _hold(h, rng, n):
     start = rng.random(n) < h.params['share'] / run
     held = np.convolve(start, np.ones(run), 'full')[:n] > 0
     held[0] = False
-    return np.maximum.accumulate(np.where(held, 0, index))
+    return np.maximum.accumulate(np.where(held, 0, np.arange(n)))
 
 
 def realise(plan, turn=0):

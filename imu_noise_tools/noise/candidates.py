@@ -30,7 +30,8 @@ from .measured import measure, penalty, with_units
 from .response import Order
 from .rounded import moved_by_rounding
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
-from ..loop.verdict import COMMON, DIRECTED, PRICE
+from ..loop.findings import price
+from ..loop.verdict import DIRECTED, PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -167,14 +168,13 @@ def no_more_than_chance(problem: NoiseProblem, fit: Fit, without: Fit, label: st
             or isinstance(effect, Spectrum) and effect.centre is not None:
         return ''
     estimates = fit.estimates.get(label, {})
-    # what the samples say against it is said as that
-    beyond = _gained(problem.evidence, without, fit) + max(
-        effect.bonus(problem.evidence, fit), 0.0)
-    wanted = _penalty(effect) + PRICE * (_shapes(effect, estimates) if estimates else 0) \
-        - COMMON * effect.common
-    if beyond < wanted:
-        return f'beside the others it gains {beyond:.1f} nats, chance reaches {wanted:.1f}'
-    return ''
+    beyond = _gained(problem.evidence, without, fit)
+    wanted = price(Finding(effect.name, beyond, effect, penalty=_penalty(effect),
+                           shapes=_shapes(effect, estimates) if estimates else 0))
+    if beyond < wanted:     # what the samples say against it is said as that
+        beyond += max(effect.bonus(problem.evidence, fit), 0.0)
+    return f'beside the others it gains {beyond:.1f} nats, chance reaches {wanted:.1f}' \
+        if beyond < wanted else ''
 
 
 def _holds(one: type, other: type) -> bool:

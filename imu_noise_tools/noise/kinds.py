@@ -46,6 +46,7 @@ __all__ = [
     'Response',
     'Spectrum',
     'StateSpace',
+    'foreign',
     'measured',
     'model_avar',
     'model_crowd',
@@ -622,6 +623,11 @@ def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.nd
 def responses_on(effect: Spectrum, model: Model) -> list[Response]:
     """Return the model's responses that act on an effect."""
     return [r for r in model.of(Response) if r.acts_on(effect)]
+
+
+def foreign(model: Model) -> list[Spectrum]:
+    """Return the noise of a model that is fitted and may be none of the sensor's own."""
+    return [e for e in model.of(Spectrum) if not (e.own or isinstance(e, MEASURED))]
 
 
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:

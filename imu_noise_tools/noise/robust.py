@@ -19,7 +19,7 @@ import numpy as np
 from .explained import (
     Bands, Explained, FAR, judge, Judgement, MANY, NEARLY, supported as supported_by
 )
-from .kinds import Coupling, MEASURED, Modulation, Response, Spectrum
+from .kinds import Coupling, foreign, Modulation, Response, Spectrum
 from .likelihood import Likelihood
 from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
@@ -132,8 +132,7 @@ def _shares(found: Found) -> dict[str, np.ndarray]:
     """Return the share of the power (b,) of all noise that not every sensor has, by its label."""
     model = found.likelihood.with_search(found.x)
     total, each = found.likelihood.spectra(model)
-    return {e.label: each[e.label] / np.maximum(total, 1e-300) for e in model.of(Spectrum)
-            if not (e.own or isinstance(e, MEASURED))}
+    return {e.label: each[e.label] / np.maximum(total, 1e-300) for e in foreign(model)}
 
 
 def _with_filter_or_peak(found: Found) -> bool:

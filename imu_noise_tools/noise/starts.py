@@ -12,7 +12,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from .kinds import (
-    Coupling, Defect, FILTERS, Mean, MEASURED, model_gain2, NoiseEffect, Response, Spectrum
+    Coupling, Defect, FILTERS, foreign, Mean, MEASURED, model_gain2, NoiseEffect, Parameter,
+    Response, Spectrum
 )
 from .likelihood import Likelihood
 from ..core.errors import FitError
@@ -57,12 +58,9 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
                 **{s: known[s] for s in shapes if s not in e.anew}))
         elif begun:
             options = [e.with_values(**{s: known[s] for s in shapes})]
-            if anew and given is not None and isinstance(e, Spectrum):
-                options += [options[0].with_values(**{p.name: float(k)}) for p in e.parameters
-                            for k in range(len(p.choices)) if k != known[p.name]]
-            if isinstance(e, Response) and FILTERS.name in shapes and _begins(model, given):
-                options += [options[0].with_values(**{FILTERS.name: float(k)})
-                            for k in range(len(FILTERS.choices)) if k != known[FILTERS.name]]
+            options += [options[0].with_values(**{p.name: float(k)})
+                        for p in e.parameters if _asked_again(e, p, model, given, anew)
+                        for k in range(len(p.choices)) if k != known[p.name]]
             if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
                 # nothing else moves it to where it is seen once more is in the model
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
@@ -94,11 +92,19 @@ def _filtered(model: Model) -> tuple[float, ...]:
     return tuple(r.values.get(FILTERS.name, 0.0) for r in model.of(Response))
 
 
-def _begins(model: Model, given: Model | None) -> bool:
-    """Tell whether noise that may be none of the sensor's own begins beside a smaller model."""
-    return given is not None and any(
-        e.label not in given.labels and not (e.own or isinstance(e, MEASURED))
-        for e in model.of(Spectrum))
+def _asked_again(effect: NoiseEffect, parameter: Parameter, model: Model, given: Model | None,
+                 anew: bool) -> bool:
+    """
+    Tell whether a form that a smaller model has is asked beside what was missing there.
+
+    Of a peak where it is wanted; of a response what it filters, where noise begins that may be
+    none of the sensor's own.
+
+    """
+    if given is None:
+        return False
+    return anew and isinstance(effect, Spectrum) or parameter is FILTERS and any(
+        e.label not in given.labels for e in foreign(model))
 
 
 def _of_what_passes(likelihood, given, effect):
@@ -109,8 +115,7 @@ def _of_what_passes(likelihood, given, effect):
 
     """
     if given is None or not isinstance(effect, Response) or not given.of(Spectrum) \
-            or likelihood.part_name != 'whole' or not any(
-                not (e.own or isinstance(e, MEASURED)) for e in given.of(Spectrum)) \
+            or likelihood.part_name != 'whole' or not foreign(given) \
             and not any(r.scatters for r in given.of(Response)):
         return []
     before, more = Likelihood(likelihood.evidence, 'whole', given), given.plus(effect)
@@ -268,11 +273,11 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     """
     here, out = found.with_search(x), []
     # what every sensor has is there when forms are chosen, unless it was missing
-    last = here[here.labels[-1]]
-    coloured = {e.label for e in here.of(Spectrum)
-                if not (e.own and e is not last or isinstance(e, MEASURED))}
-    coloured |= {e.label for e in here.of(Coupling)}
-    if not coloured or here.labels[-1] not in coloured | {e.label for e in here.of(Response)}:
+    last = here.effects[-1]
+    coloured = [*foreign(here), *here.of(Coupling)]
+    if isinstance(last, Spectrum) and not isinstance(last, MEASURED):
+        coloured.append(last)
+    if not coloured or last not in [*coloured, *here.of(Response)]:
         return []
     searched = {s.label for s in found.slots}   # of others the samples say which form they have
     for e in here.of(Response):
