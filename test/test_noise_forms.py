@@ -94,6 +94,26 @@ def test_a_swing_has_the_harmonics_that_it_shows_and_they_are_no_second_one(skew
 
 
 @pytest.mark.parametrize('swing', daily([
+    (1.17, 4.5, 1e-3), (1.4, 3.0, 1.5e-3), (1.64, 4.1, 2e-3), (1.94, 3.1, 3e-3)],
+    (1.64, 4.1, 2e-3), (1.94, 3.1, 3e-3)))
+def test_part_of_a_skewed_swing_is_one_with_harmonics_and_nothing_beside_it(swing):
+    """A sine leaves what a drift or a second sine explains, with every confidence."""
+    periods, phase, size = swing
+    rng, n, dt = np.random.default_rng(round(100 * periods)), 20_000, 0.05
+    t = dt * np.arange(n)
+    turn = 2 * np.pi * t / (periods * t[-1]) + phase
+    gyro = 1e-3 * rng.standard_normal((n, 3))
+    x = gyro[:, 0] + size * np.cos(turn + 0.5 * np.sin(turn))
+    problem = NoiseProblem(evidence_of(x, 1 / dt))
+    alone = model_of('noise', (*BASE, 'slow_periodic'))
+    fit = problem.point(alone)
+    assert fit.model['slow_periodic']['orders'] > 1
+    for name in ('drift', 'ramp', 'slow_periodic'):
+        more = problem.point(model_of('noise', (*BASE, 'slow_periodic', name)))
+        assert more.details.ml - fit.details.ml < penalty(name)
+
+
+@pytest.mark.parametrize('swing', daily([
     (1.33, 0.7, 1e-3), (1.75, 3.8, 3e-3), (1.92, 0.1, 7e-4)],
     (1.33, 0.7, 1e-3), (1.92, 0.1, 7e-4)))
 def test_half_a_swing_is_a_sine_and_not_its_harmonics(swing):

@@ -60,8 +60,7 @@ class SlowPeriodic(Mean):
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Start at periods from a tenth of the record to twice its length, 24 in all."""
         if 'period' in self.values:
-            return [self.with_values(orders=float(k)) for k in range(1, ORDERS + 1)
-                    if k == 1 or self['period'] <= evidence.duration]
+            return [self.with_values(orders=float(k)) for k in range(1, ORDERS + 1)]
         return [self.with_values(period=evidence.duration / x, orders=1.0) for x in CYCLES]
 
     def finer(self, evidence: Evidence) -> list[Effect]:
@@ -69,18 +68,18 @@ class SlowPeriodic(Mean):
         beside = (CYCLES[1] - CYCLES[0]) / ORDERS * np.array([-1, 0, 1])
         cycles = evidence.duration / self['period'] + beside
         return [self.with_values(period=evidence.duration / x, orders=float(k))
-                for x in cycles for k in range(1, ORDERS + 1) if k == 1 or x >= 1]
+                for x in cycles for k in range(1, ORDERS + 1)]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """
         Below a tenth of the record it is a line, beyond twice its length a drift.
 
-        With harmonics the record holds a period at least: of less there is no form.
+        With harmonics too: what part of a skewed swing leaves of a sine would else be a drift or
+        a second swing.
 
         """
         orders = int(self.values.get('orders', ORDERS))
-        most = 2.2 if orders == 1 else 1.1
-        return {'period': (0.09 * evidence.duration, most * evidence.duration),
+        return {'period': (0.09 * evidence.duration, 2.2 * evidence.duration),
                 **{name: (0.0, 0.0) for name in self.optional[2 * orders - 2:]}}
 
     def columns(self, inputs: Inputs, period: float, orders: float = 1.0) -> np.ndarray:
