@@ -519,7 +519,7 @@ def make_low_pass(rng, bed, form=None):
         extra['ba'] = (np.ones(m) / m, [1.0])
     elif form == 'notch':
         fc, q = bed.fs * rng.uniform(.05, .42), _between(rng, .7, 5)
-        params['q'] = q = max(q, fc / (.45 * bed.fs))   # a wider one has no stable filter
+        params['q'] = q = max(q, fc / (.4 * bed.fs))     # one of half the rate is not stable
         extra['ba'] = signal.iirnotch(fc, q, fs=bed.fs)
     else:
         fast = int(rng.integers(3, 9))
