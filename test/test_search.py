@@ -142,6 +142,22 @@ def test_two_that_bend_a_view_to_and_fro_are_seen_together_where_nothing_stands_
     assert search._pair([], search.places.at(search.places.base)) == []
 
 
+def test_of_what_gains_nothing_alone_that_which_leaves_least_is_looked_at_first(search):
+    """Where all of a spectrum is wrong a filter gains nothing, though most of it falls by it."""
+    near, *faint = (found(k, gain=g, penalty=8.0) for k, g in (
+        ('low_pass', -200.0), ('quantization', 2.0), ('gauss_markov', 1.0), ('notch', 0.0)))
+    peak = found('narrowband', gain=500.0)
+    beside = {'': [*faint, near], 'low_pass': [peak]}
+    search.places.at = lambda model: SimpleNamespace(
+        model=model, candidates=beside.get(', '.join(model.labels[1:]), []))
+    search.places.tests = leaves(dict.fromkeys(['', *(f.name for f in faint)], 1e5)
+                                 | {'low_pass': 2000.0})
+    search.places.beside_others = lambda f, *_: f
+    search.against.unhealed = lambda *_: ''
+    search.against.unlowered = lambda *_: (10.0, '')
+    assert search._pair([], search.places.at(search.places.base)) == [near, peak]
+
+
 @pytest.mark.parametrize('last', [False, True])
 def test_what_explains_little_is_not_judged_where_far_more_falls_in_the_same_look(search, last):
     """Without that it may be as good as a form without a name, which it was not beside it."""

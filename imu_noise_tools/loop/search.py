@@ -154,21 +154,19 @@ class Search:
         fro may gain nothing each: where nothing stands out they are tried all the same.
 
         """
-        before, asked, faint = self.places.model_of(members), set[bool](), 0
+        before, asked = self.places.model_of(members), set[bool]()
         failing = {t.view for t in failures(self.places.tests(before))}
-        hopeless = not self.able(place) and not any(bends(f) for f in members)
-        for f in self.open_at(place):
+        faint = self._faint(members, place, failing)
+        for f in [*faint, *(f for f in self.open_at(place) if f not in faint)]:
             if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
-            paired = f.effect.paired
+            paired, hidden = f.effect.paired, f in faint
             clear = surplus(f) > 0 and f.view in failing and paired not in asked
-            hidden = hopeless and bends(f) and f.view in failing and faint < FAINT
             if not clear and not hidden and not (
                     paired and f.effect.several and f.gain >= HINT * f.penalty):
                 continue
             if clear:
                 asked.add(paired)
-            faint += hidden
             between = self.places.at(before.plus(fresh(f)))
             if between is None:
                 continue
@@ -184,6 +182,22 @@ class Search:
                     before, after, both)[1]:
                 return [self.places.beside_others(f, label(before, f), after), g]
         return []
+
+    def _faint(self, members: list[Finding], place: Place,
+               failing: Collection[str]) -> list[Finding]:
+        """
+        Return a few that bend a failing view, where nothing stands out: what leaves least first.
+
+        A gain counts no band for more than a little: what is wrong in all of them gains nothing,
+        though it be much nearer.
+
+        """
+        if self.able(place) or any(bends(f) for f in members):
+            return []
+        some = [f for f in self.open_at(place) if bends(f) and f.view in failing]
+        left = [sum(t.gain for t in self.places.tests(place.model.plus(fresh(f)))
+                    if t.view == f.view) for f in some]
+        return [some[i] for i in np.argsort(left, kind='stable')[:FAINT]]
 
     def _heals(self, members: list[Finding], finding: Finding) -> bool:
         """Tell whether a candidate heals what it claims behind a chain; what not is kept aside."""
