@@ -591,6 +591,25 @@ def test_what_dies_out_is_a_shock_and_so_is_what_swells_before(size, decay, swel
         assert np.any((kept['begin'] <= top + 12) & (top < kept['end']))
 
 
+@pytest.mark.parametrize('heard', [0.0, 0.3, 1.0])
+def test_what_no_other_axis_hears_is_no_knock_but_a_burst_behind_a_filter(heard):
+    """By its form a short one is either; a knock moves all axes, each by its share."""
+    rng = np.random.default_rng([27, round(10 * heard)])
+    y, others = noise(rng), [noise(rng) for _ in range(5)]
+    begins = (4000, 17000, 29000)
+    for i in begins:
+        burst = lfilter([0.2], [1, -0.8], np.append(80 * rng.standard_normal(6), np.zeros(30)))
+        y[i:i + 36] += burst
+        for k, x in enumerate(others):
+            x[i:i + 36] += heard * burst * (-1) ** k
+    names = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+    axes = dict(zip(names, (y, *others)))
+    alone = Inputs(np.arange(N) * 0.01, 0.01)
+    assert len(SHOCK.statistics(y, alone)['begin']) == len(begins)
+    kept = SHOCK.statistics(y, replace(alone, axes=axes, axis='gyro_x'))
+    assert len(kept.get('begin', ())) == (len(begins) if heard else 0)
+
+
 @pytest.mark.parametrize('share', [0.001, 0.01, 0.03])
 def test_spikes_are_no_shocks_however_many(share):
     y = noise(14)

@@ -190,6 +190,30 @@ def test_a_chain_that_leaves_nothing_goes_before_more_surplus(search):
     assert search.forward(held) == main
 
 
+@pytest.mark.parametrize('less', [True, False])
+def test_a_chain_that_leaves_fewer_views_goes_before_more_surplus(search, less):
+    """One name for five levels, of which the path gains far more one after another."""
+    loud = found('spikes', 'distribution', 1000.0)
+    main = [loud, *(found('step', 'time', 80.0) for _ in range(5))]
+    held = [loud, found('rts', gain=25.0)]
+    search.chain = lambda begin=(): [*begin] or main
+    search._rivals = lambda *_: []
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=None))
+
+    def tests(model):
+        fails = {'coherence': 70.0}
+        if 'step' in model or not less:
+            fails['time'] = 900.0
+        return [Finding(k, v, view=k, p_value=0.0) for k, v in fails.items()]
+    search.places.tests = tests
+    way = frozenset(search.places.model_of(main[:2]).labels)    # it is tried in what follows it
+    search._explained_away = lambda *_: search.scores.update({way: 1080.0})
+    assert search.forward(held) == (held if less else main)
+    if less:
+        best = search.scores[frozenset(search.places.model_of(held).labels)]
+        assert best - search.scores[way] == 900.0
+
+
 @pytest.mark.parametrize(('names', 'left', 'best'), [
     # each of two says little alone, and a third that does some of both needs either beside it
     (['gauss_markov', 'low_pass'], {}, ['low_pass', 'quantization']),

@@ -116,6 +116,10 @@ class Places:
         """Return what fails after a chain, nats."""
         return float(sum(f.gain for f in failures(self.tests(self.model_of(chain)))))
 
+    def views_left(self, chain: Iterable[Finding]) -> set[str]:
+        """Return the views that fail after a chain."""
+        return {f.view for f in failures(self.tests(self.model_of(chain)))}
+
     def failing(self, model: Model) -> float:
         """Return what a model leaves failing in the views that fail under the base, nats."""
         views = {f.view for f in failures(self.tests(self.base))}

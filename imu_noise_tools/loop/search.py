@@ -238,8 +238,9 @@ class Search:
         """
         Return the best of the chains: the main one, those that begin with a rival, and ``held``.
 
-        One after which nothing fails goes before one that leaves something, whatever they gain.
-        What an earlier chain held may not be reached without what was refuted in it.
+        One that leaves only views that the other one leaves as well, and fewer, goes before it,
+        whatever they gain. What an earlier chain held may not be reached without what was refuted
+        in it.
 
         """
         self.scores = {}
@@ -275,9 +276,10 @@ class Search:
             self.scores[here] = max(total[here], self.scores.get(here, -np.inf))
         best = max(chains, key=lambda c: total[self.places.set_of(c)])
         left = {self.places.set_of(c): self.places.left(c) for c in chains}
-        whole_ones = [c for c in chains if not left[self.places.set_of(c)]]
-        if whole_ones and left[self.places.set_of(best)]:
-            best = max(whole_ones, key=gained)
+        fewer = [c for c in chains if left[self.places.set_of(c)] < left[self.places.set_of(best)]
+                 and self.places.views_left(c) < self.places.views_left(best)]
+        if fewer:
+            best = max(fewer, key=gained)
             self._follow(best, left)
         self.scores.setdefault(self.places.set_of(best), gained(best))
         return self._as_few(best, chains)
@@ -417,16 +419,18 @@ class Search:
 
     def _follow(self, best: Sequence[Finding], left: Mapping[frozenset[str], float]) -> None:
         """
-        Give what leaves something the less surplus for it than a chain that leaves nothing.
+        Give what leaves more the less surplus for it than a chain that leaves less.
 
         What members gain, each at its place, is more than they do together where noise stretches
         over what they leave. What differs from the best in its last member was not tried.
 
         """
         whole, others = self.places.set_of(best), self.places.set_of(best[:-1])
-        most = gained(best) - min(v for v in left.values() if v > 0)
+        more = {k: v - left[whole] for k, v in left.items() if v > left[whole]}
+        most = gained(best) - min(more.values())
         for k in self.scores:
-            if left.get(k, not others < k or len(k) > len(whole)):
+            tried = any(k <= other for other in more)
+            if tried or k not in left and (not others < k or len(k) > len(whole)):
                 self.scores[k] = min(self.scores[k], most)
         self.scores[whole] = gained(best)
 

@@ -153,7 +153,7 @@ class _Gathering:
     def samples(self, axis: str, **curve) -> None:
         """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
         y = self.raw[axis] = np.ascontiguousarray(self.record.column(axis), float)
-        self.kept[axis], without = _looked_at(y, self.inputs)
+        self.kept[axis], without = _looked_at(y, replace(self.inputs, axis=axis))
         self.kept[axis].update(self._of_readings(axis))
         without = _bridged(without, self.record)
         self.clean[axis] = y if without is y else self.memory.keep(without)
@@ -185,7 +185,7 @@ class _Gathering:
         """Take defects out of the axes that were not asked for, as out of those that were."""
         for axis in (a for a in self.record.axes if a in self.covariates):
             y = np.ascontiguousarray(self.record.column(axis), float)
-            without = _bridged(_screened(y, self.inputs), self.record)
+            without = _bridged(_screened(y, replace(self.inputs, axis=axis)), self.record)
             if without is not y:
                 self.covariates[axis] = self.memory.keep(without)
             self.memory.rest()

@@ -70,8 +70,9 @@ class Inputs:
     What an effect may depend on besides its parameters; all arrays (n,).
 
     ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates``
-    (temperature in degrees Celsius ...) and the other axes by name, all at ``t``; ``slower``:
-    whether the sensor is, than its reader, so that its values are sent again.
+    (temperature in degrees Celsius ...) and the axes by name, all at ``t``; ``axis``: the name of
+    that which is looked at; ``slower``: whether the sensor is, than its reader, so that its
+    values are sent again.
 
     """
 
@@ -79,6 +80,7 @@ class Inputs:
     dt: float
     covariates: Mapping[str, np.ndarray] = field(default_factory=dict)
     axes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    axis: str = ''
     slower: bool = False
 
 

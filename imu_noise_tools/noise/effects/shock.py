@@ -38,6 +38,9 @@ FEW_HELD = 0.2  # share of samples that are held, between which a ring is drawn
 STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
 UNEVEN = 1e-3  # chance of a level that seems so uneven
+OTHERS = 2  # axes that may hear what one does
+CLEAR = 50.0  # nats of a knock of which an axis hears a third
+BY_CHANCE = 0.05  # share of all that is looked at that seems to be heard by chance
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
@@ -86,7 +89,7 @@ class Shock(Defect):
         # what jumps between two levels or three is nothing like the noise that rings stand out of
         jumps = grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if jumps else _rings_in(y, inputs.dt)
-        out = _dying_out(y, _loud(y, inputs.dt), inputs.dt)
+        out = _heard_by_others(_dying_out(y, _loud(y, inputs.dt), inputs.dt), inputs)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
         if len(rings.begin):
@@ -96,7 +99,7 @@ class Shock(Defect):
                 begin, end = (out[k][:, None] for k in ('begin', 'end'))
                 same = (some['end'] > begin) & (some['begin'] < end)
                 out['worth'] = np.where(same @ some['worth'] > out['worth'], 0.0, out['worth'])
-                out = _dying_out(left, out, inputs.dt)
+                out = _heard_by_others(_dying_out(left, out, inputs.dt), inputs)
             if out:
                 some = {k: np.append(v, out.get(k, np.zeros(len(out['begin']))))
                         for k, v in some.items()}
@@ -388,6 +391,36 @@ def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], dt: float) -> dict[st
     if not even or np.sum(gain[level]) < np.log(NAMED / (1 - NAMED)):
         return kept
     return {} if np.all(level) else {k: v[~level] for k, v in kept.items()}
+
+
+def _heard_by_others(kept: dict[str, np.ndarray], inputs: Inputs) -> dict[str, np.ndarray]:
+    """
+    Return what is loud, or nothing where of much of it no other axis hears any.
+
+    A knock at the bench moves all of them, each by its share; a burst of outliers is in the data
+    of one.
+
+    """
+    others = [x for name, x in inputs.axes.items() if name != inputs.axis]
+    if not kept or not inputs.axis or len(others) < OTHERS:
+        return kept
+    clear = kept['worth'] > CLEAR
+    heard = [p for x in others for p in _as_loud(x, kept, clear)]
+    return {} if heard and min(heard) > BY_CHANCE / len(heard) else kept
+
+
+def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray], some: np.ndarray) -> list[float]:
+    """Return what share of stretches elsewhere, of samples (n,), is as loud as some that are."""
+    stretches = np.column_stack([kept['begin'], kept['end']]).astype(int)
+    inside = np.zeros(len(x), bool)
+    for begin, end in stretches:
+        inside[begin:end] = True
+    rest, out = x[~inside], []
+    for begin, end in stretches[some]:
+        count = len(rest) // (end - begin)
+        usual = np.var(rest[:count * (end - begin)].reshape(count, -1), axis=1)
+        out.append(float(np.mean(usual >= np.var(x[begin:end]))))
+    return out
 
 
 def _each_whitened(y: np.ndarray, kept: Mapping[str, np.ndarray], dt: float,
