@@ -90,7 +90,7 @@ def _one_line(hidden):
 
 def match(found, hidden, duration):
     """Return for each found name the number of the hidden effect it is, or None."""
-    left, out = list(range(len(hidden))), []
+    left, out, called = list(range(len(hidden))), [], set()
     lines = [h for h in hidden if h['name'] == 'sinusoid']
     for name, _, parameters in found:
         fits = [i for i in left if name in hidden[i]['accept']]
@@ -101,10 +101,11 @@ def match(found, hidden, duration):
         if not fits:    # up and down again is two steps; a band on and off is both of its names
             fits = [i for i, h in enumerate(hidden)
                     if name == h['name'] == 'step' and h['form'] != 'one'
-                    or 'on_off' in h['form'] and name in set(h['accept']) - {h['name']}]
+                    or 'on_off' in h['form'] and name in h['accept'] and (name, i) not in called]
         # The name itself before an alias: a shared line may be called either way.
         fits.sort(key=lambda i: hidden[i]['name'] != name)
         out.append(fits[0] if fits else None)
+        called.add((name, out[-1]))
         if fits and fits[0] in left:
             left.remove(fits[0])
     return out
