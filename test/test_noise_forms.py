@@ -534,6 +534,20 @@ def test_a_path_is_followed_through_the_first_switches_and_short_visits():
     assert np.mean(np.abs(found.path - found.path.mean() - (y - y.mean())) > 1) < 0.005
 
 
+@pytest.mark.parametrize('levels', [2, 9])
+def test_steps_to_and_fro_between_two_levels_are_a_telegraph(levels):
+    """One after another they gain far more than it does; of any other size they are steps."""
+    rng, n, rate = np.random.default_rng([levels, 33]), 40_000, 50.0
+    ends = np.cumsum(rng.exponential(np.resize((4500, 1800), 40)))
+    place = np.searchsorted(ends, np.arange(n))
+    sizes = np.resize((0.0, 1.0), 41) if levels == 2 else np.cumsum(rng.uniform(-1.5, 1.5, 41))
+    problem = NoiseProblem(evidence_of(1e-3 * rng.standard_normal(n) + 8e-4 * sizes[place], rate))
+    step, = (f for f in problem.candidates(problem.point(model_of('noise', BASE)))
+             if f.name == 'step')
+    assert step.gain > step.penalty
+    assert ('between two levels' in step.against) == (levels == 2), step
+
+
 @pytest.mark.parametrize('seed', daily([0, 3], 0))
 def test_levels_far_apart_are_told_as_exactly_as_they_are(seed):
     """To a thousandth: beside them are hundreds of blocks in which any other step is unlikely."""

@@ -28,6 +28,7 @@ from imu_noise_tools.core.spectrum import bins_of
 from imu_noise_tools.export._values import covering, HORIZON
 from imu_noise_tools.health import MOTION_KEPT
 from imu_noise_tools.loop.effect import Estimate, model_of
+from imu_noise_tools.noise import robust as resting
 from imu_noise_tools.noise.curve import bin_weights
 from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.explained import (
@@ -313,6 +314,18 @@ def test_a_crossing_is_not_an_agreement():
     found = judge(bands, ratio, bins.count.astype(float))
     assert found.kept[bands.high < 5].all() and not found.kept[bands.low > 5].any()
     assert not found.weight[bins.f > 8].any()
+
+
+@pytest.mark.parametrize('name, whole', [
+    ('low_pass', True), ('shared_noise', True), ('gauss_markov', False)])
+def test_what_is_told_in_bands_set_aside_is_taken_from_all_bins(name, whole, monkeypatch):
+    """A filter, and what other axes hear of a peak: beside it either may be anything."""
+    ends = [SimpleNamespace(likelihood=SimpleNamespace(model=model_of('noise', ('white', name))))
+            for _ in range(2)]
+    monkeypatch.setattr(resting, '_in_part', lambda found: 1000.0 * (found is ends[1]))
+    monkeypatch.setattr(resting, '_most_of', lambda found: set())
+    monkeypatch.setattr(resting, '_seen_in', lambda found: set())
+    assert resting.more_explained(*ends) is ends[whole]
 
 
 def test_lines_inside_a_band_are_set_aside_alone():

@@ -47,6 +47,8 @@ SEEN = 8.0  # standard errors that a broad one stands out
 CLEAR = 100.0   # nats of a peak that is one in some form or other
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ROUNDED = 2.0   # times what rounding moves a mean by, that one must change by
+JUMPS = 0.5  # share of all that changes, or of how far levels are apart
+BLOCKS = 256  # of a record, within one of which two jumps are at one time
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
 
@@ -91,7 +93,8 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
-        if quiet and issubclass(cls, (Spectrum, Response)) and not issubclass(cls, MEASURED):
+        if quiet and issubclass(cls, (Spectrum, Response)) and not issubclass(cls, MEASURED) \
+                and not (issubclass(cls, Spectrum) and cls().path(evidence) is not None):
             continue
         # what is read from the samples is out of the spectrum: beside it others gain as before
         key = (*problem.spectral(fit.model), name)
@@ -216,11 +219,28 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _view_of(effect),
         where,
         against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model)
-        or _of_rounding(evidence, fit.model, added),
+        or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
     )
     return Tried(finding, whole, partly, peak)
+
+
+def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
+    """Say that a mean jumps as levels do that the path of the record shows, or nothing."""
+    if not isinstance(effect, Mean):
+        return ''
+    jumps = np.diff(effect.mean(evidence.slow_inputs))
+    there = np.flatnonzero(np.abs(jumps) > JUMPS * np.sum(np.abs(jumps)))
+    near = 1 + len(jumps) // BLOCKS
+    for other in (e() for e in registry('noise').values() if issubclass(e, Spectrum)):
+        path = None if other.name in model else other.path(evidence)
+        if path is None or not len(there):
+            continue
+        before, after = (path[np.clip(there + k, 0, len(jumps))] for k in (-near, near + 1))
+        if np.all((after - before) * np.sign(jumps[there]) > JUMPS * np.ptp(path)):
+            return f'the mean goes to and fro between two levels, here too: {other.title}'
+    return ''
 
 
 def _of_rounding(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:

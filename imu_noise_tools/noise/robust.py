@@ -107,11 +107,13 @@ def more_explained(found: Found, plain: Found) -> Found:
     """
     Return the plain fit of a filter or a peak where that explains far more, if only in part.
 
-    What rests on the bands beside a filter or a peak may have it anywhere, and of other noise it
-    may have nothing that is most of a band that it sets aside.
+    What rests on the bands beside a filter or a peak may have it anywhere, as it may have what
+    other axes hear of one, and of other noise it may have nothing that is most of a band that it
+    sets aside.
 
     """
-    if found is plain or not (_with_filter_or_peak(plain) or _most_of(plain) - _seen_in(found)):
+    if found is plain or not (_with_filter_or_peak(plain) or plain.likelihood.model.of(Coupling)
+                              or _most_of(plain) - _seen_in(found)):
         return found
     return plain if _in_part(plain) > _in_part(found) + _BAND else found
 

@@ -33,7 +33,7 @@ Pair: TypeAlias = tuple[int, int]
 
 LATER, SHAKEN = '^', '~'
 HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is not its own noise
-LOOKED_AT = 1 << 17     # samples in which axes are compared
+LOOKED_AT = 1 << 19     # samples in which axes are compared
 GROUPS, LEAST = 960, 16     # of coefficients, and the least in one
 CHANCE = 1e-3           # records in which noise seems to be heard together
 WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
