@@ -88,7 +88,16 @@ def _one_line(hidden):
     return ['sinusoid'] if hidden['clear_here'] * power[1] / power.sum() < hidden['bar'] else []
 
 
-def match(found, hidden, duration):
+def _at_an_order(hidden, frequency, duration, rate):
+    """Tell whether a line is at one of the orders of a shaft, folded about half the rate."""
+    if hidden['name'] != 'harmonics' or frequency is None:
+        return False
+    orders = np.array(hidden['params']['orders']) * hidden['params']['frequency']
+    folded = np.abs(orders - rate * np.round(orders / rate))
+    return bool(np.min(np.abs(folded - frequency)) < 3 / duration)
+
+
+def match(found, hidden, duration, rate):
     """Return for each found name the number of the hidden effect it is, or None."""
     left, out, called = list(range(len(hidden))), [], set()
     lines = [h for h in hidden if h['name'] == 'sinusoid']
@@ -101,6 +110,8 @@ def match(found, hidden, duration):
         if not fits:    # up and down again is two steps; a band on and off is both of its names
             fits = [i for i, h in enumerate(hidden)
                     if name == h['name'] == 'step' and h['form'] != 'one'
+                    or name == 'sinusoid' and name in h['accept']
+                    and _at_an_order(h, frequency, duration, rate)
                     or 'on_off' in h['form'] and name in h['accept'] and (name, i) not in called]
         # The name itself before an alias: a shared line may be called either way.
         fits.sort(key=lambda i: hidden[i]['name'] != name)
@@ -182,7 +193,7 @@ def judge(job):
         for h in hidden:
             h['accept'] = sorted({*h['accept'], *_one_line(h)})
         found = named(diagnosis)
-        matched = match(found, hidden, truth['duration_s'])
+        matched = match(found, hidden, truth['duration_s'], truth['rate_hz'])
         verdict = diagnosis.get('verdict', 'refused' if code else 'absent')
         rows.append({
             **row, 'axis': axis, 'base': truth['base'][axis], 'hidden': [

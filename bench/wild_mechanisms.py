@@ -1125,7 +1125,9 @@ class Plan:
             quick = np.sqrt(bed.fs * np.mean(whole[bed.f > bed.fs / 200]))
             innovation = np.exp(np.mean(np.log(whole[1:] * bed.fs)))
             lattice = [h for h in self.hidden if h.how == 'lattice']
-            self.lsb[axis] = lattice[0].params['step'] if lattice else self.fine * quick
+            # the word of an output is finer than the sensor's noise, whatever is heard beside it
+            own = np.sqrt(bed.fs * np.mean(shaped[bed.f > bed.fs / 200]))
+            self.lsb[axis] = lattice[0].params['step'] if lattice else self.fine * min(own, quick)
             floor = self.lsb[axis] ** 2 / 12 * bed.dt
             whole = whole + floor
             self.whole.append(whole)

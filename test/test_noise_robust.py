@@ -235,6 +235,22 @@ def test_what_is_left_out_leaves_no_swing_behind():
     assert np.mean(np.square(dips)) < 1.3 * 2 / (gap / 2)  # white noise itself, no more
 
 
+@pytest.mark.parametrize('drift, jumps', [(0.0, True), (0.0, False), (3e-3, False)])
+def test_what_jumps_within_what_is_left_out_jumps_once(drift, jumps):
+    """A line there is a ramp, two steps to who looks for one; of a drift it is the better one."""
+    rng, n, gap = np.random.default_rng(31), 20_000, 100
+    y = rng.standard_normal(n) + drift * np.arange(n)
+    y[n // 2:] += 5.0 * jumps
+    t = np.arange(n) * DT
+    begin, end = n // 2 - gap // 3, n // 2 - gap // 3 + gap
+    record = replace(ImuRecord(np.column_stack([y] * 3), None, t, 1 / DT),
+                     left_out=((t[begin], t[end], 'masked'),))
+    filled = _bridged(y, record)[begin:end]
+    quarters = [np.mean(x) for x in np.array_split(filled, 4)]
+    assert abs(quarters[1] - quarters[0]) < 1.2 and abs(quarters[3] - quarters[2]) < 1.2
+    assert (quarters[2] - quarters[1] > 4) == jumps
+
+
 @pytest.mark.parametrize('why', ['shock', 'shock, masked'])
 def test_a_line_goes_on_through_what_is_left_out(why):
     """Mirrored it has another phase there: a foot about it that is as wide as a gap is short."""

@@ -46,6 +46,7 @@ LOW = 4096  # signed coefficients kept: what jumps shows in all of them
 CALM = 1024  # of them, in which a thermometer is looked at for lines
 BLOCKS = 256  # blocks in time
 BANDS = 20  # bands of the power in time
+JUMPED = 4.0  # times what means change by on either side of what is left out
 CELLS = 64  # equiprobable cells of the distribution
 STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
 ENVELOPE = 1000  # columns of the picture of the time series
@@ -522,6 +523,8 @@ def _bridged(y: np.ndarray, record: ImuRecord,
     Mirrored, half from before and half from after, about a line between their means: so the
     spectrum keeps its level, which a bare line would lower. The means are of as much as is
     mirrored: those of fewer samples are off by more than the record drifts, and tilt the line.
+    Where they are far apart beside how much the record changes before and after, it has jumped
+    there, and the line does in its middle.
 
     """
     if not record.left_out:
@@ -541,8 +544,18 @@ def _bridged(y: np.ndarray, record: ImuRecord,
         back = (before[::-1] - means[0])[:j - i - half]
         mirrored[:len(back)] = back
         mirrored[j - i - half:] = (after[:half] - means[1])[::-1]
-        y[i:j] = np.linspace(means[0], means[1], j - i) + mirrored + through[i - first:j - first]
+        line = np.linspace(means[0], means[1], j - i)
+        if abs(means[1] - means[0]) > JUMPED * max(_changes_by(x) for x in beside):
+            line = np.where(np.arange(j - i) < (j - i) // 2, *means)
+        y[i:j] = line + mirrored + through[i - first:j - first]
     return y
+
+
+def _changes_by(y: np.ndarray) -> float:
+    """Return by how much means of half of samples (n,) differ, their standard error at least."""
+    halves = np.array_split(y, 2)
+    return max(abs(float(np.mean(halves[0]) - np.mean(halves[-1]))),
+               2 * float(np.std(y)) / np.sqrt(len(y)))
 
 
 def _block_means(y, length):

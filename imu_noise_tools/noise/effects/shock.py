@@ -89,6 +89,8 @@ class Shock(Defect):
         # what jumps between two levels or three is nothing like the noise that rings stand out of
         jumps = grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if jumps else _rings_in(y, inputs.dt)
+        if not _heard_by_others(_as_kept(rings, inputs.dt), inputs):
+            rings = NONE
         out = _heard_by_others(_dying_out(y, _loud(y, inputs.dt), inputs.dt), inputs)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
@@ -395,31 +397,40 @@ def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], dt: float) -> dict[st
 
 def _heard_by_others(kept: dict[str, np.ndarray], inputs: Inputs) -> dict[str, np.ndarray]:
     """
-    Return what is loud, or nothing where of much of it no other axis hears any.
+    Return what rings or is loud, or nothing where of much of it no other axis hears any.
 
     A knock at the bench moves all of them, each by its share; a burst of outliers is in the data
-    of one.
+    of one, and so is what a filter does at each switch between two levels.
 
     """
     others = [x for name, x in inputs.axes.items() if name != inputs.axis]
     if not kept or not inputs.axis or len(others) < OTHERS:
         return kept
     clear = kept['worth'] > CLEAR
-    heard = [p for x in others for p in _as_loud(x, kept, clear)]
+    heard = [p for x in others for p in _as_loud(x, kept, clear, inputs.dt)]
     return {} if heard and min(heard) > BY_CHANCE / len(heard) else kept
 
 
-def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray], some: np.ndarray) -> list[float]:
+def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray], some: np.ndarray, dt: float,
+             ) -> list[float]:
     """Return what share of stretches elsewhere, of samples (n,), is as loud as some that are."""
-    stretches = np.column_stack([kept['begin'], kept['end']]).astype(int)
+    begin, end = kept['begin'].astype(int), np.minimum(kept['end'].astype(int), len(x))
     inside = np.zeros(len(x), bool)
-    for begin, end in stretches:
-        inside[begin:end] = True
+    for i, j in zip(begin, end):
+        inside[i:j] = True
     rest, out = x[~inside], []
-    for begin, end in stretches[some]:
-        count = len(rest) // (end - begin)
-        usual = np.var(rest[:count * (end - begin)].reshape(count, -1), axis=1)
-        out.append(float(np.mean(usual >= np.var(x[begin:end]))))
+    for k in np.flatnonzero(some):
+        length = end[k] - begin[k]
+        count = len(rest) // length
+        rows = np.vstack([x[begin[k]:end[k]], rest[:count * length].reshape(count, length)])
+        rows = rows - np.mean(rows, axis=1, keepdims=True)
+        if 'ring' in kept and kept['ring'][k] > 0:
+            t = dt * np.arange(length)
+            form = np.exp(-t / kept['decay'][k] + 2j * np.pi * kept['ring'][k] * t)
+            power = np.abs(rows @ form) ** 2
+        else:
+            power = np.sum(rows**2, axis=1)
+        out.append(float(np.mean(power[1:] >= power[0])))
     return out
 
 
