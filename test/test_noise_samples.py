@@ -610,6 +610,18 @@ def test_what_no_other_axis_hears_is_no_knock_but_a_burst_behind_a_filter(heard)
     assert len(kept.get('begin', ())) == (len(begins) if heard else 0)
 
 
+def test_a_line_goes_on_through_what_is_loud():
+    """The noise before it, mirrored, has the line in another phase: a foot as wide as it is."""
+    rng, t = np.random.default_rng(28), np.arange(N) * 0.01
+    line = 5 * np.sin(2 * np.pi * 1.917 * t + 1)
+    y, inputs, begins = noise(rng) + line, Inputs(t, 0.01), (4000, 17000, 29000)
+    for i in begins:
+        y[i:i + 300] += 60 * np.exp(-np.arange(300) / 60) * rng.standard_normal(300)
+    out = SHOCK.screen(y, SHOCK.statistics(y, inputs), inputs)
+    for i in begins:
+        assert np.std((out - line)[i:i + 100]) < 1.5
+
+
 @pytest.mark.parametrize('share', [0.001, 0.01, 0.03])
 def test_spikes_are_no_shocks_however_many(share):
     y = noise(14)

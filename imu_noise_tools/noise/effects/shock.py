@@ -13,7 +13,7 @@ from scipy.special import binom, chdtrc, chdtri, digamma, pdtrc, polygamma
 from ..dying import lasting
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
-from ..lines import reference_spectrum
+from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, tail_of
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, interval, repeats, row_medians
@@ -115,13 +115,22 @@ class Shock(Defect):
         """
         Take out what rings; of what is loud put the noise before it, mirrored, in its place.
 
-        So the level stays as it is.
+        So the level stays as it is. Lines go on through it: mirrored they have another phase.
 
         """
         rings = _ring(kept)
         if np.any(rings):
             y = _without(_as_rings(kept, rings), y, grid_step(y)[0])
-        return _mirrored(y, {k: kept[k][~rings] for k in ('begin', 'end')})
+        loud = {k: kept[k][~rings] for k in ('begin', 'end')}
+        if not len(loud['begin']):
+            return y
+        out = _mirrored(y, loud)
+        c = cosine_transform(out)
+        lines = find_peaks(c, reference_spectrum(c, inputs.dt), inputs.dt)[0]
+        if not len(lines):
+            return out
+        through = waves(lines, inputs.dt * np.arange(len(y)), inputs.dt)
+        return _mirrored(y - through, loud) + through
 
     @classmethod
     def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
