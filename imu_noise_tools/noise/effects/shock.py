@@ -39,7 +39,7 @@ STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
 UNEVEN = 1e-3  # chance of a level that seems so uneven
 OTHERS = 2  # axes that may hear what one does
-CLEAR = 50.0  # nats of a knock of which an axis hears a third
+CLEAR = 50.0  # nats of a knock of which an axis hears a third, and of what surely dies out
 BY_CHANCE = 0.05  # share of all that is looked at that seems to be heard by chance
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
@@ -89,9 +89,7 @@ class Shock(Defect):
         # what jumps between two levels or three is nothing like the noise that rings stand out of
         jumps = grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if jumps else _rings_in(y, inputs.dt)
-        if not _heard_by_others(_as_kept(rings, inputs.dt), inputs):
-            rings = NONE
-        out = _heard_by_others(_dying_out(y, _loud(y, inputs.dt), inputs.dt), inputs)
+        out = _dying_out(y, _loud(y, inputs.dt), inputs)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
         if len(rings.begin):
@@ -101,7 +99,7 @@ class Shock(Defect):
                 begin, end = (out[k][:, None] for k in ('begin', 'end'))
                 same = (some['end'] > begin) & (some['begin'] < end)
                 out['worth'] = np.where(same @ some['worth'] > out['worth'], 0.0, out['worth'])
-                out = _heard_by_others(_dying_out(left, out, inputs.dt), inputs)
+                out = _dying_out(left, out, inputs)
             if out:
                 some = {k: np.append(v, out.get(k, np.zeros(len(out['begin']))))
                         for k, v in some.items()}
@@ -383,63 +381,56 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
     return {k: v[np.array(sure, bool)] for k, v in kept.items()}
 
 
-def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], dt: float) -> dict[str, np.ndarray]:
+def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], inputs: Inputs,
+               ) -> dict[str, np.ndarray]:
     """
     Return what does not surely keep one level, and end as it began; or nothing.
 
     Noise that is louder for a while does so, and a burst of outliers. What keeps no level is a
     shock even if it swells, as no form is that of all shocks; the others are judged together, for
     one that is short says little. What is left of rings, worth nothing by itself, is not judged.
+    A knock at the bench moves all axes, each by its share: what others hear beside one that dies
+    out is one as well, and what none of them hears must die out surely.
 
     """
     if not kept:
         return {}
     told = [lasting(white[max(0, 2 * at.start - at.stop):2 * at.stop - at.start])
-            for white, at, _ in _each_whitened(y, kept, dt)]
+            for white, at, _ in _each_whitened(y, kept, inputs.dt)]
     gain, uneven, more = np.reshape(told, (-1, 3)).T
+    heard = _heard_by_others(kept, inputs)
     level = (chdtrc(more, 2 * uneven) > UNEVEN) & (kept['worth'] > 0)
     even = chdtrc(np.sum(more[level]), 2 * np.sum(uneven[level])) > UNEVEN
-    if not even or np.sum(gain[level]) < np.log(NAMED / (1 - NAMED)):
-        return kept
-    return {} if np.all(level) else {k: v[~level] for k, v in kept.items()}
+    some = np.ones(len(level), bool)
+    if even and np.sum(gain[level]) >= np.log(NAMED / (1 - NAMED)):
+        some = ~level if heard is None or np.all(level) else ~level | heard
+    if heard is not None:
+        clear = some & (kept['worth'] > CLEAR)
+        if np.any(clear) and not np.any(heard[clear]) and np.sum(gain[clear]) > -CLEAR:
+            some[:] = False
+    return {k: v[some] for k, v in kept.items()} if np.any(some) else {}
 
 
-def _heard_by_others(kept: dict[str, np.ndarray], inputs: Inputs) -> dict[str, np.ndarray]:
-    """
-    Return what rings or is loud, or nothing where of much of it no other axis hears any.
-
-    A knock at the bench moves all of them, each by its share; a burst of outliers is in the data
-    of one, and so is what a filter does at each switch between two levels.
-
-    """
+def _heard_by_others(kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray | None:
+    """Tell of each stretch whether another axis is louder in it; None where too few are known."""
     others = [x for name, x in inputs.axes.items() if name != inputs.axis]
-    if not kept or not inputs.axis or len(others) < OTHERS:
-        return kept
-    clear = kept['worth'] > CLEAR
-    heard = [p for x in others for p in _as_loud(x, kept, clear, inputs.dt)]
-    return {} if heard and min(heard) > BY_CHANCE / len(heard) else kept
+    if not inputs.axis or len(others) < OTHERS:
+        return None
+    chance = np.array([_as_loud(x, kept) for x in others])
+    return np.min(chance, axis=0) <= BY_CHANCE / chance.size
 
 
-def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray], some: np.ndarray, dt: float,
-             ) -> list[float]:
-    """Return what share of stretches elsewhere, of samples (n,), is as loud as some that are."""
-    begin, end = kept['begin'].astype(int), np.minimum(kept['end'].astype(int), len(x))
+def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray]) -> list[float]:
+    """Return what share of stretches elsewhere, of samples (n,), is as loud as each that is."""
+    stretches = np.column_stack([kept['begin'], kept['end']]).astype(int)
     inside = np.zeros(len(x), bool)
-    for i, j in zip(begin, end):
-        inside[i:j] = True
+    for begin, end in stretches:
+        inside[begin:end] = True
     rest, out = x[~inside], []
-    for k in np.flatnonzero(some):
-        length = end[k] - begin[k]
-        count = len(rest) // length
-        rows = np.vstack([x[begin[k]:end[k]], rest[:count * length].reshape(count, length)])
-        rows = rows - np.mean(rows, axis=1, keepdims=True)
-        if 'ring' in kept and kept['ring'][k] > 0:
-            t = dt * np.arange(length)
-            form = np.exp(-t / kept['decay'][k] + 2j * np.pi * kept['ring'][k] * t)
-            power = np.abs(rows @ form) ** 2
-        else:
-            power = np.sum(rows**2, axis=1)
-        out.append(float(np.mean(power[1:] >= power[0])))
+    for begin, end in stretches:
+        count = len(rest) // (end - begin)
+        usual = np.var(rest[:count * (end - begin)].reshape(count, -1), axis=1)
+        out.append(float(np.mean(usual >= np.var(x[begin:end]))))
     return out
 
 
