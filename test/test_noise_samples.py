@@ -608,6 +608,8 @@ def test_what_no_other_axis_hears_is_no_knock_but_a_burst_behind_a_filter(heard)
     assert len(SHOCK.statistics(y, alone)['begin']) == len(begins)
     kept = SHOCK.statistics(y, replace(alone, axes=axes, axis='gyro_x'))
     assert len(kept.get('begin', ())) == (len(begins) if heard else 0)
+    dead = {name: y if name == 'gyro_x' else np.zeros(N) for name in names}
+    assert SHOCK.statistics(y, replace(alone, axes=dead, axis='gyro_x')), 'they can hear nothing'
 
 
 def test_a_line_goes_on_through_what_is_loud():

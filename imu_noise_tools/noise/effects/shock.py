@@ -413,7 +413,7 @@ def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], inputs: Inputs,
 
 def _heard_by_others(kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray | None:
     """Tell of each stretch whether another axis is louder in it; None where too few are known."""
-    others = [x for name, x in inputs.axes.items() if name != inputs.axis]
+    others = [x for name, x in inputs.axes.items() if name != inputs.axis and np.ptp(x) > 0]
     if not inputs.axis or len(others) < OTHERS:
         return None
     chance = np.array([_as_loud(x, kept) for x in others])
