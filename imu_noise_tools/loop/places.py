@@ -114,11 +114,14 @@ class Places:
 
     def left(self, chain: Iterable[Finding]) -> float:
         """Return what fails after a chain, nats."""
-        return float(sum(f.gain for f in failures(self.tests(self.model_of(chain)))))
+        return float(sum(f.gain for f in self._failures_after(chain)))
 
     def views_left(self, chain: Iterable[Finding]) -> set[str]:
         """Return the views that fail after a chain."""
-        return {f.view for f in failures(self.tests(self.model_of(chain)))}
+        return {f.view for f in self._failures_after(chain)}
+
+    def _failures_after(self, chain: Iterable[Finding]) -> list[Finding]:
+        return failures(self.tests(self.model_of(chain)))
 
     def failing(self, model: Model) -> float:
         """Return what a model leaves failing in the views that fail under the base, nats."""

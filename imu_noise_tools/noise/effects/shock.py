@@ -312,15 +312,21 @@ def _beyond_the_usual_levels(y: np.ndarray, kept: dict[str, np.ndarray]) -> dict
     """
     if not len(kept['begin']) or grid_step(y)[0] < np.std(y):
         return kept
-    off, inside = np.abs(y - np.median(y)), np.zeros(len(y), bool)
-    stretches = [slice(int(b), int(e)) for b, e in zip(kept['begin'], kept['end'])]
-    for at in stretches:
-        inside[at] = True
+    off, (stretches, inside) = np.abs(y - np.median(y)), _stretches(kept, len(y))
     rare = off > np.quantile(off[~inside], 1 - SELDOM) * (1 + 1e-9)
     often = np.mean(rare[~inside])
     beyond = np.array([pdtrc(np.sum(rare[at]) - 1, often * (at.stop - at.start)) < SELDOM
                        if np.any(rare[at]) else False for at in stretches])
     return {k: v[beyond] for k, v in kept.items()}
+
+
+def _stretches(kept: Mapping[str, np.ndarray], n: int) -> tuple[list[slice], np.ndarray]:
+    """Return where each of what is kept is, and which of n samples are in one, (n,)."""
+    stretches = [slice(int(b), int(e)) for b, e in zip(kept['begin'], kept['end'])]
+    inside = np.zeros(n, bool)
+    for at in stretches:
+        inside[at] = True
+    return stretches, inside
 
 
 def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -422,15 +428,13 @@ def _heard_by_others(kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarr
 
 def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray]) -> list[float]:
     """Return what share of stretches elsewhere, of samples (n,), is as loud as each that is."""
-    stretches = np.column_stack([kept['begin'], kept['end']]).astype(int)
-    inside = np.zeros(len(x), bool)
-    for begin, end in stretches:
-        inside[begin:end] = True
+    stretches, inside = _stretches(kept, len(x))
     rest, out = x[~inside], []
-    for begin, end in stretches:
-        count = len(rest) // (end - begin)
-        usual = np.var(rest[:count * (end - begin)].reshape(count, -1), axis=1)
-        out.append(float(np.mean(usual >= np.var(x[begin:end]))))
+    for at in stretches:
+        length = at.stop - at.start
+        count = len(rest) // length
+        usual = np.var(rest[:count * length].reshape(count, length), axis=1)
+        out.append(float(np.mean(usual >= np.var(x[at]))))
     return out
 
 
