@@ -38,6 +38,7 @@ GROUPS, LEAST = 960, 16     # of coefficients, and the least in one
 CHANCE = 1e-3           # records in which noise seems to be heard together
 WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
 CLEAR = (8.0,) * 8 + (3.0,)     # its standard errors: of so many no fewer would tell it
+STEP, SHIFTS = 1e-3, 16     # chance of a step where there is none; places where a grid begins
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
@@ -48,6 +49,7 @@ WIDE = (9, 19, 39, 79)
 FLANKS = 39     # bins, of which a peak's flanks are fewer than half
 BETWEEN = 3     # coefficients of a drift, of which one is large
 MOST = 0.95     # of an axis's power that is no noise of its own
+TIMES = 64      # in which it is looked how loud a record is
 OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
 
 
@@ -102,9 +104,37 @@ def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
     pulls = {(a, b): np.array([
         np.add.reduceat(c[a] * x[b], edges) * np.sqrt(count / (level[a] * power[b]))
         for x, power in ((c, level), (q, other))]) for a, b in combinations(range(len(c)), 2)}
-    found = _one_source(_coherence(pulls, _sets(list(columns)), count, np.array(level) / count))
     f = (edges + 0.5 * count) / (2 * n * dt)
+    spread = _louder_together([x[:n] for x in columns.values()], dt, f)
+    found = _one_source(_coherence(
+        {pair: z / np.sqrt(spread[pair]) for pair, z in pulls.items()}, _sets(list(columns)),
+        {pair: count / spread[pair] for pair in pulls}, np.array(level) / count))
     return {k: (f, found[i]) for i, k in enumerate(columns) if np.any(found[i] > 0)}
+
+
+def _louder_together(columns: list[np.ndarray], dt: float,
+                     f: np.ndarray) -> dict[Pair, np.ndarray]:
+    """
+    Return by how much more than that of steady noise what pairs share by chance varies, (g,) at f.
+
+    Where axes are loud at the same times few of the samples say what they share: of independent
+    noise of variances a(t), b(t) the square of it is that of steady noise times
+    mean(a b) / (mean(a) mean(b)). Told of differences of block means, octave by octave.
+
+    """
+    x, at, found = np.array(columns), [], []
+    while x.shape[1] >= 2 * TIMES * LEAST:
+        two = x[:, :x.shape[1] // 2 * 2].reshape(len(x), -1, 2)
+        change = (two[:, :, 1] - two[:, :, 0])[:, :two.shape[1] // TIMES * TIMES]
+        loud = np.mean(change.reshape(len(x), TIMES, -1) ** 2, axis=2)
+        loud /= np.maximum(np.mean(loud, axis=1, keepdims=True), 1e-300)
+        at.append(1 / (3 * dt * 2 ** len(at)))
+        found.append(loud @ loud.T / TIMES)
+        x = np.mean(two, axis=2)
+    if not at:
+        return {pair: np.ones(len(f)) for pair in combinations(range(len(x)), 2)}
+    return {(a, b): np.maximum(1.0, np.interp(-np.log(f), -np.log(at), [k[a, b] for k in found]))
+            for a, b in combinations(range(len(x)), 2)}
 
 
 def _sets(axes: list[str]) -> list[list[Pair]]:
@@ -116,7 +146,7 @@ def _sets(axes: list[str]) -> list[list[Pair]]:
 
 
 def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
-               count: np.ndarray, power: np.ndarray) -> np.ndarray:
+               count: Mapping[Pair, np.ndarray], power: np.ndarray) -> np.ndarray:
     """
     Return the coherence (axes, axes, g) of axes that hear something together, 0 of others.
 
@@ -129,35 +159,32 @@ def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
         later, in standard deviations of chance.
     sets : list of lists of pairs
         What is looked at together.
-    count : ndarray (g,)
-        Coefficients in each group.
+    count : dict of ndarray (g,)
+        How many coefficients of steady noise tell as much as those in each group.
     power : ndarray (axes, g)
         Of each axis.
 
     """
-    axes, groups = 1 + max(b for _, b in pulls), len(count)
+    axes, groups = 1 + max(b for _, b in pulls), power.shape[1]
     both, stretches = np.zeros((axes, axes, groups)), list(_stretches(groups))
     level = CHANCE / (2 * len(sets) * sum(len(at) for _, at in stretches))
     square = {pair: np.sum(z * z, axis=0) - 2 for pair, z in pulls.items()}
     # what is told by the most groups is in many of them, not in one
     capped = {pair: np.minimum(x, 2 * CLEAR[0]) for pair, x in square.items()}
     for some in sets:
-        apart, alike = _together([pulls[pair] for pair in some], count, level, stretches)
+        told = [pulls[pair] for pair in some], np.array([count[pair] for pair in some])
+        apart, alike = _together(*told, level, stretches)
+        if np.any(alike):
+            _put(both, some, alike, _in_steps(*told))
         for width, least in zip(WINDOWS, CLEAR) if np.any(apart) else ():
-            told = square if width < WINDOWS[-1] else capped
+            beyond = square if width < WINDOWS[-1] else capped
             each, near, seen = np.array([
-                _untold([told[pair], np.ones(groups), count], both[pair] > 0, width)
+                _untold([beyond[pair], np.ones(groups), count[pair]], both[pair] > 0, width)
                 for pair in some]).swapaxes(0, 1)
             clear = np.sum(each, axis=0) > least * 2 * np.sqrt(np.sum(near, axis=0))
             _put(both, some, apart & clear, each / np.maximum(seen - 2 * near, 1.0))
-        # what has one phase is told by less
-        for width, least in zip(WINDOWS, CLEAR) if np.any(alike) else ():
-            window = np.ones(min(width, groups))
-            each, shares = _in_phase([pulls[pair] for pair in some], count, [
-                power[a] * power[b] for a, b in some], window)
-            _put(both, some, alike & (each > least * 2 * np.sqrt(len(some))), shares)
     for pair in pulls:
-        _fill_slow_end(both, pair, count, power)
+        _fill_slow_end(both, pair, count[pair], power)
     return both
 
 
@@ -200,26 +227,36 @@ def _put(both: np.ndarray, some: list[Pair], new: np.ndarray,
         both[a, b, at] = both[b, a, at] = np.sqrt(np.clip(square, 0.0, 1.0))[at]
 
 
-def _in_phase(pulls: list[np.ndarray], count: np.ndarray, powers: list[np.ndarray],
-              window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_steps(pulls: list[np.ndarray], count: np.ndarray) -> np.ndarray:
     """
-    Return what pairs share of one phase in a window of groups, (g,): how clear, and (pairs, g).
+    Return the coherence squared (pairs, g) of what has one phase, or one that changes slowly.
 
-    The square of its pull, less its mean by chance, of all pairs, and of each the coherence
-    squared. A source that is coloured as the noise is is as coherent in all groups, a white one
-    the less the more noise there is, of ``powers`` (g,) of both axes: which of the two is clearer.
+    It is even but for steps that are clear, of all pairs at once: Haar's wavelets, the mean of
+    many places where their grid may begin (Coifman and Donoho, Translation-Invariant De-Noising,
+    Lecture Notes in Statistics 103, 1995). So a narrow band keeps its height, and what is faint
+    over octaves is smooth.
 
     """
-    clear, shares = np.full(len(count), -np.inf), np.zeros((len(pulls), len(count)))
-    for some in ([np.ones(len(count))] * len(pulls), powers):
-        weight = [np.sqrt(count / p) for p in some]
-        seen = [np.convolve(w * w, window, 'same') for w in weight]
-        square = [sum(np.convolve(x * w, window, 'same') ** 2 for x in z) / t - 2
-                  for z, w, t in zip(pulls, weight, seen)]
-        better = sum(square) > clear
-        clear = np.where(better, sum(square), clear)
-        shares = np.where(better, [x / t / p for x, t, p in zip(square, seen, some)], shares)
-    return clear, shares
+    z, n = np.concatenate(pulls), np.repeat(count, 2, axis=0)
+    groups = z.shape[1]
+    size, level = 2 << (groups - 1).bit_length(), chdtri(len(z), STEP)
+    found = np.zeros(z.shape)
+    for begin in np.linspace(0, size - groups, SHIFTS).astype(int):
+        around = [(0, 0), (begin, size - groups - begin)]
+        sums = [(np.pad(z * np.sqrt(n), around), np.pad(n, around))]
+        while sums[-1][0].shape[1] > 1:
+            x, seen = sums[-1]
+            sums.append((x[:, ::2] + x[:, 1::2], seen[:, ::2] + seen[:, 1::2]))
+        mean = sums[-1][0] / sums[-1][1]
+        for (x, seen), (_, both) in zip(sums[-2::-1], sums[:0:-1]):
+            each = x / np.maximum(seen, 1e-300)
+            share = seen[:, ::2] / np.maximum(both, 1e-300)
+            step = each[:, 1::2] - each[:, ::2]
+            step = np.where(np.sum(both * share * (1 - share) * step**2, axis=0) > level, step, 0)
+            mean = np.stack([mean - step * (1 - share), mean + step * share], axis=2)
+            mean = mean.reshape(len(z), -1)
+        found += mean[:, begin:begin + groups] / SHIFTS
+    return np.sum(found.reshape(-1, 2, groups) ** 2, axis=1)
 
 
 def _stretches(groups: int) -> Iterator[tuple[int, np.ndarray]]:
@@ -242,12 +279,13 @@ def _together(pulls: list[np.ndarray], count: np.ndarray, level: float,
     def until(x):
         return np.cumsum(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(1, 0)]), axis=-1)
 
-    z = np.concatenate(pulls)
+    z, count = np.concatenate(pulls), np.repeat(count, 2, axis=0)
     square, total, seen = until(np.sum(z * z, axis=0)), until(z * np.sqrt(count)), until(count)
-    out = np.zeros((2, len(count)), bool)
+    out = np.zeros((2, count.shape[1]), bool)
     for m, at in stretches:
         apart = square[at + m] - square[at]
-        alike = np.sum((total[:, at + m] - total[:, at]) ** 2, axis=0) / (seen[at + m] - seen[at])
+        alike = np.sum((total[:, at + m] - total[:, at]) ** 2
+                       / (seen[:, at + m] - seen[:, at]), axis=0)
         for row, clear in zip(out, (apart > chdtri(len(z) * m, level),
                                     alike > chdtri(len(z), level))):
             for begin in at[clear]:
