@@ -40,6 +40,7 @@ FEW = 1e-5  # share of samples that no cell shows
 AGAINST = 1.139  # standard deviation of normal noise less the median of its four neighbours
 SMOOTH = 65  # samples of a mean that is no part of the tails
 STRETCH = 8  # blocks in time whose loudness is looked at together
+NEAR = np.arange(9, 41)     # samples from one that stands out, beyond a burst of them
 DRAWN = 1 << 17  # samples that are drawn at most of a record
 DRAWS, ALL = 100, 1 << 20  # records that are drawn at most, and samples of all of them
 DEGREES = np.geomspace(1.5, 60, 40)  # of freedom that are tried
@@ -242,8 +243,9 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         z[new] -= rest[new]
         at = np.union1d(at, new)
     size = y[fresh[at]] - z[at]
-    some = np.isin(at, beyond(at, size))
-    at, size = at[some], size[some]
+    noise = _louder_around(rest, at, np.interp(at, blocks, sigma))
+    some = np.abs(size) > threshold * noise
+    at, size, noise = at[some], size[some], noise[some]
     ends = np.append(fresh, n)
     filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
     index = np.concatenate([np.zeros(0, int), *filled])
@@ -253,9 +255,25 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         'excess': excess,
         'slow': np.array(_slow_without(y, index, excess)),
         'size': size,
-        'sigma': np.interp(at, blocks, sigma),
+        'sigma': noise,
         'threshold': np.array(threshold),
     }
+
+
+def _louder_around(rest: np.ndarray, at: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """
+    Return the standard deviation (k,) of the noise around samples ``at`` (k,), ``sigma`` at least.
+
+    Of noise that wanders faster than blocks it is where it is loud that samples stand out; those
+    of even noise are anywhere, and so few neighbours tell less than a block does.
+
+    """
+    if len(rest) < 4 * NEAR[-1] or not len(at):
+        return sigma
+    beside = np.abs(rest[(at[:, None] + np.append(-NEAR, NEAR)) % len(rest)])
+    local = np.median(beside, axis=1) / float(ndtri(0.75))
+    clear = np.mean(local / sigma) > 1 + STRIKING * 1.2 / np.sqrt(2 * beside.size)
+    return np.maximum(sigma, local) if clear else sigma
 
 
 def _in_bursts(kept, fresh) -> bool:
