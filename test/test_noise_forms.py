@@ -760,6 +760,34 @@ def test_what_axes_hear_together_is_each_ones_share():
     assert not shared.heard_together({k: rng.standard_normal(n) for k in 'abc'}, 0.01)
 
 
+@pytest.mark.parametrize('seed', range(900, 906))
+def test_what_is_loud_at_the_same_times_is_not_heard_together(seed):
+    """Few of the samples are most of what noise shares by chance, so that it is more."""
+    n = 1 << 17
+    swells = np.sqrt(1 + 0.95 * np.sin(2 * np.pi * np.arange(n) / 40000))
+    axes = swells * np.random.default_rng(seed).standard_normal((3, n))
+    assert not shared.heard_together(dict(zip('abc', axes)), 0.01)
+
+
+def test_faint_noise_over_octaves_keeps_nearly_all_that_it_tells():
+    """Of what the share of it that is there would tell of one axis by another (Wiener)."""
+    kept, n = [], 1 << 18
+    for seed in range(920, 926):
+        rng = np.random.default_rng(seed)
+        tc = 10 ** rng.uniform(0.5, 2)
+        source, power = relaxing(rng, n, tc)
+        gains = rng.uniform(0.5, 2, 3) * rng.choice([-1, 1], 3) * 0.6 / np.sqrt(tc)
+        heard = shared.heard_together({
+            'gyro_' + k: g * source[:n] + rng.standard_normal(n)
+            for k, g in zip('xyz', gains)}, 1.0)
+        f = np.geomspace(1 / n, 0.5, 4000)
+        told = np.interp(np.log(f), np.log(heard['gyro_y'][0]), heard['gyro_y'][1])
+        from_it, own, other = power(f), *(1 + g * g * power(f) for g in gains[:2])
+        kept.append(np.sum(f * told * from_it / own) ** 2 / (
+            np.sum(f * told**2 * other / own) * np.sum(f * from_it**2 / (own * other))))
+    assert np.mean(kept) > 0.9, kept
+
+
 def test_drifts_of_their_own_are_not_heard_together():
     """Slow and strong as they are, they reach nothing of what is faster."""
     for seed in range(10):

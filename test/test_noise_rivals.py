@@ -394,6 +394,8 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
         one = peak.with_values(frequency=frequency, width=width)
         assert bool(flexible._swept(evidence, one, 25.0)) == is_none
         assert not flexible._swept(evidence, one, 250.0)
+    louder = find_effect('noise', 'variance_change').example()
+    assert flexible._swept(evidence, louder, 25.0) and not flexible._swept(evidence, louder, 250.0)
     faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
     assert not flexible._swept(faint, filtered, 25.0)
     # what axes share it may do all along, on a path that is straight for a while

@@ -25,6 +25,7 @@ from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import repeated
 from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum
+from imu_noise_tools.noise.effects.spikes import _gain, Spikes
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -484,6 +485,20 @@ def test_bursts_are_taken_out_and_not_what_is_beside_them(length, bandwidth):
     assert np.mean(np.isin(np.flatnonzero(hit), index)) > 0.95
     assert np.mean(hit[index]) > 0.98
     assert np.var(clean) == pytest.approx(np.var(y), rel=0.05)
+
+
+@pytest.mark.parametrize('seed', (14, 16, 21))
+def test_noise_whose_loudness_wanders_has_no_spikes(seed):
+    """Faster than blocks tell how loud it is; 49, 23 and 12 nats before that was looked at."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.choice([6000, 30000, 200000]))
+    phi = np.exp(-1 / (1000 * 10 ** rng.uniform(np.log10(0.005), np.log10(0.05))))
+    slow = lfilter([np.sqrt(1 - phi**2)], [1, -phi], rng.standard_normal(2000))[1000:]
+    y = rng.standard_normal(count)
+    y *= np.exp(rng.uniform(0.1, 0.6) * np.interp(
+        np.linspace(0, 1, count), np.linspace(0, 1, 1000), slow))
+    kept = Spikes.statistics(y, Inputs(np.arange(count) * 0.01, 0.01, {}))
+    assert not kept or not len(kept['size']) or (_gain(kept) or (0.0,))[0] < 6
 
 
 def test_a_spike_beside_a_spike():

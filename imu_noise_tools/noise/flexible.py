@@ -330,17 +330,17 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
     Say that a line that sweeps stands out by more than an effect explains of the spectrum.
 
     What is spread over many frequencies stands out of the spectrum by less than along its path,
-    and bends it like a filter or a drift, or is what axes share; a peak only where it passes all
-    of its band and far beyond, and takes most of the record for it: one that wanders is seen on a
-    straight path of little more than its width. What axes share in all of the record it may
-    do that is seen in a part of it, on a path that is not straight.
+    and bends it like a filter or a drift, makes it louder at times, or is what axes share; a peak
+    only where it passes all of its band and far beyond, and takes most of the record for it: one
+    that wanders is seen on a straight path of little more than its width. What axes share in all
+    of the record it may do that is seen in a part of it, on a path that is not straight.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
     part, sure = 1.0, FLEXIBLE
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
-    elif not isinstance(effect, (Spectrum, Response)) or effect.certain:
+    elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
         return ''
     elif isinstance(effect, Spectrum) and effect.centre is not None:
         low, high = sorted((sweep.first, sweep.last))
