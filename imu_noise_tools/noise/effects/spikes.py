@@ -105,6 +105,7 @@ class Spikes(Defect):
         if not kept:
             return {}
         return {**kept, 'n': np.array(n), 'dt': np.array(inputs.dt),
+                'fresh': np.array(len(fresh) / n),
                 'together': np.array(_together(y[fresh]) if len(kept['size']) else 0.0)}
 
     @classmethod
@@ -174,9 +175,12 @@ class Spikes(Defect):
         paths = [s for s in fit.model.of(Spectrum) if 'distribution' in s.mutes]
         if not paths:
             return ''
-        n = min(evidence.n, DRAWN)
+        n, rng = min(evidence.n, DRAWN), np.random.default_rng(1)
+        fresh = float(evidence.kept(self.name).get('fresh', 1.0))
         # a short record may be one of the few that have them by chance
         for y in drawn(evidence, fit, paths, n, min(ALL // n, DRAWS)):
+            if fresh < 1:       # of fewer samples a stay is shorter
+                y = y[np.maximum.accumulate(np.where(rng.random(n) < fresh, np.arange(n), 0))]
             at = levels(y)
             kept = self.statistics(y if at is None else y - at,
                                    Inputs(np.arange(n) * evidence.dt, evidence.dt, {}))
