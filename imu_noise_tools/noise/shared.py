@@ -40,6 +40,7 @@ WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
 CLEAR = (8.0,) * 8 + (3.0,)     # its standard errors: of so many no fewer would tell it
 STEP, SHIFTS = 1e-3, 16     # chance of a step where there is none; places where a grid begins
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
+EVEN = 0.05     # of shares that are faint: what pairs say of which is the greater is chance
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 TALL = 100.0            # times from which it is where nothing else hears it
@@ -231,31 +232,37 @@ def _in_steps(pulls: list[np.ndarray], count: np.ndarray) -> np.ndarray:
     """
     Return the coherence squared (pairs, g) of what has one phase, or one that changes slowly.
 
-    It is even but for steps that are clear, of all pairs at once: Haar's wavelets, the mean of
-    many places where their grid may begin (Coifman and Donoho, Translation-Invariant De-Noising,
-    Lecture Notes in Statistics 103, 1995). So a narrow band keeps its height, and what is faint
-    over octaves is smooth.
+    It is even but for steps that are clear, of all pairs at once, the mean of many places where
+    the grid of them may begin (recursive dyadic partition: Donoho, Annals of Statistics 25, 1997;
+    cycle spinning: Coifman and Donoho, Lecture Notes in Statistics 103, 1995). So a narrow band
+    keeps its height, and what is faint over octaves is smooth. What is even is the less of it the
+    nearer it is to chance (Wiener's estimate).
 
     """
     z, n = np.concatenate(pulls), np.repeat(count, 2, axis=0)
-    groups = z.shape[1]
-    size, level = 2 << (groups - 1).bit_length(), chdtri(len(z), STEP)
+    k, groups = z.shape
+    size, level = 2 << (groups - 1).bit_length(), chdtri(k, STEP)
     found = np.zeros(z.shape)
     for begin in np.linspace(0, size - groups, SHIFTS).astype(int):
         around = [(0, 0), (begin, size - groups - begin)]
-        sums = [(np.pad(z * np.sqrt(n), around), np.pad(n, around))]
-        while sums[-1][0].shape[1] > 1:
-            x, seen = sums[-1]
-            sums.append((x[:, ::2] + x[:, 1::2], seen[:, ::2] + seen[:, 1::2]))
-        mean = sums[-1][0] / sums[-1][1]
-        for (x, seen), (_, both) in zip(sums[-2::-1], sums[:0:-1]):
-            each = x / np.maximum(seen, 1e-300)
-            share = seen[:, ::2] / np.maximum(both, 1e-300)
-            step = each[:, 1::2] - each[:, ::2]
-            step = np.where(np.sum(both * share * (1 - share) * step**2, axis=0) > level, step, 0)
-            mean = np.stack([mean - step * (1 - share), mean + step * share], axis=2)
-            mean = mean.reshape(len(z), -1)
-        found += mean[:, begin:begin + groups] / SHIFTS
+        x, seen = np.pad(z * np.sqrt(n), around), np.pad(n, around)
+        clear, parts = np.zeros(size, bool), []
+        while True:
+            mean = x / np.maximum(seen, 1e-300)
+            beyond = 1 - k / np.maximum(np.sum(x * mean, axis=0), k)
+            parts.append((mean * np.where(clear, 1.0, beyond), clear))
+            if x.shape[1] == 1:
+                break
+            left, right = seen[:, ::2], seen[:, 1::2]
+            apart = np.sum((mean[:, ::2] - mean[:, 1::2]) ** 2 * left * right
+                           / np.maximum(left + right, 1e-300), axis=0)
+            # where a half of it has a step, the whole has
+            clear = clear[::2] | clear[1::2] | (apart > level)
+            x, seen = x[:, ::2] + x[:, 1::2], left + right
+        whole = parts[-1][0]
+        for (half, _), (_, clear) in zip(parts[-2::-1], parts[:0:-1]):
+            whole = np.where(np.repeat(clear, 2), half, np.repeat(whole, 2, axis=1))
+        found += whole[:, begin:begin + groups] / SHIFTS
     return np.sum(found.reshape(-1, 2, groups) ** 2, axis=1)
 
 
@@ -299,15 +306,18 @@ def _one_source(both: np.ndarray) -> np.ndarray:
 
     The coherence ``both`` (axes, axes, g) of two axes is then the root of the product of their
     shares: of three or more axes the shares that come nearest to all pairs (one factor by least
-    residuals, Harman and Jones, Psychometrika 31, 1966); two are taken for alike.
+    residuals, Harman and Jones, Psychometrika 31, 1966); two are taken for alike, and of faint
+    shares which is the greater is hardly told.
 
     """
-    root = np.sqrt(np.max(both, axis=1))
+    alike = np.sqrt(np.max(both, axis=1))
+    root = alike.copy()
     for _ in range(STEPS):
         for i in range(len(root)):
             others = np.delete(np.arange(len(root)), i)
-            root[i] = np.clip(np.sum(both[i, others] * root[others], axis=0)
-                              / np.maximum(np.sum(root[others] ** 2, axis=0), 1e-12), 0.0, 1.0)
+            root[i] = np.clip((np.sum(both[i, others] * root[others], axis=0) + EVEN * alike[i])
+                              / np.maximum(np.sum(root[others] ** 2, axis=0) + EVEN, 1e-12),
+                              0.0, 1.0)
     return root**2
 
 
