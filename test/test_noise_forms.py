@@ -612,6 +612,21 @@ def test_what_one_path_of_dozens_has_by_chance_is_no_spikes(seed):
     assert said.startswith('beside rts samples that have none claim')
 
 
+@pytest.mark.parametrize('seed', daily((0, 1, 2), 2))
+def test_levels_of_which_a_third_is_held_have_no_spikes(seed):
+    """What is held is looked at once, so that stays are shorter, and are drawn so as well."""
+    rng, n = np.random.default_rng([78, seed]), 5400
+    x = rng.standard_normal(n) + 9.0 * telegraph(rng, n, 46, 46)
+    x = x[np.maximum.accumulate(np.where(rng.random(n) < 0.66, np.arange(n), 0))]
+    evidence = evidence_of(1e-3 * x, 25.0)
+    claim = find_effect('noise', 'spikes')().find(evidence).gain
+    assert claim > 20
+    fit = NoiseProblem(evidence).point(
+        model_of('noise', ('white', 'flicker', 'duplicates', 'rts', 'spikes')))
+    said = fit.model['spikes'].otherwise(evidence, fit, claim)
+    assert said.startswith('beside rts samples that have none claim')
+
+
 def heavy(nu, n=40_000, rate=50.0, seed=0):
     """Return an axis of Student's t with a walk beside it."""
     rng = np.random.default_rng([seed, int(10 * nu)])
