@@ -40,6 +40,7 @@ WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
 CLEAR = (8.0,) * 8 + (3.0,)     # its standard errors: of so many no fewer would tell it
 STEP, SHIFTS = 1e-3, 16     # chance of a step where there is none; places where a grid begins
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
+PART = 0.25             # of what stands out that others hear, which is told by as much, at least
 EVEN = 0.05     # of shares that are faint: what pairs say of which is the greater is chance
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
@@ -372,7 +373,7 @@ def _above_own(bins: Bins, power: np.ndarray,
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
     for level, seen in _levels(bins, power):
         if heard is not None:
-            there |= (level > ABOVE * own) & (seen >= ENOUGH) & (heard > ALIKE * (1 - own / level))
+            there |= (level > ABOVE * own) & (seen >= ENOUGH) & (heard > PART * (1 - own / level))
         told = (share == 0) & (level > (1 + 2 * np.sqrt(2 / seen)) * own)
         share[told] = 1 - (own / level)[told]
     above = share > 0
