@@ -448,8 +448,7 @@ def test_an_accelerometer_that_sways_is_heard_where_hardly_anything_hears_it():
 
 @pytest.mark.parametrize('seed', [
     pytest.param(4, marks=pytest.mark.thorough),
-    pytest.param(5, marks=[pytest.mark.thorough, pytest.mark.xfail(
-        reason='a flank is heard too little: a gain is 11 % low, and a relaxation stands')])])
+    pytest.param(5, marks=pytest.mark.thorough)])
 def test_a_motion_that_a_loud_accelerometer_hardly_tells_is_one_coupling(seed):
     """
     Three narrow sways, each one axis's, in fifty cycles; the gyroscope hears them more clearly.

@@ -124,7 +124,9 @@ def _louder_together(columns: list[np.ndarray], dt: float,
     mean(a b) / (mean(a) mean(b)). Told of differences of block means, octave by octave.
 
     """
-    x, at, found = np.array(columns), [], []
+    x = np.array(columns)
+    at: list[float] = []
+    found: list[np.ndarray] = []
     while x.shape[1] >= 2 * TIMES * LEAST:
         two = x[:, :x.shape[1] // 2 * 2].reshape(len(x), -1, 2)
         change = (two[:, :, 1] - two[:, :, 0])[:, :two.shape[1] // TIMES * TIMES]
@@ -152,7 +154,8 @@ def _coherence(pulls: Mapping[Pair, np.ndarray], sets: list[list[Pair]],
     """
     Return the coherence (axes, axes, g) of axes that hear something together, 0 of others.
 
-    It is that of the fewest neighbouring groups that tell it.
+    Of one phase in parts that are even; else, of any phase in each group, that of the fewest
+    neighbouring groups that tell it.
 
     Parameters
     ----------
