@@ -45,6 +45,7 @@ EVEN = 0.05     # of shares that are faint: what pairs say of which is the great
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 TALL = 100.0            # times from which it is where nothing else hears it
+BESIDE = 3.0            # times the frequency of a peak up to which bins are beside it
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9, 19)
 WIDE = (9, 19, 39, 79)
@@ -402,12 +403,19 @@ def _behind_filter(bins: Bins, level: np.ndarray, seen: np.ndarray, own: np.ndar
     if np.sum(alone) <= 0.5 * np.sum(told):
         return own
     tall = ratio > TALL * max(1.0, float(np.median(ratio[told])))
-    if np.any(tall & ~_with(tall, stands & ~alone)):
+    if any(_is_peak(bins.f, ratio, i) for i in np.flatnonzero(
+            tall & ~_with(tall, stands & ~alone))):
         return own
     beside = told & (alone | ~stands)
     more = np.log(np.maximum((1 - heard) * ratio, 1.0))[beside]
     more = np.interp(np.log(bins.f), np.log(bins.f[beside]), more)
     return own * np.exp(median_filter(more, FLANKS, mode='nearest'))
+
+
+def _is_peak(f: np.ndarray, ratio: np.ndarray, i: int) -> bool:
+    """Tell whether a bin stands out of those beside it: the slow side of a hollow does not."""
+    near = slice(*np.searchsorted(f, (f[i] / BESIDE, f[i] * BESIDE)))
+    return bool(ratio[i] > np.sqrt(TALL) * np.median(ratio[near]))
 
 
 def _with(some: np.ndarray, there: np.ndarray) -> np.ndarray:
