@@ -902,6 +902,16 @@ def test_what_a_filter_takes_is_not_what_others_hear(filtered):
         assert np.average(share[away], weights=bins.count[away]) < 0.1
 
 
+@pytest.mark.parametrize('q, peak', [(None, False), (3.0, True), (50.0, True)])
+def test_the_slow_side_of_a_hollow_is_no_peak(q, peak):
+    """It stands as far above what is left in the hollow as a resonance above its floor."""
+    f = np.geomspace(1e-3, 25, 600)
+    above = 3000 / (1 + (f / 1.5) ** 4) if q is None else \
+        3000 / q**2 / ((1 - (f / 0.4) ** 2) ** 2 + (f / 0.4 / q) ** 2) * (f / 0.4) ** 2
+    at = int(np.argmin(np.abs(f - 0.4)))
+    assert shared._is_peak(f, 12 + above, at) == peak
+
+
 def test_noise_is_told_beside_what_others_hear_and_where_they_do_not():
     """Where nearly all is heard, even noise that is no stronger than elsewhere is."""
     bins = bins_of(100_000, 0.01)

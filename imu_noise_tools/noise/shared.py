@@ -45,7 +45,7 @@ EVEN = 0.05     # of shares that are faint: what pairs say of which is the great
 STEPS = 30              # towards the shares of one source
 ABOVE = 2.0             # times its own noise from which an axis is called shaken
 TALL = 100.0            # times from which it is where nothing else hears it
-BESIDE = 3.0            # times the frequency of a peak up to which bins are beside it
+PEAK, BESIDE = 5.0, 3.0     # times the median of bins from a third of its frequency to three times
 ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
 WIDTHS = (3, 5, 9, 19)
 WIDE = (9, 19, 39, 79)
@@ -415,7 +415,7 @@ def _behind_filter(bins: Bins, level: np.ndarray, seen: np.ndarray, own: np.ndar
 def _is_peak(f: np.ndarray, ratio: np.ndarray, i: int) -> bool:
     """Tell whether a bin stands out of those beside it: the slow side of a hollow does not."""
     near = slice(*np.searchsorted(f, (f[i] / BESIDE, f[i] * BESIDE)))
-    return bool(ratio[i] > np.sqrt(TALL) * np.median(ratio[near]))
+    return bool(ratio[i] > PEAK * np.median(ratio[near]))
 
 
 def _with(some: np.ndarray, there: np.ndarray) -> np.ndarray:
