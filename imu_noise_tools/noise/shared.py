@@ -392,15 +392,15 @@ def _behind_filter(bins: Bins, level: np.ndarray, seen: np.ndarray, own: np.ndar
     Return an axis's own noise (b,) where a filter made it less somewhere, else as it is.
 
     Noise without a filter fits below what a notch leaves, and most of a filtered axis stands above
-    that. Others hear no such thing: where they would and do not, in most of all bins, the level
-    (b,) less what is ``heard`` is the axis's own, and goes on through the band that they hear. A
-    tall peak that they do not hear says that this axis moves by itself.
+    that. Others hear no such thing: where they would and do not, in most of those bins and a
+    quarter of all, the level (b,) less what is ``heard`` is the axis's own, and goes on through
+    the band that they hear. A tall peak that they do not hear says that this axis moves by itself.
 
     """
     told, ratio = seen >= ENOUGH, level / own
     stands = told & (ratio > ABOVE)
     alone = stands & (heard <= ALIKE * (1 - 1 / ratio))
-    if np.sum(alone) <= 0.5 * np.sum(told):
+    if np.sum(alone) <= max(0.5 * np.sum(stands), 0.25 * np.sum(told)):
         return own
     tall = ratio > TALL * max(1.0, float(np.median(ratio[told])))
     if any(_is_peak(bins.f, ratio, i) for i in np.flatnonzero(
