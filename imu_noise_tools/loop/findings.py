@@ -75,6 +75,11 @@ def certain(finding: Finding) -> bool:
     return finding.effect is not None and finding.effect.certain
 
 
+def is_line(finding: Finding) -> bool:
+    """Tell whether a finding is a line: few of all coefficients, that nothing could imitate."""
+    return finding.effect is not None and finding.effect.certain and not finding.effect.counted
+
+
 def bends(finding: Finding) -> bool:
     """Tell whether a finding bends a view that others of its kind bend as well."""
     return finding.effect is not None and finding.effect.uncovers and not finding.effect.certain

@@ -26,8 +26,8 @@ from . import verdict as rules
 from .against import Against, DOUBT
 from .effect import Finding, Model
 from .findings import (
-    bends, certain, elsewhere, failures, fresh, gained, label, outweighs, pairs, price, surplus,
-    together, yields
+    bends, certain, elsewhere, failures, fresh, gained, is_line, label, outweighs, pairs, price,
+    surplus, together, yields
 )
 from .places import Place, Places
 from .prediction import State
@@ -347,7 +347,8 @@ class Search:
         some of both: what then is added to that may be three for two. Where it is two it may be
         another two, so that the last of them seems to be either. What members gain, each at its
         place, is not what they gain together, and goes with the way there: it is by that that sets
-        are compared, another chain's too that differs only in what bends the view or is certain.
+        are compared, another chain's too that differs only in what bends the view or is certain,
+        or has fewer members.
 
         """
         tell, known = [f for f in best if bends(f)], self.places.set_of(best)
@@ -358,30 +359,44 @@ class Search:
         if len(tell) > 2 or len(tell) > 1 and doubted:
             tried += [[*other, *some] for some in islice(self._sets(tell, chains), SETS)]
         same = self.places.set_of(f for f in other if not certain(f))
-        tried += [c for c in chains if self.places.set_of(c) != known and self.places.set_of(
-            f for f in c if not (bends(f) or certain(f))) == same]
+        tried += [c for c in chains if self.places.set_of(c) != known and (
+            len(c) < len(best) or same == self.places.set_of(
+                f for f in c if not (bends(f) or certain(f))))]
         if not tried or self.places.left(best):
             return best
-        worth: dict[frozenset[str], float] = {}
-        found, least = best, len(best)
-        for chain in [*tried, best]:
-            if len(chain) > least and chain is not best:
-                continue    # what fewer explain needs no more
-            explains = self._worth(chain)
-            if not np.isfinite(explains) or self.places.left(chain):
-                continue
-            least, whole = min(least, len(chain)), self.places.set_of(chain)
-            worth[whole] = explains
-            if worth[whole] >= max(worth.values()):
-                found = chain
-        if not worth:
+        compared = self._all_worth(best, tried)
+        if not compared:
             return best
+        found = max(reversed(compared), key=lambda z: z[1])[0]
+        worth = {self.places.set_of(chain): explains for chain, explains in compared}
         whole, most = self.places.set_of(found), max(self.scores.values())
         # what follows a set was said of what it gained on its way
         self.scores = {k: v for k, v in self.scores.items() if not any(
             k > s for s in worth if s != whole or found is not best)}
         self.scores.update({k: most + v - worth[whole] for k, v in worth.items()})
         return found
+
+    def _all_worth(self, best: list[Finding], tried: Iterable[list[Finding]],
+                   ) -> list[tuple[list[Finding], float]]:
+        """
+        Return chains that leave nothing, the best one last, and what each is worth.
+
+        None is larger than one before it but the best. Lines gain what they do at their places,
+        by what is there beside them, and where nothing is left they explain the same.
+
+        """
+        found: list[tuple[list[Finding], float]] = []
+        least = len(best)
+        for chain in [*tried, best]:
+            if len(chain) > least and chain is not best:
+                continue    # what fewer explain needs no more
+            explains = self._worth(chain)
+            if np.isfinite(explains) and not self.places.left(chain):
+                least = min(least, len(chain))
+                found.append((chain, explains))
+        lines = [sum(f.gain for f in chain if is_line(f)) for chain, _ in found]
+        return [(chain, explains + (max(lines) - gain if gain else 0.0))
+                for (chain, explains), gain in zip(found, lines)]
 
     def _sets(self, members: list[Finding], chains: Iterable[list[Finding]],
               ) -> Iterator[tuple[Finding, ...]]:

@@ -403,7 +403,7 @@ def _behind_filter(bins: Bins, level: np.ndarray, seen: np.ndarray, own: np.ndar
     if np.sum(alone) <= max(0.5 * np.sum(stands), 0.25 * np.sum(told)):
         return own
     tall = ratio > TALL * max(1.0, float(np.median(ratio[told])))
-    if any(_is_peak(bins.f, ratio, i) for i in np.flatnonzero(
+    if any(_is_peak(bins.f, ratio, int(i)) for i in np.flatnonzero(
             tall & ~_with(tall, stands & ~alone))):
         return own
     beside = told & (alone | ~stands)
