@@ -289,6 +289,19 @@ def test_what_members_gain_on_their_way_does_not_choose_between_chains(search, s
     assert best - rival == 2 + said and more not in search.scores
 
 
+@pytest.mark.parametrize('other', [500.0, 540.0])
+def test_a_shaft_is_not_as_many_lines_that_gain_more_behind_a_filter(search, other):
+    """Where they leave the same they explain the same, but for what is said of all the rest."""
+    main = [found('harmonics', gain=1315.0, penalty=17.0), found('low_pass', gain=257.0)]
+    lines = [found('sinusoid', gain=g, penalty=17.0) for g in (845.0, 401.0, 3406.0)]
+    chains = [main, [*lines[:2], main[1], lines[2]]]
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(
+        supported=500.0 if 'harmonics' in model.labels else other))
+    search.places.tests = leaves({})
+    search.scores = {search.places.set_of(c): sum(f.gain for f in c) for c in chains}
+    assert search._as_few(chains[1], chains) == chains[other > 534]
+
+
 def test_a_rival_begins_a_chain_with_what_was_found_behind_the_first(search):
     main = [found('rate_quantization'), found('notch'), found('low_pass')]
     rival = found('quantization')
