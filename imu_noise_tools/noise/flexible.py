@@ -260,8 +260,10 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
+    if _happens_once(octaves_of(evidence, fit, effect)):
+        return COURSE_OF_AXES
     if not effect.normal:
-        return COURSE_OF_AXES if _happens_once(octaves_of(evidence, fit, effect)) else ''
+        return ''
     against = _not_normal(evidence, fit, effect, claim)
     if not against:
         gain = _shared_otherwise(evidence, fit, effect)
