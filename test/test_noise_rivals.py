@@ -396,6 +396,13 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
         assert not flexible._swept(evidence, one, 250.0)
     louder = find_effect('noise', 'variance_change').example()
     assert flexible._swept(evidence, louder, 25.0) and not flexible._swept(evidence, louder, 250.0)
+    # nor noise that is nothing where it passes
+    slow, f = find_effect('noise', 'gauss_markov').example(), np.geomspace(1e-3, 10, 50)
+    evidence.whole = SimpleNamespace(bins=SimpleNamespace(f=f))
+    for corner, is_none in ((0.05, False), (1.0, True)):
+        fit = SimpleNamespace(details=SimpleNamespace(v=np.ones(50), each={
+            'gauss_markov': 1 / (1 + (f / corner) ** 4)}))
+        assert bool(flexible._swept(evidence, slow, 25.0, fit)) == is_none
     faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
     assert not flexible._swept(faint, filtered, 25.0)
     # what axes share it may do all along, on a path that is straight for a while

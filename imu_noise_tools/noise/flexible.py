@@ -213,7 +213,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
         return _course(evidence, fit, effect, claim) or _beside_a_knee(evidence, fit, label, claim)
-    against = _swept(evidence, effect, claim)
+    against = _swept(evidence, effect, claim, fit)
     if against:
         return against
     gain = -effect.bonus(evidence, fit)
@@ -327,15 +327,16 @@ def _happens_once(octaves: Iterable[np.ndarray]) -> bool:
         and np.sum(np.sort(d**2)[-few:]) > HEALED * np.sum(d**2)
 
 
-def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
+def _swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None = None) -> str:
     """
     Say that a line that sweeps stands out by more than an effect explains of the spectrum.
 
     What is spread over many frequencies stands out of the spectrum by less than along its path,
     and bends it like a filter or a drift, makes it louder at times, or is what axes share; a peak
     only where it passes all of its band and far beyond, and takes most of the record for it: one
-    that wanders is seen on a straight path of little more than its width. What axes share in all
-    of the record it may do that is seen in a part of it, on a path that is not straight.
+    that wanders is seen on a straight path of little more than its width. Noise that is nothing
+    where it passes is not its doing. What axes share in all of the record it may do that is seen
+    in a part of it, on a path that is not straight.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
@@ -350,6 +351,11 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float) -> str:
         inside = low < effect.centre - width / 2 < effect.centre + width / 2 < high
         far = inside and high - low > BEYOND * width
         if not far or sweep.end - sweep.begin < 0.5 * evidence.duration:
+            return ''
+    elif isinstance(effect, Spectrum) and fit is not None and fit.details is not None:
+        f = evidence.whole.bins.f
+        passed = (f >= min(sweep.first, sweep.last)) & (f <= max(sweep.first, sweep.last))
+        if not np.any(fit.details.each[effect.label][passed] > FELT * fit.details.v[passed]):
             return ''
     if sweep.sure <= sure or sweep.strong <= claim * part:
         return ''
