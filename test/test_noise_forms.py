@@ -22,7 +22,7 @@ from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
-from imu_noise_tools.noise import Inputs, shared
+from imu_noise_tools.noise import flexible, Inputs, shared
 from imu_noise_tools.noise import likelihood
 from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
@@ -625,6 +625,24 @@ def test_levels_of_which_a_third_is_held_have_no_spikes(seed):
         model_of('noise', ('white', 'flicker', 'duplicates', 'rts', 'spikes')))
     said = fit.model['spikes'].otherwise(evidence, fit, claim)
     assert said.startswith('beside rts samples that have none claim')
+
+
+@pytest.mark.parametrize('swing', [0.0, 0.8])
+def test_noise_that_is_loud_at_times_draws_sharp_peaks_by_chance(swing):
+    """Its coefficients go together; by mean(a^2) / mean(a)^2 of its variance a(t)."""
+    rng, n, rate = np.random.default_rng(86), 60_000, 50.0
+    a = np.exp(2 * swing * np.sin(2 * np.pi * np.arange(n) / 9000))
+    evidence = evidence_of(1e-3 * rng.standard_normal(n) * np.sqrt(a), rate)
+    peak = find_effect('noise', 'narrowband')(
+        {'frequency': 12.3, 'width': 0.002, 'rms': 2e-5, 'form': 'displacement'})
+    fit, without = (NoiseProblem(evidence).point(model_of('noise', ('white',)).plus(e) if e
+                                                 else model_of('noise', ('white',)))
+                    for e in (peak, None))
+    fit = replace(fit, model=fit.model.with_effect(peak))
+    loud = np.mean(a**2) / np.mean(a) ** 2
+    assert flexible._loud_at_times(evidence, fit) == pytest.approx(loud, rel=0.1)
+    said = flexible.shape(evidence, fit, without, 'narrowband', 20.0)
+    assert ('loud at times' in said) == (swing > 0), said
 
 
 def heavy(nu, n=40_000, rate=50.0, seed=0):

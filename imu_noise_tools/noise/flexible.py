@@ -185,6 +185,9 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
         gain, where = 0.0, ''
+        loud = _loud_at_times(evidence, fit)
+        if claim <= FLEXIBLE * loud:
+            return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
         f, x, w = spectrum_left(evidence, fit)
         felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
@@ -227,6 +230,20 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if against:
             return against
     return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
+
+
+def _loud_at_times(evidence: Evidence, fit: Fit) -> float:
+    """
+    Return by how much more than that of steady noise the power in a few coefficients varies.
+
+    Noise of variance a(t) has coefficients that go together over as many as the level has, so that
+    a sum of them varies by mean(a^2) / mean(a)^2 more; what the model says of a(t) is no excuse.
+
+    """
+    _, x, w = views.power_in_time(evidence, fit.model)
+    level = x @ w / w.sum() if x.shape[1] > 1 else x[:, 0]
+    chance = 2 / w.sum() if x.shape[1] > 1 else 2 / float(np.mean(w))
+    return max(1.0, float(np.mean(level**2) / np.mean(level) ** 2) - chance)
 
 
 def _restless(evidence: Evidence, low: float, high: float) -> float:
