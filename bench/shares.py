@@ -59,7 +59,6 @@ def kept(form: str, strength: str, rng: np.random.Generator) -> float:
         level = np.sqrt(low * high)
         share = heard(level)
         low, high = (low, level) if 0.5 * np.sum(share[0] * share[1:]) > wanted else (level, high)
-    share = heard(level)
 
     def white(rows):
         return rng.standard_normal((rows, len(f))) + 1j * rng.standard_normal((rows, len(f)))

@@ -244,6 +244,11 @@ def _equal_over(y: np.ndarray, lag: int) -> float:
     return float(np.mean(over == 0)) * float(np.exp(min(less, 1.0)))
 
 
+def hold(y: np.ndarray, fresh: np.ndarray) -> np.ndarray:
+    """Return samples (n,) of which those that are not ``fresh`` (n,) are the last one that is."""
+    return y[np.maximum.accumulate(np.where(fresh, np.arange(len(y)), 0))]
+
+
 def repeats(y: np.ndarray) -> Repeats:
     """
     Tell whether more neighbours are equal than rounding makes equal by chance.

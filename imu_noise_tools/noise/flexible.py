@@ -241,8 +241,8 @@ def _loud_at_times(evidence: Evidence, fit: Fit) -> float:
 
     """
     _, x, w = views.power_in_time(evidence, fit.model)
-    level = x @ w / w.sum() if x.shape[1] > 1 else x[:, 0]
-    chance = 2 / w.sum() if x.shape[1] > 1 else 2 / float(np.mean(w))
+    level = views.pooled(x, w)
+    chance = 2 / views.degrees_of(w)
     return max(1.0, float(np.mean(level**2) / np.mean(level) ** 2) - chance)
 
 
@@ -277,10 +277,9 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
-    if _happens_once(octaves_of(evidence, fit, effect)):
-        return COURSE_OF_AXES
     if not effect.normal:
-        return ''
+        differences = differences_of(octaves_of(evidence, fit, effect))
+        return COURSE_OF_AXES if _happens_once(differences) else ''
     against = _not_normal(evidence, fit, effect, claim)
     if not against:
         gain = _shared_otherwise(evidence, fit, effect)
@@ -321,21 +320,21 @@ def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim
         gain = follows_a_law(octaves)
         if gain > FLEXIBLE:     # however strong: of few values it would be as clear
             return f'what it explains follows a law that is no noise\'s, by {gain:.0f} nats'
-    if isinstance(effect, Coupling) and pieces(differences) < FEWEST:
+    if isinstance(effect, Coupling) and (
+            pieces(differences) < FEWEST or _happens_once(differences)):
         return COURSE_OF_AXES
     return ''
 
 
-def _happens_once(octaves: Iterable[np.ndarray]) -> bool:
+def _happens_once(differences: Differences) -> bool:
     """
-    Tell whether what octaves of block means hold is slow and is over within a part of the record.
+    Tell whether what differences of block means hold is slow and over within a part of the record.
 
     All that warms up together does so: nearly all of it is in the slowest octave, and of that most
     in a twentieth of the record.
 
     """
-    energy = [(2.0**k * float(np.sum(d**2)), d)
-              for k, (d, _) in enumerate(differences_of(octaves))]
+    energy = [(2.0**k * float(np.sum(d**2)), d) for k, (d, _) in enumerate(differences)]
     if not energy:
         return False
     slowest, d = energy[-1]
@@ -358,12 +357,12 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | Non
     """
     sweep = Sweep(*evidence.sweep.tolist())
     part, sure = 1.0, FLEXIBLE
+    low, high = sorted((sweep.first, sweep.last))
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
     elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
         return ''
     elif isinstance(effect, Spectrum) and effect.centre is not None:
-        low, high = sorted((sweep.first, sweep.last))
         width = effect.values.get('width', 0.0)
         inside = low < effect.centre - width / 2 < effect.centre + width / 2 < high
         far = inside and high - low > BEYOND * width
@@ -371,7 +370,7 @@ def _swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | Non
             return ''
     elif isinstance(effect, Spectrum) and fit is not None and fit.details is not None:
         f = evidence.whole.bins.f
-        passed = (f >= min(sweep.first, sweep.last)) & (f <= max(sweep.first, sweep.last))
+        passed = (f >= low) & (f <= high)
         if not np.any(fit.details.each[effect.label][passed] > FELT * fit.details.v[passed]):
             return ''
     if sweep.sure <= sure or sweep.strong <= claim * part:

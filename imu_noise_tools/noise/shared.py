@@ -321,8 +321,7 @@ def _one_source(both: np.ndarray) -> np.ndarray:
         for i in range(len(root)):
             others = np.delete(np.arange(len(root)), i)
             root[i] = np.clip((np.sum(both[i, others] * root[others], axis=0) + EVEN * alike[i])
-                              / np.maximum(np.sum(root[others] ** 2, axis=0) + EVEN, 1e-12),
-                              0.0, 1.0)
+                              / (np.sum(root[others] ** 2, axis=0) + EVEN), 0.0, 1.0)
     return root**2
 
 

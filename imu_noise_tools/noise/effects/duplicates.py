@@ -12,7 +12,7 @@ from ..evidence import Evidence
 from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
 from ..repeated import ANGLES, begins, coherent, LONGEST, scattered
 from ...core.spectrum import Bins
-from ...core.statistics import interval, Repeats, repeats, whole_runs
+from ...core.statistics import hold, interval, Repeats, repeats, whole_runs
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 STRETCHES = 8  # of the record, in which repeats are counted
@@ -243,7 +243,7 @@ class Duplicates(Defect, Response):
         begin = rng.random(n) < begins(self['fraction'], run)
         held = np.convolve(begin, np.ones(run))[:n] > 0
         held[0] = False
-        return x[np.maximum.accumulate(np.where(held, 0, np.arange(n)))]
+        return hold(x, ~held)
 
     @classmethod
     def example(cls) -> Effect:

@@ -16,7 +16,7 @@ from ..kinds import Defect, Inputs, Parameter
 from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, tail_of
 from ...core.spectrum import cosine_transform
-from ...core.statistics import grid_step, interval, repeats, row_medians
+from ...core.statistics import grid_step, hold, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 from ...loop.verdict import SURE as NAMED
 
@@ -233,7 +233,7 @@ def _without(rings: Rings, y: np.ndarray, step: float = 0.0) -> np.ndarray:
     out = rings.out_of(y, step)
     if not repeats(y).held:
         return out
-    return out[np.maximum.accumulate(np.where(_fresh(y), np.arange(len(y)), 0))]
+    return hold(out, _fresh(y))
 
 
 def _fresh(y: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from ..telegraph import levels
 from ..views import power_in_time
 from ...core.statistics import (
     grid_step,
+    hold,
     interval,
     median_sigma,
     middle_sigma,
@@ -180,7 +181,7 @@ class Spikes(Defect):
         # a short record may be one of the few that have them by chance
         for y in drawn(evidence, fit, paths, n, min(ALL // n, DRAWS)):
             if fresh < 1:       # of fewer samples a stay is shorter
-                y = y[np.maximum.accumulate(np.where(rng.random(n) < fresh, np.arange(n), 0))]
+                y = hold(y, rng.random(n) < fresh)
             at = levels(y)
             kept = self.statistics(y if at is None else y - at,
                                    Inputs(np.arange(n) * evidence.dt, evidence.dt, {}))
@@ -274,8 +275,8 @@ def _louder_around(rest: np.ndarray, at: np.ndarray, sigma: np.ndarray) -> np.nd
     """
     if len(rest) < 4 * NEAR[-1] or not len(at):
         return sigma
-    beside = np.abs(rest[(at[:, None] + np.append(-NEAR, NEAR)) % len(rest)])
-    local = np.median(beside, axis=1) / float(ndtri(0.75))
+    beside = rest[(at[:, None] + np.append(-NEAR, NEAR)) % len(rest)]
+    local = median_sigma(beside, axis=1)
     clear = np.mean(local / sigma) > 1 + STRIKING * 1.2 / np.sqrt(2 * beside.size)
     return np.maximum(sigma, local) if clear else sigma
 
