@@ -23,6 +23,7 @@ from scipy.fft import idct
 from scipy.special import ndtri
 
 from . import shared
+from .blocks import block_power
 from .evidence import Common, course_beside, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
@@ -44,8 +45,6 @@ from ..loop.effect import Effect, registry
 SLOW = 1 << 14  # block means kept (up to twice as many)
 LOW = 4096  # signed coefficients kept: what jumps shows in all of them
 CALM = 1024  # of them, in which a thermometer is looked at for lines
-BLOCKS = 256  # blocks in time
-BANDS = 20  # bands of the power in time
 JUMPED = 4.0  # times what means change by on either side of what is left out
 CELLS = 64  # equiprobable cells of the distribution
 STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
@@ -565,7 +564,7 @@ def _block_means(y, length):
 
 def _power_of_looks(looks, dt):
     """Return ``block_power`` and ``block_count`` of one or two versions of the samples."""
-    found = [_power_in_time(y, dt) for y in looks]
+    found = [block_power(y, dt) for y in looks]
     return {'block_power': np.array([p for p, _ in found]), 'block_count': found[0][1]}
 
 
@@ -631,34 +630,6 @@ def _counted(y: np.ndarray) -> np.ndarray:
         cell += some >= after[cell]
         out += np.bincount(cell, minlength=len(out))
     return out
-
-
-def _power_in_time(y, dt):
-    """
-    Return the Hann-windowed power (blocks, bands).
-
-    With it come the coefficients in each band.
-
-    """
-    n = len(y)
-    blocks = int(np.clip(n // 64, 4, BLOCKS))
-    length = n // blocks
-    # rows at a time, so that a long record needs no second copy of itself
-    window = np.hanning(length + 1)[:length]
-    edges = np.unique(np.round(np.geomspace(3, length // 2 + 1, BANDS + 1)).astype(int))
-    out = np.empty((blocks, len(edges) - 1))
-    rows = max(1, (1 << 18) // length)
-    for i in range(0, blocks, rows):
-        some = np.asarray(y[i * length:min(blocks, i + rows) * length], float).reshape(
-            -1, length
-        )
-        spectrum = (
-            np.abs(np.fft.rfft((some - some.mean(axis=1, keepdims=True)) * window, axis=1)) ** 2
-        )
-        out[i:i + len(some)] = np.add.reduceat(
-            spectrum[:, : edges[-1]], edges[:-1], axis=1
-        ) / np.diff(edges)
-    return 2 * dt * out / np.sum(window**2), np.diff(edges)
 
 
 def _envelope(y, dt):

@@ -22,6 +22,7 @@ from typing import cast
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from .blocks import degrees, FEWER, FIRST, leaked, SKEW, taper
 from .evidence import claimed_lines, Evidence
 from .kinds import (
     Coupling,
@@ -459,28 +460,8 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
     return replace(_view('time', means.t[b], z, excess, variance, 's'), log_score=log_score)
 
 
-# Sums of correlated squares are more skewed than the chi-squared of their variance: by the third
-# cumulant, w E[x - ln x - 1] is lower by (8/3) (m3 m1/m2^2 - 1)/w, m the moments of the spectrum
-# 1 + 4/3 cos u + 1/3 cos 2u of the correlations of Hann's amplitudes.
-_HANN_SKEW = 8 / 3 * 0.1315
-
-
-_FIRST = 3  # ordinate at which the lowest band of the power in time begins
 _PART = 0.1  # of its power, from which the mean or a peak is seen there
-_LEAKS = 1.5  # ordinates by which a band's power is seen beyond it through a Hann window
 _BESIDE = 4  # blocks on either side that tell the power of one
-
-
-def _hann_degrees(s: np.ndarray) -> float:
-    """
-    Return the degrees of freedom of a weighted sum of Hann-windowed periodogram ordinates.
-
-    ``s`` (k,) are their expectations; neighbouring ordinates have correlations 4/9 and 1/36.
-
-    """
-    both = np.sum(s * s) + 2 * sum(
-        share * np.sum(s[lag:] * s[:-lag]) for lag, share in ((1, 4 / 9), (2, 1 / 36)))
-    return float(2 * np.sum(s) ** 2 / both)
 
 
 def power_in_time(evidence: Evidence, model: Model | None = None,
@@ -511,15 +492,15 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
     edges, width = _bands(evidence)
     band = np.repeat(np.arange(len(level)), evidence.block_count)
     # within a band that falls steeply few ordinates hold most of the power
-    s = _mean_power(evidence, width * (_FIRST - 0.5 + np.arange(len(band) + 1)))[0]
+    s = _mean_power(evidence, width * (FIRST - 0.5 + np.arange(len(band) + 1)))[0]
     s = s / (np.bincount(band, s) / count)[band]
     mean, square = _mean_power(evidence, edges)
-    s = np.convolve(np.pad(s, 1, mode='edge'), (1 / 6, 2 / 3, 1 / 6), 'valid')
+    s = leaked(s)
     coarse = np.bincount(band, s * s) / np.bincount(band, s) ** 2 * count
     # what is narrower than blocks resolve swells and fades over many of them
     fine = np.maximum(square / mean**2, coarse)
     w = np.array([
-        _hann_degrees(s[(band >= i[0]) & (band <= i[-1])])
+        degrees(s[(band >= i[0]) & (band <= i[-1])])
         * np.sum((count * coarse)[i]) / np.sum((count * fine)[i]) for i in parts])
     return t, x, w
 
@@ -558,9 +539,8 @@ def _peaks_in(evidence: Evidence, model: Model) -> np.ndarray:
              and s.uneven]
     if not peaks:
         return none
-    edges, width = _bands(evidence)
-    seen = np.array([edges[:-1] - _LEAKS * width, edges[1:] + _LEAKS * width])
-    own, total = (np.diff(_below(evidence, v, seen)[1], axis=0)[0] for v in (
+    band = np.repeat(np.arange(len(count)), count)
+    own, total = (np.bincount(band, leaked(_ordinates(evidence, v))[FIRST - 1:]) for v in (
         np.sum([s.binned(evidence.whole.bins) for s in peaks], axis=0), evidence.whole.power))
     held = own > _PART * total
     return held if count[held].sum() <= 0.5 * count.sum() else none
@@ -597,13 +577,13 @@ def _without(evidence: Evidence, known: np.ndarray, p: np.ndarray) -> np.ndarray
     blocks, slow = len(p), evidence.common.slow_length
     length = evidence.n // blocks
     per = length // slow
-    if per <= 2 * _FIRST:
+    if per <= 2 * FIRST:
         return p
-    window = np.hanning(per + 1)[:per]
+    window = taper(per)
     begin = np.arange(blocks) * length // slow
     pieces = known[begin[:, None] + np.arange(per)]
     pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * window
-    own = np.abs(np.fft.rfft(pieces, axis=1)[:, _FIRST]) ** 2
+    own = np.abs(np.fft.rfft(pieces, axis=1)[:, FIRST]) ** 2
     own *= 2 * evidence.dt * slow / np.sum(window**2)
     there = own > _PART * np.mean(p[:, 0])
     if not np.any(there) or np.all(there):
@@ -633,10 +613,18 @@ def _below(evidence: Evidence, v: np.ndarray, f: np.ndarray) -> tuple[np.ndarray
                          np.concatenate([[0.0], np.cumsum(v * bins.count)]))
 
 
+def _ordinates(evidence: Evidence, v: np.ndarray) -> np.ndarray:
+    """Return a spectrum v (b,) at the ordinates of a block in time, from the first on (k,)."""
+    edges, width = _bands(evidence)
+    each = width * (0.5 + np.arange(round(edges[-1] / width + 0.5)))
+    at, total = _below(evidence, v, each)
+    return np.diff(total) / np.maximum(np.diff(at), 1e-9)
+
+
 def _bands(evidence: Evidence) -> tuple[np.ndarray, float]:
     """Return the edges (bands + 1,) of the power in time's bands, and an ordinate's width, Hz."""
     width = 1 / (evidence.n // evidence.block_power.shape[1] * evidence.dt)
-    return width * (_FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)])), width
+    return width * (FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)])), width
 
 
 def modulated(model: Model, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -703,7 +691,7 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     told = w[:, 0] > 0      # below a coarse grid some blocks tell nothing
     t, x, w = t[told], x[told], w[told]
     excess, spread = gamma_excess(x, w)
-    excess = excess + _HANN_SKEW / w
+    excess = excess + SKEW / w
     view = _view(
         'variance',
         np.repeat(t, x.shape[1]),
@@ -720,11 +708,10 @@ def heavy_degrees(w: np.ndarray, kurtosis: float, length: int) -> np.ndarray:
     Return the degrees of freedom (groups,) of blocks of samples with an excess kurtosis.
 
     The relative variance of the power of a block is 2/w + kurtosis sum h^4/(sum h^2)^2, the second
-    term the same in all groups at once; of Hann's window h over ``length`` samples the ratio of
-    the sums is 35/18 over the length.
+    term the same in all groups at once, h the window over ``length`` samples.
 
     """
-    return w / (1 + w.sum() * kurtosis * 35 / (36 * length))
+    return w / (1 + w.sum() * kurtosis * FEWER / (2 * length))
 
 
 def rough_degrees(x: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -1,0 +1,61 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The power of blocks in time: its level, how much of the samples tells it, what leaks."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.noise.blocks import block_power, FEWER, FIRST, leaked
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.views import power_in_time
+
+DT = 0.01
+AXES = ['gyro_x', 'gyro_y', 'gyro_z']
+
+
+def test_white_noise_has_its_density_in_all_bands():
+    p, count = block_power(np.random.default_rng(1).normal(0, 3.0, 200_000), DT)
+    off = p.mean(axis=0) / (2 * DT * 9) - 1
+    # an ordinate has two degrees of freedom, some of them shared
+    assert np.all(np.abs(off) < 5 * np.sqrt(1.1 / (count * len(p))))
+
+
+@pytest.mark.parametrize('n', [6000, 20_011, 100_000])
+@pytest.mark.parametrize('a', [[1.0], [1.0, -0.98], [1.0, -1.6, 0.65]])
+def test_blocks_scatter_as_said_and_use_most_of_the_samples(n, a):
+    rng = np.random.default_rng(n)
+    found = gather(ImuRecord(lfilter([1.0], a, rng.standard_normal((n, 3)), axis=0), None,
+                             DT * np.arange(n), 1 / DT), AXES)
+    scatter, told = [], []
+    for evidence in found.values():
+        _, x, w = power_in_time(evidence)
+        scatter.append(np.var(x @ w / w.sum(), ddof=1) * w.sum() / 2)
+        told.append(w.sum() / (2 * np.sum(evidence.block_count)))
+    blocks = 3 * len(x)
+    assert abs(np.mean(scatter) - 1) < 4 * np.sqrt((2 + 12 / w.sum()) / blocks) + 0.02
+    assert 1 / FEWER > 0.85
+    assert min(told) > 0.8      # of Hann's window half
+
+
+@pytest.mark.parametrize('phase', [0.0, 1.0, 2.0])
+@pytest.mark.parametrize('at', [40.0, 40.5])
+def test_a_line_leaks_into_neighbours_alone(at, phase):
+    n = 256 * 1000
+    p, count = block_power(np.cos(2 * np.pi * at * np.arange(n) / 1000 + phase), DT)
+    edges = FIRST + np.append(0, np.cumsum(count))
+    far = (edges[1:] < at - 9) | (edges[:-1] > at + 9)
+    assert far.any()
+    assert np.max(p[:, far]) < 1e-4 * np.max(p @ count)
+
+
+def test_what_leaks_keeps_its_power():
+    line = np.zeros(200)
+    line[100] = 1.0
+    seen = leaked(line)
+    assert np.sum(seen) == pytest.approx(1)
+    assert seen[100] > 0.7
+    assert seen[102] < 0.02
+    assert leaked(np.ones(50)) == pytest.approx(np.ones(50))
