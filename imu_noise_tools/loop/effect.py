@@ -602,9 +602,9 @@ class Finding:
     ``gain`` is in nats of log-likelihood over the model without it, ``penalty`` what chance could
     give. ``explains`` is the share of what fails that it takes away; ``against`` says what speaks
     against it, empty where nothing does. ``shapes`` counts the parameters besides one that the
-    penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show:
-    what the samples themselves say, or say against it (negative). ``log_score`` is that of a
-    test's view.
+    penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show;
+    ``samples`` those of them that no likelihood of a model holds: what the samples themselves say,
+    or say against it (negative). ``log_score`` is that of a test's view.
 
     """
 
@@ -621,4 +621,5 @@ class Finding:
     against: str = ''
     shapes: int = 0
     elsewhere: float = 0.0
+    samples: float = 0.0
     log_score: float | None = None

@@ -300,7 +300,7 @@ class Search:
         if here is None or here.fit.supported is None:
             return -np.inf
         return here.fit.supported + sum(
-            (f.gain if certain(f) else f.elsewhere) - price(f) for f in chain)
+            (f.gain if certain(f) else f.samples) - price(f) for f in chain)
 
     def _exchanged(self, chain: list[Finding]) -> list[Finding]:
         """
@@ -381,17 +381,19 @@ class Search:
         """
         Return chains that leave nothing, the best one last, and what each is worth.
 
-        None is larger than one before it but the best. Lines gain what they do at their places,
-        by what is there beside them, and where nothing is left they explain the same.
+        Nothing in the views that the best one shows: what it hides it leaves no less. None is
+        larger than one before it but the best. Lines gain what they do at their places, by what is
+        there beside them, and where nothing is left they explain the same.
 
         """
+        shown = {f.view for f in self.places.tests(self.places.model_of(best))}
         found: list[tuple[list[Finding], float]] = []
         least = len(best)
         for chain in [*tried, best]:
             if len(chain) > least and chain is not best:
                 continue    # what fewer explain needs no more
             explains = self._worth(chain)
-            if np.isfinite(explains) and not self.places.left(chain):
+            if np.isfinite(explains) and not self.places.views_left(chain) & shown:
                 least = min(least, len(chain))
                 found.append((chain, explains))
         lines = [sum(f.gain for f in chain if is_line(f)) for chain, _ in found]

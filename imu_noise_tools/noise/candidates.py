@@ -222,6 +222,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
+        samples=bonus,
     )
     return Tried(finding, whole, partly, peak)
 
