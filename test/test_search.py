@@ -274,7 +274,7 @@ def test_of_chains_that_leave_nothing_the_simpler_may_explain_as_much(search, ot
 @pytest.mark.parametrize('said', [0.0, 5.0])
 def test_what_members_gain_on_their_way_does_not_choose_between_chains(search, said):
     """A swing gains more behind a relaxation than behind a filter; together they are as good."""
-    main = [found('low_pass', gain=368.0, penalty=8.0, elsewhere=said),
+    main = [found('low_pass', gain=368.0, penalty=8.0, samples=said),
             found('slow_periodic', 'time', 95.0)]
     other = [found('gauss_markov', gain=351.0, penalty=10.0),
              found('slow_periodic', 'time', 140.0)]

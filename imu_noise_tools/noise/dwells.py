@@ -179,7 +179,7 @@ def _within(y: np.ndarray, per: int, upper: np.ndarray, step: float, stay: float
 
     """
     z = y[:len(upper) * per].reshape(-1, per).mean(axis=1)
-    drift = median_filter(z - step * upper, _CALM, mode='nearest')
+    drift = median_filter(z - step * upper, _CALM, mode='mirror')   # an end counts once
     rest = y - np.interp(np.arange(len(y)), per * (np.arange(len(z)) + 0.5) - 0.5, drift)
     noise = max(float(np.mean((rest - step * (rest > 0.5 * step)) ** 2)), 1e-12 * step**2)
     density = np.exp(-0.5 * (rest[:, None] - np.array([0.0, step])) ** 2 / noise) + 1e-12

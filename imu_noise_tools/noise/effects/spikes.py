@@ -358,7 +358,7 @@ def _degrees(evidence: Evidence, isolated: Tails, together: float,
     level = (x @ w / w.sum())[:len(x) // STRETCH * STRETCH].reshape(-1, STRETCH).mean(axis=1)
     spread = np.ones(1)
     if len(level) > 2:
-        chance = 0.5 * float(np.mean(np.diff(level) ** 2))
+        chance = 0.5 * float(median_sigma(np.diff(level))) ** 2    # whatever steps among them
         more = max(0.0, 1 - chance / max(float(np.var(level)), 1e-300))
         spread = np.sqrt(np.maximum(1 + more * (level - 1), 0.01))
     tried = (isolated, *(Tails(nu, isolated.out) for nu in DEGREES))
