@@ -127,5 +127,5 @@ def likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str) 
 
 def together(one: Finding, other: Finding) -> Finding:
     """Return what two findings claim together."""
-    return replace(one, **{k: getattr(one, k) + getattr(other, k)
-                           for k in ('gain', 'elsewhere', 'samples')})
+    return replace(one, gain=one.gain + other.gain, elsewhere=one.elsewhere + other.elsewhere,
+                   samples=one.samples + other.samples)
