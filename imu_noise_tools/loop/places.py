@@ -45,6 +45,10 @@ class Places:
         """Allow ``more`` places to be looked at: what was thought to hold has fallen."""
         self._further = self._looked + more
 
+    def overlooked(self, chain: Iterable[Finding]) -> bool:
+        """Tell whether the effort ended before it was asked what stands out behind a chain."""
+        return self.set_of(chain) in self._unseen
+
     @property
     def _may_look(self) -> bool:
         return self._looked < max(self.problem.looks, self._further)

@@ -33,6 +33,7 @@ from .places import Place, Places
 from .prediction import State
 
 CHAINS = 2  # chains that are followed, rivals' included
+FOLLOWED = 3  # times that one is followed on, where the effort ended before its end was looked at
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
 HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
@@ -281,8 +282,18 @@ class Search:
         if fewer:
             best = max(fewer, key=gained)
             self._follow(best, left)
+        best = self._followed(best)
         self.scores.setdefault(self.places.set_of(best), gained(best))
         return self._as_few(best, chains)
+
+    def _followed(self, chain: list[Finding]) -> list[Finding]:
+        """Return a chain that leaves something with what the effort did not reach behind it."""
+        for _ in range(FOLLOWED):
+            if not self.places.overlooked(chain) or not self.places.left(chain):
+                break
+            self.places.look_further(rules.ANEW)
+            chain = self.chain(chain)
+        return chain
 
     def _gained_anew(self, held: Sequence[Finding], main: Sequence[Finding]) -> float:
         """

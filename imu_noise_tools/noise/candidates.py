@@ -18,7 +18,7 @@ import numpy as np
 
 from . import views
 from .evidence import Evidence
-from .explained import Bands, Explained, gained, gained_beyond, supported
+from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
 from .flexible import asks_nothing
 from .kinds import (
@@ -313,7 +313,8 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
 
     Refitted they lose less, so this is a bound of what the effect gains; a gain beyond it is that
     of a refit that was caught before, and none of the effect's doing. Without a filter few bands
-    lose much, where refitted all lose some: of those each counts in full.
+    lose much, where refitted all lose some: of those each counts in full. But what stands out of
+    what a filter lets pass is missed by more with it than without.
 
     """
     v, d = spectrum_without(evidence, fit, label), fit.details
@@ -321,9 +322,16 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
         return np.inf
     bands = Bands.on(evidence.whole.bins)
     cap = WHOLE if isinstance(fit.model[label], Response) else CAP
-    with_it, without = (
-        supported(bands, d.power, d.weight, x, cap, partly) for x in (d.v, v))
-    return with_it - without
+    return gained(bands, _Bare(d.power, d.weight, v), _Bare(d.power, d.weight, d.v), cap, partly,
+                  loss=CAP)
+
+
+class _Bare(NamedTuple):
+    """What a spectrum ``v`` makes of bins (b,), as :class:`~.explained.Explains` has it."""
+
+    power: np.ndarray
+    weight: np.ndarray
+    v: np.ndarray
 
 
 def _shapes(effect: NoiseEffect, estimates) -> int:

@@ -308,18 +308,18 @@ def _of_bands(bands: Bands, power: np.ndarray, weight: np.ndarray, v: np.ndarray
 
 
 def gained(bands: Bands, before: Explains, after: Explains, cost: float = COST,
-           partly: bool = False, above: float = 0.0) -> float:
+           partly: bool = False, above: float = 0.0, loss: float = np.inf) -> float:
     """
     Return by how much more one fit explains than another, nats, as :func:`supported` says.
 
-    In the bands ``above`` a frequency (Hz).
+    In the bands ``above`` a frequency (Hz), in none of which it counts less by more than ``loss``.
 
     Both count the same degrees of freedom in a bin, the more of the two: what is solved for in the
     mean takes some of them, not alike in both, and each is worth a ln v, which has a unit.
 
     """
     one, other = _alike(bands, (before, after), cost, partly)
-    return float(np.sum((other - one)[bands.low >= above]))
+    return float(np.sum(np.maximum(other - one, -loss)[bands.low >= above]))
 
 
 def gained_beyond(bands: Bands, before: Explains, known: Explains, after: Explains,
