@@ -383,6 +383,31 @@ def test_a_filter_alone_is_named_where_it_is_as_good_as_a_knee(better, named, mo
     assert (not said) == named, said
 
 
+def averaged(rng):
+    """Return white noise of which 34 samples are averaged, and every eighth average is read."""
+    fine = rng.standard_normal(8 * N + 34)
+    return np.convolve(fine, np.ones(34) / 34, 'valid')[:8 * N:8] + 0.02 * rng.standard_normal(N)
+
+
+def test_a_knee_that_does_something_else_is_no_rival_of_a_filter():
+    """No band counts much: what a filter takes away, and a slow end that nothing explains yet."""
+    rng = np.random.default_rng(35)
+    x = averaged(rng) + 0.05 * coloured(rng, 1.0)
+    problem, fit = alone(SIZE * x, 'white', 'low_pass')
+    assert not flexible._knee(problem.evidence, fit, fit.model['low_pass'], 300.0)
+
+
+def test_a_filter_stands_out_though_a_peak_does_of_what_it_lets_pass():
+    """Beneath the peak the filter leaves next to nothing, and the white noise of before more."""
+    rng = np.random.default_rng(36)
+    r, w = np.exp(-np.pi * 0.24 * DT), 2 * np.pi * 31.4 * DT
+    peak = lfilter([1 - r], [1, -2 * r * np.cos(w), r * r], rng.standard_normal(N))
+    x = averaged(rng) + 0.3 * peak / np.std(peak)
+    problem, fit = alone(SIZE * x, 'white', 'flicker', 'random_walk')
+    low_pass = tried(problem, fit, find_effect('noise', 'low_pass')()).finding
+    assert low_pass.gain > 100 > low_pass.penalty
+
+
 def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     """Nor is a peak of which it passes all, most of the time; but what explains more."""
     evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]), duration=600.0)

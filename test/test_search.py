@@ -242,6 +242,41 @@ def test_what_stood_out_is_taken_in_the_fewest_that_leave_nothing(search, names,
         k > search.places.set_of(got) for k in search.scores)
 
 
+def test_what_the_best_chain_hides_speaks_against_no_other(search):
+    """Where quantization is, nobody sees that the samples are not normal."""
+    def tests(model):
+        shown = leaves({})(model)
+        return shown if 'quantization' in model else [
+            *shown, Finding('distribution', 44.0, view='distribution', p_value=0.0)]
+
+    main = [found('notch'), found('narrowband'), found('quantization')]
+    other = [found('low_pass')]
+    search._rivals = lambda chain, i: []
+    search.places.tests = tests
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(
+        supported=520.0 if 'low_pass' in model else 500.0))
+    search.scores = {search.places.set_of(c): 300.0 for c in (main, other)}
+    assert search._as_few(main, [main, other]) == other
+
+
+def test_what_an_edge_gains_counts_once(search):
+    """It falls within the means of the view of time, but the spectrum holds it."""
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=500.0))
+    assert search._worth([found('ramp', 'time', elsewhere=161.0)]) == 500
+    assert search._worth([found('rts', elsewhere=30.0, samples=30.0)]) == 530
+
+
+@pytest.mark.parametrize(('left', 'members'), [(90.0, 3), (0.0, 1)])
+def test_a_chain_whose_end_was_not_looked_at_is_followed_on(search, left, members):
+    """The effort is bounded, and may have gone into what came to nothing."""
+    search.places.problem.looks = 0
+    search.places.overlooked = lambda chain: len(chain) < 3
+    search.places.left = lambda chain: left
+    search.chain = lambda begin: [*begin, found('step', 'time')]
+    assert len(search._followed([found('low_pass')])) == members
+    assert search.places._may_look == (left > 0)
+
+
 def test_one_that_needs_no_other_is_left_alone(search):
     """Nothing is fitted where the last member of a chain is in no doubt."""
     main = [found('gauss_markov'), found('low_pass')]
