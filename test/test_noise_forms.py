@@ -24,7 +24,7 @@ from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import flexible, Inputs, shared
 from imu_noise_tools.noise import likelihood
-from imu_noise_tools.noise.candidates import at_bound, candidates, clear_of_less
+from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
@@ -431,6 +431,16 @@ def dwelling(seed, dwell, n=12_000, rate=50.0):
     """Return two levels, four standard deviations of a sample apart, that last ``dwell`` s."""
     rng = np.random.default_rng(seed)
     return 4 * (np.cumsum(rng.random(n) < 1 / (dwell * rate)) % 2 - 0.5)
+
+
+@pytest.mark.parametrize('far, own', [(1.2, True), (2.0, False)])
+def test_a_step_no_further_than_levels_are_apart_is_one_of_their_jumps(far, own):
+    """Dwells of half a second are no path of a record of minutes, and some of them are long."""
+    y = 0.25 * dwelling(7, 0.5) + np.random.default_rng(70).standard_normal(12_000)
+    evidence = evidence_of(1e-3 * y, 50.0)
+    model = model_of('noise', ('white', 'rts')).with_values({'rts': {'step': 1e-3, 'tau': 0.5}})
+    step = find_effect('noise', 'step')({'size': far * 1e-3, 'time': 100.0})
+    assert ('jumps to and fro' in _of_levels(evidence, model, step)) == own
 
 
 @pytest.mark.thorough

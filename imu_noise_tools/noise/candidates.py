@@ -48,6 +48,7 @@ CLEAR = 100.0   # nats of a peak that is one in some form or other
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ROUNDED = 2.0   # times what rounding moves a mean by, that one must change by
 JUMPS = 0.5  # share of all that changes, or of how far levels are apart
+FURTHER = 1.5  # times as far as levels are apart, where no jump of theirs goes
 BLOCKS = 256  # of a record, within one of which two jumps are at one time
 ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
 
@@ -228,11 +229,21 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
 
 
 def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
-    """Say that a mean jumps as levels do that the path of the record shows, or nothing."""
+    """
+    Say that a mean jumps as levels do that the path of the record shows, or nothing.
+
+    Or no further than levels do that are in the model and whose path is not seen: of many dwells
+    some are long.
+
+    """
     if not isinstance(effect, Mean):
         return ''
     jumps = np.diff(effect.mean(evidence.slow_inputs))
-    there = np.flatnonzero(np.abs(jumps) > JUMPS * np.sum(np.abs(jumps)))
+    far = float(np.sum(np.abs(jumps)))
+    there = np.flatnonzero(np.abs(jumps) > JUMPS * far)
+    for one in model.of(Spectrum) if len(there) else ():
+        if far < FURTHER * one.jumps and one.path(evidence) is None:
+            return f'it is {far / one.jumps:.2g} of the jumps to and fro: {one.title}'
     near = 1 + len(jumps) // BLOCKS
     for other in (e() for e in registry('noise').values() if issubclass(e, Spectrum)):
         path = None if other.name in model else other.path(evidence)

@@ -274,6 +274,11 @@ class Spectrum(NoiseEffect):
         """Whether its power may come and go by more than Gaussian noise does, as a machine's."""
         return self.centre is not None
 
+    @property
+    def jumps(self) -> float:
+        """How far it jumps at once, to come back later: as far as a step may; 0 if it does not."""
+        return 0.0
+
     def binned(self, bins: Bins) -> np.ndarray:
         """Return what the power of a record is expected to be in each bin, (b,)."""
         return expected(lambda f: self.psd(f, bins.dt), bins)

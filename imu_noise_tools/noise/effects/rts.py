@@ -136,6 +136,11 @@ class Rts(Spectrum):
         return True
 
     @property
+    def jumps(self) -> float:
+        """From one level to the other."""
+        return self['step']
+
+    @property
     def knees(self) -> int:
         """Two, of its spectrum: how high, and where."""
         return 2
