@@ -586,7 +586,7 @@ def test_real_records_as_a_fleet(shared_data, tmp_path, client):
     again = {f'amr_imu_static_{kind}' for kind in (
         'mcap_zstd', 'sqlite3', 'sqlite3_file_zstd', 'sqlite3_message_zstd')}
     some = [bag for bag in bags_of([str(shared_data / 'records'), str(shared_data / 'bags')])
-            if bag.size < 3_000_000 and Path(bag.path).name not in again]
+            if bag.size < 1_800_000 and Path(bag.path).name not in again]
     kept = run.Fleet(tmp_path / 'fleet', Options(reports=False, diagnose='none'))
     said = assemble.write(kept, some, run.run(kept, kept.todo(some), client))
     assert said['bags'] == len(some) >= 20 and len(said['failed']) < len(some)

@@ -266,15 +266,16 @@ def test_what_an_edge_gains_counts_once(search):
     assert search._worth([found('rts', elsewhere=30.0, samples=30.0)]) == 530
 
 
-@pytest.mark.parametrize(('left', 'members'), [(90.0, 3), (0.0, 1)])
-def test_a_chain_whose_end_was_not_looked_at_is_followed_on(search, left, members):
-    """The effort is bounded, and may have gone into what came to nothing."""
+@pytest.mark.parametrize(('left', 'members', 'goes_on'), [
+    (90.0, 2, True), (0.0, 2, False), (90.0, 3, False)])
+def test_a_short_chain_whose_end_was_not_looked_at_is_followed_on(search, left, members, goes_on):
+    """The effort is bounded, and may have gone into what came to nothing; or it is spent."""
     search.places.problem.looks = 0
-    search.places.overlooked = lambda chain: len(chain) < 3
+    search.places.overlooked = lambda chain: True
     search.places.left = lambda chain: left
     search.chain = lambda begin: [*begin, found('step', 'time')]
-    assert len(search._followed([found('low_pass')])) == members
-    assert search.places._may_look == (left > 0)
+    assert len(search._followed([found('low_pass')] * members)) == members + goes_on
+    assert search.places._may_look == goes_on
 
 
 def test_one_that_needs_no_other_is_left_alone(search):

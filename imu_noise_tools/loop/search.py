@@ -33,7 +33,7 @@ from .places import Place, Places
 from .prediction import State
 
 CHAINS = 2  # chains that are followed, rivals' included
-FOLLOWED = 3  # times that one is followed on, where the effort ended before its end was looked at
+FOLLOWED = 3  # members from which one is not followed on, if its end was not looked at
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 LONGEST = 12  # members of a chain
 HINT = 0.5  # share of what chance reaches, from which one of two is looked at with the other
@@ -287,13 +287,17 @@ class Search:
         return self._as_few(best, chains)
 
     def _followed(self, chain: list[Finding]) -> list[Finding]:
-        """Return a chain that leaves something with what the effort did not reach behind it."""
-        for _ in range(FOLLOWED):
-            if not self.places.overlooked(chain) or not self.places.left(chain):
-                break
-            self.places.look_further(rules.ANEW)
-            chain = self.chain(chain)
-        return chain
+        """
+        Return a chain that leaves something with what the effort did not reach behind it.
+
+        Of few members: then it went into what came to nothing. Of many it is spent.
+
+        """
+        if len(chain) >= FOLLOWED or not self.places.overlooked(chain) \
+                or not self.places.left(chain):
+            return chain
+        self.places.look_further(rules.ANEW)
+        return self.chain(chain)
 
     def _gained_anew(self, held: Sequence[Finding], main: Sequence[Finding]) -> float:
         """
