@@ -412,35 +412,47 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     """Nor is a peak of which it passes all, most of the time; but what explains more."""
     evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]), duration=600.0)
     filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
-    assert flexible._swept(evidence, filtered, 25.0)
-    assert not flexible._swept(evidence, filtered, 250.0)
+    assert flexible.swept(evidence, filtered, 25.0)
+    assert not flexible.swept(evidence, filtered, 250.0)
     for frequency, width, is_none in ((3.0, 1.0, True), (1.4, 1.0, False), (3.0, 4.5, False),
                                       (3.0, 1.5, False)):     # a machine that wanders
         one = peak.with_values(frequency=frequency, width=width)
-        assert bool(flexible._swept(evidence, one, 25.0)) == is_none
-        assert not flexible._swept(evidence, one, 250.0)
+        assert bool(flexible.swept(evidence, one, 25.0)) == is_none
+        assert not flexible.swept(evidence, one, 250.0)
     louder = find_effect('noise', 'variance_change').example()
-    assert flexible._swept(evidence, louder, 25.0) and not flexible._swept(evidence, louder, 250.0)
+    assert flexible.swept(evidence, louder, 25.0) and not flexible.swept(evidence, louder, 250.0)
     # nor noise that is nothing where it passes
     slow, f = find_effect('noise', 'gauss_markov').example(), np.geomspace(1e-3, 10, 50)
     evidence.whole = SimpleNamespace(bins=SimpleNamespace(f=f))
     for corner, is_none in ((0.05, False), (1.0, True)):
         fit = SimpleNamespace(details=SimpleNamespace(v=np.ones(50), each={
             'gauss_markov': 1 / (1 + (f / corner) ** 4)}))
-        assert bool(flexible._swept(evidence, slow, 25.0, fit)) == is_none
+        assert bool(flexible.swept(evidence, slow, 25.0, fit)) == is_none
     faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
-    assert not flexible._swept(faint, filtered, 25.0)
+    assert not flexible.swept(faint, filtered, 25.0)
     # what axes share it may do all along, on a path that is straight for a while
     shared_noise = find_effect('noise', 'shared_noise').example()
     late = SimpleNamespace(sweep=np.array([8.0, 200.0, 500.0, 600.0, 1.0, 5.0]), duration=600.0)
-    assert flexible._swept(late, shared_noise, 1000.0)
-    assert not flexible._swept(late, peak.with_values(frequency=3.0, width=1.0), 0.5)
-    assert not flexible._swept(late, shared_noise, 1300.0)
-    assert not flexible._swept(evidence, shared_noise, 250.0)
-    assert not flexible._swept(late, filtered, 25.0)
+    assert flexible.swept(late, shared_noise, 1000.0)
+    assert not flexible.swept(late, peak.with_values(frequency=3.0, width=1.0), 0.5)
+    assert not flexible.swept(late, shared_noise, 1300.0)
+    assert not flexible.swept(evidence, shared_noise, 250.0)
+    assert not flexible.swept(late, filtered, 25.0)
 
 
 @pytest.mark.thorough
+def test_a_peak_on_the_path_of_a_line_that_sweeps_is_none_at_once(monkeypatch):
+    """Five were found on one, one after the other, and fell together in the end."""
+    rng, r = np.random.default_rng(38), 0.98
+    swing = lfilter([1 - r], [1, -1.6 * r, r * r], rng.standard_normal(N))
+    problem, fit = alone(SIZE * (rng.standard_normal(N) + 8 * swing), 'white', 'flicker')
+    monkeypatch.setattr(candidates, 'swept', lambda *_: 'a line that sweeps')
+    peak, broad = (tried(problem, fit, find_effect('noise', name)()).finding
+                   for name in ('narrowband', 'gauss_markov'))
+    assert peak.gain > peak.penalty
+    assert 'a line that sweeps' in peak.against and 'sweeps' not in broad.against
+
+
 def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
     rng = np.random.default_rng(46)

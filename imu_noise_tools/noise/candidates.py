@@ -20,7 +20,7 @@ from . import views
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
-from .flexible import asks_nothing
+from .flexible import asks_nothing, swept
 from .kinds import (
     Coupling, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
 )
@@ -220,7 +220,9 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _view_of(effect),
         where,
         against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model)
-        or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added),
+        or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
+        # one peak after the other would follow a line that moves, and all would fall in the end
+        or (swept(evidence, added, max(whole, partly)) if peak else ''),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
         samples=bonus,

@@ -180,7 +180,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect, claimed = fit.model[label], claim
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
-        return _coupled_otherwise(evidence, fit, effect, claim) or _swept(evidence, effect, claim)
+        return _coupled_otherwise(evidence, fit, effect, claim) or swept(evidence, effect, claim)
     if peak:
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
@@ -216,7 +216,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):
         return _course(evidence, fit, effect, claim) or _beside_a_knee(evidence, fit, label, claim)
-    against = _swept(evidence, effect, claim, fit)
+    against = swept(evidence, effect, claim, fit)
     if against:
         return against
     gain = -effect.bonus(evidence, fit)
@@ -343,7 +343,7 @@ def _happens_once(differences: Differences) -> bool:
         and np.sum(np.sort(d**2)[-few:]) > HEALED * np.sum(d**2)
 
 
-def _swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None = None) -> str:
+def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None = None) -> str:
     """
     Say that a line that sweeps stands out by more than an effect explains of the spectrum.
 
