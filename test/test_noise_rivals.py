@@ -666,6 +666,17 @@ def test_one_loud_block_is_no_change_of_variance():
         assert is_one == (finding is not None and finding.gain > 20), finding
 
 
+@pytest.mark.parametrize('quiet', [False, True])
+def test_loud_blocks_are_no_stretch_if_one_between_them_is_quiet(quiet):
+    """They are bursts that happen to be near each other."""
+    x = SIZE * np.random.default_rng(40).standard_normal(N)
+    e = gather(ImuRecord(np.column_stack([x] * 3), None, T, 1 / DT), ['gyro_x'])['gyro_x']
+    power = e.block_power.copy()
+    power[:, 100:104] *= np.array([5.0, 1.0 if quiet else 4.0, 4.0, 3.0])[:, None]
+    finding = find_effect('noise', 'variance_change')().measure(replace(e, block_power=power))
+    assert (finding is None or finding.effect.chosen('form') != 'stretch') == quiet
+
+
 def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     rng = np.random.default_rng(33)
     y = axes_with(np.zeros(N), rng)

@@ -14,6 +14,7 @@ from ..views import (
 )
 from ...core.statistics import interval
 from ...loop.effect import Effect, Estimate, Finding
+from ...loop.verdict import DIRECTED
 
 FORMS = ('step', 'stretch', 'drift', 'periodic', 'growth', 'swell')
 MOST = 8  # stretches
@@ -98,7 +99,8 @@ class VarianceChange(Modulation):
         some = sorted(self._shapes(t, pooled(x, w), degrees_of(w)),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
         found = [self._refined(e, t, x, w, cost) for e, cost in some[:3]]
-        found = [z for z in found if z[0] > 0 and not _is_one(_gained(z[1], t, x, w))]
+        found = [z for z in found if z[0] > 0 and not _is_one(_gained(z[1], t, x, w))
+                 and not _is_broken(z[1], t, x, w)]
         if not found:
             return None
         gain, effect, std = max(found, key=lambda z: z[0])
@@ -281,6 +283,15 @@ def _nll(effect, t, x, w) -> float:
 def _is_one(gains: np.ndarray) -> bool:
     """Tell whether what blocks (blocks,) gain is mostly the gain of one of them."""
     return bool(np.max(gains) > ONE * np.sum(gains))
+
+
+def _is_broken(effect, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> bool:
+    """Tell whether a block within a stretch (not at its ends) is surely as those outside."""
+    if effect.chosen('form') != 'stretch':
+        return False
+    inside = np.isclose(block_variance(effect, t), effect['factor'])
+    inner = inside & np.roll(inside, 1) & np.roll(inside, -1)
+    return bool(np.any(_gained(effect, t, x, w)[inner] < -DIRECTED))
 
 
 def _gained(effect, t, x, w) -> np.ndarray:
