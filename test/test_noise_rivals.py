@@ -440,7 +440,6 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     assert not flexible.swept(late, filtered, 25.0)
 
 
-@pytest.mark.thorough
 def test_a_peak_on_the_path_of_a_line_that_sweeps_is_none_at_once(monkeypatch):
     """Five were found on one, one after the other, and fell together in the end."""
     rng, r = np.random.default_rng(38), 0.98
@@ -453,6 +452,7 @@ def test_a_peak_on_the_path_of_a_line_that_sweeps_is_none_at_once(monkeypatch):
     assert 'a line that sweeps' in peak.against and 'sweeps' not in broad.against
 
 
+@pytest.mark.thorough
 def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     """A tenth of the power below 1 Hz: no few neighbouring coefficients tell it."""
     rng = np.random.default_rng(46)

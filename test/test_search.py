@@ -274,7 +274,7 @@ def test_a_short_chain_whose_end_was_not_looked_at_is_followed_on(search, left, 
     search.places.overlooked = lambda chain: True
     search.places.left = lambda chain: left
     search.chain = lambda begin: [*begin, found('step', 'time')]
-    assert len(search._followed([found('low_pass')] * members)) == members + goes_on
+    assert len(search._continued([found('low_pass')] * members)) == members + goes_on
     assert search.places._may_look == goes_on
 
 

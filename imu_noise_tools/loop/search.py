@@ -282,11 +282,11 @@ class Search:
         if fewer:
             best = max(fewer, key=gained)
             self._follow(best, left)
-        best = self._followed(best)
+        best = self._continued(best)
         self.scores.setdefault(self.places.set_of(best), gained(best))
         return self._as_few(best, chains)
 
-    def _followed(self, chain: list[Finding]) -> list[Finding]:
+    def _continued(self, chain: list[Finding]) -> list[Finding]:
         """
         Return a chain that leaves something with what the effort did not reach behind it.
 

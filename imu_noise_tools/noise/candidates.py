@@ -243,13 +243,15 @@ def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
     jumps = np.diff(effect.mean(evidence.slow_inputs))
     far = float(np.sum(np.abs(jumps)))
     there = np.flatnonzero(np.abs(jumps) > JUMPS * far)
-    for one in model.of(Spectrum) if len(there) else ():
+    if not len(there):
+        return ''
+    for one in model.of(Spectrum):
         if far < FURTHER * one.jumps and one.path(evidence) is None:
             return f'it is {far / one.jumps:.2g} of the jumps to and fro: {one.title}'
     near = 1 + len(jumps) // BLOCKS
     for other in (e() for e in registry('noise').values() if issubclass(e, Spectrum)):
         path = None if other.name in model else other.path(evidence)
-        if path is None or not len(there):
+        if path is None:
             continue
         before, after = (path[np.clip(there + k, 0, len(jumps))] for k in (-near, near + 1))
         if np.all((after - before) * np.sign(jumps[there]) > JUMPS * np.ptp(path)):
@@ -335,16 +337,7 @@ def _own(evidence: Evidence, fit: Fit, label: str, partly: bool) -> float:
         return np.inf
     bands = Bands.on(evidence.whole.bins)
     cap = WHOLE if isinstance(fit.model[label], Response) else CAP
-    return gained(bands, _Bare(d.power, d.weight, v), _Bare(d.power, d.weight, d.v), cap, partly,
-                  loss=CAP)
-
-
-class _Bare(NamedTuple):
-    """What a spectrum ``v`` makes of bins (b,), as :class:`~.explained.Explains` has it."""
-
-    power: np.ndarray
-    weight: np.ndarray
-    v: np.ndarray
+    return gained(bands, replace(d, v=v), d, cap, partly, loss=CAP)
 
 
 def _shapes(effect: NoiseEffect, estimates) -> int:

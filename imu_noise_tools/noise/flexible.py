@@ -421,7 +421,6 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     something else somewhere else may seem as good: it must do most of what the effect does.
 
     """
-    does = HEALED * _own(evidence, fit, effect.label)
     spent = {e.label: e.knees for e in fit.model.of(NoiseEffect) if e.knees}
     said = sum(max(e.bonus(evidence, fit), 0.0) for e in fit.model.of(NoiseEffect) if e.knees)
     if effect.label in [*spent][:-1]:
@@ -452,7 +451,8 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
             spared = max(0, _levels(fit, some) - _levels(rival, some))
             more = max(0, more - spared)
             least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
-        if better > least and fit.details.ml - rival.details.ml < max(does, FLEXIBLE):
+        missed = fit.details.ml - rival.details.ml
+        if better > least and missed < max(HEALED * _own(evidence, fit, effect.label), FLEXIBLE):
             how = f'better by {better:.0f} nats' if better > 0 else \
                 f'as well, with {-more} parameter{"s" * (more < -1)} less'
             steepness = rival.model['knee']['steepness']

@@ -489,12 +489,11 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
     count = evidence.block_count.astype(float)
     parts = [i for i in np.array_split(np.arange(len(level)), groups) if len(i)]
     x = np.column_stack([(p[:, i] / level[i]) @ count[i] / count[i].sum() for i in parts])
-    edges, width = _bands(evidence)
     band = np.repeat(np.arange(len(level)), evidence.block_count)
     # within a band that falls steeply few ordinates hold most of the power
-    s = _mean_power(evidence, width * (FIRST - 0.5 + np.arange(len(band) + 1)))[0]
+    s = _ordinates(evidence, evidence.whole.power)[FIRST - 1:]
     s = s / (np.bincount(band, s) / count)[band]
-    mean, square = _mean_power(evidence, edges)
+    mean, square = _mean_power(evidence, _bands(evidence)[0])
     s = leaked(s)
     coarse = np.bincount(band, s * s) / np.bincount(band, s) ** 2 * count
     # what is narrower than blocks resolve swells and fades over many of them
@@ -619,7 +618,7 @@ def _ordinates(evidence: Evidence, v: np.ndarray) -> np.ndarray:
     edges, width = _bands(evidence)
     each = width * (0.5 + np.arange(round(edges[-1] / width + 0.5)))
     at, total = _below(evidence, v, each)
-    return np.diff(total) / np.maximum(np.diff(at), 1e-9)
+    return np.maximum(np.diff(total) / np.maximum(np.diff(at), 1e-9), 1e-300)
 
 
 def _bands(evidence: Evidence) -> tuple[np.ndarray, float]:

@@ -99,8 +99,7 @@ class VarianceChange(Modulation):
         some = sorted(self._shapes(t, pooled(x, w), degrees_of(w)),
                       key=lambda z: z[1] + _nll(z[0], t, x, w))
         found = [self._refined(e, t, x, w, cost) for e, cost in some[:3]]
-        found = [z for z in found if z[0] > 0 and not _is_one(_gained(z[1], t, x, w))
-                 and not _is_broken(z[1], t, x, w)]
+        found = [z for z in found if z[0] > 0 and _lasts(z[1], t, x, w)]
         if not found:
             return None
         gain, effect, std = max(found, key=lambda z: z[0])
@@ -280,18 +279,22 @@ def _nll(effect, t, x, w) -> float:
     return float(np.sum(_each(np.maximum(block_variance(effect, t), 1e-6), x, w)))
 
 
-def _is_one(gains: np.ndarray) -> bool:
-    """Tell whether what blocks (blocks,) gain is mostly the gain of one of them."""
-    return bool(np.max(gains) > ONE * np.sum(gains))
+def _lasts(effect, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> bool:
+    """
+    Tell whether blocks are as an effect says all along.
 
+    Not where one of them has most of what all gain, nor where one within a stretch (and not at
+    its ends) is surely as those outside.
 
-def _is_broken(effect, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> bool:
-    """Tell whether a block within a stretch (not at its ends) is surely as those outside."""
-    if effect.chosen('form') != 'stretch':
+    """
+    gains = _gained(effect, t, x, w)
+    if np.max(gains) > ONE * np.sum(gains):
         return False
+    if effect.chosen('form') != 'stretch':
+        return True
     inside = np.isclose(block_variance(effect, t), effect['factor'])
     inner = inside & np.roll(inside, 1) & np.roll(inside, -1)
-    return bool(np.any(_gained(effect, t, x, w)[inner] < -DIRECTED))
+    return not np.any(gains[inner] < -DIRECTED)
 
 
 def _gained(effect, t, x, w) -> np.ndarray:
