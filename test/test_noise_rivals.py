@@ -205,6 +205,27 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize('redder, seed', [(True, 6), (True, 7), (False, 3), (False, 4)])
+def test_two_swings_that_hold_what_falls_with_the_cube_of_the_frequency_are_no_swings(
+        redder, seed):
+    rng = np.random.default_rng(seed)
+    y = rng.standard_normal(N)
+    if redder:
+        y = y + 1.5 * coloured(rng, 3.0)
+    else:
+        y = y + sum(a * np.sin(2 * np.pi * T / (p * T[-1]) + seed)
+                    for a, p in ((0.3, 0.7), (0.2, 0.23)))
+    record = ImuRecord(np.column_stack([SIZE * y, *rng.standard_normal((2, N))]), None, T, 1 / DT)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    base = ('white', 'flicker', 'random_walk', 'slow_periodic')
+    one, both = (NoiseProblem(evidence).point(model_of('noise', x))
+                 for x in (base, (*base, 'slow_periodic')))
+    gain = both.details.ml - one.details.ml
+    against = flexible.shape(evidence, both, one, 'slow_periodic.2', gain)
+    assert ('noise that falls with f^-3' in against) == redder and (redder or not against), against
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize('t0', [0.5, 2.0])
 def test_a_creep_with_the_logarithm_of_time_is_neither_a_shock_nor_a_drift(t0):
     rng = np.random.default_rng(31)

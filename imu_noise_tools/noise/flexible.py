@@ -487,11 +487,10 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
     Of several the last is asked. What follows something recorded stays beside it.
 
     """
-    timed = {m.label: m for m in fit.model.of(Mean) if m.needs == NoiseEffect.needs}
+    timed = _timed(fit)
     if [effect.label] != [*timed][-1:]:
         return ''
-    spent = sum(m.values[p.name] != m.neutral.get(p.name)
-                for m in timed.values() for p in m.parameters)
+    spent = _spent(timed.values())
     means = views.block_means(evidence, fit)
     owners = ['', *(m.label for m in fit.model.of(Mean) for p in m.parameters if p.linear)]
     others = means.columns[:, [owner not in timed for owner in owners]]
@@ -507,25 +506,58 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
     return f'{words}, which has no name, fits {how}'
 
 
+def _timed(fit: Fit) -> dict[str, Mean]:
+    """Return the effects of a model that move a mean by time alone, by label."""
+    return {m.label: m for m in fit.model.of(Mean) if m.needs == NoiseEffect.needs}
+
+
+def _spent(means: Iterable[Mean]) -> int:
+    """Return how many parameters of effects on the mean do something."""
+    return sum(m.values[p.name] != m.neutral.get(p.name) for m in means for p in m.parameters)
+
+
 def _beside_a_knee(evidence: Evidence, fit: Fit, label: str, claim: float) -> str:
     """
     Say that noise of another colour does most of what an effect on the mean is there for.
 
     Asked where the spectrum does not hold with the effect in the model: noise that is redder than
-    any of the library wanders in the record as a slow mean does.
+    any of the library wanders in the record as a slow mean does. Where it holds, a few swings may
+    hold it: there that noise must do as well as all that moves the mean by time alone. At its
+    steepest it is no noise, but the edge of a band that holds all of a swing.
 
     """
     f, x, w = spectrum_left(evidence, fit)
     if smooth_gain(x, w, np.log(f)) <= FLEXIBLE:
-        return ''
+        return _wanders(evidence, fit) if label in _timed(fit) else ''
     labels = [m.label for m in fit.model.of(Mean)]
     steepness, *gains = evidence.remembered(
         ('beside a knee', fit.model), lambda: _gains_beside_a_knee(evidence, fit, labels))
     gain = gains[labels.index(label)]
-    if gain > HEALED * claim:
+    if gain > HEALED * claim or steepness > 0.99 * STEEPEST:
         return ''
     return f'beside a knee of steepness {steepness:.2g}, which has no name, ' \
            f'it gains {gain:.0f} nats of {claim:.0f}'
+
+
+def _wanders(evidence: Evidence, fit: Fit) -> str:
+    """Say that noise of another colour explains as well what moves the mean by time alone."""
+    means = _timed(fit).values()
+    knees = [s for s in fit.model.of(Spectrum) if s.knees]
+    more = _spent(means) + sum(s.knees for s in knees) - len(Knee.parameters)
+    if more < 1:
+        return ''
+    missed, steepness = evidence.remembered(
+        ('wanders', fit.model), lambda: _with_noise_for(evidence, fit, [*means, *knees]))
+    if missed > PRICE * more or steepness > 0.99 * STEEPEST:
+        return ''
+    how = f'better by {-missed:.0f} nats' if missed < 0 else f'as well, with {more} parameters less'
+    return f'noise that falls with f^-{2 * steepness:.2g}, which has no name, fits {how}'
+
+
+def _with_noise_for(evidence: Evidence, fit: Fit, some: list[NoiseEffect]) -> np.ndarray:
+    """Return what a fit misses with a knee for some effects, nats, and how steep that is."""
+    rival = _with_a_knee(evidence, fit, [e for e in fit.model if e not in some])
+    return np.array([fit.details.ml - rival.details.ml, rival.model['knee']['steepness']])
 
 
 def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.ndarray:
@@ -541,12 +573,10 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
     owners = np.array(['', *(m.label for m in rival.model.of(Mean)
                              for p in m.parameters if p.linear)])
     left = _unexplained(means, means.columns)
-    steepness, most = rival.model['knee']['steepness'], np.inf
-    if steepness < 0.99 * STEEPEST:     # at its steepest it is the edge of a band
-        # it may do it all: where next to nothing is left to all of them, neither is it to one
-        together = gained(Bands.on(evidence.whole.bins), alone.details, rival.details)
-        most = max(together, 0.0) if together <= FLEXIBLE else np.inf
-    return np.array([steepness, *(
+    # it may do it all: where next to nothing is left to all of them, neither is it to one
+    together = gained(Bands.on(evidence.whole.bins), alone.details, rival.details)
+    most = max(together, 0.0) if together <= FLEXIBLE else np.inf
+    return np.array([rival.model['knee']['steepness'], *(
         min(_unexplained(means, means.columns[:, owners != label]) - left, most)
         for label in labels)])
 
