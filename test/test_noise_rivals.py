@@ -266,6 +266,11 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
     ((5.2, 0.04, 2e-6), 'wandering', True),         # where it stayed a while
     ((5.2, 0.04, 2e-6), 'displacement', False),
     ((5.2, 0.04, 4e-6), 'wandering', False),
+    ((5.8, 0.3, 2e-6), 'wandering', True),          # or on its skirts
+    ((6.2, 0.3, 2e-6), 'wandering', False),
+    ((5.2, 0.9, 7e-6), 'wandering', True),          # what is no bell
+    ((5.2, 0.9, 7e-6), 'displacement', False),
+    ((5.7, 0.9, 7e-6), 'wandering', False),
 ])
 def test_of_two_peaks_that_lie_on_each_other_one_is_the_other_s_shape(second, form, one):
     cls = registry('noise')['narrowband']

@@ -14,7 +14,8 @@ import pytest
 from imu_noise_tools.loop.effect import Finding, Fit, Model, model_of, registry
 from imu_noise_tools.loop.findings import pairs, surplus, yields
 from imu_noise_tools.loop.prediction import State
-from imu_noise_tools.loop.search import ROUNDS, Search
+from imu_noise_tools.loop.search import FROM_NOTHING, ROUNDS, Search
+from imu_noise_tools.loop.verdict import CANNOT_TELL
 
 
 def found(name, view='frequency', gain=100.0, **more):
@@ -117,6 +118,18 @@ def test_what_means_leave_is_held_against_the_last_of_them(search, last):
     out = search.backward([found('transient', 'time'), found('narrowband'),
                            found('ramp', 'time')], last=last)
     assert [*out] == ['transient', 'ramp'][-1 - last:]
+
+
+@pytest.mark.parametrize(('against', 'falls'), [
+    (FROM_NOTHING, True), ('', False), (f'{CANNOT_TELL} ramp', False)])
+def test_what_is_named_has_its_form_without_what_is_not_told_from_nothing(search, against, falls):
+    """A creep that all axes have: beside a transient that is not named, it had its form."""
+    search.against.unconfirmed = lambda *_: (100.0, '')
+    search.against.unhealed_with = search.against.shadowed = lambda *_: ''
+    search.against.shaped = lambda model, name, f: (
+        '' if 'transient' in model else 'a course that axes have in common')
+    chain = [found('transient', 'time', against=against), found('shared_noise', 'coherence')]
+    assert [*search.backward(chain)] == ['shared_noise'] * falls
 
 
 def test_what_nearly_every_sensor_has_is_expected():

@@ -32,6 +32,7 @@ from .findings import (
 from .places import Place, Places
 from .prediction import State
 
+FROM_NOTHING = f'{rules.CANNOT_TELL} nothing'
 CHAINS = 2  # chains that are followed, rivals' included
 FOLLOWED = 3  # members from which one is not followed on, if its end was not looked at
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
@@ -553,6 +554,7 @@ class Search:
                 self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
         gone = [] if last else [*out.values()]
+        told = self._told(model, members)
         place, later = self.places.base, list(members.values())
         bent: dict[str, str] = {}   # the last one with another shape, of each that they share
         for k, f in members.items():
@@ -561,7 +563,8 @@ class Search:
             if any(outweighs(g, f) for g in more):     # without it nothing shows what this one is
                 continue
             against = self.against.unhealed_with(before, place, f, later)
-            if not against and (against := self.against.shaped(model, k, f)):
+            if not against and (against := self.against.shaped(model, k, f) or (
+                    k in told and told != model and self.against.shaped(told, k, f))):
                 # what they leave together is held against each: the last one is asked first
                 assert f.effect is not None
                 shared = f.view if f.effect.paired else f.name
@@ -579,6 +582,14 @@ class Search:
             if against:
                 out.setdefault(k, replace(f, against=against))
         return out
+
+    @staticmethod
+    def _told(model: Model, members: Mapping[str, Finding]) -> Model:
+        """Return a model without what the record cannot tell from nothing: it is not named."""
+        for k, f in members.items():
+            if f.against == FROM_NOTHING:
+                model = model.minus(k)
+        return model
 
     def _stands_in(self, members: list[Finding], model: Model, name: str,
                    finding: Finding) -> str:
@@ -621,7 +632,7 @@ class Search:
                 explains = float(np.clip(fall / whole, 0, 1))
             rivals = [x for x in rivals if x not in members]
             against = '' if sure >= rules.SURE else \
-                f'{rules.CANNOT_TELL} {" or ".join(rivals) or "nothing"}'
+                f'{rules.CANNOT_TELL} {" or ".join(rivals)}' if rivals else FROM_NOTHING
             out.append(replace(f, probability=sure, explains=explains, against=against))
         return out
 

@@ -222,6 +222,11 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     gain = -effect.bonus(evidence, fit)
     if gain > FLEXIBLE:     # of the candidate it was asked where the others were not there
         return f'the samples themselves speak against it by {gain:.0f} nats'
+    # in the model a peak may have come to lie on one that was there before
+    before = fit.model.effects[:fit.model.labels.index(label)]
+    against = effect.part_of(Model(before)) if peak else ''
+    if against:
+        return against
     if len(joined(fit, label, evidence.dt)) >= TOGETHER:
         # two may each be a machine, near as they are; more bend to any hump
         return 'with other peaks it draws one shape: there is no valley between them'
@@ -550,7 +555,8 @@ def _wanders(evidence: Evidence, fit: Fit) -> str:
         ('wanders', fit.model), lambda: _with_noise_for(evidence, fit, [*means, *knees]))
     if missed > PRICE * more or steepness > 0.99 * STEEPEST:
         return ''
-    how = f'better by {-missed:.0f} nats' if missed < 0 else f'as well, with {more} parameters less'
+    how = f'better by {-missed:.0f} nats' if missed < 0 else \
+        f'as well, with {more} parameter{"s" * (more > 1)} less'
     return f'noise that falls with f^-{2 * steepness:.2g}, which has no name, fits {how}'
 
 

@@ -22,6 +22,7 @@ MOVED = np.linspace(-1, 1, 17)     # widths by which a part of a record may have
 NARROWER = 1.0, 0.7, 0.5, 0.35     # and widths that it may have there
 SKIRTS = 4.0    # times as wide as a peak, or as narrow, that what its form lacks may be
 STAYED = 0.1    # of its power, that a line that wanders may have where it stayed a while
+AWAY, ON = 2.0, 0.5     # widths of the wider to where that may be, and between two that are one
 FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
 
 
@@ -114,8 +115,9 @@ class Narrowband(Spectrum):
         Say that one of two that lie on each other is what the other's form lacks.
 
         No machine wanders as a formula says: a peak far above all else is none of its forms to
-        the last hundredth, and what is left of it is as wide as it, or its skirts. And where a
-        line that wanders stayed a while it has a narrower peak.
+        the last hundredth, and what is left of it is as wide as it, or its skirts. Where a line
+        that wanders stayed a while it has a narrower peak, on its skirts too; and one that was
+        nowhere long enough to draw a bell draws two of much the same width.
 
         """
         for other in model.of(Narrowband):
@@ -124,9 +126,12 @@ class Narrowband(Spectrum):
             weak, strong = sorted((self, other), key=lambda e: e['rms'])
             share = (weak['rms'] / strong['rms']) ** 2
             wider = weak['width'] / strong['width']
-            if abs(weak['frequency'] - strong['frequency']) < max(weak['width'], strong['width']) \
-                    and (1 / SKIRTS < wider < SKIRTS and share < FLEXIBLE_SHARE
-                         or strong._wanders and wider < 1 and share < STAYED):
+            alike = 1 / SKIRTS < wider < SKIRTS
+            apart = abs(weak['frequency'] - strong['frequency']) / max(
+                weak['width'], strong['width'])
+            if apart < 1 and alike and share < FLEXIBLE_SHARE \
+                    or apart < AWAY and strong._wanders and wider < 1 and share < STAYED \
+                    or apart < ON and alike and (strong._wanders or weak._wanders):
                 return (f'of two that lie on each other at {strong["frequency"]:.4g} Hz one has '
                         f'{100 * share:.2g} % of the power: it is the shape of the other')
         return ''
