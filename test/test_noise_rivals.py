@@ -179,6 +179,28 @@ def test_a_power_of_f_that_does_without_white_noise_and_flicker_is_no_low_pass()
     assert gain > 20 and 'steepness' in problem.shape(after, 'low_pass', gain)
 
 
+@pytest.mark.parametrize('seed', [1, 4])
+def test_what_a_filter_filters_is_asked_again_beside_noise_that_was_missing(seed):
+    """Beside a random walk alone it filtered white noise; flicker passes it as well."""
+    rng, n, dt = np.random.default_rng(seed), 18_000, 0.02
+    f = np.fft.rfftfreq(8 * n, dt)
+    spectrum = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
+    spectrum *= np.append(0.0, f[1:] ** -0.5)
+    flicker = np.fft.irfft(spectrum)[3 * n:4 * n]
+    passes = rng.standard_normal(n) + 0.35 * flicker / np.std(flicker)
+    x = lfilter(*iirnotch(7.3, 3.3, fs=1 / dt), passes) + 0.06 * rng.standard_normal(n)
+    record = ImuRecord(np.column_stack([1e-3 * x, *rng.standard_normal((2, n))]), None,
+                       np.arange(n) * dt, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'random_walk', 'notch')))
+    flicker, other = (next(c for c in problem.candidates(fit) if c.name == name)
+                      for name in ('flicker', 'gauss_markov'))
+    assert flicker.gain - flicker.penalty > other.gain - other.penalty + 3, (flicker, other)
+    without = problem.point(model_of('noise', ('white', 'notch', 'flicker')))
+    with_it = problem.point(fit.model.plus(registry('noise')['flicker']()))
+    assert with_it.details.ml > without.details.ml - 1.5
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('redder, holds, seed', [(True, False, 24), (False, True, 10)])
 def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_redder(

@@ -717,7 +717,7 @@ def octaves_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> lis
     own = any(d.screens() for d in model.of(Defect))
     if isinstance(effect, Coupling):
         own = own or bool(model.of(Mean)) or bool(model.of(Defect)) \
-            or any(s.bonus(e, fit) > 0 for s in model.of(Spectrum))
+            or any(s.jumps and s.bonus(e, fit) > 0 for s in model.of(Spectrum))
     if own:
         return []
     rest, out = views.slow_rest(e, model), []

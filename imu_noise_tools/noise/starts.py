@@ -97,14 +97,14 @@ def _asked_again(effect: NoiseEffect, parameter: Parameter, model: Model, given:
     """
     Tell whether a form that a smaller model has is asked beside what was missing there.
 
-    Of a peak where it is wanted; of a response what it filters, where noise begins that may be
-    none of the sensor's own.
+    Of a peak where it is wanted; of a response what it filters, where noise begins that may pass
+    it or not.
 
     """
     if given is None:
         return False
     return anew and isinstance(effect, Spectrum) or parameter is FILTERS and any(
-        e.label not in given.labels for e in foreign(model))
+        e.label not in given.labels for e in model.of(Spectrum))
 
 
 def _of_what_passes(likelihood, given, effect):
