@@ -498,13 +498,14 @@ def test_a_pole_whose_output_is_averaged(window):
     assert found.estimates['white']['N'].value == pytest.approx(1e-3, rel=0.03)
 
 
-def test_what_a_filter_passes_is_asked_where_noise_begins_that_may_be_no_sensor_s():
+def test_what_a_filter_passes_is_asked_where_noise_begins_that_may_pass_it_or_not():
     """First of all, for all that begins where the smaller model ended ends there again."""
     y = np.random.default_rng(7).standard_normal(20_000)
     evidence = gather(record_of(y), ['gyro_x'])['gyro_x']
     given = model_of('noise', ('white', 'notch')).with_values({
         'white': {'N': 0.2}, 'notch': dict(frequency=4.0, width=3.0, behind=0.01, filters=2.0)})
-    for name, asked in (('gauss_markov', {0.0, 1.0, 2.0}), ('flicker', {2.0})):
+    for name, asked in (('gauss_markov', {0.0, 1.0, 2.0}), ('flicker', {0.0, 1.0, 2.0}),
+                        ('ramp', {2.0})):
         plain = Likelihood(evidence, 'whole', given.plus(find_effect('noise', name)()))
         first = most_promising(plain, starts(plain, given), None, 3)
         assert {e.model['notch']['filters'] for e, _ in first} == asked

@@ -107,11 +107,12 @@ def test_what_sways_by_itself_follows_no_temperature(kind):
         assert course_of(slow, t, own) is None
 
 
+@pytest.mark.parametrize('size', [0.02, 0.004])
 @pytest.mark.parametrize('whose', ['heater', 'own', 'shared'])
-def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_it(whose):
+def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_it(whose, size):
     """The thermometer is far too slow to show the cycle of a heater, and all axes follow that."""
     rng, t = np.random.default_rng(11), np.arange(N) / RATE
-    cycle = 0.02 * np.sin(2 * np.pi * 0.06 * t)
+    cycle = size * np.sin(2 * np.pi * 0.06 * t)
     warmth = heated(rng) + cycle * (whose == 'heater')
     a = np.exp(-1 / (25 * RATE))
     slow = lfilter([1 - a], [1, -a], warmth, zi=[a * warmth[0]])[0]

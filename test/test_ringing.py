@@ -240,3 +240,22 @@ def test_what_stays_on_the_levels_of_a_coarse_grid_is_no_shock(seed, real):
     found = find_effect('noise', 'shock').statistics(
         1e-3 * np.diff(np.round(angle)), Inputs(dt * np.arange(n - 1), dt))
     assert bool(found and np.sum(found['worth']) > 0) == real
+
+
+@pytest.mark.parametrize('what, count, told', [
+    ('knock', 4, True), ('knock', 2, False), ('burst', 4, False), ('spike', 4, False)])
+@pytest.mark.parametrize('seed', range(3))
+def test_knocks_that_hardly_swing_are_told_by_several_that_are_alike(what, count, told, seed):
+    """Of four samples and less than half a swing each: one by itself is a spike as well."""
+    rng, n = np.random.default_rng([seed, 61]), 20_000
+    y, t = rng.standard_normal(n), np.arange(40)
+    knock = np.exp(-t / 4) * np.cos(2 * np.pi * 0.1 * t)
+    for begin in (np.arange(count) * n) // count + rng.integers(500, 4500, count):
+        size = rng.uniform(10, 20)
+        form = {'knock': knock, 'spike': t == 0,
+                'burst': rng.choice([-1, 1], 40) * rng.uniform(0.3, 1, 40) * (t < 4)}[what]
+        y[begin:begin + 40] += size * form
+    rings = find_rings(y, 0.04, LEAST)
+    assert len(rings.begin) == count * told
+    if told:
+        assert np.allclose(rings.tau, 4, rtol=0.35)

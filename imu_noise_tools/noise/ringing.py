@@ -41,6 +41,8 @@ SHORTEST = 4  # samples
 FRAME = 3  # time constants in a frame, of which it then hears the most
 FRAMES = 64  # of a length, at least
 SWINGS = 1.0  # in a time constant at least: fewer are steps or spikes as well
+HARDLY, ALIKE = 0.3, 3  # unless so many knocks are alike, that swing less than once
+ENDS = 0.99  # of them, where a search may end
 HIGHEST = 0.45  # of the rate: nearer to a half hardly more than every second swing is seen
 HOLLOW = 2.0  # times less than around is where a filter takes something out
 MEDIAN = 1 << 12  # moments of a stretch that tell what is usual
@@ -305,7 +307,7 @@ def _over_usual(power: np.ndarray, step: int = 1) -> np.ndarray:
     return power
 
 
-def _power(w: np.ndarray, length: int) -> tuple[np.ndarray, int, int]:
+def _power(w: np.ndarray, length: int, fewest: float = SWINGS) -> tuple[np.ndarray, int, int]:
     """
     Return the nats (frames, frequencies) of swings in frames, their distance, the first frequency.
 
@@ -313,7 +315,7 @@ def _power(w: np.ndarray, length: int) -> tuple[np.ndarray, int, int]:
     orthogonal.
 
     """
-    first, last = int(np.ceil(SWINGS * FRAME)), int(HIGHEST * length)
+    first, last = int(np.ceil(fewest * FRAME)), int(HIGHEST * length)
     hop = length if len(w) > LONG else length // 2
     frames = sliding_window_view(w, length)[::hop]
     out, rows = np.empty((len(frames), last + 1 - first), np.float32), max(1, ROWS // length)
@@ -334,12 +336,12 @@ class _Seed(NamedTuple):
     at: np.ndarray
 
 
-def _seeds(w: np.ndarray, lengths: list[int]) -> list[_Seed]:
+def _seeds(w: np.ndarray, lengths: list[int], fewest: float) -> list[_Seed]:
     """Return the places that stand out most, each as a frequency at several moments."""
     found = []
     for length in lengths:
         tau = length / FRAME
-        power, hop, first = _power(w, length)
+        power, hop, first = _power(w, length, fewest)
         power = _over_usual(power)
         row, k = np.nonzero(power > max(6.0, np.log(power.size) - FAINT))
         nats = power[row, k]
@@ -375,7 +377,8 @@ def _nats(w: np.ndarray, omega: float, tau: float, most: int | None = None) -> n
     return _both(z[..., :most], 1 / (1 - np.exp(-2 / tau)), 1 / (1 - pole * pole))
 
 
-def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, float, float]:
+def _refined(w: np.ndarray, seed: _Seed, lengths: list[int],
+             fewest: float) -> tuple[float, float, float]:
     """Return (worth in nats, frequency, time constant), the best near a seed."""
     # a ring may begin half a frame before it, or in it
     begins, length = int(1.5 * FRAME * seed.tau) + 1, int((1.5 * FRAME + BEHIND) * seed.tau) + 8
@@ -388,7 +391,7 @@ def _refined(w: np.ndarray, seed: _Seed, lengths: list[int]) -> tuple[float, flo
 
     def lost(x):
         omega, tau = at(x)
-        rings = omega * tau > 0.99 * 2 * np.pi * SWINGS and omega < 2 * np.pi * HIGHEST
+        rings = omega * tau > ENDS * 2 * np.pi * fewest and omega < 2 * np.pi * HIGHEST
         if not rings or not low <= tau <= high:
             return 0.0
         nats = np.sort(np.max(_nats(some, omega, tau, begins), axis=1))
@@ -437,31 +440,67 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
     w, lengths = white.w.copy(), _lengths(len(white.w), dt)
     out = NONE
     for _ in range(KINDS if lengths else 0):
-        worth, omega, tau = max((_refined(w, seed, lengths) for seed in _seeds(w, lengths)),
-                                default=(0.0, 0.0, 0.0))
-        if worth < least:
-            break
-        moment, form = _cost(len(w), tau, lengths)
-        moments = _moments(w, omega, tau, moment + AGAIN)
-        # what lingers here and there gains little each time; knocks that are clear may be more
-        faint = np.median([x for _, x, _ in moments] or [0.0]) < CLEARLY * (moment + AGAIN)
-        time = tau * (APART if faint else 1.0)
-        if tau * dt > LONGEST_S or _many(moments) * time > MOST * len(w):
-            for i, _, _ in moments:
-                w[_around(i, tau)] = 0.0
-            continue
-        rings, single = _knocks(white, w, omega, tau, moments, moment + AGAIN, judged)
-        if judged and _scattered(white.w) > MANY * np.sum(single):
-            # among so many single samples some look like anything
-            rings = rings.of(single < rings.nats / MANY)
-        if judged and len(rings.begin):
-            rings = _beyond(rings, _tail(w, omega, tau, lengths))
+        found = _best(w, lengths, SWINGS)
+        rings = NONE
+        ended = found[0] < least or found[1] * found[2] < (2 - ENDS) * 2 * np.pi * SWINGS
+        if ended and _scattered(w) > least:     # the first samples of each stand out
+            rings = _alike(white, w, max(found[0], least), dt, judged)
         if not len(rings.begin):
-            continue
-        rings.worth[np.argmax(rings.nats)] += AGAIN - form
+            if found[0] < least:
+                break
+            rings = _of_a_kind(white, w, found, dt, judged)
         if np.sum(rings.worth) >= least:
             out = Rings(*(np.concatenate(x) for x in zip(out, rings)))
     return out.of(np.argsort(out.begin))
+
+
+def _best(w: np.ndarray, lengths: list[int], fewest: float) -> tuple[float, float, float]:
+    """Return (worth in nats, frequency, time constant) of what rings clearest."""
+    return max((_refined(w, seed, lengths, fewest) for seed in _seeds(w, lengths, fewest)),
+               default=(0.0, 0.0, 0.0))
+
+
+def _alike(white: _White, w: np.ndarray, more: float, dt: float, judged: bool) -> Rings:
+    """
+    Take several alike that hardly swing out of whitened samples w, where they are worth ``more``.
+
+    That is more than the best that swings.
+
+    """
+    found, rest = _best(w, _lengths(len(w), dt), HARDLY), w.copy()
+    if found[0] < more or found[1] * found[2] > ENDS * 2 * np.pi * SWINGS:
+        return NONE
+    rings = _of_a_kind(white, rest, found, dt, judged)
+    if len(rings.begin) < ALIKE:
+        return NONE
+    w[:] = rest
+    return rings
+
+
+def _of_a_kind(white: _White, w: np.ndarray, found: tuple[float, float, float], dt: float,
+               judged: bool) -> Rings:
+    """Take what rings as was found out of whitened samples w; return what of it are knocks."""
+    _, omega, tau = found
+    lengths, hardly = _lengths(len(w), dt), omega * tau < ENDS * 2 * np.pi * SWINGS
+    moment, form = _cost(len(w), tau, lengths)
+    moments = _moments(w, omega, tau, moment + AGAIN)
+    # what lingers here and there gains little each time; knocks that are clear may be more
+    faint = np.median([x for _, x, _ in moments] or [0.0]) < CLEARLY * (moment + AGAIN)
+    time = tau * (APART if faint else 1.0)
+    if tau * dt > LONGEST_S or _many(moments) * time > MOST * len(w):
+        for i, _, _ in moments:
+            w[_around(i, tau)] = 0.0
+        return NONE
+    rings, single = _knocks(white, w, omega, tau, moments, moment + AGAIN, judged)
+    if judged and _scattered(white.w) > MANY * np.sum(single):
+        # among so many single samples some look like anything
+        rings = rings.of((single < rings.nats / MANY) & (not hardly))
+    if judged and len(rings.begin):
+        rings = _beyond(rings, _tail(w, omega, tau, lengths))
+    if not len(rings.begin):
+        return NONE
+    rings.worth[np.argmax(rings.nats)] += AGAIN - form
+    return rings
 
 
 def _many(moments: Iterable[tuple[int, float, float]]) -> float:
@@ -528,7 +567,7 @@ def _tail(w: np.ndarray, omega: float, tau: float, lengths: list[int]) -> Tail:
     here = tail_of(np.concatenate([x[::max(1, int(tau))]
                                    for _, _, x in _throughout(w, omega, tau)]))
     length = min(lengths, key=lambda x: abs(np.log(x / (FRAME * tau))))
-    power, _, first = _power(w, length)
+    power, _, first = _power(w, length, SWINGS if omega * tau > np.pi * SWINGS else HARDLY)
     k = int(round(omega / (2 * np.pi) * length)) - first
     around = tail_of(_over_usual(power[:, max(0, k - BESIDE):k + BESIDE + 1]).ravel())
     return Tail(*(np.append(x, y) for x, y in zip(here, around)))

@@ -30,9 +30,14 @@ CHANCE = 1e-3           # records in which an axis seems to
 NEAR = 0.2              # of a frequency, and coefficients, over which a level is read
 FEW = 8
 AROUND = 3              # coefficients that a line takes on either side
+NOISE = 8               # times as many, of which those beyond twice as many tell the noise
+MEDIAN = 0.4549         # of chi-squared with one degree of freedom
+GAIN = 2.5              # times that of what is slow, or as much less, that of a line may be
 LEFT = 0.1              # share of a line that what explains it leaves
 ABOVE = 2.0             # times its floor up to which axes show the temperature
 BEYOND = 1.5            # times that frequency: further on it is 1/5 of the noise, and less
+STANDS = 8.0            # times the level around it, from which one coefficient is of a line
+ALONG = 0.5             # share of what axes have there, that goes as they follow the temperature
 
 
 @dataclass(frozen=True)
@@ -148,8 +153,8 @@ def course_of(slow: Mapping[str, np.ndarray], t: np.ndarray,
     if not np.any(follow):
         return None
     noise = np.column_stack([x[:count] for x in own.values()])[:, follow] * len(times) / len(t)
-    way, shown = _shared(c[:, follow], trend, columns[best], noise)
-    share = _share(shown)
+    way, shown, along = _shared(c[:, follow], trend, columns[best], noise)
+    share = _share(shown, along)
     if not len(share):
         return None
     whole = np.column_stack([slow[a] for a, f in zip(own, follow) if f]) @ way
@@ -166,7 +171,7 @@ def follows_at(lines: np.ndarray, y: np.ndarray, t: np.ndarray, temperature: np.
     Tell which lines, Hz (l,), of block means y (s,) are those of a course that axes tell.
 
     What y follows of the temperature and of the course is told without the coefficients around a
-    line; it is theirs where it explains all of them but a tenth.
+    line; it is theirs where it explains all of them but a tenth, and noise.
 
     """
     step = float(t[1] - t[0])
@@ -183,7 +188,14 @@ def follows_at(lines: np.ndarray, y: np.ndarray, t: np.ndarray, temperature: np.
             scaled = (x / root[:, None])[far]
             size = np.maximum(np.sqrt(np.sum(scaled**2, axis=0)), 1e-300)
             b = np.linalg.lstsq(scaled / size, (c / root)[far], rcond=1e-9)[0] / size
-            out[i] = np.sum((c - x @ b)[mine] ** 2) < LEFT * np.sum(c[mine] ** 2)
+            left, near = c - x @ b, far & (near < NOISE * AROUND)
+            noise = np.sum(mine) * np.median(left[near] ** 2) / MEDIAN if np.any(near) else 0.0
+            # what axes tell is smaller than it is where noise is as large, and its gain wrong
+            told = x[mine, -1]
+            more = np.clip(told @ left[mine] / max(told @ told, 1e-300),
+                           *np.sort((1 / GAIN - 1, GAIN - 1) * b[-1:]))
+            rest = np.sum((left[mine] - more * told) ** 2)
+            out[i] = rest < LEFT * np.sum(c[mine] ** 2) + noise
     return out
 
 
@@ -221,9 +233,9 @@ def _followed(c: np.ndarray, trend: np.ndarray,
 
 
 def _shared(c: np.ndarray, trend: np.ndarray, x: np.ndarray,
-            noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            noise: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Return (weights of axes (p,), what they show so, whitened (k,)).
+    Return (weights of axes (p,), what they show so, whitened (k,), how much of all it is (k,)).
 
     Of as many dimensions as there are axes that is the direction in which the thermometer, x
     (k, 3), moves their coefficients c (k, p), and in which little else does (Capon, Proc. IEEE 57,
@@ -235,22 +247,31 @@ def _shared(c: np.ndarray, trend: np.ndarray, x: np.ndarray,
     # one weight for all axes: what the thermometer gets wrong is then wrong in all alike
     told = both[:, :POWERS] @ np.linalg.lstsq(both, c, rcond=None)[0][:POWERS]
     rest = (c - told).T @ (c - told) + np.diag(np.sum(noise / root**2, axis=0))
-    way = np.linalg.solve(rest, np.linalg.svd(told, full_matrices=False)[2][0])
-    return way, c @ way
+    by_heat = np.linalg.svd(told, full_matrices=False)[2][0]
+    way = np.linalg.solve(rest, by_heat)
+    shown, whole = c @ way, np.sum(c * np.linalg.solve(rest, c.T).T, axis=1)
+    return way, shown, shown**2 / np.maximum((way @ by_heat) * whole, 1e-300)
 
 
-def _share(shown: np.ndarray) -> np.ndarray:
+def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
     """
     Return what share of coefficients (k,) is more than noise, from the slow end to where none is.
 
-    A little further on: what is slow to change falls with the fourth power of the frequency.
+    A little further on: what is slow to change falls with the fourth power of the frequency. A
+    line of a heater's cycle stands out of all that, and is ``along`` the axes (k,) as they follow
+    the temperature.
 
     """
     level = _level(shown**2)
     floor = np.min(level)
     end = int(np.argmin(np.append(level > ABOVE * floor, False)))
     further = np.arange(end, int(BEYOND * end))
-    return np.append(1 - floor / level[:end], 1 / (1 + (further / max(end, 1)) ** 4))
+    out = np.append(1 - floor / level[:end], 1 / (1 + (further / max(end, 1)) ** 4))
+    for k in np.flatnonzero((shown**2 > STANDS * level) & (along > ALONG)):
+        line = slice(max(k - AROUND, 0), min(k + AROUND + 1, len(out)))
+        noise = np.median(shown[max(k - NOISE * AROUND, 0):k + NOISE * AROUND] ** 2) / MEDIAN
+        out[line] = np.maximum(out[line], 1 - noise / np.maximum(shown[line] ** 2, noise))
+    return out
 
 
 def _coarse(x: np.ndarray) -> np.ndarray:
