@@ -120,6 +120,19 @@ def test_what_means_leave_is_held_against_the_last_of_them(search, last):
     assert [*out] == ['transient', 'ramp'][-1 - last:]
 
 
+@pytest.mark.parametrize('falls', [True, False])
+def test_what_healed_behind_one_that_fell_is_asked_beside_all_that_stay(search, falls):
+    """A relaxation stood for flicker, which came last; without it the coupling has no noise."""
+    search.against.unconfirmed = lambda model, name, f: (
+        0.0, 'not confirmed' if falls and f.name == 'gauss_markov' else '')
+    search.against.unhealed = lambda before, after, f: (
+        'heals 0' if f.name == 'shared_noise' and 'flicker' not in before else '')
+    search.against.shaped = search.against.shadowed = lambda *_: ''
+    chain = [found('gauss_markov', gain=280.0), found('shared_noise', 'coherence', 860.0),
+             found('flicker', gain=27.0)]
+    assert [*search.backward(chain)] == ['gauss_markov' if falls else 'shared_noise']
+
+
 @pytest.mark.parametrize(('against', 'falls'), [
     (FROM_NOTHING, True), ('', False), (f'{CANNOT_TELL} ramp', False)])
 def test_what_is_named_has_its_form_without_what_is_not_told_from_nothing(search, against, falls):

@@ -553,6 +553,7 @@ class Search:
                 out[worst] = replace(members.pop(worst), against=said[worst][1])
                 self._beside.setdefault(worst, frozenset(members))
                 model = model.minus(worst)
+        fallen = bool(out)
         gone = [] if last else [*out.values()]
         told = self._told(model, members)
         place, later = self.places.base, list(members.values())
@@ -563,6 +564,8 @@ class Search:
             if any(outweighs(g, f) for g in more):     # without it nothing shows what this one is
                 continue
             against = self.against.unhealed_with(before, place, f, later)
+            if against and fallen and not self.against.unhealed(model.minus(k), model, f):
+                against = ''    # what has fallen held its place
             if not against and (against := self.against.shaped(model, k, f) or (
                     k in told and told != model and self.against.shaped(told, k, f))):
                 # what they leave together is held against each: the last one is asked first
