@@ -182,21 +182,32 @@ def follows_at(lines: np.ndarray, y: np.ndarray, t: np.ndarray, temperature: np.
     root = np.sqrt(np.maximum(_level(c**2), 1e-300))
     out = np.zeros(len(lines), bool)
     for i in np.flatnonzero(at + AROUND < count):
-        near = np.abs(np.arange(count) - at[i])
-        far, mine = near > 2 * AROUND, near <= AROUND
-        if np.sum(far) > 2 * x.shape[1]:
-            scaled = (x / root[:, None])[far]
-            size = np.maximum(np.sqrt(np.sum(scaled**2, axis=0)), 1e-300)
-            b = np.linalg.lstsq(scaled / size, (c / root)[far], rcond=1e-9)[0] / size
-            left, near = c - x @ b, far & (near < NOISE * AROUND)
-            noise = np.sum(mine) * np.median(left[near] ** 2) / MEDIAN if np.any(near) else 0.0
-            # what axes tell is smaller than it is where noise is as large, and its gain wrong
-            told = x[mine, -1]
-            more = np.clip(told @ left[mine] / max(told @ told, 1e-300),
-                           *np.sort((1 / GAIN - 1, GAIN - 1) * b[-1:]))
-            rest = np.sum((left[mine] - more * told) ** 2)
-            out[i] = rest < LEFT * np.sum(c[mine] ** 2) + noise
+        out[i] = _explains(c, x, root, at[i])
     return out
+
+
+def _explains(c: np.ndarray, x: np.ndarray, root: np.ndarray, at: int) -> bool:
+    """
+    Tell whether columns x (k, p) explain the line at one of coefficients c (k,), levels root (k,).
+
+    By what c follows of them elsewhere. What axes tell, the last column, is smaller than it is
+    where their noise is as large: of a line its gain may be another.
+
+    """
+    away = np.abs(np.arange(len(c)) - at)
+    far, mine = away > 2 * AROUND, away <= AROUND
+    if np.sum(far) <= 2 * x.shape[1]:
+        return False
+    scaled = (x / root[:, None])[far]
+    size = np.maximum(np.sqrt(np.sum(scaled**2, axis=0)), 1e-300)
+    b = np.linalg.lstsq(scaled / size, (c / root)[far], rcond=1e-9)[0] / size
+    left, beside = c - x @ b, far & (away < NOISE * AROUND)
+    noise = np.sum(mine) * np.median(left[beside] ** 2) / MEDIAN if np.any(beside) else 0.0
+    told = x[mine, -1]
+    more = np.clip(told @ left[mine] / max(told @ told, 1e-300),
+                   *np.sort(b[-1] * np.array([1 / GAIN - 1, GAIN - 1])))
+    rest = float(np.sum((left[mine] - more * told) ** 2))
+    return rest < LEFT * float(np.sum(c[mine] ** 2)) + noise
 
 
 def _followed(c: np.ndarray, trend: np.ndarray,
