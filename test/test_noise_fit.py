@@ -505,7 +505,7 @@ def test_what_a_filter_passes_is_asked_where_noise_begins_that_may_pass_it_or_no
     given = model_of('noise', ('white', 'notch')).with_values({
         'white': {'N': 0.2}, 'notch': dict(frequency=4.0, width=3.0, behind=0.01, filters=2.0)})
     for name, asked in (('gauss_markov', {0.0, 1.0, 2.0}), ('flicker', {0.0, 1.0, 2.0}),
-                        ('ramp', {2.0})):
+                        ('ramp', {0.0, 1.0, 2.0}), ('sinusoid', {2.0})):
         plain = Likelihood(evidence, 'whole', given.plus(find_effect('noise', name)()))
         first = most_promising(plain, starts(plain, given), None, 3)
         assert {e.model['notch']['filters'] for e, _ in first} == asked

@@ -98,13 +98,13 @@ def _asked_again(effect: NoiseEffect, parameter: Parameter, model: Model, given:
     Tell whether a form that a smaller model has is asked beside what was missing there.
 
     Of a peak where it is wanted; of a response what it filters, where noise begins that may pass
-    it or not.
+    it or not, or a mean that such noise was stretched over.
 
     """
     if given is None:
         return False
     return anew and isinstance(effect, Spectrum) or parameter is FILTERS and any(
-        e.label not in given.labels for e in model.of(Spectrum))
+        e.label not in given.labels for e in (*model.of(Spectrum), *model.of(Mean)))
 
 
 def _of_what_passes(likelihood, given, effect):
