@@ -311,6 +311,19 @@ def test_one_that_needs_no_other_is_left_alone(search):
     assert search._as_few(main, [main]) == main
 
 
+@pytest.mark.parametrize('name, view, kept', [
+    ('variance_change', 'variance', True), ('ramp', 'time', False)])
+def test_what_is_read_from_the_samples_is_in_no_fit(search, name, view, kept):
+    """No set explains as much without it; what a mean explains the spectrum may as well."""
+    one, more = found('low_pass'), found(name, view, gain=120.0)
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=500.0))
+    search.places.tests = leaves({})
+    search.scores = {search.places.set_of(c): sum(f.gain for f in c)
+                     for c in ([one], [one, more])}
+    best = search._as_few([one, more], [[one], [one, more]])
+    assert [f.name for f in best] == ['low_pass', name][:1 + kept]
+
+
 @pytest.mark.parametrize(('other', 'first'), [(300.0, True), (320.0, False)])
 def test_of_chains_that_leave_nothing_the_simpler_may_explain_as_much(search, other, first):
     """Three relaxations for flicker: what each gains at its place is more than all together."""

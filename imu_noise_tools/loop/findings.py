@@ -85,6 +85,12 @@ def bends(finding: Finding) -> bool:
     return finding.effect is not None and finding.effect.uncovers and not finding.effect.certain
 
 
+def fitted(finding: Finding) -> bool:
+    """Tell whether what a finding explains is in the fit of a model that holds it."""
+    return bends(finding) or finding.effect is not None and finding.effect.paired \
+        and not finding.effect.certain
+
+
 def yields(one: Finding, other: Finding) -> bool:
     """
     Tell whether one of two findings may explain what the other one does in several axes.

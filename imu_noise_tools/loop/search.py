@@ -26,8 +26,8 @@ from . import verdict as rules
 from .against import Against, DOUBT
 from .effect import Finding, Model
 from .findings import (
-    bends, certain, elsewhere, failures, fresh, gained, is_line, label, outweighs, pairs, price,
-    surplus, together, yields
+    bends, certain, elsewhere, failures, fitted, fresh, gained, is_line, label, outweighs, pairs,
+    price, surplus, together, yields
 )
 from .places import Place, Places
 from .prediction import State
@@ -311,12 +311,17 @@ class Search:
         return max(gained(held), gained(main) + more) if np.isfinite(more) else gained(held)
 
     def _worth(self, chain: Sequence[Finding]) -> float:
-        """Return what a chain explains all together, nats, less its cost; -inf: not known."""
+        """
+        Return what a chain explains all together, nats, less its cost; -inf: not known.
+
+        What is fitted gains it there; all else is read from the samples beside any fit.
+
+        """
         here = self.places.at(self.places.model_of(chain))
         if here is None or here.fit.supported is None:
             return -np.inf
         return here.fit.supported + sum(
-            (f.gain if certain(f) else f.samples) - price(f) for f in chain)
+            (f.samples if fitted(f) else f.gain) - price(f) for f in chain)
 
     def _exchanged(self, chain: list[Finding]) -> list[Finding]:
         """
