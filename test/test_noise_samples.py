@@ -824,3 +824,19 @@ def test_an_angle_has_its_error_in_full_where_noise_spans_its_step(what):
     gain = {f.name: f.gain for f in problem.candidates(fit)}
     better = gain['rate_quantization'] - gain['quantization']
     assert better > 6 if what == 'rate' else better < -6
+
+
+@pytest.mark.parametrize('spikes', [0, 8])
+@pytest.mark.parametrize('seed', [3, 7])
+def test_behind_a_filter_samples_are_no_spikes_where_those_between_were_held(seed, spikes):
+    """Neighbours are farther apart there than anywhere else."""
+    rng, n = np.random.default_rng([seed, 77]), 50_000
+    y = np.convolve(rng.standard_normal(n + 5), np.ones(6) / 6, 'valid')
+    y += 0.03 * rng.standard_normal(n)
+    held = rng.integers(0, n - 10, 300)[:, None] + np.arange(1, 9)
+    index = np.arange(n)
+    index[held] = 0
+    y = y[np.maximum.accumulate(index)]
+    y[rng.integers(100, n - 100, spikes)] += 5.0
+    kept = find_effect('noise', 'spikes').statistics(y, Inputs(0.02 * np.arange(n), 0.02, {}))
+    assert len(kept['size']) == spikes

@@ -41,6 +41,8 @@ FEW = 1e-5  # share of samples that no cell shows
 AGAINST = 1.139  # standard deviation of normal noise less the median of its four neighbours
 SMOOTH = 65  # samples of a mean that is no part of the tails
 STRETCH = 8  # blocks in time whose loudness is looked at together
+HELD = 1, 2, 4, 8, 16  # samples between neighbours, and more
+FEWEST = 64  # samples that tell how far such are from their neighbours
 NEAR = np.arange(9, 41)     # samples from one that stands out, beyond a burst of them
 DRAWN = 1 << 17  # samples that are drawn at most of a record
 DRAWS, ALL = 100, 1 << 20  # records that are drawn at most, and samples of all of them
@@ -248,7 +250,7 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         z[new] -= rest[new]
         at = np.union1d(at, new)
     size = y[fresh[at]] - z[at]
-    noise = _louder_around(rest, at, np.interp(at, blocks, sigma))
+    noise = _louder_around(rest, at, np.interp(at, blocks, sigma)) * _farther(rest, fresh)[at]
     some = np.abs(size) > threshold * noise
     at, size, noise = at[some], size[some], noise[some]
     ends = np.append(fresh, n)
@@ -263,6 +265,24 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         'sigma': noise,
         'threshold': np.array(threshold),
     }
+
+
+def _farther(rest: np.ndarray, fresh: np.ndarray) -> np.ndarray:
+    """
+    Return how many times as far as usual samples (k,) are from their neighbours, 1 at least.
+
+    Where others between them were held: behind a filter what is near is alike.
+
+    """
+    out, between = np.ones(len(rest)), np.zeros(len(rest), int)
+    between[BESIDE:-BESIDE] = fresh[2 * BESIDE:] - fresh[:-2 * BESIDE] - 2 * BESIDE
+    usual = rest[between == 0]
+    sigma = float(median_sigma(usual)) if len(usual) >= FEWEST else 0.0
+    for held in HELD if sigma > 0 else ():
+        apart = between >= held
+        if np.sum(apart) >= FEWEST:
+            out[apart] = max(1.0, float(median_sigma(rest[apart])) / sigma)
+    return out
 
 
 def _louder_around(rest: np.ndarray, at: np.ndarray, sigma: np.ndarray) -> np.ndarray:
