@@ -840,3 +840,23 @@ def test_behind_a_filter_samples_are_no_spikes_where_those_between_were_held(see
     y[rng.integers(100, n - 100, spikes)] += 5.0
     kept = find_effect('noise', 'spikes').statistics(y, Inputs(0.02 * np.arange(n), 0.02, {}))
     assert len(kept['size']) == spikes
+
+
+@pytest.mark.parametrize('what, told', [('messages', True), ('one axis', False), ('rest', False)])
+@pytest.mark.parametrize('seed', range(2))
+def test_messages_sent_twice_are_told_by_all_axes_where_rounding_makes_one_equal(
+        what, told, seed):
+    """Of one axis they are lost in what chance makes equal; at rest that makes more of them so."""
+    rng, n = np.random.default_rng([seed, 78]), 80_000
+    level = np.where((np.arange(n) // 8000) % 2, 0.4, 1.0) if what == 'rest' else np.ones(n)
+    x = np.round(rng.standard_normal((n, 3)) * level[:, None] / 0.06) * 0.06
+    again = np.flatnonzero(rng.random(n - 1) < 0.004) + 1
+    if what == 'messages':
+        x[again] = x[again - 1]
+    elif what == 'one axis':
+        x[again, 0] = x[again - 1, 0]
+    record = ImuRecord(1e-3 * x, None, 0.01 * np.arange(n), 100.0)
+    kept = gather(record, ['gyro_x'])['gyro_x'].kept('duplicates')
+    assert bool(kept['held']) == told
+    if told:
+        assert float(kept['fraction']) == pytest.approx(0.004, rel=0.2)

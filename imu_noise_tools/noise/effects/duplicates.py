@@ -11,10 +11,15 @@ from scipy.special import xlogy
 from ..evidence import Evidence
 from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
 from ..repeated import ANGLES, begins, coherent, LONGEST, scattered
+from ...core.record import sensor_of
 from ...core.spectrum import Bins
 from ...core.statistics import hold, interval, Repeats, repeats, whole_runs
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
+OTHERS = 2      # axes of a sensor that repeat with one where a message does
+OFTEN = 0.2     # share of neighbours that rounding makes equal, beyond which nothing is told so
+STRETCH = 1024  # samples in which it makes them equal as often
+FEWEST = 10.0   # messages more than chance has
 STRETCHES = 8  # of the record, in which repeats are counted
 WITHIN = (np.arange(1024) + 0.5) / 1024     # cubed, of Nyquist: a filter may end far below it
 
@@ -69,10 +74,16 @@ class Duplicates(Defect, Response):
         Keep the share of equal neighbours and what chance gives.
 
         Kept too are the shares of stretches of the record, how they clump, whether all are those
-        of a slower sensor, and for how long samples are held where not.
+        of a slower sensor, and for how long samples are held where not. Where one axis does not
+        tell, all of a sensor do.
 
         """
         fraction, expected, held, runs = repeats(y)
+        same = np.diff(y) == 0
+        whole = None if held else _messages(same, inputs)
+        if whole is not None:
+            same, expected = whole
+            fraction, held = float(np.mean(same)), True
         out = {
             'fraction': np.array(fraction),
             'expected': np.array(expected),
@@ -83,16 +94,15 @@ class Duplicates(Defect, Response):
         }
         if not held:
             return out
-        same = np.diff(y) == 0
-        runs = whole_runs(same)
-        more = runs[runs > 1] - 1
+        often = whole_runs(same)
+        more = often[often > 1] - 1
         out['stretches'] = np.array([np.mean(x) for x in np.array_split(same, STRETCHES)])
         out['clumps'] = np.array(np.mean(more**2) / np.mean(more) if len(more) else 1.0)
-        if len(runs) > 10:
+        if len(often) > 10:
             # rounding makes some equal as well, mostly one at a time
-            often = np.bincount(more, minlength=2).astype(float)
-            often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))
-            out['run'] = np.array(float(min(int(np.argmax(often[1:])) + 1, LONGEST)))
+            count = np.bincount(more, minlength=2).astype(float)
+            count -= len(often) * (1 - expected) * float(expected) ** np.arange(len(count))
+            out['run'] = np.array(float(min(int(np.argmax(count[1:])) + 1, LONGEST)))
         return out
 
     @classmethod
@@ -249,3 +259,24 @@ class Duplicates(Defect, Response):
     def example(cls) -> Effect:
         """Every fifth sample is a repeat."""
         return cls({'fraction': 0.2, 'pattern': 'random', 'run': 1.0})
+
+
+def _messages(same: np.ndarray, inputs: Inputs) -> tuple[np.ndarray, float] | None:
+    """
+    Return which samples repeat the one before on all axes, and how often chance has that.
+
+    None where it is no more than chance, which is told stretch by stretch: where a sensor rests
+    rounding makes more of them equal, on all axes. ``same`` (n - 1,): those that do on one.
+
+    """
+    others = [np.diff(x) == 0 for name, x in inputs.axes.items()
+              if name != inputs.axis and sensor_of(name) == sensor_of(inputs.axis)]
+    each = np.stack([same, *others])
+    if len(others) < OTHERS or np.max(np.mean(each, axis=1)) > OFTEN:
+        return None
+    together = np.all(each, axis=0)
+    parts = np.array_split(each, max(1, len(same) // STRETCH), axis=1)
+    expected = sum(part.shape[1] * float(np.prod(np.mean(part, axis=1))) for part in parts)
+    if np.sum(together) - expected < FEWEST + 5 * np.sqrt(4 * expected):
+        return None
+    return together, float(expected / len(same))
