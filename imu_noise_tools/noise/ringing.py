@@ -87,6 +87,11 @@ class Rings(NamedTuple):
     nats: np.ndarray
     worth: np.ndarray
 
+    @property
+    def swings(self) -> np.ndarray:
+        """Return how often each swings in its time constant."""
+        return self.omega * self.tau / (2 * np.pi * ENDS)
+
     def of(self, some: np.ndarray) -> Rings:
         """Return those that are chosen."""
         return Rings(*(x[some] for x in self))

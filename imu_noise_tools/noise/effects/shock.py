@@ -14,7 +14,7 @@ from ..dying import lasting
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import find_peaks, reference_spectrum, waves
-from ..ringing import find_rings, loudest, NONE, Rings, tail_of
+from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, hold, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
@@ -88,7 +88,7 @@ class Shock(Defect):
         """
         # what jumps between two levels or three is nothing like the noise that rings stand out of
         jumps = grid_step(y)[0] > COARSE * np.std(y)
-        rings = NONE if jumps else _rings_in(y, inputs.dt)
+        rings = NONE if jumps else _heard(_rings_in(y, inputs.dt), inputs)
         out = _dying_out(y, _loud(y, inputs.dt), inputs)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
@@ -220,6 +220,14 @@ def _rings_in(y: np.ndarray, dt: float) -> Rings:
     if held.seen >= FEW_HELD:
         return NONE
     return find_rings(_joined_by_lines(y), dt, RINGS, joined=True)
+
+
+def _heard(rings: Rings, inputs: Inputs) -> Rings:
+    """Return knocks, but those that hardly swing or are faint only where another axis hears any."""
+    doubtful = (rings.swings < SWINGS) | (np.sum(rings.worth) < SURE)
+    heard = _heard_by_others(_as_kept(rings.of(doubtful), inputs.dt), inputs) \
+        if np.any(doubtful) else None
+    return rings if heard is None or np.any(heard) else rings.of(~doubtful)
 
 
 def _joined_by_lines(y: np.ndarray) -> np.ndarray:
