@@ -223,7 +223,7 @@ def _rings_in(y: np.ndarray, dt: float) -> Rings:
 
 
 def _heard(rings: Rings, inputs: Inputs) -> Rings:
-    """Return knocks, but those that hardly swing or are faint only where another axis hears any."""
+    """Return knocks, those that hardly swing or are faint where another axis hears any of them."""
     doubtful = (rings.swings < SWINGS) | (np.sum(rings.worth) < SURE)
     heard = _heard_by_others(_as_kept(rings.of(doubtful), inputs.dt), inputs) \
         if np.any(doubtful) else None
