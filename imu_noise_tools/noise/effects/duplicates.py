@@ -269,6 +269,8 @@ def _messages(same: np.ndarray, inputs: Inputs) -> tuple[np.ndarray, float] | No
     rounding makes more of them equal, on all axes. ``same`` (n - 1,): those that do on one.
 
     """
+    if not inputs.axis:
+        return None
     others = [np.diff(x) == 0 for name, x in inputs.axes.items()
               if name != inputs.axis and sensor_of(name) == sensor_of(inputs.axis)]
     each = np.stack([same, *others])
