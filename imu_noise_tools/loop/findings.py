@@ -87,8 +87,8 @@ def bends(finding: Finding) -> bool:
 
 def fitted(finding: Finding) -> bool:
     """Tell whether what a finding explains is in the fit of a model that holds it."""
-    return bends(finding) or finding.effect is not None and finding.effect.paired \
-        and not finding.effect.certain
+    effect = finding.effect
+    return effect is not None and (effect.uncovers or effect.paired) and not effect.certain
 
 
 def yields(one: Finding, other: Finding) -> bool:

@@ -458,11 +458,16 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
             least = max(DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
         missed = fit.details.ml - rival.details.ml
         if better > least and missed < max(HEALED * _own(evidence, fit, effect.label), FLEXIBLE):
-            how = f'better by {better:.0f} nats' if better > 0 else \
-                f'as well, with {-more} parameter{"s" * (more < -1)} less'
             steepness = rival.model['knee']['steepness']
-            return f'a knee of steepness {steepness:.2g}, which has no name, fits {how}'
+            return f'a knee of steepness {steepness:.2g}, {_nameless(better, -more)}'
     return ''
+
+
+def _nameless(better: float, less: int) -> str:
+    """Say how a rival without a name fits: better by some nats, or with parameters less."""
+    how = f'better by {better:.0f} nats' if better > 0 else \
+        f'as well, with {less} parameter{"s" * (less > 1)} less'
+    return f'which has no name, fits {how}'
 
 
 def _used(effect: NoiseEffect) -> int:
@@ -506,9 +511,7 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
         DIRECTED + PRICE * (more - 1), FLEXIBLE_SHARE * claim)
     if better <= least:
         return ''
-    how = f'better by {better:.0f} nats' if better > 0 else \
-        f'as well, with {-more} parameter{"s" * (more < -1)} less'
-    return f'{words}, which has no name, fits {how}'
+    return f'{words}, {_nameless(better, -more)}'
 
 
 def _timed(fit: Fit) -> dict[str, Mean]:
@@ -555,9 +558,7 @@ def _wanders(evidence: Evidence, fit: Fit) -> str:
         ('wanders', fit.model), lambda: _with_noise_for(evidence, fit, [*means, *knees]))
     if missed > PRICE * more or steepness > 0.99 * STEEPEST:
         return ''
-    how = f'better by {-missed:.0f} nats' if missed < 0 else \
-        f'as well, with {more} parameter{"s" * (more > 1)} less'
-    return f'noise that falls with f^-{2 * steepness:.2g}, which has no name, fits {how}'
+    return f'noise that falls with f^-{2 * steepness:.2g}, {_nameless(-missed, more)}'
 
 
 def _with_noise_for(evidence: Evidence, fit: Fit, some: list[NoiseEffect]) -> np.ndarray:

@@ -70,6 +70,11 @@ EXPLAINS = 0.7  # share of it
 SWELLS = 2.0  # times as much as what swells before it
 
 
+def _swings(omega, tau):
+    """Return how often what rings swings in its time constant, where a search ends counted in."""
+    return omega * tau / (ENDS * 2 * np.pi)
+
+
 class Rings(NamedTuple):
     """
     Knocks (k,) of an axis.
@@ -89,8 +94,8 @@ class Rings(NamedTuple):
 
     @property
     def swings(self) -> np.ndarray:
-        """Return how often each swings in its time constant."""
-        return self.omega * self.tau / (2 * np.pi * ENDS)
+        """How often each swings in its time constant, (k,)."""
+        return _swings(self.omega, self.tau)
 
     def of(self, some: np.ndarray) -> Rings:
         """Return those that are chosen."""
@@ -396,7 +401,7 @@ def _refined(w: np.ndarray, seed: _Seed, lengths: list[int],
 
     def lost(x):
         omega, tau = at(x)
-        rings = omega * tau > ENDS * 2 * np.pi * fewest and omega < 2 * np.pi * HIGHEST
+        rings = _swings(omega, tau) > fewest and omega < 2 * np.pi * HIGHEST
         if not rings or not low <= tau <= high:
             return 0.0
         nats = np.sort(np.max(_nats(some, omega, tau, begins), axis=1))
@@ -447,7 +452,7 @@ def _found(white: _White, dt: float, least: float, judged: bool = True) -> Rings
     for _ in range(KINDS if lengths else 0):
         found = _best(w, lengths, SWINGS)
         rings = NONE
-        ended = found[0] < least or found[1] * found[2] < (2 - ENDS) * 2 * np.pi * SWINGS
+        ended = found[0] < least or _swings(*found[1:]) < (2 - ENDS) / ENDS * SWINGS
         if ended and _scattered(w) > least:     # the first samples of each stand out
             rings = _alike(white, w, max(found[0], least), dt, judged)
         if not len(rings.begin):
@@ -473,7 +478,7 @@ def _alike(white: _White, w: np.ndarray, more: float, dt: float, judged: bool) -
 
     """
     found, rest = _best(w, _lengths(len(w), dt), HARDLY), w.copy()
-    if found[0] < more or found[1] * found[2] > ENDS * 2 * np.pi * SWINGS:
+    if found[0] < more or _swings(*found[1:]) > SWINGS:
         return NONE
     rings = _of_a_kind(white, rest, found, dt, judged)
     if len(rings.begin) < ALIKE:
@@ -486,7 +491,7 @@ def _of_a_kind(white: _White, w: np.ndarray, found: tuple[float, float, float], 
                judged: bool) -> Rings:
     """Take what rings as was found out of whitened samples w; return what of it are knocks."""
     _, omega, tau = found
-    lengths, hardly = _lengths(len(w), dt), omega * tau < ENDS * 2 * np.pi * SWINGS
+    lengths, hardly = _lengths(len(w), dt), _swings(omega, tau) < SWINGS
     moment, form = _cost(len(w), tau, lengths)
     moments = _moments(w, omega, tau, moment + AGAIN)
     # what lingers here and there gains little each time; knocks that are clear may be more

@@ -20,6 +20,8 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import betainc
 
+from ..core.statistics import median_sigma
+
 TEMPERATURE, COURSE = 'temperature', 'course'    # the covariate, and what axes tell of it
 LEADS, LAGS = 12, 20    # starts of either sign
 SMOOTHED = (1, 2, 4, 8, 16)     # parts of a lead by which a thermometer is smoothed for it
@@ -31,7 +33,6 @@ NEAR = 0.2              # of a frequency, and coefficients, over which a level i
 FEW = 8
 AROUND = 3              # coefficients that a line takes on either side
 NOISE = 8               # times as many, of which those beyond twice as many tell the noise
-MEDIAN = 0.4549         # of chi-squared with one degree of freedom
 GAIN = 2.5              # times that of what is slow, or as much less, that of a line may be
 LEFT = 0.1              # share of a line that what explains it leaves
 ABOVE = 2.0             # times its floor up to which axes show the temperature
@@ -202,7 +203,7 @@ def _explains(c: np.ndarray, x: np.ndarray, root: np.ndarray, at: int) -> bool:
     size = np.maximum(np.sqrt(np.sum(scaled**2, axis=0)), 1e-300)
     b = np.linalg.lstsq(scaled / size, (c / root)[far], rcond=1e-9)[0] / size
     left, beside = c - x @ b, far & (away < NOISE * AROUND)
-    noise = np.sum(mine) * np.median(left[beside] ** 2) / MEDIAN if np.any(beside) else 0.0
+    noise = np.sum(mine) * median_sigma(left[beside]) ** 2 if np.any(beside) else 0.0
     told = x[mine, -1]
     more = np.clip(told @ left[mine] / max(told @ told, 1e-300),
                    *np.sort(b[-1] * np.array([1 / GAIN - 1, GAIN - 1])))
@@ -280,7 +281,7 @@ def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
     out = np.append(1 - floor / level[:end], 1 / (1 + (further / max(end, 1)) ** 4))
     for k in np.flatnonzero((shown**2 > STANDS * level) & (along > ALONG)):
         line = slice(max(k - AROUND, 0), min(k + AROUND + 1, len(out)))
-        noise = np.median(shown[max(k - NOISE * AROUND, 0):k + NOISE * AROUND] ** 2) / MEDIAN
+        noise = median_sigma(shown[max(k - NOISE * AROUND, 0):k + NOISE * AROUND]) ** 2
         out[line] = np.maximum(out[line], 1 - noise / np.maximum(shown[line] ** 2, noise))
     return out
 

@@ -94,15 +94,15 @@ class Duplicates(Defect, Response):
         }
         if not held:
             return out
-        often = whole_runs(same)
-        more = often[often > 1] - 1
+        runs = whole_runs(same)
+        more = runs[runs > 1] - 1
         out['stretches'] = np.array([np.mean(x) for x in np.array_split(same, STRETCHES)])
         out['clumps'] = np.array(np.mean(more**2) / np.mean(more) if len(more) else 1.0)
-        if len(often) > 10:
+        if len(runs) > 10:
             # rounding makes some equal as well, mostly one at a time
-            count = np.bincount(more, minlength=2).astype(float)
-            count -= len(often) * (1 - expected) * float(expected) ** np.arange(len(count))
-            out['run'] = np.array(float(min(int(np.argmax(count[1:])) + 1, LONGEST)))
+            often = np.bincount(more, minlength=2).astype(float)
+            often -= len(runs) * (1 - expected) * float(expected) ** np.arange(len(often))
+            out['run'] = np.array(float(min(int(np.argmax(often[1:])) + 1, LONGEST)))
         return out
 
     @classmethod
@@ -269,7 +269,7 @@ def _messages(same: np.ndarray, inputs: Inputs) -> tuple[np.ndarray, float] | No
     rounding makes more of them equal, on all axes. ``same`` (n - 1,): those that do on one.
 
     """
-    if not inputs.axis:
+    if not inputs.axis or not 0 < np.mean(same) <= OFTEN:   # most records have none
         return None
     others = [np.diff(x) == 0 for name, x in inputs.axes.items()
               if name != inputs.axis and sensor_of(name) == sensor_of(inputs.axis)]
