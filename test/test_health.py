@@ -275,6 +275,15 @@ def test_pieces_of_what_lasts_are_kept():
     assert [d.kind for d in found.disturbances] == ['disturbed'] * 10 and found.left_out == ()
 
 
+@pytest.mark.parametrize('rate', [25, 200])
+def test_what_dies_away_from_the_beginning_is_kept(rate):
+    """A warm-up that is far above the noise moves within a frame, and is quiet about that."""
+    r = quiet(np.random.default_rng(3), 154, rate, gyro=2.4e-4)
+    warm = 0.0133 * np.exp(-r.t / 4.7)
+    found = prepare(replace(r, gyro=r.gyro + np.outer(warm, [1, -1.3, 1.5])), keep_motion=True)
+    assert found.n == r.n and found.left_out == ()
+
+
 def test_a_step_is_listed_and_kept():
     """A step of one axis is seen, and is for the loop to explain."""
     r = quiet(np.random.default_rng(0), 600, 100)

@@ -14,6 +14,7 @@ count: the third largest deviation of a frame tells its level.
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import detrend
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
 from .statistics import median_sigma, quantile_sigma, row_medians
@@ -71,6 +72,8 @@ def disturbances(record: ImuRecord) -> tuple[Disturbance, ...]:
         found.append((a, b))
     listed = []
     for a, b in found:
+        if a == 0 and _settles(record, axes, b, length, usual[:, None] * out):
+            continue    # a warm-up, that is an effect to be found
         shown = tuple(x for x, h in zip(axes, hot) if h[a:b].any())
         listed.append(disturbance(record, a * length, min(b * length, record.n), axes=shown))
     listed += _steps(record, axes, middle, found, length)
@@ -113,6 +116,14 @@ def _levels(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
         level[i:i + len(some)] = np.sort(ends, axis=1)[:, -RANK]
         middle[i:i + len(some)] = m
     return level, middle
+
+
+def _settles(record: ImuRecord, axes: list[str], count: int, length: int,
+             out: np.ndarray) -> bool:
+    """Tell whether the first frames stand out, beyond (axes, 1), by how fast they move alone."""
+    level = [_levels(detrend(record.column(a)[:count * length].reshape(count, length)).ravel(),
+                     length)[0] for a in axes]
+    return bool(np.all(np.array(level) <= out))
 
 
 def _usual(level: np.ndarray) -> float:
