@@ -126,3 +126,16 @@ def test_of_two_forms_as_good_that_which_has_room_is_meant():
             inside, ends, np.where(np.arange(len(inside)) == rms, lower, inside)))
     assert at_end - with_room == PRICE
     assert weak == with_room, 'an amplitude at its bound is none, which is an estimate'
+
+
+@pytest.mark.parametrize('seed', daily([0, 2], 2))
+def test_a_peak_behind_a_filter_begins_at_its_own_height(seed):
+    """By its foot, where the filter lets pass, it began a million times too high and was lost."""
+    rng, n = np.random.default_rng(seed), 26_000
+    y = 0.034 * rng.standard_normal((n, 3))
+    y[:, 0] += lfilter([0.23], [1, -0.973], rng.standard_normal(n))
+    y[:, 0] += ringing(rng, n, 3.15, 0.02, 0.15)
+    problem = problem_of(y)
+    fit = problem.point(model_of('noise', [*BASE, 'low_pass']))
+    peak = next(f for f in problem.candidates(fit) if f.name == 'narrowband')
+    assert peak.effect['frequency'] == pytest.approx(3.15, abs=0.03) and peak.gain > peak.penalty

@@ -431,9 +431,17 @@ def _squares(likelihood, model, names):
     target = np.maximum(power - fixed, 0)
     floor = np.maximum(smooth(power), 1e-300)
     level = floor
-    # behind a filter only the band that passes says something of the amplitudes
+    # behind a filter only the band that passes says something of the amplitudes; a peak there has
+    # feet alone, and its own band does
     gain = model_gain2(model, likelihood.bins.f, likelihood.dt)
-    passes = np.sqrt(likelihood.weight) * (gain > 0.2 * min(gain.max(), 1.0))
+    tells = gain > 0.2 * min(gain.max(), 1.0)
+    within = tells.copy()
+    for peak, name in zip(shape.T, names):
+        above = peak > 0.5 * peak.max()
+        if model[name].centre is not None and not np.any(within & above):
+            peak[~above] = 0.0
+            tells |= above
+    passes = np.sqrt(likelihood.weight) * tells
     for _ in range(3):
         w = passes / level
         scale = np.max(shape * w[:, None], axis=0)
