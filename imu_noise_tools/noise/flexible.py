@@ -197,6 +197,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
             felt = np.ones(len(f), bool)
         i, j = np.flatnonzero(felt)[[0, -1]]
         gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
+        if peak and FLEXIBLE < gain <= FLEXIBLE_SHARE * claim:
+            claim = max(claimed, min(claim, _explains(evidence, fit, without)))
         if effect.elsewhere():
             gain /= _restless(evidence, f[i], f[j])
         if isinstance(effect, Response):    # of a claim no band counts more than a little
@@ -237,6 +239,19 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
 
 
+def _explains(evidence: Evidence, fit: Fit, without: Fit) -> float:
+    """
+    Return what a fit explains that another one does not where it is fitted to every bin, nats.
+
+    What rests on the bins that it explains sets a peak aside, and misses it by any amount; of that
+    a little is no small share of what the peak does.
+
+    """
+    every = fit_part(evidence, unfitted(without.model), intervals=False, start=without.model,
+                     robust=False)
+    return fit.details.ml - every.details.ml
+
+
 def _loud_at_times(evidence: Evidence, fit: Fit) -> float:
     """
     Return by how much more than that of steady noise the power in a few coefficients varies.
@@ -271,7 +286,13 @@ def _restless(evidence: Evidence, low: float, high: float) -> float:
 
 
 def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:
-    """Say that what a coupling explains is told by other gains, or is no noise."""
+    """Say that what a coupling explains is told by other gains or by another one, or is no noise."""
+    tells = told_by_gains(evidence, fit, effect.label)
+    for other in (e for e in fit.model.of(Coupling) if e.label != effect.label):
+        most = told_by_gains(evidence, fit, other.label)
+        if tells < FLEXIBLE_SHARE * most:
+            return (f'it tells {tells:.0f} nats, {other.name} {most:.0f}: it is what the '
+                    'channels of that do not hear of the same source')
     better = []
     for heard in _ways_to_hear(evidence, fit, effect.label):
         gain, chance = _gains_free(evidence, heard, cast(Coupling, heard.model[effect.label]))

@@ -445,6 +445,7 @@ def _squares(likelihood, model, names):
     for _ in range(3):
         w = passes / level
         scale = np.max(shape * w[:, None], axis=0)
+        scale[scale == 0] = 1.0     # a peak in bins that do not count
         a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
         level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
     return a2, np.max(shape / level[:, None], axis=0)
