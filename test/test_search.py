@@ -530,6 +530,22 @@ def test_rivals_that_share_alike_come_in_one_order(search):
     assert said == rivals[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))
 
 
+@pytest.mark.parametrize(('scores', 'said', 'probability'), [
+    ({'harmonics': 1.0, 'sinusoid': 0.5}, 'sinusoid', 1.0),     # the strongest line at least
+    ({'harmonics': 9.0, 'sinusoid': 0.5}, 'harmonics', 1.0),
+    ({'harmonics': 1.0, 'sinusoid': 0.5, '': 1.5}, 'harmonics', 0.3),
+    ({'harmonics': 1.0, 'step': 0.5}, 'harmonics', 0.62),
+])
+def test_of_a_shaft_and_its_strongest_line_the_line_is_there(search, scores, said, probability):
+    """Which of the two it is may not be told: a line is there in any case."""
+    search.scores = {frozenset({'white', *([k] if k else [])}): v for k, v in scores.items()}
+    search.places.failing = lambda model: 0.0
+    _places(search, {'': [found(k) for k in scores if k]})
+    f, = search.with_odds([found('harmonics')])
+    assert f.name == said and f.probability == pytest.approx(probability, abs=0.02)
+    assert bool(f.against) == (probability < 0.95)
+
+
 def _places(search, standing, fits=lambda model: None):
     """Let what stands out at a model be given by the names added to it, joined by commas."""
     def at(model):

@@ -634,6 +634,8 @@ class Search:
         for f, name in zip(chain, members):
             before, model = model, model.plus(fresh(f))
             sure, rivals = self.odds(before, name)
+            if sure < rules.SURE and is_line(f):
+                f, sure, rivals = self._plainest(before, f, name, sure, rivals)
             explains = None
             if whole > 0:
                 fall = self.places.failing(before) - self.places.failing(model)
@@ -644,12 +646,36 @@ class Search:
             out.append(replace(f, probability=sure, explains=explains, against=against))
         return out
 
-    def odds(self, before: Model, name: str) -> tuple[float, list[str]]:
-        """Return a member's probability at its place, and the rivals that take the rest."""
+    def _plainest(self, before: Model, finding: Finding, name: str, sure: float,
+                  rivals: list[str]) -> tuple[Finding, float, list[str]]:
+        """
+        Return of a line and rivals that are lines the plainest, its probability and its rivals.
+
+        Whether a strong line comes alone or with faint ones of its machine may not be told: it is
+        there in any case.
+
+        """
+        place = self.places.at(before)
+        lines = {label(before, f): f for f in (place.candidates if place is not None else ())
+                 if is_line(f) and not f.against}
+        alike = {name: finding, **{x: lines[x] for x in rivals if x in lines}}
+        weight = self._weights(before)
+        any_of = sum(v for k, v in weight.items() if not k.isdisjoint(alike)) / sum(weight.values())
+        if any_of < rules.SURE or len(alike) == 1:
+            return finding, sure, rivals
+        plain = min(alike.values(), key=lambda f: len(f.effect.parameters) if f.effect else 0)
+        return plain, any_of, [x for x in rivals if x not in alike]
+
+    def _weights(self, before: Model) -> dict[frozenset[str], float]:
+        """Return how likely each set beyond a model is, beside the likeliest."""
         here = frozenset(before.labels)
         some = {k - here: v for k, v in self.scores.items() if k >= here}
         top = max(some.values())
-        weight = {k: float(np.exp(max(v - top, -700.0))) for k, v in some.items()}
+        return {k: float(np.exp(max(v - top, -700.0))) for k, v in some.items()}
+
+    def odds(self, before: Model, name: str) -> tuple[float, list[str]]:
+        """Return a member's probability at its place, and the rivals that take the rest."""
+        weight = self._weights(before)
         total = sum(weight.values())
         with_it = sum(v for k, v in weight.items() if name in k)
         others: dict[str, float] = {}
