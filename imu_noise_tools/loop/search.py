@@ -660,7 +660,8 @@ class Search:
                  if is_line(f) and not f.against}
         alike = {name: finding, **{x: lines[x] for x in rivals if x in lines}}
         weight = self._weights(before)
-        any_of = sum(v for k, v in weight.items() if not k.isdisjoint(alike)) / sum(weight.values())
+        there = sum(v for k, v in weight.items() if not k.isdisjoint(alike))
+        any_of = there / sum(weight.values())
         if any_of < rules.SURE or len(alike) == 1:
             return finding, sure, rivals
         plain = min(alike.values(), key=lambda f: len(f.effect.parameters) if f.effect else 0)

@@ -286,7 +286,7 @@ def _restless(evidence: Evidence, low: float, high: float) -> float:
 
 
 def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:
-    """Say that what a coupling explains is told by other gains or by another one, or is no noise."""
+    """Say that what a coupling explains is told by other gains, or another one, or is no noise."""
     tells = told_by_gains(evidence, fit, effect.label)
     for other in (e for e in fit.model.of(Coupling) if e.label != effect.label):
         most = told_by_gains(evidence, fit, other.label)
