@@ -5,7 +5,12 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import model_of, registry
+from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.telegraph import levels
 
 
@@ -143,3 +148,30 @@ def test_lines_alone_have_no_levels():
         }
         white = rng.standard_normal(n)
         assert [k for k, y in records.items() if levels(white + y) is not None] == []
+
+
+@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('two', [True, False])
+def test_levels_are_told_behind_a_filter_that_remembers(seed, two):
+    """Samples further apart than it remembers tell two levels from a relaxation."""
+    rng = np.random.default_rng([448, seed])
+    n, dt = 34_000, 0.005
+    y = 1e-4 * lfilter(np.ones(12) / 12, [1], rng.standard_normal((n, 3)), axis=0)
+    slow = telegraph(rng, n, (72, 35), 2.0) if two else lfilter(
+        [np.sqrt(1 - 0.958**2)], [1, -0.958], rng.standard_normal(n))
+    y[:, 0] += 7e-5 * lfilter(np.ones(12) / 12, [1], slow - np.mean(slow))
+    record = ImuRecord(y, None, np.arange(n) * dt, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ['white', 'low_pass', 'rts']))
+    assert fit.model['rts']['tau'] == pytest.approx(0.22 if two else 0.23, rel=0.2)
+    bonus = fit.model['rts'].bonus(problem.evidence, fit)
+    assert bonus > 30 if two else bonus < 3
+
+
+def test_a_relaxation_is_asked_for_its_kind_beside_a_filter_alone():
+    """What the samples know of it goes with the noise that the filter leaves."""
+    kinds = {k: cls() for k, cls in registry('noise').items()}
+    asked = {k: NoiseProblem.exchanges(None, e, [kinds['step'], kinds['low_pass']])
+             for k, e in kinds.items()}
+    assert {k for k, v in asked.items() if v} == {k for k, e in kinds.items() if e.alike}
+    assert not NoiseProblem.exchanges(None, kinds['rts'], [kinds['step']])

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Finding, Fit, Model, Score, unfitted, View
+from .effect import Effect, Finding, Fit, Model, Score, unfitted, View
 
 
 class Problem(ABC):
@@ -25,8 +26,6 @@ class Problem(ABC):
     #: models of one search whose candidates are fitted; those of the first always are, and 0 where
     #: that takes too long beside each of them
     looks: ClassVar[int] = 6
-    #: whether what gains most beside the others is tried in the place of each that was found
-    exchanges: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -52,6 +51,10 @@ class Problem(ABC):
     @abstractmethod
     def candidates(self, fit: Fit[Any]) -> list[Finding]:
         """Return what could be added to the model, best gain first."""
+
+    def exchanges(self, effect: Effect | None, later: Sequence[Effect | None]) -> bool:
+        """Tell whether what gains most beside all others is tried in an effect's place."""
+        return False
 
     def point(self, model: Model) -> Fit[Any]:
         """Fit a model without intervals, where that is cheaper."""

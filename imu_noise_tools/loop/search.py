@@ -335,7 +335,9 @@ class Search:
         i = 0
         while 1 < len(chain) and i < len(chain):
             other = [f for k, f in enumerate(chain) if k != i]
-            place = self.places.at(self.places.model_of(other))
+            asked = self.places.problem.exchanges(
+                chain[i].effect, [f.effect for f in chain[i + 1:]])
+            place = self.places.at(self.places.model_of(other)) if asked else None
             able = self.able(place) if place is not None else []
             found = self._first(other, able, set())
             more = self._along([f.name for f in (*other, *found)]) if found else []
@@ -496,7 +498,7 @@ class Search:
             # in the end nothing is added, and what was left must hold without what fell
             if more:
                 chain = self.forward(chain)
-                chain = self._exchanged(chain) if self.places.problem.exchanges else chain
+                chain = self._exchanged(chain)
             chain = self.with_odds(chain)
             refuted = self.backward(chain, last=turn >= ROUNDS)
             if not refuted:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from .plan import durations_for, range_in_words
 from .sweep import test_of
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
-from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted, View
+from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
 from ..loop.problem import Problem
 
 NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
@@ -250,6 +250,11 @@ class NoiseProblem(Problem):
         if fit.model not in self._candidates:
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
+
+    def exchanges(self, effect: Effect | None, later: Sequence[Effect | None]) -> bool:
+        """Tell whether the samples may know one of its kind better beside a filter that came."""
+        return isinstance(effect, NoiseEffect) and bool(effect.alike) and any(
+            isinstance(e, Response) for e in later)
 
     def knows_candidates(self, fit: Fit) -> bool:
         """Tell whether all that is fitted was tried beside such a model already."""

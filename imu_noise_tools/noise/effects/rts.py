@@ -29,6 +29,7 @@ _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing o
 _FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
 _FLAT = 0.98  # spectral flatness of white noise behind filters that is taken for white
+_LAGS = 1 << 12  # samples over which noise is asked for what it remembers
 _OF_GRID = 1.5  # steps of the output's grid: no more, and it may be the grid that jumps
 _HELD = 24.0  # times that it is on one level in a dwell: six means of four, near enough to normal
 
@@ -163,11 +164,15 @@ class Rts(Spectrum):
             return 0.0
         z, t, width = self._means(evidence, fit)
         some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
+        means = _white(evidence, fit, 0.5 / (some * width))
+        if not means:   # behind a filter it is white that is further apart than that remembers
+            some = _apart(evidence, fit, width, max(1, len(z) // (2 * _SEGMENT)))
         width *= some
-        rows = len(z) // some // _SEGMENT
-        if rows < 2 or self['tau'] < 3 * width or not _white(evidence, fit, 0.5 / width):
+        rows = len(z) // some // _SEGMENT if some else 0
+        if rows < 2 or self['tau'] < 3 * width:
             return 0.0  # too few means, or too long to show the levels; or their noise is no white
-        z = z[: len(z) // some * some].reshape(-1, some).mean(axis=1)
+        z = z[: len(z) // some * some].reshape(-1, some)
+        z = z.mean(axis=1) if means else z[:, -1]
         z = z[-rows * _SEGMENT:].reshape(rows, _SEGMENT)
         noise = 0.5 * np.mean(np.diff(z, axis=1) ** 2)
         grid = np.array(list(product(
@@ -348,6 +353,25 @@ def _white(evidence: Evidence, fit: Fit, most: float) -> bool:
     # the spectral flatness: the geometric over the arithmetic mean
     return bool(np.exp(np.average(np.log(seen), weights=count))
                 > _FLAT * np.average(seen, weights=count))
+
+
+def _apart(evidence: Evidence, fit: Fit, width: float, most: int) -> int:
+    """
+    Return of how many means of a width (s) one is white beside the next, 0 where none of ``most``.
+
+    Of small correlations r_j the spectral flatness is 1 - sum r_j^2.
+
+    """
+    bins, dt = evidence.whole.bins, evidence.dt
+    f = np.fft.rfftfreq(_LAGS, dt)
+    white = sum((s for label, s in fit.details.each.items()
+                 if isinstance(e := fit.model[label], Spectrum) and e.flat), np.zeros(len(bins.f)))
+    m = round(width / dt)
+    alike = np.fft.irfft(np.interp(f, bins.f, white)
+                         * (np.sinc(m * f * dt) / np.sinc(f * dt)) ** 2)[:_LAGS // 2:m]
+    alike = alike / alike[0]
+    return next((k for k in range(1, min(most, len(alike) - 1) + 1)
+                 if np.sum(alike[k::k] ** 2) < 1 - _FLAT), 0)
 
 
 def _gauss_markov(z, loud, step, tau, noise, width) -> float:
