@@ -292,7 +292,9 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
     ((6.2, 0.3, 2e-6), 'wandering', False),
     ((5.2, 0.9, 7e-6), 'wandering', True),          # what is no bell
     ((5.2, 0.9, 7e-6), 'displacement', False),
-    ((5.7, 0.9, 7e-6), 'wandering', False),
+    ((5.7, 0.9, 7e-6), 'wandering', True),          # it was here and there, and at times between
+    ((5.7, 0.9, 7e-6), 'displacement', False),
+    ((6.9, 0.9, 7e-6), 'wandering', False),
 ])
 def test_of_two_peaks_that_lie_on_each_other_one_is_the_other_s_shape(second, form, one):
     cls = registry('noise')['narrowband']
@@ -1037,3 +1039,19 @@ def test_where_a_response_was_left_open_a_filter_is_looked_for_in_all_of_the_spe
     more = candidates._refitted(e['gyro_x'], fit, find_effect('noise', 'low_pass')())
     assert begun[0] is None
     assert more.model['low_pass']['cutoff'] == pytest.approx(0.443 * rate / 4.2, rel=0.05)
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_of_two_peaks_of_one_shape_the_weaker_falls_whichever_was_found_first(first):
+    """The narrow one stood out first; when the whole line was found it lay on that."""
+    cls = registry('noise')['narrowband']
+    weak, strong = (cls(dict(zip(('frequency', 'width', 'rms'), z), form='wandering'))
+                    for z in ((5.2, 0.04, 2e-6), (5.0, 0.5, 1e-5)))
+    model = model_of('noise', ('white',))
+    for e in (weak, strong) if first else (strong, weak):
+        model = model.plus(e)
+    power = {e.label: np.full(3, e.values.get('rms', 0.0)) for e in model}
+    evidence = SimpleNamespace(whole=SimpleNamespace(bins=SimpleNamespace(count=np.ones(3))))
+    fit = SimpleNamespace(model=model, details=SimpleNamespace(each=power))
+    said = [e.part_of(flexible._stronger(evidence, fit, e.label)) for e in model.effects[1:]]
+    assert [bool(x) for x in said] == [first, not first]

@@ -224,9 +224,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     gain = -effect.bonus(evidence, fit)
     if gain > FLEXIBLE:     # of the candidate it was asked where the others were not there
         return f'the samples themselves speak against it by {gain:.0f} nats'
-    # in the model a peak may have come to lie on one that was there before
-    before = fit.model.effects[:fit.model.labels.index(label)]
-    against = effect.part_of(Model(before)) if peak else ''
+    # in the model a peak may have come to lie on another one, that was found before it or later
+    against = effect.part_of(_stronger(evidence, fit, label)) if peak else ''
     if against:
         return against
     if len(joined(fit, label, evidence.dt)) >= TOGETHER:
@@ -237,6 +236,12 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if against:
             return against
     return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
+
+
+def _stronger(evidence: Evidence, fit: Fit, label: str) -> Model:
+    """Return the spectra of a model that have more power than one of them."""
+    power = {k: float(np.sum(evidence.whole.bins.count * v)) for k, v in fit.details.each.items()}
+    return Model(e for e in fit.model.of(Spectrum) if power[e.label] > power[label])
 
 
 def _explains(evidence: Evidence, fit: Fit, without: Fit) -> float:

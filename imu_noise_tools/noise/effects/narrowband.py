@@ -117,7 +117,7 @@ class Narrowband(Spectrum):
         No machine wanders as a formula says: a peak far above all else is none of its forms to
         the last hundredth, and what is left of it is as wide as it, or its skirts. Where a line
         that wanders stayed a while it has a narrower peak, on its skirts too; and one that was
-        nowhere long enough to draw a bell draws two of much the same width.
+        nowhere long enough to draw a bell draws two of much the same width, beside each other.
 
         """
         for other in model.of(Narrowband):
@@ -131,7 +131,8 @@ class Narrowband(Spectrum):
                 weak['width'], strong['width'])
             if apart < 1 and alike and share < FLEXIBLE_SHARE \
                     or apart < AWAY and strong._wanders and wider < 1 and share < STAYED \
-                    or apart < ON and alike and (strong._wanders or weak._wanders):
+                    or apart < (AWAY if strong._wanders and weak._wanders else ON) and alike \
+                    and (strong._wanders or weak._wanders):
                 return (f'of two that lie on each other at {strong["frequency"]:.4g} Hz one has '
                         f'{100 * share:.2g} % of the power: it is the shape of the other')
         return ''
