@@ -860,3 +860,16 @@ def test_messages_sent_twice_are_told_by_all_axes_where_rounding_makes_one_equal
     assert bool(kept['held']) == told
     if told:
         assert float(kept['fraction']) == pytest.approx(0.004, rel=0.2)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_the_samples_at_a_step_are_no_spikes(seed):
+    """They are half a step from their neighbours, and between the levels; spikes are beyond."""
+    rng = np.random.default_rng([93, seed])
+    n, size = 20_000, rng.uniform(12, 40)
+    y = rng.standard_normal(n) + size * (np.arange(n) >= 9_000) - size * (np.arange(n) >= 13_000)
+    inputs = Inputs(0.02 * np.arange(n), 0.02, {})
+    assert not len(SPIKES.statistics(y, inputs)['size'])
+    some = np.array([8_990, 9_000, 9_020, 12_999])
+    y[some] += size * rng.choice([-1, 1], 4) + size * np.array([0, 1, 0, 1])
+    assert {8_990, 9_020} <= set(SPIKES.statistics(y, inputs)['index'].tolist())

@@ -31,6 +31,7 @@ from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, STRIKING
 LEAST = 2.0  # standard deviations of a spike and the noise under it
 SURE = 15.0  # nats from which outliers are taken out of the samples that the spectrum is made of
 BESIDE = 2  # samples on either side that are its neighbours
+LEVEL = 5  # samples on either side that tell a level
 AROUND = 32  # samples of a median that a burst does not move
 PASSES = 6
 SLOW = 8  # samples in a mean that swings leave as it is and spikes shift
@@ -251,7 +252,7 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         at = np.union1d(at, new)
     size = y[fresh[at]] - z[at]
     noise = _louder_around(rest, at, np.interp(at, blocks, sigma)) * _farther(rest, fresh)[at]
-    some = np.abs(size) > threshold * noise
+    some = (np.abs(size) > threshold * noise) & ~_at_an_edge(z, at, size, threshold * noise)
     at, size, noise = at[some], size[some], noise[some]
     ends = np.append(fresh, n)
     filled = [np.arange(i, j) for i, j in zip(ends[at], ends[at + 1])]
@@ -265,6 +266,21 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
         'sigma': noise,
         'threshold': np.array(threshold),
     }
+
+
+def _at_an_edge(z: np.ndarray, at: np.ndarray, size: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """
+    Return which samples ``at`` (k,) are between the levels before and after them, (k,) bool.
+
+    Those of z (n,) are without what stands out, by a ``size``; where the mean steps the last one
+    before and the first one after do so.
+
+    """
+    k = np.arange(1, LEVEL + 1)
+    before, after = (np.median(z[np.clip(at[:, None] + side * k, 0, len(z) - 1)], axis=1)
+                     for side in (-1, 1))
+    y, low, high = z[at] + size, np.minimum(before, after), np.maximum(before, after)
+    return (high - low > least) & (y > low - least) & (y < high + least)
 
 
 def _farther(rest: np.ndarray, fresh: np.ndarray) -> np.ndarray:
