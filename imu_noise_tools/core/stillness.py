@@ -104,9 +104,9 @@ def _goes_round(record: ImuRecord, seconds: float, drifts: bool = False) -> bool
     """
     Tell whether whatever moves a record comes back within so many seconds.
 
-    Over each of them the direction of gravity and the mean rate are the same, or nearly those of
-    the last ones where a long record ``drifts``, and within them the sensor turns by less than a
-    degree.
+    Over each of them the direction of gravity is the same, or nearly that of the last ones where a
+    long record ``drifts``; the mean rate is, while all it drifts by is no turn; and within them
+    the sensor turns by less than a degree.
 
     """
     length = max(2, round(seconds * record.rate_hz))
@@ -118,7 +118,8 @@ def _goes_round(record: ImuRecord, seconds: float, drifts: bool = False) -> bool
         for x in () if data is None else data.T:
             rows = np.asarray(x[:count * length], float).reshape(count, length)
             means = rows.mean(axis=1)
-            change = np.max(np.abs(np.diff(means))) if drifts else np.ptp(means)
+            warms = sensor == 'gyro' and np.ptp(means) < TURNING
+            change = np.max(np.abs(np.diff(means))) if drifts or warms else np.ptp(means)
             if not change < most:   # also where something is not finite
                 return False
             if sensor == 'gyro':
