@@ -11,10 +11,10 @@ import pytest
 from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop.effect import model_of, unfitted
+from imu_noise_tools.loop.effect import find_effect, model_of, unfitted
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import PRICE
-from imu_noise_tools.noise import flexible, materiality
+from imu_noise_tools.noise import flexible, materiality, starts
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -139,3 +139,21 @@ def test_a_peak_behind_a_filter_begins_at_its_own_height(seed):
     fit = problem.point(model_of('noise', [*BASE, 'low_pass']))
     peak = next(f for f in problem.candidates(fit) if f.name == 'narrowband')
     assert peak.effect['frequency'] == pytest.approx(3.15, abs=0.03) and peak.gain > peak.penalty
+
+
+def test_a_filter_behind_a_coupling_begins_at_what_that_leaves():
+    """By the vibration that other channels tell it began where the fit was worse than without."""
+    rng, n = np.random.default_rng(0), 40_000
+    shaken = ringing(rng, n, 30.0, 3.0, 1.0)[:, None]
+    accel = 0.2 * shaken * [1, 0.5, 0.7] + 0.002 * rng.standard_normal((n, 3))
+    y = lfilter([0.8], [1, -0.2], rng.standard_normal((n, 3)) + 10 * shaken, axis=0)
+    record = ImuRecord(SIZE * y, accel, np.arange(n) * DT, 1 / DT)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    coupled = problem.point(model_of('noise', [*BASE, 'accel_coupling']))
+    model = unfitted(coupled.model).plus(find_effect('noise', 'low_pass')())
+    likelihood = Likelihood(problem.evidence, 'whole', model)
+    begun = starts._of_what_passes(likelihood, coupled.model, model['low_pass'])
+    assert begun and all(e['cutoff'] > 15.0 for e in begun if e['form'] < 1)
+    left = starts._gain_alone(likelihood, coupled.model.plus(begun[0]), begun[0]).whole.power
+    at = np.argmax(problem.evidence.whole.power)
+    assert left[at] < 30 * np.median(left)      # of 2000 that the vibration stands above the noise

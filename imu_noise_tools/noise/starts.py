@@ -115,8 +115,9 @@ def _of_what_passes(likelihood, given, effect):
 
     """
     if given is None or not isinstance(effect, Response) or not given.of(Spectrum) \
-            or likelihood.part_name != 'whole' or not foreign(given) \
-            and not any(r.scatters for r in given.of(Response)):
+            or likelihood.part_name != 'whole' or not (
+                foreign(given) or given.of(Coupling)
+                or any(r.scatters for r in given.of(Response))):
         return []
     before, more = Likelihood(likelihood.evidence, 'whole', given), given.plus(effect)
     out = _gain_alone(before, more, effect).starts(effect)[:BESIDE]
@@ -314,13 +315,15 @@ def _gain_alone(found, here, response, most=0.0):
     """
     Return the evidence with what a response leaves of white noise as its power.
 
-    Less what lies behind it: as found, or as a share of the most there may be in the spectrum.
+    Less what lies behind it: as found, or as a share of the most there may be in the spectrum. What
+    other channels tell is none of what it filters.
 
     """
     if found.part_name != 'whole':
         return found.evidence
-    _, each = found.spectra(here.minus(response.label))
-    power = found.evidence.whole.power
+    rest = here.minus(response.label)
+    v, each = found.spectra(rest)
+    power = found.solve_linear(rest, v).power if found.couplings else found.evidence.whole.power
     beside = sum(each[e.label] for e in here.of(Spectrum) if not response.acts_on(e))
     before = sum(each[e.label] for e in here.of(Spectrum) if response.acts_on(e))
     if most and np.any(beside > 0):
