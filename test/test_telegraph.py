@@ -168,10 +168,11 @@ def test_levels_are_told_behind_a_filter_that_remembers(seed, two):
     assert bonus > 30 if two else bonus < 3
 
 
-def test_a_relaxation_is_asked_for_its_kind_beside_a_filter_alone():
-    """What the samples know of it goes with the noise that the filter leaves."""
+@pytest.mark.parametrize('later, asked', [
+    (['sinusoid', 'low_pass'], True), (['ramp'], True), (['sinusoid', 'narrowband'], False)])
+def test_a_relaxation_is_asked_for_its_kind_beside_what_moves_its_levels(later, asked):
+    """What the samples know of it goes with the noise that a filter leaves, and with means."""
     kinds = {k: cls() for k, cls in registry('noise').items()}
-    asked = {k: NoiseProblem.exchanges(None, e, [kinds['step'], kinds['low_pass']])
-             for k, e in kinds.items()}
-    assert {k for k, v in asked.items() if v} == {k for k, e in kinds.items() if e.alike}
-    assert not NoiseProblem.exchanges(None, kinds['rts'], [kinds['step']])
+    some = {k for k, e in kinds.items()
+            if NoiseProblem.exchanges(None, e, [kinds[x] for x in later])}
+    assert some == ({k for k, e in kinds.items() if e.alike} if asked else set())

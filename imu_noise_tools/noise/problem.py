@@ -252,9 +252,9 @@ class NoiseProblem(Problem):
         return list(self._candidates[fit.model])
 
     def exchanges(self, effect: Effect | None, later: Sequence[Effect | None]) -> bool:
-        """Tell whether the samples may know one of its kind better beside a filter that came."""
+        """Tell whether the samples may know one of its kind better beside what came later."""
         return isinstance(effect, NoiseEffect) and bool(effect.alike) and any(
-            isinstance(e, Response) for e in later)
+            isinstance(e, (Mean, Response)) for e in later)
 
     def knows_candidates(self, fit: Fit) -> bool:
         """Tell whether all that is fitted was tried beside such a model already."""

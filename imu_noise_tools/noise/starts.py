@@ -315,8 +315,8 @@ def _gain_alone(found, here, response, most=0.0):
     """
     Return the evidence with what a response leaves of white noise as its power.
 
-    Less what lies behind it: as found, or as a share of the most there may be in the spectrum. What
-    other channels tell is none of what it filters.
+    Less what lies behind it: as found, or as a share of the most there may be in the spectrum.
+    What other channels tell is none of what it filters.
 
     """
     if found.part_name != 'whole':
