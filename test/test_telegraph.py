@@ -3,12 +3,17 @@
 
 """Two levels far apart: a short stay at the other is neither a spike nor a knock."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import multivariate_normal, norm
 
+from hidden import flicker, white
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of, registry
+from imu_noise_tools.noise.effects import rts
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.telegraph import levels
@@ -176,3 +181,58 @@ def test_a_relaxation_is_asked_for_its_kind_beside_what_moves_its_levels(later, 
     some = {k for k, e in kinds.items()
             if NoiseProblem.exchanges(None, e, [kinds[x] for x in later])}
     assert some == ({k for k, e in kinds.items() if e.alike} if asked else set())
+
+
+def test_both_chains_have_their_probability():
+    """That of an AR(1), of two levels over all paths, and of a random walk beside either."""
+    rng = np.random.default_rng(449)
+    k, width, tau = 7, 2.0, 5.0
+    z = rng.standard_normal((2, k))
+    loud = rng.uniform(0.5, 2.0, (2, k))
+    i = np.arange(k)
+    keep = np.exp(-2 * width / tau)
+    constant = 2 * k * 0.5 * np.log(2 * np.pi)
+
+    def normal(power, noise, drift):
+        apart, earlier = np.abs(i[:, None] - i), np.minimum(i[:, None], i)
+        return sum(multivariate_normal.logpdf(
+            y, cov=power * keep**apart + np.diag(noise * here)
+            + drift * (rts._UNKNOWN + earlier)) for y, here in zip(z, loud)) + constant
+
+    def of(chain, step, noise, drift, *share):
+        values = (np.array([float(v)]) for v in (step, tau, noise, drift, *share))
+        return float(np.max(chain(z, loud, width, *values)))
+
+    for step, noise, drift in ((2.0, 0.5, 0.0), (1.0, 1.0, 0.3)):
+        assert of(rts._gauss_markov, step, noise, drift) == pytest.approx(
+            normal(0.25 * step**2, noise, drift))
+    assert of(rts._two_levels, 1e-9, 0.7, 0.3, 0.4) == pytest.approx(normal(0.0, 0.7, 0.3))
+    step, share = 2.0, 0.3
+    level = 0.5 * step / np.sqrt(share * (1 - share)) * np.array([-share, 1 - share])
+    part = np.array([1 - share, share])
+    moves = keep * np.eye(2) + (1 - keep) * part
+    total = 0.0
+    for y, here in zip(z, loud):
+        paths = np.array(list(product([0, 1], repeat=k)))
+        chance = part[paths[:, 0]] * np.prod(moves[paths[:, :-1], paths[:, 1:]], axis=1)
+        likely = np.prod(norm.pdf(y, level[paths], np.sqrt(0.5 * here)), axis=1)
+        total += np.log(np.sum(chance * likely))
+    assert of(rts._two_levels, step, 0.5, 0.0, share) == pytest.approx(total + constant)
+
+
+@pytest.mark.parametrize('two', [True, False])
+@pytest.mark.parametrize('seed', range(2))
+def test_levels_are_told_beside_flicker(seed, two):
+    """What wanders between the levels is none of either: a relaxation was 55 nats likelier."""
+    rng = np.random.default_rng([450, seed])
+    n, dt, size = 60_000, 0.1, 1e-4
+    slow = telegraph(rng, n, (90, 60), 2.0) if two else lfilter(
+        [np.sqrt(1 - 0.972**2)], [1, -0.972], rng.standard_normal(n))
+    y = 3e-4 * rng.standard_normal((n, 3))
+    y[:, 0] = white(n, dt, size, rng) + flicker(n, dt, 1.2 * size, rng) \
+        + 3.2 * size * (slow - np.mean(slow))
+    record = ImuRecord(y, None, np.arange(n) * dt, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ['white', 'flicker', 'random_walk', 'rts']))
+    bonus = fit.model['rts'].bonus(problem.evidence, fit)
+    assert bonus > 10 if two else bonus < 0

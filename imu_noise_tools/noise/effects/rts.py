@@ -29,6 +29,7 @@ _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing o
 _FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
 _FLAT = 0.98  # spectral flatness of white noise behind filters that is taken for white
+_UNKNOWN = 64  # steps of what wanders by which it is anywhere at the beginning of a segment
 _LAGS = 1 << 12  # samples over which noise is asked for what it remembers
 _OF_GRID = 1.5  # steps of the output's grid: no more, and it may be the grid that jumps
 _HELD = 24.0  # times that it is on one level in a dwell: six means of four, near enough to normal
@@ -179,18 +180,31 @@ class Rts(Spectrum):
             self['step'] * np.array([0.7, 0.85, 1.0, 1.2, 1.4]),
             self['tau'] * np.array([0.5, 0.7, 1.0, 1.4, 2.0]),
             noise * np.array([0.3, 0.5, 0.7, 0.85, 1.0]),
+            self._wanders_by(evidence, fit, width) * np.array([0.0, 1.0]),
         ))).T
         t = t[-1] - width * np.arange(z.size)[::-1].reshape(z.shape)
         loud = np.prod([m.variance(t.ravel()) for m in fit.model.of(Modulation)]
                        or [np.ones(z.size)], axis=0).reshape(z.shape)
         loud = loud / np.mean(loud)
-        step, tau, noise = grid
-        gaussian = _gauss_markov(z, loud, step, tau, noise, width)
-        values = np.vstack([np.tile(grid, len(_SHARES)), np.repeat(_SHARES, len(step))])
+        gaussian = _gauss_markov(z, loud, width, *grid)
+        values = np.vstack([np.tile(grid, len(_SHARES)), np.repeat(_SHARES, grid.shape[1])])
         some = slice(None, None, max(1, rows // _FEW))
         likely = np.argsort(_two_levels(z[some], loud[some], width, *values))[-_LIKELY:]
         levels = np.max(_two_levels(z, loud, width, *values[:, likely]))
         return float(levels - gaussian - np.log(len(_SHARES)))
+
+    def _wanders_by(self, evidence, fit, width):
+        """
+        Return the variance of the steps, a width (s) apart, of a random walk like all else.
+
+        It has their power where the levels turn over, at f = 1/(2 pi tau): S = 2 q/w (2 pi f)^-2.
+
+        """
+        other = sum((s for label, s in fit.details.each.items() if label != self.label
+                     and isinstance(e := fit.model[label], Spectrum) and not e.flat), 0.0)
+        f = 1 / (2 * np.pi * self['tau'])
+        power = np.interp(f, evidence.whole.bins.f, other + np.zeros(len(evidence.whole.bins.f)))
+        return float(power) * width / (2 * self['tau'] ** 2)
 
     def _means(self, evidence, fit):
         """Return (means, times, width) without drift: of the record, or of less if they smear."""
@@ -374,47 +388,67 @@ def _apart(evidence: Evidence, fit: Fit, width: float, most: int) -> int:
                  if np.sum(alike[k::k] ** 2) < 1 - _FLAT), 0)
 
 
-def _gauss_markov(z, loud, step, tau, noise, width) -> float:
+def _gauss_markov(z, loud, width, step, tau, noise, drift) -> float:
     """
     Return the best ln p of z (rows, k) as an AR(1) in white noise, over sets of values (g,).
 
-    The variance of the noise goes with ``loud`` (rows, k).
+    The variance of the noise goes with ``loud`` (rows, k); beside it a random walk has steps of a
+    variance ``drift``.
 
     """
     keep, power = np.exp(-2 * width / tau), 0.25 * step**2
-    mean, spread = np.zeros((len(z), len(step))), power[None, :] + np.zeros((len(z), 1))
+    nothing = np.zeros((len(z), len(step)))
+    mean, walked, both = nothing, nothing, nothing
+    spread, wide = power + nothing, _UNKNOWN * drift + nothing
     total = np.zeros(len(step))
     for y, here in zip(z.T, loud.T):
-        white = here[:, None] * noise
-        v = spread + white
-        rest = y[:, None] - mean
+        one, other = spread + both, both + wide
+        v = one + other + here[:, None] * noise
+        rest = y[:, None] - mean - walked
         total -= 0.5 * np.sum(rest**2 / v + np.log(v), axis=0)
-        mean = keep * (mean + spread / v * rest)
-        spread = keep**2 * spread * white / v + (1 - keep**2) * power
+        mean, walked = keep * (mean + one / v * rest), walked + other / v * rest
+        spread = keep**2 * (spread - one**2 / v) + (1 - keep**2) * power
+        both, wide = keep * (both - one * other / v), wide - other**2 / v + drift
     return float(np.max(total))
 
 
-def _two_levels(z, loud, width, step, tau, noise, share) -> np.ndarray:
+def _two_levels(z, loud, width, step, tau, noise, drift, share) -> np.ndarray:
     """
     Return ln p (g,) of z (rows, k) as a chain of two levels in white noise, of sets of values.
 
-    A ``share`` (g,) of the time it is in the upper one.
+    A ``share`` (g,) of the time it is in the upper one. Beside it a random walk has steps of a
+    variance ``drift``: what is known of it on either level is mixed where the chain may have
+    switched (Blom and Bar-Shalom, IEEE Trans. AC-33, 1988).
 
     """
     # a chain of the same second moments: its levels lie apart by step, its mean is zero
     apart = 0.5 * step / np.sqrt(share * (1 - share))
-    up, down = (1 - share) * apart, -share * apart
+    level = np.stack([-share * apart, (1 - share) * apart])[:, None, :]
     keep = np.exp(-2 * width / tau)
-    upper = share + np.zeros((len(z), len(step)))
+    stay = np.stack([1 - share + keep * share, share + keep * (1 - share)])    # lower, upper
+    at = np.stack([1 - share, share])[:, None, :] + np.zeros((2, len(z), len(step)))
+    mean = np.zeros_like(at)
+    wide = _UNKNOWN * drift + mean
     total = np.zeros(len(step))
-    for y, here in zip(z.T, loud.T):
-        y, white = y[:, None], here[:, None] * noise
-        # ln of the odds that y came from the upper level
-        odds = (apart / white) * (y - 0.5 * (up + down))
-        less = np.exp(-np.abs(odds))    # of the unlikelier one, the likelier one is 1
-        of_upper = upper * np.where(odds > 0, 1.0, less)
-        both = of_upper + (1 - upper) * np.where(odds > 0, less, 1.0)
-        total += np.sum(np.maximum(odds, 0.0) - 0.5 * (y - down) ** 2 / white + np.log(both),
-                        axis=0)
-        upper = np.clip(share + keep * (of_upper / both - share), 1e-12, 1 - 1e-12)
-    return total - 0.5 * (z.size * np.log(noise) + np.sum(np.log(loud)))
+    wanders = bool(np.any(drift > 0))
+    for k, (y, here) in enumerate(zip(z.T, loud.T)):
+        if k:
+            # from the same level and from the other one
+            same, from_other = stay[:, None] * at, (1 - stay[::-1])[:, None] * at[::-1]
+            at = same + from_other
+            if wanders:
+                part = same / np.maximum(at, 1e-300)
+                off = mean - mean[::-1]
+                mean, wide = (part * x + (1 - part) * x[::-1] for x in (mean, wide))
+                wide = wide + part * (1 - part) * off**2 + drift
+        v = wide + here[:, None] * noise
+        rest = y[:, None] - level - mean
+        ln = -0.5 * (rest**2 / v + np.log(v))
+        top = np.max(ln, axis=0)
+        at = np.maximum(at * np.exp(ln - top), 1e-300)
+        of_both = at.sum(axis=0)
+        total += np.sum(top + np.log(of_both), axis=0)
+        at = at / of_both
+        if wanders:
+            mean, wide = mean + wide / v * rest, wide * (1 - wide / v)
+    return total
