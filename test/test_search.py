@@ -26,7 +26,7 @@ def found(name, view='frequency', gain=100.0, **more):
 @pytest.fixture
 def search():
     """Return a search that has looked at nothing yet."""
-    problem = SimpleNamespace(exchanges=lambda *_: False)
+    problem = SimpleNamespace(exchanges=lambda *_: ())
     return Search(State(problem, Fit(model_of('noise', ('white',)), {}, 0.0), None))
 
 
@@ -99,7 +99,7 @@ def test_nothing_is_judged_where_far_more_has_fallen(search, last):
 
 def test_without_what_explained_far_more_it_is_another_search(search):
     looks = []
-    search.places.problem = SimpleNamespace(exchanges=lambda *_: False, looks=6)
+    search.places.problem = SimpleNamespace(exchanges=lambda *_: (), looks=6)
     search.places.look_further = looks.append
     chain = [found('quantization', gain=4e5), found('low_pass', gain=180.0)]
     search.forward = lambda held=(): [f for f in chain if f.name not in search.refuted]

@@ -178,9 +178,10 @@ def test_levels_are_told_behind_a_filter_that_remembers(seed, two):
 def test_a_relaxation_is_asked_for_its_kind_beside_what_moves_its_levels(later, asked):
     """What the samples know of it goes with the noise that a filter leaves, and with means."""
     kinds = {k: cls() for k, cls in registry('noise').items()}
-    some = {k for k, e in kinds.items()
-            if NoiseProblem.exchanges(None, e, [kinds[x] for x in later])}
-    assert some == ({k for k, e in kinds.items() if e.alike} if asked else set())
+    some = {k: set(NoiseProblem.exchanges(None, e, [kinds[x] for x in later]))
+            for k, e in kinds.items()}
+    assert {k for k, v in some.items() if v} == ({'gauss_markov', 'rts'} if asked else set())
+    assert all(v == {'gauss_markov', 'rts'} for v in some.values() if v)
 
 
 def test_both_chains_have_their_probability():

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -58,9 +58,10 @@ class CalibrationProblem(Problem):
         """``accel`` or ``gyro``."""
         return self.poses.sensor
 
-    def exchanges(self, effect: Effect | None, later: Sequence[Effect | None]) -> bool:
-        """Tell that each is: a fit takes next to nothing."""
-        return True
+    def exchanges(self, effect: Effect | None,
+                  later: Sequence[Effect | None]) -> Collection[str]:
+        """Return all names: a fit takes next to nothing."""
+        return registry('calibration')
 
     @property
     def unit(self) -> str:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -52,9 +52,10 @@ class Problem(ABC):
     def candidates(self, fit: Fit[Any]) -> list[Finding]:
         """Return what could be added to the model, best gain first."""
 
-    def exchanges(self, effect: Effect | None, later: Sequence[Effect | None]) -> bool:
-        """Tell whether what gains most beside all others is tried in an effect's place."""
-        return False
+    def exchanges(self, effect: Effect | None,
+                  later: Sequence[Effect | None]) -> Collection[str]:
+        """Return the names that are tried in an effect's place beside what came ``later``."""
+        return ()
 
     def point(self, model: Model) -> Fit[Any]:
         """Fit a model without intervals, where that is cheaper."""

@@ -335,11 +335,11 @@ class Search:
         i = 0
         while 1 < len(chain) and i < len(chain):
             other = [f for k, f in enumerate(chain) if k != i]
-            asked = self.places.problem.exchanges(
+            names = self.places.problem.exchanges(
                 chain[i].effect, [f.effect for f in chain[i + 1:]])
-            place = self.places.at(self.places.model_of(other)) if asked else None
+            place = self.places.at(self.places.model_of(other)) if names else None
             able = self.able(place) if place is not None else []
-            found = self._first(other, able, set())
+            found = self._first(other, (f for f in able if f.name in names), set())
             more = self._along([f.name for f in (*other, *found)]) if found else []
             if more and self.places.set_of(more) not in seen:
                 seen.add(self.places.set_of(more))

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -251,10 +251,14 @@ class NoiseProblem(Problem):
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
 
-    def exchanges(self, effect: Effect | None, later: Sequence[Effect | None]) -> bool:
-        """Tell whether the samples may know one of its kind better beside what came later."""
-        return isinstance(effect, NoiseEffect) and bool(effect.alike) and any(
-            isinstance(e, (Mean, Response)) for e in later)
+    def exchanges(self, effect: Effect | None,
+                  later: Sequence[Effect | None]) -> Collection[str]:
+        """Return those of its kind, which the samples may know better beside what came later."""
+        kind = effect.alike if isinstance(effect, NoiseEffect) else ''
+        if not kind or not any(isinstance(e, (Mean, Response)) for e in later):
+            return ()
+        return [name for name, cls in registry('noise').items()
+                if issubclass(cls, NoiseEffect) and cls.alike == kind]
 
     def knows_candidates(self, fit: Fit) -> bool:
         """Tell whether all that is fitted was tried beside such a model already."""
