@@ -153,9 +153,9 @@ class Rts(Spectrum):
 
         Block means are predicted one after another by either: by the filter of a two-state chain
         (Hamilton 1989) and by Kalman's, each with the level of noise, the step and the dwell that
-        suit it best near the fitted ones; so where a filter colours that noise they say nothing.
-        Where the path of the record shows long dwells, it is
-        what they say more than that or anything else that drifts beside steps.
+        suit it best near the fitted ones, and with a random walk beside it or none. Where the path
+        of the record shows long dwells, it is what they say more than that or anything else that
+        drifts beside steps.
 
         """
         seen = self._seen(evidence)
@@ -163,35 +163,45 @@ class Rts(Spectrum):
             return seen.lead
         if self._of_grid(evidence, self['step'], self['tau']):
             return 0.0
-        z, t, width = self._means(evidence, fit)
-        some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
-        means = _white(evidence, fit, 0.5 / (some * width))
-        if not means:   # behind a filter it is white that is further apart than that remembers
-            some = _apart(evidence, fit, width, max(1, len(z) // (2 * _SEGMENT)))
-        width *= some
-        rows = len(z) // some // _SEGMENT if some else 0
-        if rows < 2 or self['tau'] < 3 * width:
-            return 0.0  # too few means, or too long to show the levels; or their noise is no white
-        z = z[: len(z) // some * some].reshape(-1, some)
-        z = z.mean(axis=1) if means else z[:, -1]
-        z = z[-rows * _SEGMENT:].reshape(rows, _SEGMENT)
+        z, t, width = self._whitened(evidence, fit)
+        if len(z) < 2 or self['tau'] < 3 * width:
+            return 0.0  # too few means, or too long to show the levels
         noise = 0.5 * np.mean(np.diff(z, axis=1) ** 2)
         grid = np.array(list(product(
             self['step'] * np.array([0.7, 0.85, 1.0, 1.2, 1.4]),
             self['tau'] * np.array([0.5, 0.7, 1.0, 1.4, 2.0]),
             noise * np.array([0.3, 0.5, 0.7, 0.85, 1.0]),
-            self._wanders_by(evidence, fit, width) * np.array([0.0, 1.0]),
+            np.unique([0.0, self._wanders_by(evidence, fit, width)]),
         ))).T
-        t = t[-1] - width * np.arange(z.size)[::-1].reshape(z.shape)
         loud = np.prod([m.variance(t.ravel()) for m in fit.model.of(Modulation)]
                        or [np.ones(z.size)], axis=0).reshape(z.shape)
         loud = loud / np.mean(loud)
         gaussian = _gauss_markov(z, loud, width, *grid)
         values = np.vstack([np.tile(grid, len(_SHARES)), np.repeat(_SHARES, grid.shape[1])])
-        some = slice(None, None, max(1, rows // _FEW))
+        some = slice(None, None, max(1, len(z) // _FEW))
         likely = np.argsort(_two_levels(z[some], loud[some], width, *values))[-_LIKELY:]
         levels = np.max(_two_levels(z, loud, width, *values[:, likely]))
         return float(levels - gaussian - np.log(len(_SHARES)))
+
+    def _whitened(self, evidence, fit):
+        """
+        Return (z, t, width): segments of means (rows, k) whose noise is white, and their times.
+
+        As long as the dwells allow; or, behind a filter, further apart than that remembers.
+
+        """
+        z, t, width = self._means(evidence, fit)
+        some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
+        means = _white(evidence, fit, 0.5 / (some * width))
+        if not means:
+            some = _apart(evidence, fit, width, max(1, len(z) // (2 * _SEGMENT)))
+        if not some:
+            return z[:0, None], t[:0, None], width
+        z = z[: len(z) // some * some].reshape(-1, some)
+        z = z.mean(axis=1) if means else z[:, -1]
+        rows, width = len(z) // _SEGMENT, width * some
+        z = z[len(z) - rows * _SEGMENT:].reshape(rows, _SEGMENT)
+        return z, t[-1] - width * np.arange(z.size)[::-1].reshape(z.shape), width
 
     def _wanders_by(self, evidence, fit, width):
         """
