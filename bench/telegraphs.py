@@ -37,7 +37,7 @@ def flicker(n: int, size: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def telegraph(n: int, tc: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a path (n,) of two levels, variance 1, whose autocorrelation falls to 1/e in tc samples."""
+    """Return a path (n,) of two levels, variance 1, that is forgotten in tc samples."""
     uneven = rng.uniform(0.5, 2)
     stays = tc * np.array([1 + uneven, 1 + 1 / uneven])
     ends = np.cumsum(rng.exponential(np.resize(stays, 4 * int(n / np.mean(stays)) + 20)))
