@@ -292,9 +292,8 @@ def _restless(evidence: Evidence, low: float, high: float) -> float:
 
 def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:
     """Say that what a coupling explains is told by other gains, or another one, or is no noise."""
-    tells = told_by_gains(evidence, fit, effect.label)
     for other in (e for e in fit.model.of(Coupling) if e.label != effect.label):
-        most = told_by_gains(evidence, fit, other.label)
+        tells, most = (told_by_gains(evidence, fit, e.label) for e in (effect, other))
         if tells < FLEXIBLE_SHARE * most:
             return (f'it tells {tells:.0f} nats, {other.name} {most:.0f}: it is what the '
                     'channels of that do not hear of the same source')
