@@ -1055,3 +1055,38 @@ def test_of_two_peaks_of_one_shape_the_weaker_falls_whichever_was_found_first(fi
     fit = SimpleNamespace(model=model, details=SimpleNamespace(each=power))
     said = [e.part_of(flexible._stronger(evidence, fit, e.label)) for e in model.effects[1:]]
     assert [bool(x) for x in said] == [first, not first]
+
+
+def test_a_peak_explains_what_it_does_where_the_fit_without_it_rests_on_every_bin(monkeypatch):
+    """A fit that sets a band aside misses it by any amount, of which a little is much."""
+    rng, n = np.random.default_rng([4, 0]), 9400
+    y = 1e-3 * rng.standard_normal((n, 3))
+    band = sosfilt(butter(10, [0.95, 1.25], 'band', fs=50, output='sos'),
+                   rng.standard_normal(n + 3000))[3000:]
+    y[:, 0] += 3e-3 * band / band.std()
+    record = ImuRecord(y, None, np.arange(n) * 0.02, 50.0)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    base = 'white', 'flicker', 'random_walk'
+    fit, without = (problem.point(model_of('noise', names)) for names in (
+        [*base, 'narrowband'], base))
+    assert fit.details.ml - without.details.ml > 10_000
+    assert 200 < flexible._explains(problem.evidence, fit, without) < 3000
+    monkeypatch.setattr(flexible, 'smooth_gain', lambda *_: 200.0)
+    monkeypatch.setattr(flexible, '_restless', lambda *_: 1.0)
+    said = flexible.shape(problem.evidence, fit, without, 'narrowband', 100.0)
+    assert 'a smooth form without a name fits better by 200 nats' in said
+
+
+@pytest.mark.parametrize('share, said', [(0.015, True), (0.03, False)])
+def test_of_two_couplings_one_that_tells_a_hundredth_is_the_other_s_source(
+        monkeypatch, share, said):
+    """What an accelerometer's noise hides of a sway other axes hear, and it is no other noise."""
+    model = model_of('noise', ['white', 'accel_coupling', 'shared_noise'])
+    monkeypatch.setattr(flexible, 'told_by_gains', lambda evidence, fit, label: {
+        'accel_coupling': 2000.0, 'shared_noise': 2000.0 * share}[label])
+    monkeypatch.setattr(flexible, '_ways_to_hear', lambda evidence, fit, label: [fit])
+    monkeypatch.setattr(flexible, '_gains_free', lambda *_: (0.0, 0.0))
+    monkeypatch.setattr(flexible, '_not_normal', lambda *_: 'no noise')
+    against = flexible._coupled_otherwise(
+        None, SimpleNamespace(model=model), model['shared_noise'], 15.0)
+    assert ('do not hear of the same source' in against) == said
