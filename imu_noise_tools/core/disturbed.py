@@ -14,7 +14,6 @@ count: the third largest deviation of a frame tells its level.
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import detrend
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
 from .statistics import median_sigma, quantile_sigma, row_medians
@@ -121,8 +120,10 @@ def _levels(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
 def _settles(record: ImuRecord, axes: list[str], count: int, length: int,
              out: np.ndarray) -> bool:
     """Tell whether the first frames stand out, beyond (axes, 1), by how fast they move alone."""
-    level = [_levels(detrend(record.column(a)[:count * length].reshape(count, length)).ravel(),
-                     length)[0] for a in axes]
+    k = np.arange(length) - 0.5 * (length - 1)
+    rows = (np.asarray(record.column(a)[:count * length], float).reshape(count, length)
+            for a in axes)
+    level = [_levels((x - np.outer(x @ k / (k @ k), k)).ravel(), length)[0] for x in rows]
     return bool(np.all(np.array(level) <= out))
 
 

@@ -443,22 +443,24 @@ def _two_levels(z, loud, width, step, tau, noise, drift, share) -> np.ndarray:
     wanders = bool(np.any(drift > 0))
     for k, (y, here) in enumerate(zip(z.T, loud.T)):
         if k:
-            # from the same level and from the other one
-            same, from_other = stay[:, None] * at, (1 - stay[::-1])[:, None] * at[::-1]
-            at = same + from_other
+            before, at = at, stay[:, None] * at + (1 - stay[::-1])[:, None] * at[::-1]
             if wanders:
-                part = same / np.maximum(at, 1e-300)
-                off = mean - mean[::-1]
-                mean, wide = (part * x + (1 - part) * x[::-1] for x in (mean, wide))
-                wide = wide + part * (1 - part) * off**2 + drift
+                mean, wide = _mixed(mean, wide, stay[:, None] * before / np.maximum(at, 1e-300))
+                wide = wide + drift
         v = wide + here[:, None] * noise
         rest = y[:, None] - level - mean
         ln = -0.5 * (rest**2 / v + np.log(v))
         top = np.max(ln, axis=0)
         at = np.maximum(at * np.exp(ln - top), 1e-300)
-        of_both = at.sum(axis=0)
-        total += np.sum(top + np.log(of_both), axis=0)
-        at = at / of_both
+        total += np.sum(top + np.log(at.sum(axis=0)), axis=0)
+        at = at / at.sum(axis=0)
         if wanders:
             mean, wide = mean + wide / v * rest, wide * (1 - wide / v)
     return total
+
+
+def _mixed(mean, wide, part):
+    """Return means and variances (2, ...) of which a ``part`` comes from the same level."""
+    off = mean - mean[::-1]
+    mean, wide = (part * x + (1 - part) * x[::-1] for x in (mean, wide))
+    return mean, wide + part * (1 - part) * off**2
