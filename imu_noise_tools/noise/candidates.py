@@ -281,9 +281,13 @@ def _penalty(effect: NoiseEffect) -> float:
     What the spectrum alone says would otherwise name the one whose own chance is less.
 
     """
+    return max(penalty(name) for name in (effect.name, *of_its_kind(effect)))
+
+
+def of_its_kind(effect: NoiseEffect) -> list[str]:
+    """Return the names of all with an effect's spectrum, its own too; none if no other has it."""
     known = cast('dict[str, type[NoiseEffect]]', registry('noise'))
-    alike = [name for name, cls in known.items() if effect.alike and cls.alike == effect.alike]
-    return max(penalty(name) for name in (effect.name, *alike))
+    return [name for name, cls in known.items() if effect.alike and cls.alike == effect.alike]
 
 
 def _gain(evidence: Evidence, before: Fit, after: Fit, partly: bool) -> float:

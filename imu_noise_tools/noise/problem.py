@@ -13,7 +13,7 @@ import numpy as np
 
 from . import classic, flexible, views
 from .candidates import (
-    at_bound, candidates, no_more_than_chance, no_more_than_less, Tried
+    at_bound, candidates, no_more_than_chance, no_more_than_less, of_its_kind, Tried
 )
 from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
@@ -254,11 +254,8 @@ class NoiseProblem(Problem):
     def exchanges(self, effect: Effect | None,
                   later: Sequence[Effect | None]) -> Collection[str]:
         """Return those of its kind, which the samples may know better beside what came later."""
-        kind = effect.alike if isinstance(effect, NoiseEffect) else ''
-        if not kind or not any(isinstance(e, (Mean, Response)) for e in later):
-            return ()
-        return [name for name, cls in registry('noise').items()
-                if issubclass(cls, NoiseEffect) and cls.alike == kind]
+        moved = any(isinstance(e, (Mean, Response)) for e in later)
+        return of_its_kind(effect) if moved and isinstance(effect, NoiseEffect) else ()
 
     def knows_candidates(self, fit: Fit) -> bool:
         """Tell whether all that is fitted was tried beside such a model already."""

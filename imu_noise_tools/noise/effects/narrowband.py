@@ -131,8 +131,7 @@ class Narrowband(Spectrum):
                 weak['width'], strong['width'])
             if apart < 1 and alike and share < FLEXIBLE_SHARE \
                     or apart < AWAY and strong._wanders and wider < 1 and share < STAYED \
-                    or apart < (AWAY if strong._wanders and weak._wanders else ON) and alike \
-                    and (strong._wanders or weak._wanders):
+                    or apart < (0.0, ON, AWAY)[strong._wanders + weak._wanders] and alike:
                 return (f'of two that lie on each other at {strong["frequency"]:.4g} Hz one has '
                         f'{100 * share:.2g} % of the power: it is the shape of the other')
         return ''

@@ -210,10 +210,8 @@ class Rts(Spectrum):
         It has their power where the levels turn over, at f = 1/(2 pi tau): S = 2 q/w (2 pi f)^-2.
 
         """
-        other = sum((s for label, s in fit.details.each.items() if label != self.label
-                     and isinstance(e := fit.model[label], Spectrum) and not e.flat), 0.0)
-        f = 1 / (2 * np.pi * self['tau'])
-        power = np.interp(f, evidence.whole.bins.f, other + np.zeros(len(evidence.whole.bins.f)))
+        other = _power(evidence, fit, flat=False, but=self.label)
+        power = np.interp(1 / (2 * np.pi * self['tau']), evidence.whole.bins.f, other)
         return float(power) * width / (2 * self['tau'] ** 2)
 
     def _means(self, evidence, fit):
@@ -365,11 +363,16 @@ class Rts(Spectrum):
         return cls({'step': 2e-3, 'tau': 8.0})
 
 
+def _power(evidence: Evidence, fit: Fit, flat: bool, but: str = '') -> np.ndarray:
+    """Return the noise (b,) of a fit that is white before filters, or is not, ``but`` for one."""
+    return sum((s for label, s in fit.details.each.items() if label != but
+                and isinstance(e := fit.model[label], Spectrum) and e.flat == flat),
+               np.zeros(len(evidence.whole.bins.f)))
+
+
 def _white(evidence: Evidence, fit: Fit, most: float) -> bool:
     """Tell whether white noise is as white up to a frequency (Hz), behind filters, as seen."""
-    white = sum(s for label, s in fit.details.each.items()
-                if isinstance(e := fit.model[label], Spectrum) and e.flat)
-    bins = evidence.whole.bins
+    white, bins = _power(evidence, fit, flat=True), evidence.whole.bins
     if not np.any(white > 0):
         return True
     some = (bins.f <= most) & (white > 0)
@@ -388,8 +391,7 @@ def _apart(evidence: Evidence, fit: Fit, width: float, most: int) -> int:
     """
     bins, dt = evidence.whole.bins, evidence.dt
     f = np.fft.rfftfreq(_LAGS, dt)
-    white = sum((s for label, s in fit.details.each.items()
-                 if isinstance(e := fit.model[label], Spectrum) and e.flat), np.zeros(len(bins.f)))
+    white = _power(evidence, fit, flat=True)
     m = round(width / dt)
     alike = np.fft.irfft(np.interp(f, bins.f, white)
                          * (np.sinc(m * f * dt) / np.sinc(f * dt)) ** 2)[:_LAGS // 2:m]
@@ -440,13 +442,7 @@ def _two_levels(z, loud, width, step, tau, noise, drift, share) -> np.ndarray:
     mean = np.zeros_like(at)
     wide = _UNKNOWN * drift + mean
     total = np.zeros(len(step))
-    wanders = bool(np.any(drift > 0))
-    for k, (y, here) in enumerate(zip(z.T, loud.T)):
-        if k:
-            before, at = at, stay[:, None] * at + (1 - stay[::-1])[:, None] * at[::-1]
-            if wanders:
-                mean, wide = _mixed(mean, wide, stay[:, None] * before / np.maximum(at, 1e-300))
-                wide = wide + drift
+    for y, here in zip(z.T, loud.T):
         v = wide + here[:, None] * noise
         rest = y[:, None] - level - mean
         ln = -0.5 * (rest**2 / v + np.log(v))
@@ -454,13 +450,11 @@ def _two_levels(z, loud, width, step, tau, noise, drift, share) -> np.ndarray:
         at = np.maximum(at * np.exp(ln - top), 1e-300)
         total += np.sum(top + np.log(at.sum(axis=0)), axis=0)
         at = at / at.sum(axis=0)
-        if wanders:
-            mean, wide = mean + wide / v * rest, wide * (1 - wide / v)
+        mean, wide = mean + wide / v * rest, wide * (1 - wide / v)
+        # what comes from the same level, and from the other one
+        same = stay[:, None] * at
+        at = same + (1 - stay[::-1])[:, None] * at[::-1]
+        part, off = same / np.maximum(at, 1e-300), mean - mean[::-1]
+        mean, wide = (part * x + (1 - part) * x[::-1] for x in (mean, wide))
+        wide = wide + part * (1 - part) * off**2 + drift
     return total
-
-
-def _mixed(mean, wide, part):
-    """Return means and variances (2, ...) of which a ``part`` comes from the same level."""
-    off = mean - mean[::-1]
-    mean, wide = (part * x + (1 - part) * x[::-1] for x in (mean, wide))
-    return mean, wide + part * (1 - part) * off**2
