@@ -15,25 +15,21 @@ of a relaxation, about zero where the record cannot tell.
 from __future__ import annotations
 
 import argparse
+import pathlib
+import sys
 
 import numpy as np
-from scipy.signal import lfilter
 
-from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop.effect import model_of
-from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.problem import NoiseProblem
+TOP = pathlib.Path(__file__).parent.parent
+sys.path[:0] = [str(TOP), str(TOP / 'test')]
+
+import hidden  # noqa: E402
+from imu_noise_tools.core.record import ImuRecord  # noqa: E402
+from imu_noise_tools.loop.effect import model_of  # noqa: E402
+from imu_noise_tools.noise.gather import gather  # noqa: E402
+from imu_noise_tools.noise.problem import NoiseProblem  # noqa: E402
 
 DT, WHITE = 0.1, 3e-4   # s, standard deviation of a sample
-OCTAVES = 4
-
-
-def flicker(n: int, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Return noise (n,) of 1/f as a sum of relaxations, of a standard deviation per octave."""
-    out = np.zeros(n)
-    for keep in np.exp(-1 / OCTAVES ** np.arange(1, int(np.log(n) / np.log(OCTAVES)) + 2)):
-        out += lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(n))
-    return size * out
 
 
 def telegraph(n: int, tc: float, rng: np.random.Generator) -> np.ndarray:
@@ -51,11 +47,9 @@ def said(seed: tuple[int, int], two: bool) -> tuple[float, str]:
     n = int(rng.integers(8000, 120_000))
     tc = float(np.exp(rng.uniform(np.log(20), np.log(n / 60))))
     size = WHITE * np.exp(rng.uniform(np.log(0.1), np.log(1.5))) * min(1, 9 / np.sqrt(tc))
-    keep = np.exp(-1 / tc)
-    hidden = telegraph(n, tc, rng) if two else lfilter(
-        [np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(n))
+    slow = size * telegraph(n, tc, rng) if two else hidden.decay(n, DT, size, tc * DT, rng)
     y = WHITE * rng.standard_normal((n, 3))
-    y[:, 0] += size * hidden + flicker(n, 0.3 * size * rng.uniform(0, 1), rng)
+    y[:, 0] += slow + hidden.flicker(n, DT, 0.5 * size * rng.uniform(0, 1), rng)
     record = ImuRecord(y, None, np.arange(n) * DT, 1 / DT)
     problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
     fit = problem.point(model_of('noise', ['white', 'flicker', 'random_walk', 'rts']))
