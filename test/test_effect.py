@@ -192,6 +192,17 @@ def test_labels_stay_unique(moves, random):
         assert model.labels[0] == 'floor'
 
 
+@given(st.sampled_from([Parameter('a', '1', 1e-6, 1e6), Parameter('b', '1', -9.0, 9.0, log=False),
+                        Parameter('c', '1', 0.0, 0.02, log=False, knee=1e-4)]), st.floats(1e-9, 1))
+def test_the_scale_of_a_search_leads_back_and_rises_by_its_slope(parameter, share):
+    low, high = parameter.lower, parameter.upper
+    value = low + share * (high - low)
+    x = parameter.searched(value)
+    assert parameter.found(x) == pytest.approx(value, rel=1e-9, abs=1e-12)
+    rise = (parameter.found(x + 1e-4) - parameter.found(x - 1e-4)) / 2e-4
+    assert parameter.slope(value) == pytest.approx(rise, rel=1e-6)
+
+
 def test_capabilities():
     assert [e.label for e in (Floor() + Tone() + Tone()).of(Tone)] == ['tone', 'tone.2']
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imu_noise_tools.core.linear import inverse, inverse_of
+from imu_noise_tools.core.linear import inverse, inverse_of, least_squares
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -40,3 +40,21 @@ def test_what_says_the_same_twice_is_fitted_once():
     y = x @ [1.0, -2.0]
     twice = np.column_stack([x, x[:, 0]])
     assert twice @ (inverse_of(twice) @ y) == pytest.approx(y)
+
+
+@pytest.mark.parametrize('apart', [1.0, 1e-2, 1e-5])
+def test_least_squares_of_columns_near_each_other_and_one_that_is_nothing(apart):
+    """By the Gram matrix or by a factorisation of the columns: beyond a thousandth it loses."""
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal((200, 3)) * [1e-9, 1.0, 1e6]
+    x[:, 2] = 1e6 * (x[:, 1] + apart * x[:, 2] / 1e6)
+    x, y = np.insert(x, 1, 0.0, axis=1), rng.standard_normal(200)
+    beta, covariance, leverage, log_det = least_squares(x, y)
+    some = [0, 2, 3]
+    q, r = np.linalg.qr(x[:, some])
+    assert beta[some] == pytest.approx(np.linalg.solve(r, q.T @ y), rel=1e-8) and beta[1] == 0
+    wanted = np.linalg.inv(r) @ np.linalg.inv(r).T
+    assert covariance[np.ix_(some, some)] == pytest.approx(wanted, rel=1e-8)
+    assert not np.any(covariance[1]) and not np.any(covariance[:, 1])
+    assert leverage == pytest.approx(np.sum(q**2, axis=1), rel=1e-8)
+    assert log_det == pytest.approx(2 * np.sum(np.log(np.abs(np.diag(r)))))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+TOLD_APART = 1e-6  # of a Gram matrix the smallest of the largest eigenvalue: ten digits are left
 SILENT = 1e-280  # of a signal behind a filter: the inverse of what is left is no number
 
 
@@ -18,17 +19,37 @@ def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
     And ln |x' x| of the columns that are anything: one may be nothing in a record, or in a form.
 
     """
-    scale = np.sqrt(np.sum(x**2, axis=0))
-    some = np.flatnonzero(scale)
-    x, scale, beta = x[:, some], scale[some], np.zeros(len(scale))
-    covariance = np.zeros((len(beta), len(beta)))
-    u, s, vt = np.linalg.svd(x / scale, full_matrices=False)
-    keep = s > 1e-10 * np.max(s, initial=0.0)
-    u, s, vt = u[:, keep], s[keep], vt[keep]
-    beta[some] = (vt.T @ ((u.T @ y) / s)) / scale
-    covariance[np.ix_(some, some)] = (vt.T / s**2) @ vt / np.outer(scale, scale)
-    log_det = 2 * float(np.sum(np.log(s))) + 2 * float(np.sum(np.log(scale)))
-    return beta, covariance, np.sum(u**2, axis=1), log_det
+    count, gram = x.shape[1], x.T @ x
+    some = np.flatnonzero(np.diag(gram))
+    if len(some) < count:
+        x, gram = x[:, some], gram[np.ix_(some, some)]
+    u, told, log_det = _decomposed(x, gram)
+    beta, covariance = np.zeros(count), np.zeros((count, count))
+    beta[some] = told @ (y @ u)
+    covariance[np.ix_(some, some)] = told @ told.T
+    return beta, covariance, np.einsum('ij,ij->i', u, u), log_det
+
+
+def _decomposed(x: np.ndarray, gram: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """
+    Return an orthonormal basis u (q, r) of columns (q, p), what takes it to them, and ln |x' x|.
+
+    The second is t (p, r): beta = t u' y. What is next to no rank of the columns, each taken to
+    length 1, is left out. Where they are well told apart by their Gram matrix, by that: it takes a
+    fraction of the time.
+
+    """
+    scale = np.sqrt(np.diag(gram))
+    values, v = np.linalg.eigh(gram / (scale[:, None] * scale))
+    if len(values) and values[0] > TOLD_APART * values[-1]:
+        told = v / np.sqrt(values) / scale[:, None]
+        u, s = x @ told, np.sqrt(values)
+    else:
+        u, s, vt = np.linalg.svd(x / scale, full_matrices=False)
+        keep = s > 1e-10 * np.max(s, initial=0.0)
+        u, s, vt = u[:, keep], s[keep], vt[keep]
+        told = vt.T / s / scale[:, None]
+    return u, told, 2 * float(np.log(s).sum() + np.log(scale).sum())
 
 
 def inverse(gram: np.ndarray) -> np.ndarray:

@@ -49,6 +49,9 @@ class Parameter:
         Bounds within which it is searched for.
     log : bool
         Whether it is searched for on a logarithmic scale (all that cannot change sign).
+    knee : float
+        Of one that may be nothing as well as span powers of ten: the value below which the scale
+        of the search is linear, and above which it is logarithmic.
     amplitude : bool
         Whether the effect vanishes as it goes to zero: only such a parameter can be null.
     linear : bool
@@ -70,6 +73,7 @@ class Parameter:
     lower: float
     upper: float
     log: bool = True
+    knee: float = 0.0
     amplitude: bool = False
     linear: bool = False
     discrete: bool = False
@@ -106,6 +110,22 @@ class Parameter:
                 f'invalid {self.name} {value}', f'choose from {", ".join(self.choices)}'
             )
         return number
+
+    def searched(self, value: float) -> float:
+        """Return where a value is on the scale of the search."""
+        if self.knee:
+            return float(np.log1p(value / self.knee))
+        return float(np.log(value)) if self.log else float(value)
+
+    def found(self, x: float) -> float:
+        """Return the value at a place on the scale of the search."""
+        if self.knee:
+            return float(self.knee * np.expm1(x))
+        return float(np.exp(x)) if self.log else float(x)
+
+    def slope(self, value: float) -> float:
+        """Return by how much a value changes along the scale of the search."""
+        return value + self.knee if self.log or self.knee else 1.0
 
     def written(self, value: float) -> float | str:
         """Return a value as people read it: the name of a choice, any other as it is."""

@@ -371,15 +371,16 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
         return ''
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
-        if p.amplitude or p.linear or p.discrete or p.name in effect.optional:
+        if p.amplitude or p.linear or p.discrete or p.name in effect.optional and not p.knee:
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)
-        room = np.log(high / low) if p.log else high - low
-        within = [np.log(b / a) if p.log else b - a
-                  for a, b in ((low, effect[p.name]), (effect[p.name], high))]
+        low, at, high = (p.searched(value) for value in (low, effect[p.name], high))
+        room = high - low
+        # what is optional may well be nothing
+        within = [high - at] if p.name in effect.optional else [at - low, high - at]
         std = estimates[p.name].std if p.name in estimates else None
-        told = np.inf if std is None else 2 * std / (effect[p.name] if p.log else 1.0)
+        told = np.inf if std is None else 2 * std / p.slope(effect[p.name])
         near = AT_BOUND * room if isinstance(effect, Mean) else max(told, AT_BOUND * room)
         if min(within) < min(0.01 * room, near):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'

@@ -58,11 +58,11 @@ class Slot:
 
     def to_search(self, value: float) -> float:
         """Value -> search scale."""
-        return float(np.log(value)) if self.parameter.log else float(value)
+        return self.parameter.searched(value)
 
     def from_search(self, x: float) -> float:
         """Search scale -> value."""
-        return float(np.exp(x)) if self.parameter.log else float(x)
+        return self.parameter.found(x)
 
     @property
     def bounds(self) -> tuple[float, float]:

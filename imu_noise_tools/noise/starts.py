@@ -29,6 +29,8 @@ LEAST = 1e-6  # of its median, that a level is anywhere
 BESIDE = 6  # of the starts of a filter beside noise of a smaller model
 MOST = 0.9, 0.99  # of the level that what lies behind a filter may have
 LOWEST = 1e-3  # of what is seen behind held samples, that a filter before them is taken to leave
+AT_ONCE = 64  # columns of effects that are judged at once: of some MB
+NO_RANK = 1e-12  # of a Gram matrix of columns of length 1: what others say of one all but this
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
 
@@ -175,11 +177,7 @@ def _best_columns(likelihood, model, effect, options, keep, finer):
         if known:
             before = _basis(np.concatenate(known, axis=1) * root)
             y = y - before @ (before.T @ y)
-        gains = []
-        for x in proposed:
-            x = x * root
-            basis = _basis(x - before @ (before.T @ x), np.sum(x**2, axis=0))
-            gains.append(float(np.sum((basis.T @ y) ** 2)) - 2 * PRICE * basis.shape[1])
+        gains = _gains([x * root for x in proposed], before, y)
         if again:
             break
         # a strong one is in that spectrum itself: what the best leaves tells them apart
@@ -196,6 +194,30 @@ def _best_columns(likelihood, model, effect, options, keep, finer):
     if not effect.anew and best[0] not in chosen:
         chosen = [*chosen[:keep - 1], best[0]]
     return [options[i] for i in chosen]
+
+
+def _gains(proposed: list[np.ndarray], before: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """
+    Return what columns explain of y (q,), less what they cost, of each of some (q, p).
+
+    Beside an orthonormal basis (q, r) of others, which y is less of already. By their Gram
+    matrices, those of as many columns at once.
+
+    """
+    out = np.empty(len(proposed))
+    widths = np.array([x.shape[1] for x in proposed])
+    for p in set(widths):
+        alike = np.flatnonzero(widths == p)
+        for some in np.array_split(alike, len(alike) // AT_ONCE + 1):
+            x = np.stack([proposed[i] for i in some])
+            scale = np.sqrt(np.einsum('kqp,kqp->kp', x, x))
+            x = (x - before @ (before.T @ x)) / np.where(scale > 0, scale, 1.0)[:, None]
+            values, axes = np.linalg.eigh(x.transpose(0, 2, 1) @ x)
+            told = np.einsum('kpr,kp->kr', axes, y @ x)
+            own = values > NO_RANK
+            out[some] = np.sum(told**2 / np.where(own, values, 1.0), axis=1, where=own) \
+                - 2 * PRICE * np.sum(own, axis=1)
+    return out
 
 
 def _best_of_forms(options, gains, choices, keep) -> list[int]:
@@ -222,9 +244,9 @@ def _background(bins: Bins, power: np.ndarray) -> np.ndarray:
     return np.maximum(level, least)
 
 
-def _basis(x: np.ndarray, of: np.ndarray | None = None) -> np.ndarray:
-    """Return an orthonormal basis of the columns x (q, p), whose squares were ``of`` (p,) once."""
-    scale = np.sqrt(np.sum(x**2, axis=0) if of is None else of)
+def _basis(x: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis of the columns x (q, p)."""
+    scale = np.sqrt(np.sum(x**2, axis=0))
     q, r = np.linalg.qr(x / np.where(scale > 0, scale, 1.0))
     return q[:, np.abs(np.diag(r)) > 1e-6]
 

@@ -110,8 +110,8 @@ def powers(u: np.ndarray, more: Iterable[np.ndarray] = ()) -> np.ndarray:
     scale = np.sqrt(np.mean(u * u)) or 1.0
     u = u / scale
     out = [u]
-    for x in (u**2, u**3, *more):   # Gram and Schmidt's steps, twice for the sake of rounding
-        for _ in range(2):
+    for x in (u * u, u * u * u, *more):
+        for _ in range(2):  # Gram and Schmidt's steps, twice for the sake of rounding
             x = x - np.mean(x)
             for y in out:
                 x = x - y * (x @ y / max(y @ y, 1e-300))

@@ -115,7 +115,7 @@ def plain_estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarr
         if slot.label == OPEN:
             continue
         value = slot.from_search(at)
-        s = float(s * value if slot.parameter.log else s)
+        s = float(s * slot.parameter.slope(value))
         out.setdefault(slot.label, {})[slot.parameter.name] = Estimate(
             value,
             s,
@@ -147,7 +147,7 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
         unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
         value = slot.from_search(x[j])
         wide = float(np.clip(std[j], 1e-6, 3.0))
-        spread = float(std[j] * value) if slot.parameter.log else float(std[j])
+        spread = float(std[j]) * slot.parameter.slope(value)
         lower_bound, upper_bound = slot.bounds
         lo = profile.crossing(j, -1, CHI2_95, wide)
         if slot.parameter.amplitude and lo is not None and lo > x[j] and _nothing(slot, x[j], lo):

@@ -59,7 +59,7 @@ class LowPass(Response):
         Parameter('cutoff', 'Hz', 1e-3, 1e5, title='-3 dB frequency'),
         Parameter.choice('form', FORMS, title='shape of the fall'),
         # more of it is a Gauss-Markov process beside white noise
-        Parameter('behind', '1', 0.0, 0.02, log=False,
+        Parameter('behind', '1', 0.0, 0.02, log=False, knee=1e-4,
                   title='share of the white noise that arises behind it'),
         Parameter('averaged', '1', 0.0, 1.0, log=False,
                   title='share of an average beside one pole: 1 is an average alone'),

@@ -36,7 +36,7 @@ class Notch(Response):
     parameters = (
         Parameter('frequency', 'Hz', 1e-4, 1e5, title='centre'),
         Parameter('width', 'Hz', 1e-6, 1e5, title='width between the -3 dB points'),
-        Parameter('behind', '1', 0.0, 0.02, log=False,
+        Parameter('behind', '1', 0.0, 0.02, log=False, knee=1e-4,
                   title='share of the white noise that arises behind it'),
         FILTERS,
     )
