@@ -224,6 +224,7 @@ def test_orders_of_one_machine_are_one_finding(orders):
 
 @pytest.mark.parametrize(('f0', 'orders'), [
     (13.5873, (2, 3, 6)),
+    (0.342661 / DT, (5, 6, 8)),     # two of them stand at the orders 3 and 4 of another one too
     pytest.param(20.2877, (2, 3, 4, 5), marks=pytest.mark.thorough)])
 def test_orders_that_are_all_folded_are_those_of_one_machine(f0, orders):
     rng = np.random.default_rng(6)

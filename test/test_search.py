@@ -27,7 +27,9 @@ def found(name, view='frequency', gain=100.0, **more):
 def search():
     """Return a search that has looked at nothing yet."""
     problem = SimpleNamespace(exchanges=lambda *_: ())
-    return Search(State(problem, Fit(model_of('noise', ('white',)), {}, 0.0), None))
+    search = Search(State(problem, Fit(model_of('noise', ('white',)), {}, 0.0), None))
+    search.places.supported = lambda model: search.places.at(model).fit.supported
+    return search
 
 
 def leaves(nats):
@@ -544,6 +546,20 @@ def test_of_a_shaft_and_its_strongest_line_the_line_is_there(search, scores, sai
     f, = search.with_odds([found('harmonics')])
     assert f.name == said and f.probability == pytest.approx(probability, abs=0.02)
     assert bool(f.against) == (probability < 0.95)
+
+
+@pytest.mark.parametrize(('gained', 'probability'), [(22.0, 1.0), (-2.0, 0.0)])
+def test_of_two_that_each_hold_what_they_share_both_are_there(search, gained, probability):
+    """A course of all axes is in what they share; by itself that gains the course as well."""
+    chain = [found('transient', 'time', 140.0), found('shared_noise', 'coherence', 90.0)]
+    alone = {'': 0.0, 'transient': 133.0, 'shared_noise': 240.0}
+    search.scores = {frozenset({'white', *([k] if k else [])}): v for k, v in alone.items()}
+    search.scores[search.places.set_of(chain)] = 222.0
+    search.places.failing = lambda model: 0.0
+    _places(search, {}, lambda model: 500.0 - gained * ('transient' not in model))
+    first, second = search.with_odds(chain)
+    assert first.probability == pytest.approx(probability, abs=0.2)
+    assert second.probability == pytest.approx(1.0)
 
 
 def _places(search, standing, fits=lambda model: None):

@@ -70,6 +70,13 @@ class Places:
                 self._places[key] = None
         return self._places[key]
 
+    def supported(self, model: Model) -> float | None:
+        """Return ln L of what a fit of a model explains; None where there is none, or no such."""
+        try:
+            return self._fit(model).supported
+        except FitError:
+            return None
+
     def _fit(self, model: Model) -> Fit[Any]:
         return self.state.fit if model == self.base else self.problem.point(model)
 

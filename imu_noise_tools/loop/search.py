@@ -317,10 +317,10 @@ class Search:
         What is fitted gains it there; all else is read from the samples beside any fit.
 
         """
-        here = self.places.at(self.places.model_of(chain))
-        if here is None or here.fit.supported is None:
+        supported = self.places.supported(self.places.model_of(chain))
+        if supported is None:
             return -np.inf
-        return here.fit.supported + sum(
+        return supported + sum(
             (f.samples if fitted(f) else f.gain) - price(f) for f in chain)
 
     def _exchanged(self, chain: list[Finding]) -> list[Finding]:
@@ -631,6 +631,7 @@ class Search:
 
     def with_odds(self, chain: list[Finding]) -> list[Finding]:
         """Return a chain with probabilities, shares explained, and rivals where they matter."""
+        self._less_by_parts(chain)
         out, model = [], self.places.base
         whole, members = self.places.failing(model), self.places.labels_of(chain)
         for f, name in zip(chain, members):
@@ -647,6 +648,21 @@ class Search:
                 f'{rules.CANNOT_TELL} {" or ".join(rivals)}' if rivals else FROM_NOTHING
             out.append(replace(f, probability=sure, explains=explains, against=against))
         return out
+
+    def _less_by_parts(self, chain: Sequence[Finding]) -> None:
+        """
+        Let no part of a chain count for more than it explains beside the whole.
+
+        What two share each may gain by itself: with what it gained there, one of them without the
+        other would be worth more than both.
+
+        """
+        own, labels = self.places.set_of(chain), self.places.labels_of(chain)
+        for part in [k for k, v in self.scores.items() if k < own and v > self.scores[own]]:
+            some = [f for f, name in zip(chain, labels) if name in part]
+            less = self._worth(chain) - self._worth(some)
+            if self.places.set_of(some) == part and np.isfinite(less):
+                self.scores[part] = min(self.scores[part], self.scores[own] - less)
 
     def _plainest(self, before: Model, finding: Finding, name: str, sure: float,
                   rivals: list[str]) -> tuple[Finding, float, list[str]]:

@@ -17,7 +17,7 @@ from ...loop.effect import Effect, Estimate
 
 ORDERS = 12
 HIGHEST = (2, 3, 4, 6, 8, ORDERS)  # what the search for f0 takes for the highest order
-LOWEST = 4  # some line must be of this order or a lower one
+LOWEST = 6  # some line must be of this order or a lower one
 CHANCE = 0.01  # that unrelated lines stand so
 CELLS = 0.05, 0.2  # of 1/T by which a line may be off its order: a strong one, a faint one
 KNOWN = 4 * np.sqrt(3) / np.pi  # four errors of a frequency, cells, times the pull of its line
