@@ -1006,7 +1006,10 @@ def test_filters_that_bend_noise_of_any_colour_to_its_form_give_it_no_name(power
     assert 'which has no name, fits as well' in problem.shape(fit, 'quantization', 50.0)
     # with as many parameters the knee of one of the two is better still
     fits = 'better' if power == 1 else 'as well'
-    assert f'which has no name, fits {fits}' in problem.shape(fit, 'low_pass', 50.0)
+    without = problem.point(fit.model.minus('low_pass'))
+    assert f'which has no name, fits {fits}' in flexible.shape(
+        problem.evidence, fit, without, 'low_pass', 50.0)
+    assert 'its behind lies at its bound' in problem.shape(fit, 'low_pass', 50.0)
 
 
 @pytest.mark.parametrize(('bend', 'no_more'), [(0.0, True), (6.0, False)])
