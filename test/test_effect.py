@@ -197,9 +197,9 @@ def test_labels_stay_unique(moves, random):
 def test_the_scale_of_a_search_leads_back_and_rises_by_its_slope(parameter, share):
     low, high = parameter.lower, parameter.upper
     value = low + share * (high - low)
-    x = parameter.searched(value)
-    assert parameter.found(x) == pytest.approx(value, rel=1e-9, abs=1e-12)
-    rise = (parameter.found(x + 1e-4) - parameter.found(x - 1e-4)) / 2e-4
+    x = parameter.to_search(value)
+    assert parameter.from_search(x) == pytest.approx(value, rel=1e-9, abs=1e-12)
+    rise = (parameter.from_search(x + 1e-4) - parameter.from_search(x - 1e-4)) / 2e-4
     assert parameter.slope(value) == pytest.approx(rise, rel=1e-6)
 
 

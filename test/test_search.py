@@ -562,6 +562,16 @@ def test_of_two_that_each_hold_what_they_share_both_are_there(search, gained, pr
     assert second.probability == pytest.approx(1.0)
 
 
+def test_what_is_left_of_a_chain_has_odds_though_no_chain_came_by_it(search):
+    """What fell in the last round is taken out, and nothing is looked at anew."""
+    search.scores = {frozenset({'white', *more}): v for *more, v in (
+        ('step', 40.0), ('step', 'ramp', 60.0), ('step', 'ramp', 'notch', 90.0))}
+    search.places.failing = lambda model: 0.0
+    _places(search, {})
+    first, second = search.with_odds([found('step', 'time'), found('notch')])
+    assert first.probability == pytest.approx(1.0) and second.probability == pytest.approx(1.0)
+
+
 def _places(search, standing, fits=lambda model: None):
     """Let what stands out at a model be given by the names added to it, joined by commas."""
     def at(model):

@@ -49,9 +49,6 @@ class Parameter:
         Bounds within which it is searched for.
     log : bool
         Whether it is searched for on a logarithmic scale (all that cannot change sign).
-    knee : float
-        Of one that may be nothing as well as span powers of ten: the value below which the scale
-        of the search is linear, and above which it is logarithmic.
     amplitude : bool
         Whether the effect vanishes as it goes to zero: only such a parameter can be null.
     linear : bool
@@ -65,6 +62,9 @@ class Parameter:
         among the numbers of a fit is the index (:meth:`choice`).
     formerly : str
         Its name in older studies.
+    knee : float
+        Of one that may be nothing as well as span powers of ten: the value below which the scale
+        of the search is linear, and above which it is logarithmic.
 
     """
 
@@ -73,13 +73,13 @@ class Parameter:
     lower: float
     upper: float
     log: bool = True
-    knee: float = 0.0
     amplitude: bool = False
     linear: bool = False
     discrete: bool = False
     title: str = ''
     choices: tuple[str, ...] = ()
     formerly: str = ''
+    knee: float = 0.0
 
     @classmethod
     def choice(cls, name: str, choices: Iterable[str], title: str = '',
@@ -111,13 +111,13 @@ class Parameter:
             )
         return number
 
-    def searched(self, value: float) -> float:
+    def to_search(self, value: float) -> float:
         """Return where a value is on the scale of the search."""
         if self.knee:
             return float(np.log1p(value / self.knee))
         return float(np.log(value)) if self.log else float(value)
 
-    def found(self, x: float) -> float:
+    def from_search(self, x: float) -> float:
         """Return the value at a place on the scale of the search."""
         if self.knee:
             return float(self.knee * np.expm1(x))

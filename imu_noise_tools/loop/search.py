@@ -658,11 +658,14 @@ class Search:
 
         """
         own, labels = self.places.set_of(chain), self.places.labels_of(chain)
-        for part in [k for k, v in self.scores.items() if k < own and v > self.scores[own]]:
+        most = self.scores.get(own, np.inf)     # of what is left of a chain none may be known
+        for part in [k for k, v in self.scores.items() if k < own and v > most]:
             some = [f for f, name in zip(chain, labels) if name in part]
+            if self.places.set_of(some) != part:    # its labels are others beside the whole
+                continue
             less = self._worth(chain) - self._worth(some)
-            if self.places.set_of(some) == part and np.isfinite(less):
-                self.scores[part] = min(self.scores[part], self.scores[own] - less)
+            if np.isfinite(less):
+                self.scores[part] = min(self.scores[part], most - less)
 
     def _plainest(self, before: Model, finding: Finding, name: str, sure: float,
                   rivals: list[str]) -> tuple[Finding, float, list[str]]:

@@ -375,10 +375,10 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)
-        low, at, high = (p.searched(value) for value in (low, effect[p.name], high))
+        low, at, high = (p.to_search(value) for value in (low, effect[p.name], high))
         room = high - low
-        # what is optional may well be nothing
-        within = [high - at] if p.name in effect.optional else [at - low, high - at]
+        # what may be nothing is at no bound there
+        within = [high - at] if p.knee else [at - low, high - at]
         std = estimates[p.name].std if p.name in estimates else None
         told = np.inf if std is None else 2 * std / p.slope(effect[p.name])
         near = AT_BOUND * room if isinstance(effect, Mean) else max(told, AT_BOUND * room)

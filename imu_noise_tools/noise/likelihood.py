@@ -58,11 +58,11 @@ class Slot:
 
     def to_search(self, value: float) -> float:
         """Value -> search scale."""
-        return self.parameter.searched(value)
+        return self.parameter.to_search(value)
 
     def from_search(self, x: float) -> float:
         """Search scale -> value."""
-        return self.parameter.found(x)
+        return self.parameter.from_search(x)
 
     @property
     def bounds(self) -> tuple[float, float]:

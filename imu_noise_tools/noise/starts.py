@@ -29,7 +29,7 @@ LEAST = 1e-6  # of its median, that a level is anywhere
 BESIDE = 6  # of the starts of a filter beside noise of a smaller model
 MOST = 0.9, 0.99  # of the level that what lies behind a filter may have
 LOWEST = 1e-3  # of what is seen behind held samples, that a filter before them is taken to leave
-AT_ONCE = 64  # columns of effects that are judged at once: of some MB
+AT_ONCE = 64  # effects whose columns are judged together: of some MB
 NO_RANK = 1e-12  # of a Gram matrix of columns of length 1: what others say of one all but this
 SHOWS = 0.03  # share of the power that noise which passes a filter must be somewhere
 
