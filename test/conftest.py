@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from params import in_share
 import pytest
 
 # Before numpy is imported: on a busy machine the threads of its linear algebra slow small matrices
@@ -38,8 +39,14 @@ LONG_FILES = ('manual', 'noise_loop', 'noise_rivals', 'fleet', 'clean_install', 
               'other_types', 'filter_smoother', 'filter_engine', 'own_effects', 'node_filter')
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Order the files of tests, the long ones first."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Order the files of tests, the long ones first; of the thorough ones take a share."""
+    share = os.environ.get('IMU_NOISE_SHARE')
+    if share:
+        taken = [not item.get_closest_marker('thorough') or in_share(item.nodeid, share)
+                 for item in items]
+        config.hook.pytest_deselected(items=[i for i, some in zip(items, taken) if not some])
+        items[:] = [i for i, some in zip(items, taken) if some]
     rank = {f'test_{name}.py': k for k, name in enumerate(LONG_FILES)}
     items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from zlib import crc32
 
 import pytest
 
@@ -15,3 +16,9 @@ def daily(values: Iterable, *few) -> list:
     values = list(values)
     assert set(few) <= set(values)
     return [pytest.param(v, marks=() if v in few else pytest.mark.thorough) for v in values]
+
+
+def in_share(test: str, share: str) -> bool:
+    """Tell whether a test (its id) is in a share of all, "2/4": what it is in stays the same."""
+    which, of = map(int, share.split('/'))
+    return crc32(test.encode()) % of == which % of

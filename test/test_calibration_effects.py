@@ -372,6 +372,7 @@ def test_of_two_effects_neither_is_taken_for_what_did_its_work_alone():
         assert {f.name for f in d.found} == {'temperature', 'cubic'} and d.remaining is None
 
 
+@pytest.mark.thorough
 def test_advice_names_rivals_alone():
     """What is told apart is no rival, and where no freedom is left the number of poses is."""
     rng = np.random.default_rng(14)

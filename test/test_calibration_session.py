@@ -110,6 +110,7 @@ def test_one_face_put_down_twice_is_two_poses():
     assert faces == ['+z', '+z', '-z'] and not any('knock' in n for n in notes)
 
 
+@pytest.mark.thorough
 def test_a_coarse_output_widens_the_intervals():
     """With a step ten times the noise means are no better than the step: intervals still hold."""
     rng = np.random.default_rng(32)

@@ -93,6 +93,7 @@ def test_intervals_hold_the_truth():
     assert 0.92 <= np.mean(hits) <= 0.98
 
 
+@pytest.mark.thorough
 def test_left_out_closed_form_is_split_fit_score():
     """Turns left out by leverage against fitting n times."""
     problem = problem_of(session(3, g_sensitivity=1e-3 * np.ones((3, 3)))[0])
@@ -127,6 +128,7 @@ def test_a_rest_in_which_a_hand_creeps_is_no_end_of_a_turn():
     assert done.study.diagnose()['gyro'].verdict == 'complete'
 
 
+@pytest.mark.thorough
 def test_a_bias_that_steps_is_no_hand_that_creeps():
     """All rests after a step of 0.2 deg/s are kept, and it is found by name and time."""
     plain, _, _ = session(8, 24)
@@ -155,6 +157,7 @@ def test_what_the_bias_does_in_time_is_taken_out_of_the_turns():
         fit.estimates['drift'].values(), [5e-5, -3e-5, 4e-5]))
 
 
+@pytest.mark.thorough
 def test_directions_are_those_of_the_accelerometer_with_what_it_lacked():
     """The square of the accelerometer is not charged to the gyroscope, and it is said."""
     rms = []

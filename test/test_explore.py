@@ -190,6 +190,7 @@ def test_touching_the_file_is_no_change(session, folder):
 
 # --- what it is opened with
 
+@pytest.mark.thorough
 def test_a_recording_is_analysed_first(tmp_path):
     r = explore_study.record()
     np.savez(tmp_path / 'r.npz', t=r.t, gyro=r.gyro, accel=r.accel)

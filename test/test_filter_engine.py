@@ -160,6 +160,7 @@ def test_a_change_of_rate_in_mid_stream_is_followed():
     assert engine.counts.gaps == engine.counts.resets == 0
 
 
+@pytest.mark.thorough
 def test_stamps_far_from_zero_and_jittered_change_nothing():
     t, z, truth = rocking(2000)
     a, _ = live(Engine(values=KNOWN, rate_hz=100.0), t, z)

@@ -247,6 +247,7 @@ def test_the_bank_of_one_is_the_dense_filter(name, alpha):
         assert variance[0] == pytest.approx(space.rate @ p @ space.rate, rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_the_bank_is_the_textbook_interacting_multiple_model_filter():
     noise = [WHITE + GaussMarkov.example()]
     modes = default_modes(noise, 0.01)

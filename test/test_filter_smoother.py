@@ -181,6 +181,7 @@ def test_a_window_of_no_length_is_the_filter():
         assert np.allclose(now, rate, rtol=0, atol=1e-12) and np.allclose(var, variance)
 
 
+@pytest.mark.thorough
 def test_live_and_recorded_wait_alike():
     """A message lost, two of one stamp, a copy: every message comes once, in order."""
     t, z, _ = turning(700, seed=9)
@@ -203,6 +204,7 @@ def test_live_and_recorded_wait_alike():
     assert np.allclose([v for _, v in out], got.variance, rtol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('event', ['gap', 'backward', 'switch', 'no delay'])
 def test_nothing_waits_over_a_gap_or_another_model(event):
     t, z, truth = turning(700, seed=10)

@@ -174,6 +174,7 @@ def test_an_export_goes_where_it_is_sent(tmp_path, study):
     assert data['format'] == 'kalibr'
 
 
+@pytest.mark.thorough
 def test_an_export_refuses_what_it_cannot_hold(tmp_path, study, capsys):
     for name, words, status, why in (
             ('kalibr', ('--calibration', '/nowhere'), 2, '--calibration'),

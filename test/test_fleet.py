@@ -552,6 +552,7 @@ def test_two_fleets_are_compared(plain, bags, client, tmp_path):
         assemble.compare(tmp_path, kept.folder)
 
 
+@pytest.mark.thorough
 def test_a_line_on_one_unit_is_its_own(bags, client, tmp_path):
     folder = tmp_path / 'bags'
     folder.mkdir()

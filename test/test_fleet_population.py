@@ -139,6 +139,7 @@ def test_what_is_not_normal_enters_as_its_integral():
             total + constant, abs=0.02), said
 
 
+@pytest.mark.thorough
 def test_what_chance_shows_is_not_taken_as_it_is():
     """Half of the records show no value: the mean comes out, the shown ones alone are high."""
     means, naive, inside = [], [], 0
@@ -178,6 +179,7 @@ def test_a_limit_is_one():
     assert density[p < 4].sum() / density.sum() == pytest.approx(0.90, abs=0.001)
 
 
+@pytest.mark.thorough
 @settings(max_examples=8)
 @given(st.integers(0, 10_000))
 def test_order_does_not_matter(seed):

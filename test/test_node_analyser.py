@@ -178,6 +178,7 @@ def test_a_cameras_sensors_are_analysed_each_at_its_own_rate(ros, tmp_path, kind
     assert open_record(folder / 'accel.npz').n == 7560
 
 
+@pytest.mark.thorough
 def test_the_loop_over_services(ros, small_bag):
     """Refusals before there is anything; then the whole loop, save and reset."""
     bag, record = small_bag

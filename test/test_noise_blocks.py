@@ -23,6 +23,7 @@ def test_white_noise_has_its_density_in_all_bands():
     assert np.all(np.abs(off) < 5 * np.sqrt(1.1 / (count * len(p))))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('n', [6000, 20_011, 100_000])
 @pytest.mark.parametrize('a', [[1.0], [1.0, -0.98], [1.0, -1.6, 0.65]])
 def test_blocks_scatter_as_said_and_use_most_of_the_samples(n, a):

@@ -221,6 +221,7 @@ def test_a_walk_that_holds_a_nameless_course_is_not_said_to_be_all():
     assert 'random_walk.K' in problem.matters(fit).moved
 
 
+@pytest.mark.thorough
 def test_noise_that_wanders_is_no_course():
     """A walk that is most of what moves, faint to strong, and flicker without a walk."""
     for seed, k in enumerate((0.0, 1e-6, 1e-5, 1e-5, 1e-4, 1e-4, 1e-3, 1e-3)):

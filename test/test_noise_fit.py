@@ -221,6 +221,7 @@ def test_resolution_of_the_output():
 
 # --- the likelihood itself -----------------------------------------------------------------------
 
+@pytest.mark.thorough
 def test_likelihood_against_the_exact_one():
     """Differences between models, against the Gaussian likelihood of the samples, mean unknown."""
     n, dt = 900, 0.5
@@ -531,6 +532,7 @@ def test_a_filter_is_begun_anew_beside_own_noise_that_was_missing():
         assert (len(begun) == 2) == anew
 
 
+@pytest.mark.thorough
 def test_an_average_that_jumps_pass_is_not_begun_as_the_pole_of_them_all():
     """Fitted to all noise, jumps too, a filter has another form than that of what it filters."""
     rng, n, dt = np.random.default_rng(5), 60_000, 0.1

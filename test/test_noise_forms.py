@@ -59,6 +59,7 @@ def test_a_filter_of_nothing_is_refused():
         problem_of([])[0].fit(model_of('noise', ('low_pass', 'ramp')))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('name', ['harmonics', 'narrowband', 'slow_periodic', 'shock'])
 def test_what_is_there_lowers_the_error(name):
     problem, _ = problem_of([name])
@@ -203,7 +204,8 @@ def test_a_drift_is_named_where_it_is_clear_of_a_ramp(more, holds):
     assert not any(f.against for f in clear_of_less(some[1:]))
 
 
-@pytest.mark.parametrize('names', [['slow_periodic'], ['low_pass'], ['low_pass', 'duplicates']])
+@pytest.mark.parametrize('names', [['slow_periodic'], ['slow_periodic', 'ramp', 'transient'],
+                                   ['low_pass'], ['low_pass', 'duplicates']])
 def test_the_likelihood_falls_as_its_derivatives_say(names):
     """Of a mean, of a filter and what leaks past it, or what holding samples fills of it."""
     problem, _ = problem_of(names)
@@ -369,6 +371,7 @@ def test_a_filter_is_found_beside_the_rounding_of_an_angle_behind_it(cutoff):
     assert fit.model['low_pass']['cutoff'] == pytest.approx(cutoff, rel=0.15)
 
 
+@pytest.mark.thorough
 def test_a_machine_that_is_switched_on_hides_no_change_of_the_noise():
     """Beside its band what the noise does is seen: its own coming and going is none of that."""
     rng, rate, n = np.random.default_rng(17), 20.0, 80_000
@@ -386,6 +389,7 @@ def test_a_machine_that_is_switched_on_hides_no_change_of_the_noise():
         variance(problem.evidence, fit))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('turn, told', [(0.1, False), (0.2, False), (0.5, True)])
 def test_how_loud_the_error_of_a_counted_angle_is_says_nothing_where_it_is_a_swing(turn, told):
     """It goes with where the mean stands; of more than a third of a count it is noise."""
@@ -400,6 +404,7 @@ def test_how_loud_the_error_of_a_counted_angle_is_says_nothing_where_it_is_a_swi
         assert bool(found and found.gain > 20) == free
 
 
+@pytest.mark.thorough
 def test_what_samples_say_against_a_finding_counts_where_chains_are_compared():
     """By its spectrum alone a telegraph is as good as the process that is there."""
     rng, n = np.random.default_rng(14), 60_000
@@ -413,6 +418,7 @@ def test_what_samples_say_against_a_finding_counts_where_chains_are_compared():
         found['gauss_markov'].gain, rel=0.02)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('two_levels', [True, False])
 def test_a_grid_that_slow_noise_walks_over_is_no_telegraph(two_levels):
     """Rounded, what a filter lets through stays on a level; steps less than the grid's show."""
@@ -544,6 +550,7 @@ def test_a_path_is_followed_through_the_first_switches_and_short_visits():
     assert np.mean(np.abs(found.path - found.path.mean() - (y - y.mean())) > 1) < 0.005
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('levels', [2, 9])
 def test_steps_to_and_fro_between_two_levels_are_a_telegraph(levels):
     """One after another they gain far more than it does; of any other size they are steps."""

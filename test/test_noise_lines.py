@@ -424,6 +424,7 @@ def test_a_line_of_forty_nats_is_borne_out_by_each_half():
     assert min(sides[0]) > 10 and sides[1] == [0.0, 0.0], sides
 
 
+@pytest.mark.thorough
 def test_lines_that_beat_are_no_noise_that_swings():
     """Two of one band swing once in 2.1 s, and seen once in a block of 1.8 s once in 14 s."""
     rng, n = np.random.default_rng(42), 23_040

@@ -125,6 +125,7 @@ def test_two_at_once_come_one_after_the_other(pair):
     assert study.diagnosis[AXIS].verdict == 'complete'
 
 
+@pytest.mark.thorough
 def test_adding_what_is_not_there_does_not_lower_the_error():
     _, study, _ = first_verdict([35, 0], ())
     for name in ('sinusoid', 'ramp', 'rts', 'low_pass'):

@@ -56,6 +56,7 @@ def fan():
     return problem_of(y)
 
 
+@pytest.mark.thorough
 def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
     """Begun anew, two peaks exchanged their places, and each had left its intervals."""
     for many in 1, 2, 3:    # as a search finds them
@@ -68,6 +69,7 @@ def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
     assert not materiality._moved(fan.evidence, fit)
 
 
+@pytest.mark.thorough
 def test_no_smooth_form_stands_in_a_sharp_peak_s_place(fan, monkeypatch):
     """What is left beside it is another's: of five peaks all fell for what the others had left."""
     fit = fan.point(model_of('noise', [*BASE, 'gauss_markov', *['narrowband'] * 3]))
@@ -79,6 +81,7 @@ def test_no_smooth_form_stands_in_a_sharp_peak_s_place(fan, monkeypatch):
     assert {e.sharp for e in fit.model if e.name == 'narrowband'} == {False, True}
 
 
+@pytest.mark.thorough
 def test_what_wanders_is_elsewhere_in_each_half():
     rng, n = np.random.default_rng(5), 40_000
     y = rng.standard_normal((n, 3))

@@ -74,6 +74,7 @@ def coloured(rng, power):
     return x / np.std(x)
 
 
+@pytest.mark.thorough
 def test_a_weak_relaxation_is_not_called_popcorn_noise():
     """Its spectrum is that of both, and the samples tell neither: what chance reaches is equal."""
     rng = np.random.default_rng(14)
@@ -86,6 +87,7 @@ def test_a_weak_relaxation_is_not_called_popcorn_noise():
     assert abs(found['rts'].gain - found['gauss_markov'].gain) < 3
 
 
+@pytest.mark.thorough
 def test_what_a_fit_leaves_open_does_not_do_the_work_of_noise():
     """Angle quantization beside a relaxation: two zeros and a pole, free, do what they do."""
     rng, n = np.random.default_rng(81), 30_000
@@ -100,6 +102,7 @@ def test_what_a_fit_leaves_open_does_not_do_the_work_of_noise():
     assert found.effect['Q'] == pytest.approx(SIZE * DT, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_noise_that_axes_share_is_named():
     rng = np.random.default_rng(5)
     names, said = found_in(axes_with(0.3 * SIZE * rng.standard_normal(N), rng))
@@ -179,6 +182,7 @@ def test_a_power_of_f_that_does_without_white_noise_and_flicker_is_no_low_pass()
     assert gain > 20 and 'steepness' in problem.shape(after, 'low_pass', gain)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', [1, 4])
 def test_what_a_filter_filters_is_asked_again_beside_noise_that_was_missing(seed):
     """Beside a random walk alone it filtered white noise; flicker passes it as well."""
@@ -448,6 +452,7 @@ def averaged(rng):
     return np.convolve(fine, np.ones(34) / 34, 'valid')[:8 * N:8] + 0.02 * rng.standard_normal(N)
 
 
+@pytest.mark.thorough
 def test_a_knee_that_does_something_else_is_no_rival_of_a_filter():
     """No band counts much: what a filter takes away, and a slow end that nothing explains yet."""
     rng = np.random.default_rng(35)
@@ -456,6 +461,7 @@ def test_a_knee_that_does_something_else_is_no_rival_of_a_filter():
     assert not flexible._knee(problem.evidence, fit, fit.model['low_pass'], 300.0)
 
 
+@pytest.mark.thorough
 def test_a_filter_stands_out_though_a_peak_does_of_what_it_lets_pass():
     """Beneath the peak the filter leaves next to nothing, and the white noise of before more."""
     rng = np.random.default_rng(36)
@@ -816,6 +822,7 @@ def test_skirts_of_a_sharp_resonance_that_stands_high_tell_what_is_heard_of_it(h
     assert 'displacement' in tried and ('velocity' in tried) == told
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('slow', ['warm-up', 'sway'])
 def test_what_warms_up_together_is_no_coupling(slow):
     """One source moves a gyroscope and an accelerometer once; a bench that sways goes on."""

@@ -522,6 +522,7 @@ def test_n_beside_a_changing_variance_says_which():
                                         rel=0.03)
 
 
+@pytest.mark.thorough
 def test_what_is_switched_on_and_off_is_left_out_where_it_shows():
     """A machine that runs for a fifth of the time: N is that of the rest, B and K of it all."""
     y, rng = noise(41)
@@ -678,6 +679,7 @@ def test_a_lower_order_is_raised_into_the_variable_of_a_band():
     assert gains[1][0] == pytest.approx(gains[0][0], rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('middle, octaves, more', [(0.12, 3.0, 6.0), (0.13, 2.8, 29.0)])
 def test_holes_do_not_stand_where_a_response_tells_more(middle, octaves, more):
     """Between such a hump's skirts and drift little white noise is left: its form tells N."""

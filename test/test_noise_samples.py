@@ -189,6 +189,7 @@ def test_where_all_samples_stand_on_one_level_nothing_is_told():
     assert not before_rounding(np.r_[8.0 * np.round(noise(6) / 8), 8.0], 8.0).size
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('drift', [0, 3])
 @pytest.mark.parametrize('keep', [0.2, 0.6, 0.9])
 @pytest.mark.parametrize('sigma, place', [(0.22, 0.0), (0.3, 0.45), (0.5, 0.2)])
@@ -222,6 +223,7 @@ def test_what_rounding_moves_a_mean_by_is_its_largest_error_of_two(noise):
         moved_by_rounding(3.0, 3 * np.sqrt(noise**2 / 4 + 1 / 12), none) if found else 0)
 
 
+@pytest.mark.thorough
 def test_a_filter_before_an_angle_s_rounding_gains_what_a_relaxation_gains_that_bends_alike():
     """Where it was bounded by what few bands lose without it, it gained 17 nats less of 460."""
     rng, n, dt = np.random.default_rng(13), 60_000, 0.02
@@ -237,6 +239,7 @@ def test_a_filter_before_an_angle_s_rounding_gains_what_a_relaxation_gains_that_
         gain['gauss_markov'], abs=5)
 
 
+@pytest.mark.thorough
 def test_a_mean_that_rounding_moves_is_no_step():
     """Noise grew less, and then more of a mean between two levels was rounded away."""
     rng, n, level = np.random.default_rng(12), 60_000, -0.24
@@ -251,6 +254,7 @@ def test_a_mean_that_rounding_moves_is_no_step():
         assert step.gain > step.penalty and ('rounding moves a mean' in step.against) == (not size)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('louder', [1.0, 1.6])
 def test_a_variance_that_changes_shows_below_a_coarse_grid(louder):
     rng = np.random.default_rng(5)
@@ -339,6 +343,7 @@ def test_what_comes_last_acts_on_quantization_too():
     assert model_psd(q + held, f, 0.01) == pytest.approx(plain * held.gain2(f, 0.01), rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('share', [0.1, 0.3, 0.6])
 @pytest.mark.parametrize('name, values', [
     ('low_pass', {'cutoff': 0.12, 'form': 'butterworth_2'}),
@@ -606,6 +611,7 @@ def test_what_dies_out_is_a_shock_and_so_is_what_swells_before(size, decay, swel
         assert np.any((kept['begin'] <= top + 12) & (top < kept['end']))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('heard', [0.0, 0.3, 1.0])
 def test_what_no_other_axis_hears_is_no_knock_but_a_burst_behind_a_filter(heard):
     """By its form a short one is either; a knock moves all axes, each by its share."""
@@ -811,6 +817,7 @@ def test_a_filter_is_found_in_a_sensor_that_is_read_faster_than_it_measures(read
     assert found['low_pass']['cutoff'] == pytest.approx(40, rel=0.03)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('what', ['rate', 'angle'])
 def test_an_angle_has_its_error_in_full_where_noise_spans_its_step(what):
     """Of a grid as fine as .6 standard deviations only that tells a rate from an angle."""

@@ -95,6 +95,7 @@ def test_sums_along_lines_are_those_of_the_cells():
     assert (blocks, steps, at) == (32, *best) and strong == pytest.approx(sums[best] - 32)
 
 
+@pytest.mark.thorough
 def test_a_weak_sweep_is_unknown_and_no_filter():
     """Over the lower third of the band: the spectrum alone says that it falls."""
     y = 1e-4 * np.column_stack([white(s) for s in (14, 15, 16)])

@@ -107,6 +107,7 @@ def test_what_sways_by_itself_follows_no_temperature(kind):
         assert course_of(slow, t, own) is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('size', [0.02, 0.004])
 @pytest.mark.parametrize('whose', ['heater', 'own', 'shared'])
 def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_it(whose, size):

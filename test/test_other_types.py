@@ -166,6 +166,7 @@ def test_sensor_combined_is_read_as_it_is(tmp_path, kind):
     assert record.topic == '/fmu/out/sensor_combined' and record.warnings == ()
 
 
+@pytest.mark.thorough
 def test_a_px4_bag_is_analysed(tmp_path):
     """As a process, with nothing said but the bag; a bag of Humble holds no definitions."""
     path, *_ = combined(tmp_path / 'px4', 'sqlite')

@@ -200,6 +200,7 @@ def test_variance_of_couplings_that_hold_the_same():
     assert np.all(each > 1.2 * wanted)
 
 
+@pytest.mark.thorough
 def test_variance_of_a_coupling():
     """Half of another axis has a quarter of that axis' Allan variance."""
     some = record(seed=5)

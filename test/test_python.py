@@ -187,6 +187,7 @@ def test_two_effects_with_one_name_are_told_apart(study):
         mine.remove('sinusoid', 'gyro_x')
 
 
+@pytest.mark.thorough
 def test_notebooks_show_it(study):
     page = study._repr_html_()
     assert page.startswith('<div>') and page.count('<table>') == 1 + len(study)

@@ -137,6 +137,7 @@ def wandering(seed):
     return rng.standard_normal(n) + size * on * np.cos(2 * np.pi * np.cumsum(frequency) * dt)
 
 
+@pytest.mark.thorough
 def test_where_a_line_lingers_that_wanders_it_is_no_knock():
     """Of five of these seven it was one: what lingers for a second rings for a second."""
     assert sum(len(find_rings(wandering(seed), 0.005, LEAST).begin) > 0
@@ -228,6 +229,7 @@ def test_a_knock_that_ends_where_noise_falls_stands_out_of_the_louder():
         assert np.any(np.abs(find_rings(y, 0.001, LEAST).begin - 5900) < 30)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('real', [False, True])
 @pytest.mark.parametrize('seed', [12, 17, 22])
 def test_what_stays_on_the_levels_of_a_coarse_grid_is_no_shock(seed, real):

@@ -85,6 +85,7 @@ def test_the_study_goes_on_after_loading(folder):
     assert data['targets']['gyro_y']['effects']['gauss_markov']['tc']['unit'] == 's'
 
 
+@pytest.mark.thorough
 def test_diagnosis_survives(study, folder, tmp_path):
     s = store.load(folder)
     s.diagnose(['gyro_x'])

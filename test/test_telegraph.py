@@ -155,6 +155,7 @@ def test_lines_alone_have_no_levels():
         assert [k for k, y in records.items() if levels(white + y) is not None] == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', range(2))
 @pytest.mark.parametrize('two', [True, False])
 def test_levels_are_told_behind_a_filter_that_remembers(seed, two):
@@ -221,6 +222,7 @@ def test_both_chains_have_their_probability():
     assert of(rts._two_levels, step, 0.5, 0.0, share) == pytest.approx(total + constant)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('two', [True, False])
 @pytest.mark.parametrize('seed', range(2))
 def test_levels_are_told_beside_flicker(seed, two):

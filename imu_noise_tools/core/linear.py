@@ -5,29 +5,72 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 TOLD_APART = 1e-6  # of a Gram matrix the smallest of the largest eigenvalue: ten digits are left
 SILENT = 1e-280  # of a signal behind a filter: the inverse of what is left is no number
 
 
-def least_squares(x: np.ndarray, y: np.ndarray) -> tuple[
-        np.ndarray, np.ndarray, np.ndarray, float]:
+class Solved(NamedTuple):
     """
-    Return what fits x (q, p) beta to white y (q,): beta, its covariance, and the leverage (q,).
+    What fits x (q, p) beta to white y (q,).
 
-    And ln |x' x| of the columns that are anything: one may be nothing in a record, or in a form.
+    beta (p,), its covariance (p, p), what is left of y (q,), an orthonormal basis u (q, r) of the
+    columns that are told apart, what takes it to them, (p, r): beta = told u' y, and ln |x' x| of
+    the columns that are anything: one may be nothing in a record, or in a form.
 
     """
+
+    beta: np.ndarray
+    covariance: np.ndarray
+    left: np.ndarray
+    basis: np.ndarray
+    told: np.ndarray
+    log_det: float
+
+    @property
+    def leverage(self) -> np.ndarray:
+        """The share (q,) of each of y that was solved for."""
+        return np.einsum('ij,ij->i', self.basis, self.basis)
+
+    def turned(self, change: np.ndarray, bend: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return how 1/2 (|y - x beta|^2 + ln |x' x|) turns with what the columns depend on.
+
+        Of first and second derivatives (k, q, p) of the columns by each of k values the gradient
+        (k,), beta solved for anew everywhere, and the curvature (k, k) of the square (Golub and
+        Pereyra 1973, The differentiation of pseudo-inverses). Where that is none of a minimum, it
+        is the part that cannot be anything else (Kaufman 1975).
+
+        """
+        moved = change @ self.beta
+        inside, crossed = moved @ self.basis, change.transpose(0, 2, 1) @ self.left
+        gradient = np.einsum('pr,qr,kqp->k', self.told, self.basis, change, optimize=True) \
+            - moved @ self.left
+        beside = moved - inside @ self.basis.T
+        least = beside @ beside.T
+        # with beta as it follows
+        follows = crossed @ self.told
+        curved = least + inside @ follows.T + follows @ inside.T - follows @ follows.T
+        curved -= np.diag((bend @ self.beta) @ self.left)
+        return gradient, curved if np.all(np.linalg.eigvalsh(curved) > 0) else least
+
+
+def least_squares(x: np.ndarray, y: np.ndarray) -> Solved:
+    """Return what fits columns x (q, p) to white y (q,)."""
     count, gram = x.shape[1], x.T @ x
     some = np.flatnonzero(np.diag(gram))
     if len(some) < count:
         x, gram = x[:, some], gram[np.ix_(some, some)]
     u, told, log_det = _decomposed(x, gram)
-    beta, covariance = np.zeros(count), np.zeros((count, count))
-    beta[some] = told @ (y @ u)
-    covariance[np.ix_(some, some)] = told @ told.T
-    return beta, covariance, np.einsum('ij,ij->i', u, u), log_det
+    if len(some) < count:
+        every = np.zeros((count, told.shape[1]))
+        every[some] = told
+        told = every
+    inside = y @ u
+    return Solved(told @ inside, told @ told.T, y - u @ inside, u, told, log_det)
 
 
 def _decomposed(x: np.ndarray, gram: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

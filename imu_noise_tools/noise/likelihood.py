@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import cast
 
 import numpy as np
 from scipy.fft import dct
@@ -36,7 +37,7 @@ from .kinds import (
 )
 from .response import OpenResponse
 from .shared import spread
-from ..core.linear import inverse, inverse_of, least_squares
+from ..core.linear import inverse, inverse_of, least_squares, Solved
 from ..core.spectrum import asked, Bins, gathered, leaked, smooth
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
@@ -80,7 +81,8 @@ class Linear:
 
     ``log_det`` is ln |X' V^-1 X| of the ``columns`` of the mean that were solved for, ``level``
     the ln v of the degrees of freedom that they took, which the weight lacks: in the sum of both
-    no unit of v is left.
+    no unit of v is left. ``mean`` is how they were solved for, each coefficient times its
+    ``root`` (q,).
 
     """
 
@@ -91,6 +93,8 @@ class Linear:
     log_det: float = 0.0
     level: float = 0.0
     columns: int = 0
+    mean: Solved | None = None
+    root: np.ndarray | None = None
 
     @property
     def form(self) -> float:
@@ -373,7 +377,8 @@ class Likelihood:
 
     def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
         """Solve for all linear parameters given the model's spectrum v (b,)."""
-        power, slow, weight, solved = self.power, self._slow, self.weight, (0.0, 0.0, 0)
+        power, slow, weight = self.power, self._slow, self.weight
+        solved: tuple = ()
         betas, covariances = [], []
         if self.couplings:
             beta, covariance = self._gains_at(model, v)
@@ -386,18 +391,18 @@ class Likelihood:
             every = np.sqrt(2 * self.dt / self._fine(v))
             root = every * self._counted()
             columns, rest = self._beside_lines(root, x * root[:, None], y * root)
-            beta, covariance, leverage, log_det = least_squares(columns, rest)
-            change = x @ beta
+            told = least_squares(columns, rest)
+            leverage, change = told.leverage, x @ told.beta
             # what is set aside may be the line's rest itself
             change = change + self._change_of_lines(y - change, every)
             left = self._replaced(power, slow, slow - change)
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            solved = (log_det, float(leverage @ np.log(self._fine(v))),
-                      int(np.round(np.sum(leverage))))
-            betas.append(beta)
-            covariances.append(covariance)
+            solved = (told.log_det, float(leverage @ np.log(self._fine(v))),
+                      int(np.round(np.sum(leverage))), told, root)
+            betas.append(told.beta)
+            covariances.append(told.covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)
         covariance = np.zeros((len(beta), len(beta)))
         at = 0
@@ -429,6 +434,25 @@ class Likelihood:
             cos, sin = (g(2 * np.pi * f * inputs.t) for g in (np.cos, np.sin))
             out.append(np.stack([cos, sin, t / t[-1] * (b * cos - a * sin) / np.hypot(a, b)], 1))
         return np.concatenate(out, axis=1)
+
+    def _changes_of_columns(self, x, of, root, h: float = 1e-3):
+        """
+        Return first and second derivatives (k, q, p) of the columns by some of x (p,).
+
+        Weighted, and beside lines, as they are solved for.
+
+        """
+        model = self.with_search(x)
+        owners = np.array([m.label for m in self.means for p in m.parameters if p.linear])
+        change, bend = np.zeros((2, len(of), self._count, len(owners)))
+        for k, slot in enumerate(self.slots[j] for j in of):
+            own, at = cast(Mean, model[slot.label]), x[of[k]]
+            up, down = (self.slow_columns(own.with_values(
+                **{slot.parameter.name: slot.from_search(at + step)})) for step in (h, -h))
+            some = (up - down) / (2 * h), (up - 2 * self._slow_columns_of(own) + down) / h**2
+            change[k][:, owners == slot.label], bend[k][:, owners == slot.label] = \
+                self._beside_lines(root, *(root[:, None] * columns for columns in some))
+        return change, bend
 
     def _change_of_lines(self, slow, root):
         """Return the change of the lines (q,) that slow coefficients (q,) show, of such roots."""
@@ -805,16 +829,11 @@ class Likelihood:
         w = linear.weight
         gradient = 0.5 * jac.T @ (w * (1 - linear.power / v))
         information = 0.5 * (jac * w[:, None]).T @ jac
-        for j in (j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)):
-            h = 1e-3
-            up, down = x.copy(), x.copy()
-            up[j] += h
-            down[j] -= h
-            # the spectrum stays where it is
-            a, c = (self._cost(self.solve_linear(self.with_search(z), v), v) for z in (down, up))
-            b = self._cost(linear, v)
-            gradient[j] = (c - a) / (2 * h)
-            information[j, j] = max((a - 2 * b + c) / h**2, 1e-3)
+        of = [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
+        if of and linear.mean is not None:
+            turned, told = linear.mean.turned(*self._changes_of_columns(x, of, linear.root))
+            gradient[of] = turned
+            information[np.ix_(of, of)] = told + 1e-3 * np.eye(len(of))
         for j, at, error in self._told:
             gradient[j] += (x[j] - at) / error**2
             information[j, j] += 1 / error**2
