@@ -86,6 +86,7 @@ def rungs(session, target='gyro_x'):
 
 # --- the loop, and the study on disk
 
+@pytest.mark.thorough
 def test_what_is_clicked_is_what_the_commands_see(session, folder, capsys):
     assert done(session, 'diagnose', ['gyro_x']) is None
     assert session.study.diagnosis['gyro_x'].found[0].name == 'sinusoid'

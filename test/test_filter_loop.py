@@ -339,6 +339,7 @@ def test_nothing_is_replaced_without_force(recording, tmp_path, capsys):
     assert main([*command, '--force']) == 0
 
 
+@pytest.mark.thorough
 def test_a_real_bag_keeps_its_topics_and_stamps(shared_data, tmp_path, capsys):
     from imu_noise_tools.bag import open_record, topics
     source, out = shared_data / 'bags' / 'xsens_mti_multipos', tmp_path / 'out'

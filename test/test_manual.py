@@ -21,7 +21,7 @@ from imu_noise_tools.cli.main import parser
 
 DOC = Path(__file__).resolve().parents[1] / 'doc'
 LONG = {'tutorial.md', 'ci.md', 'faq.md', 'filter.md', 'record.md', 'own_effect.md',
-        'calibrate.md', 'long.md'}  # over 10 s
+        'calibrate.md', 'long.md', 'files.md'}  # over 10 s
 
 
 def module(name):

@@ -115,8 +115,7 @@ def test_part_of_a_skewed_swing_is_one_with_harmonics_and_nothing_beside_it(swin
 
 
 @pytest.mark.parametrize('swing', daily([
-    (1.33, 0.7, 1e-3), (1.75, 3.8, 3e-3), (1.92, 0.1, 7e-4)],
-    (1.33, 0.7, 1e-3), (1.92, 0.1, 7e-4)))
+    (1.33, 0.7, 1e-3), (1.75, 3.8, 3e-3), (1.92, 0.1, 7e-4)], (1.92, 0.1, 7e-4)))
 def test_half_a_swing_is_a_sine_and_not_its_harmonics(swing):
     """A form with harmonics comes nearer to a sine whose period is not among those tried."""
     periods, phase, size = swing
@@ -158,9 +157,9 @@ def test_what_columns_leave_next_to_nothing_of_has_a_level():
     assert np.median(level) == pytest.approx(1.0, rel=0.2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind, holds', [
-    ('filter', True), pytest.param('one axis', False, marks=pytest.mark.thorough),
-    pytest.param('each its own', False, marks=pytest.mark.thorough)])
+    ('filter', True), ('one axis', False), ('each its own', False)])
 def test_white_noise_behind_one_pole_is_told_from_a_relaxation_by_the_other_axes(kind, holds):
     """Beside a floor both have one spectrum; a filter is the same in every axis of the sensor."""
     rng, n, dt = np.random.default_rng(41), 40_000, 0.01

@@ -397,7 +397,7 @@ def test_a_telegraph_is_shown_by_its_levels_and_dwells():
     assert not {'levels_of_the_telegraph', 'dwell_times'} & set(noise.panels(before))
 
 
-@pytest.mark.parametrize('name', daily(KNOWN, 'sinusoid', 'rts', 'spikes'))
+@pytest.mark.parametrize('name', daily(KNOWN, 'sinusoid', 'spikes'))
 def test_every_effect_can_be_proven(name):
     """By the views and by what it shows of itself, if a record can hold it at all."""
     try:
