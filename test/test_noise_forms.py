@@ -915,6 +915,27 @@ def test_how_far_axes_drift_says_nothing_of_what_they_share(course):
     assert np.max((share * (1 - share) * power / own)[slow]) < 10
 
 
+def test_what_comes_in_behind_a_filter_leaves_of_each_axis_what_the_filter_does():
+    """Noise of one source behind means of 15 samples: nearly all where they let nothing pass."""
+    rng, n, dt = np.random.default_rng(38), 80_000, 0.005
+    source, mean = 0.6 * rng.standard_normal(n), np.ones(15) / 15
+    gains = {'gyro_x': 1.0, 'gyro_y': 0.6, 'gyro_z': -1.3}
+    axes = {k: lfilter(mean, 1, rng.standard_normal(n)) + 0.08 * rng.standard_normal(n)
+            + gain * source for k, gain in gains.items()}
+    heard, bins = shared.heard_together(axes, dt), bins_of(n, dt)
+    gain2 = np.abs(np.fft.rfft(mean, 4096)) ** 2
+    own = np.interp(bins.f, np.fft.rfftfreq(4096, dt), gain2) + 0.08**2
+    for k, gain in gains.items():
+        share = shared.share(bins, power(cosine_transform(axes[k]), dt, bins), heard[k])
+        true = (0.6 * gain) ** 2 / ((0.6 * gain) ** 2 + own)
+        ratio = (1 - share) / (1 - true)
+        fast = bins.f > 25      # side lobes and what is between them, a factor of 4 apart
+        assert np.median(np.abs(np.log(ratio[fast]))) < 0.15
+        passes = (bins.f > 1) & (bins.f < 5)
+        assert np.average(share[passes], weights=bins.count[passes]) == pytest.approx(
+            np.average(true[passes], weights=bins.count[passes]), abs=0.12)
+
+
 @pytest.mark.parametrize('filtered', [iirnotch(0.4, 1.3), butter(2, 0.5)])
 def test_what_a_filter_takes_is_not_what_others_hear(filtered):
     """Behind one most of an axis stands above the noise that fits below what it leaves."""

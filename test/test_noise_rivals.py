@@ -35,6 +35,7 @@ from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.nonlinear import follows_a_law
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.starts import starts
 from imu_noise_tools.noise.together import unlike_noise
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -673,6 +674,32 @@ def test_what_is_shared_is_noise_though_all_axes_grow_louder():
     fit = problem.point(model_of('noise', ['white', 'variance_change', 'shared_noise']))
     assert flexible._shared_otherwise(
         problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
+
+
+def test_what_is_shared_is_noise_though_all_axes_hold_samples_at_random():
+    """Where one is held so are the others, and what they share comes and goes with it."""
+    rng, n = np.random.default_rng(58), 20_000
+    x = SIZE * (rng.standard_normal((n, 3)) + rng.standard_normal((n, 1)) * [0.6, -0.7, -0.8])
+    at = np.maximum.accumulate(np.where(rng.random(n) < 0.38, 0, np.arange(n)))
+    problem = NoiseProblem(gather(ImuRecord(x[at], None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ['white', 'duplicates', 'shared_noise']))
+    assert flexible._shared_otherwise(
+        problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
+
+
+def test_a_filter_is_begun_where_it_is_seen_beside_a_source_that_comes_in_behind_it():
+    """Beside the source other noise has bent to what the filter leaves: that is not its shape."""
+    rng, n, true = np.random.default_rng(59), 40_000, 0.443 / (15 * DT)
+    x = np.array([lfilter(np.ones(15) / 15, 1, rng.standard_normal(n)) for _ in range(3)]).T
+    x += 0.08 * rng.standard_normal((n, 3)) + 0.6 * rng.standard_normal((n, 1)) * [1, 0.6, -1.3]
+    problem = NoiseProblem(gather(ImuRecord(SIZE * x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
+    bent = problem.point(model_of('noise', ['white', 'random_walk', 'shared_noise'])).model
+    level = bent['white']['N']
+    bent = bent.with_values({'white': {'N': 0.05 * level},
+                             'random_walk': {'K': 2 * np.pi * true * level}})
+    more = Likelihood(problem.evidence, 'whole', bent.plus(find_effect('noise', 'low_pass')()))
+    begun = {model['low_pass']['cutoff'] for model, _ in starts(more, bent)}
+    assert min(abs(np.log(cutoff / true)) for cutoff in begun) < 0.05
 
 
 @pytest.mark.thorough

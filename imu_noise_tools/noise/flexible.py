@@ -24,7 +24,9 @@ from .course import left_by_a_course, PARAMETERS
 from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
-from .kinds import Coupling, Defect, Mean, MEASURED, Modulation, NoiseEffect, Response, Spectrum
+from .kinds import (
+    Coupling, Defect, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
+)
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import Likelihood, spectrum_without, told_by_gains
 from .nonlinear import follows_a_law
@@ -51,6 +53,7 @@ FIRST = 2, 4, KNOTS  # cosines of the mean, of which the slowest may do
 SLOWLY = 'time', 'the logarithm of time'  # of which cosines of the mean are slow
 MANY = 4  # times as many, from which so few independent ones are those of a course
 BEYOND = 3.0  # widths of a peak, farther than which a line that sweeps is no peak that wanders
+HELD = 8  # samples, for each that counts once, over which what comes of holding them is normal
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
 
@@ -686,7 +689,9 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     """
     Return what speaks against normal noise in what an axis shares with others, nats.
 
-    Nothing where the model says that some of it is none.
+    Nothing where the model says that some of it is none. Of axes whose samples are held together
+    what they share comes and goes with that, from one sample to the next: there means over several
+    are asked.
 
     """
     e, model = evidence, fit.model
@@ -696,8 +701,11 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     loud = np.sqrt(np.prod([np.ones(len(without)), *(
         m.variance(e.slow_t) for m in model.of(Modulation))], axis=0))
     # of a mean, divided by what steps, a step is left
-    return unlike_noise(*((x - np.mean(x)) / loud for x in (
-        without, without - views.slow_rest(e, model))))
+    crowd = model_crowd(model)
+    some = int(np.ceil(HELD * crowd / e.common.slow_length)) if crowd > 1 else 1
+    return unlike_noise(*(
+        np.mean(((x - np.mean(x)) / loud)[:len(x) // some * some].reshape(-1, some), axis=1)
+        for x in (without, without - views.slow_rest(e, model))))
 
 
 def uneven(differences: Differences) -> float:

@@ -38,6 +38,7 @@ GROUPS, LEAST = 960, 16     # of coefficients, and the least in one
 CHANCE = 1e-3           # records in which noise seems to be heard together
 WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
 CLEAR = (8.0,) * 8 + (3.0,)     # its standard errors: of so many no fewer would tell it
+FULL = 0.9999   # coherence, of which a larger one is chance
 STEP, SHIFTS = 1e-3, 16     # chance of a step where there is none; places where a grid begins
 ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
 PART = 0.25             # of what stands out that others hear, which is told by as much, at least
@@ -241,7 +242,7 @@ def _in_steps(pulls: list[np.ndarray], count: np.ndarray) -> np.ndarray:
     the grid of them may begin (recursive dyadic partition: Donoho, Annals of Statistics 25, 1997;
     cycle spinning: Coifman and Donoho, Lecture Notes in Statistics 103, 1995). So a narrow band
     keeps its height, and what is faint over octaves is smooth. What is even is the less of it the
-    nearer it is to chance (Wiener's estimate).
+    nearer it is to chance (Wiener's estimate). A coherence near 1 is told the more exactly.
 
     """
     z, n = np.concatenate(pulls), np.repeat(count, 2, axis=0)
@@ -259,16 +260,34 @@ def _in_steps(pulls: list[np.ndarray], count: np.ndarray) -> np.ndarray:
             if x.shape[1] == 1:
                 break
             left, right = seen[:, ::2], seen[:, 1::2]
-            apart = np.sum((mean[:, ::2] - mean[:, 1::2]) ** 2 * left * right
-                           / np.maximum(left + right, 1e-300), axis=0)
+            x, both = x[:, ::2] + x[:, 1::2], np.maximum(left + right, 1e-300)
+            apart = _apart(mean[:, ::2] - mean[:, 1::2], x / both, left * right / both, both)
             # where a half of it has a step, the whole has
-            clear = clear[::2] | clear[1::2] | (apart > level)
-            x, seen = x[:, ::2] + x[:, 1::2], left + right
+            clear, seen = clear[::2] | clear[1::2] | (apart > level), left + right
         whole = parts[-1][0]
         for (half, _), (_, clear) in zip(parts[-2::-1], parts[:0:-1]):
             whole = np.where(np.repeat(clear, 2), half, np.repeat(whole, 2, axis=1))
         found += whole[:, begin:begin + groups] / SHIFTS
     return np.sum(found.reshape(-1, 2, groups) ** 2, axis=1)
+
+
+def _apart(step: np.ndarray, mean: np.ndarray, weight: np.ndarray,
+           count: np.ndarray) -> np.ndarray:
+    """
+    Return the squares of steps (2 pairs, g) of coherences, in what each scatters by, (g,).
+
+    A coherence r scatters by 1 - r^2 of what chance does, its phase by the root of that (Bendat
+    and Piersol, Random Data, 9.2). r is no more than is told of the mean (2 pairs, g) of so many
+    coefficients: of few a large one is chance.
+
+    """
+    step, mean, weight, count = (v.reshape(-1, 2, v.shape[1]) for v in (step, mean, weight, count))
+    r = np.minimum(np.sqrt(np.sum(mean**2, axis=1)), FULL)
+    along = np.sum(step * mean, axis=1) ** 2 / np.maximum(np.sum(mean**2, axis=1), 1e-300)
+    across = np.sum(step**2, axis=1) - along
+    told = np.maximum(r - 2 * (1 - r * r) / np.sqrt(np.maximum(count[:, 0], 1.0)), 0.0)
+    left = 1 - told * told
+    return np.sum(weight[:, 0] * (along / left**2 + across / left), axis=0)
 
 
 def _stretches(groups: int) -> Iterator[tuple[int, np.ndarray]]:
@@ -393,13 +412,17 @@ def _behind_filter(bins: Bins, level: np.ndarray, seen: np.ndarray, own: np.ndar
     Noise without a filter fits below what a notch leaves, and most of a filtered axis stands above
     that. Others hear no such thing: where they would and do not, in most of those bins and a
     quarter of all, the level (b,) less what is ``heard`` is the axis's own, and goes on through
-    the band that they hear. A tall peak that they do not hear says that this axis moves by itself.
+    the band that they hear. Or what they hear came in behind the filter, and leaves less than the
+    noise in a quarter of all. A tall peak that they do not hear says that this axis moves by
+    itself.
 
     """
     told, ratio = seen >= ENOUGH, level / own
     stands = told & (ratio > ABOVE)
     alone = stands & (heard <= ALIKE * (1 - 1 / ratio))
-    if np.sum(alone) <= max(0.5 * np.sum(stands), 0.25 * np.sum(told)):
+    few = 0.25 * np.sum(told)
+    lacks = told & ~stands & ((1 - np.minimum(heard, MOST)) * ratio < 1 / ABOVE)
+    if np.sum(alone) <= max(0.5 * np.sum(stands), few) and np.sum(lacks) <= few:
         return own
     tall = ratio > TALL * max(1.0, float(np.median(ratio[told])))
     if any(_is_peak(bins.f, ratio, int(i)) for i in np.flatnonzero(

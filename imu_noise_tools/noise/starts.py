@@ -131,8 +131,13 @@ def _of_what_passes(likelihood, given, effect):
 
 
 def _beneath(likelihood, given, effect):
-    """Return the starts of noise by what the sources leave that a smaller model is coupled to."""
-    if given is None or not given.of(Coupling) or not isinstance(effect, Spectrum) \
+    """
+    Return the starts of noise or a filter by what the sources leave that a model is coupled to.
+
+    Noise of that model, a smaller one, may have bent to what a filter leaves.
+
+    """
+    if given is None or not given.of(Coupling) or not isinstance(effect, (Spectrum, Response)) \
             or likelihood.part_name != 'whole':
         return []
     evidence = likelihood.evidence
