@@ -703,6 +703,8 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     # of a mean, divided by what steps, a step is left
     crowd = model_crowd(model)
     some = int(np.ceil(HELD * crowd / e.common.slow_length)) if crowd > 1 else 1
+    if len(without) < 2 * some:
+        return 0.0
     return unlike_noise(*(
         np.mean(((x - np.mean(x)) / loud)[:len(x) // some * some].reshape(-1, some), axis=1)
         for x in (without, without - views.slow_rest(e, model))))
