@@ -84,7 +84,7 @@ def verdict_of_nothing(k):
     return first_verdict([32, k], ())[2]
 
 
-@pytest.mark.parametrize('records', daily([2, 10], 2))
+@pytest.mark.parametrize('records', daily([3, 10], 3))
 def test_nothing_hidden_is_complete(records):
     """Of records with nothing in them (2 % may fail), one may."""
     verdicts = [verdict_of_nothing(k) for k in range(records)]

@@ -18,7 +18,7 @@ from scipy.special import ndtr
 from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.allan import overlapping_variance
 from imu_noise_tools.core.record import ImuRecord, Memory
-from imu_noise_tools.core.statistics import grid_step, middle_sigma, repeats, robust_sigma
+from imu_noise_tools.core.statistics import grid_step, means_of_blocks, middle_sigma, repeats, robust_sigma
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
@@ -880,3 +880,8 @@ def test_the_samples_at_a_step_are_no_spikes(seed):
     some = np.array([8_990, 9_000, 9_020, 12_999])
     y[some] += size * rng.choice([-1, 1], 4) + size * np.array([0, 1, 0, 1])
     assert {8_990, 9_020} <= set(SPIKES.statistics(y, inputs)['index'].tolist())
+
+
+def test_means_of_blocks_leave_a_rest_out():
+    assert list(means_of_blocks(np.arange(1, 6, dtype=np.float32), 2)) == [1.5, 3.5]
+    assert not means_of_blocks(np.ones(3), 4).size

@@ -43,6 +43,12 @@ def sum_of_squares(y: np.ndarray) -> float:
     return float(sum(some @ some for some in (y[i:i + 8192] for i in range(0, len(y), 8192))))
 
 
+def means_of_blocks(y: np.ndarray, length: int) -> np.ndarray:
+    """Return the means of blocks of so many of y (n,), one after the other; a rest is left out."""
+    count = len(y) // length
+    return np.asarray(np.asarray(y, float)[:count * length].reshape(count, length).mean(axis=1))
+
+
 def row_medians(rows: np.ndarray) -> np.ndarray:
     """Return the median of each row (n, k), finite: numpy's takes three times as long."""
     ordered, half = np.sort(rows, axis=1), rows.shape[1] // 2

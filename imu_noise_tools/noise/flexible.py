@@ -33,7 +33,7 @@ from .nonlinear import follows_a_law
 from .sweep import PARTS as SWEPT, Sweep
 from .together import unlike_noise
 from ..core.linear import inverse, SILENT
-from ..core.statistics import independent_squares, kurtosis_pull
+from ..core.statistics import independent_squares, kurtosis_pull, means_of_blocks
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 
@@ -705,9 +705,8 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     some = int(np.ceil(HELD * crowd / e.common.slow_length)) if crowd > 1 else 1
     if len(without) < 2 * some:
         return 0.0
-    return unlike_noise(*(
-        np.mean(((x - np.mean(x)) / loud)[:len(x) // some * some].reshape(-1, some), axis=1)
-        for x in (without, without - views.slow_rest(e, model))))
+    return unlike_noise(*(means_of_blocks((x - np.mean(x)) / loud, some) for x in (
+        without, without - views.slow_rest(e, model))))
 
 
 def uneven(differences: Differences) -> float:

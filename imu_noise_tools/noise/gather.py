@@ -39,7 +39,7 @@ from .thermal import follows_at, TEMPERATURE
 from ..core import allan
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform, power
-from ..core.statistics import grid_step, robust_sigma, sum_of_squares
+from ..core.statistics import grid_step, means_of_blocks, robust_sigma, sum_of_squares
 from ..loop.effect import Effect, registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
@@ -212,7 +212,7 @@ class _Gathering:
         self.step(f'{axis}: distribution')
         table, own['humps'] = find_peaks(c, reference, self.dt)
         length = max(1, self.used // SLOW)
-        means = _block_means(self.clean[axis][:self.used], length)
+        means = means_of_blocks(self.clean[axis][:self.used], length)
         slow = of_a_swing(table[:, 0], means, length * self.dt)
         own['line_table'] = table[~(self._followed(table[:, 0], means) | slow)]
         kept = self.memory.keep(c)
@@ -240,7 +240,7 @@ class _Gathering:
         out, length = np.zeros(len(lines), bool), max(1, self.used // SLOW)
         beside = set(self.record.covariates) & set(self.covariates) - {*AXES, SQUARE}
         for name in sorted(beside) if len(lines) else ():
-            slow = _block_means(self.covariates[name][:self.used], length)
+            slow = means_of_blocks(self.covariates[name][:self.used], length)
             out |= also_in(lines, slow, length * self.dt, CALM, means)
         return out
 
@@ -341,7 +341,8 @@ class _Gathering:
         for a, (f, share, together) in self.shaken.items():
             for name, c in shared.signals(a, coefficients[a], self.dt, f, share, together):
                 if first:
-                    self.slow_derived[name] = _block_means(idct(c, type=2, norm='ortho'), length)
+                    self.slow_derived[name] = means_of_blocks(
+                        idct(c, type=2, norm='ortho'), length)
                 out[name] = self.memory.keep(c)
                 self.memory.rest()
         return out
@@ -355,7 +356,7 @@ class _Gathering:
         """Return samples a block, and block means of the time and of all channels."""
         length, slow = max(1, self.used // SLOW), {}
         for name, values in {'t': self.t, **self.clean, **self.covariates}.items():
-            slow[name] = _block_means(values[:self.used], length)
+            slow[name] = means_of_blocks(values[:self.used], length)
             self.memory.rest()
         return length, slow
 
@@ -556,11 +557,6 @@ def _changes_by(y: np.ndarray) -> float:
     halves = np.array_split(y, 2)
     return max(abs(float(np.mean(halves[0]) - np.mean(halves[-1]))),
                2 * float(np.std(y)) / np.sqrt(len(y)))
-
-
-def _block_means(y, length):
-    count = len(y) // length
-    return np.asarray(y, float)[: count * length].reshape(count, length).mean(axis=1)
 
 
 def _power_of_looks(looks, dt):

@@ -79,10 +79,9 @@ class Linear:
     """
     Solved parameters: values (p,), their covariance (p, p), and what is left in the bins.
 
-    ``log_det`` is ln |X' V^-1 X| of the ``columns`` of the mean that were solved for, ``level``
-    the ln v of the degrees of freedom that they took, which the weight lacks: in the sum of both
-    no unit of v is left. ``mean`` is how they were solved for, each coefficient times its
-    ``root`` (q,).
+    ``mean`` is how the columns of the mean were solved for, each coefficient times its ``root``
+    (q,), None where there are none. ``level`` is the ln v of the degrees of freedom that they
+    took, which the weight lacks: in its sum with ln |X' V^-1 X| no unit of v is left.
 
     """
 
@@ -90,11 +89,19 @@ class Linear:
     covariance: np.ndarray
     power: np.ndarray
     weight: np.ndarray
-    log_det: float = 0.0
     level: float = 0.0
-    columns: int = 0
     mean: Solved | None = None
     root: np.ndarray | None = None
+
+    @property
+    def log_det(self) -> float:
+        """Of the columns of the mean, ln |X' V^-1 X|."""
+        return 0.0 if self.mean is None else self.mean.log_det
+
+    @property
+    def columns(self) -> int:
+        """How many columns were solved for, of those that are told apart."""
+        return 0 if self.mean is None else self.mean.basis.shape[1]
 
     @property
     def form(self) -> float:
@@ -399,8 +406,7 @@ class Likelihood:
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            solved = (told.log_det, float(leverage @ np.log(self._fine(v))),
-                      int(np.round(np.sum(leverage))), told, root)
+            solved = float(leverage @ np.log(self._fine(v))), told, root
             betas.append(told.beta)
             covariances.append(told.covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)

@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 360
-SOURCES = '653457399dd92c85'
+SOURCES = '8bd53d102ff33909'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 10.32,

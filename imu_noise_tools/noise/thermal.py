@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import betainc
 
-from ..core.statistics import median_sigma
+from ..core.statistics import means_of_blocks, median_sigma
 
 TEMPERATURE, COURSE = 'temperature', 'course'    # the covariate, and what axes tell of it
 LEADS, LAGS = 12, 20    # starts of either sign
@@ -288,8 +288,7 @@ def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 def _coarse(x: np.ndarray) -> np.ndarray:
     """Return means of neighbours, at least BLOCKS where there are as many."""
-    per = max(1, len(x) // BLOCKS)
-    return x[:len(x) // per * per].reshape(-1, per).mean(axis=1)
+    return means_of_blocks(x, max(1, len(x) // BLOCKS))
 
 
 def _less(x: np.ndarray, basis: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from scipy.special import ndtri
 
 from ..core import units
 from ..core.allan import AllanCurve, degrees_of_freedom, interval
-from ..core.statistics import gamma_pull
+from ..core.statistics import gamma_pull, means_of_blocks
 from ..loop.prediction import State
 from ..loop.verdict import CHANCE, STRIKING
 from ..noise import views
@@ -158,9 +158,7 @@ def rebinned(f: np.ndarray, power: np.ndarray, count: np.ndarray,
 def coarse(e: Evidence) -> tuple[np.ndarray, np.ndarray]:
     """Return (t, y) of some 256 block means."""
     per = max(1, len(e.slow_y) // 256)
-    used = len(e.slow_y) // per * per
-    t, y = (v[:used].reshape(-1, per).mean(axis=1) for v in (e.slow_t, e.slow_y))
-    return t, y
+    return means_of_blocks(e.slow_t, per), means_of_blocks(e.slow_y, per)
 
 
 def noise_level(state: State) -> tuple[np.ndarray, np.ndarray, float]:

@@ -20,6 +20,7 @@ from ...core.statistics import (
     grid_step,
     hold,
     interval,
+    means_of_blocks,
     median_sigma,
     middle_sigma,
     repeats,
@@ -391,7 +392,7 @@ def _degrees(evidence: Evidence, isolated: Tails, together: float,
     """
     cells = evidence.cells[-1].astype(float)
     _, x, w = power_in_time(evidence.as_rounded)
-    level = (x @ w / w.sum())[:len(x) // STRETCH * STRETCH].reshape(-1, STRETCH).mean(axis=1)
+    level = means_of_blocks(x @ w / w.sum(), STRETCH)
     spread = np.ones(1)
     if len(level) > 2:
         chance = 0.5 * float(median_sigma(np.diff(level))) ** 2    # whatever steps among them

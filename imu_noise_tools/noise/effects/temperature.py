@@ -11,6 +11,7 @@ from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
 from ..thermal import COURSE, moved, powers, readings, TEMPERATURE
 from ..views import slow_mean, slow_rest
+from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit
 
 
@@ -102,7 +103,7 @@ class Temperature(Mean):
         warmth = moved(np.asarray(inputs.covariates[TEMPERATURE], float), inputs.t,
                        self['lag'], self.values.get('smoothing', 0.0))
         per = max(1, len(y) // POINTS)
-        x, seen = (v[:len(v) // per * per].reshape(-1, per).mean(axis=1) for v in (warmth, y))
+        x, seen = (means_of_blocks(v, per) for v in (warmth, y))
         order = np.argsort(warmth)[::per]
         behind = f', {self["lag"]:.3g} s later' if self['lag'] else ''
         return Portrait(('temperature' + behind, 'mean of the axis'), ('degC', '{rate}'),
