@@ -18,7 +18,9 @@ from scipy.special import ndtr
 from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.allan import overlapping_variance
 from imu_noise_tools.core.record import ImuRecord, Memory
-from imu_noise_tools.core.statistics import grid_step, means_of_blocks, middle_sigma, repeats, robust_sigma
+from imu_noise_tools.core.statistics import (
+    grid_step, means_of_blocks, middle_sigma, repeats, robust_sigma
+)
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
