@@ -639,6 +639,20 @@ def test_a_filter_begins_anew_beside_what_arises_behind_it():
         assert later.point(both).log_likelihood == pytest.approx(likely, abs=1.0)
 
 
+def test_a_fit_begins_with_the_best_one_of_the_same_effects_in_any_order():
+    problem = NoiseProblem(gather(record_of(1e-3 * np.random.default_rng(5).standard_normal(
+        2000)), ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'gauss_markov', 'rts')))
+    problem._begun.clear()
+    orders = [['white', 'gauss_markov', 'rts'], ['white', 'rts', 'gauss_markov']]
+    for names, supported in zip((*orders, orders[1]), (5.0, 9.0, 7.0)):
+        model = Model(fit.model[k].with_values(**({'sigma': supported} if k == 'gauss_markov'
+                                                  else {})) for k in names)
+        problem.begin_from(replace(fit, model=model, supported=supported))
+    for names in orders:
+        assert problem._near(model_of('noise', names))['start']['gauss_markov']['sigma'] == 9.0
+
+
 def test_a_filter_begins_by_what_passes_it_and_not_by_the_other_noise():
     """Beside strong relaxation below and quantization above its own fall is hardly seen."""
     rng, n = np.random.default_rng(43), 60_000

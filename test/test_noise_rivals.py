@@ -371,12 +371,19 @@ def test_a_shape_beyond_a_bound_that_goes_with_another_is_at_it(width, against):
     assert against in said and bool(against) == bool(said)
 
 
-@pytest.mark.parametrize('behind, fills', ((0.0, False), (0.002, False), (0.02, True)))
-def test_a_hollow_that_more_fills_than_may_arise_behind_a_filter_is_no_filter(behind, fills):
-    """Where nothing does it is one: that is no bound, but nothing. A hollow goes on beyond."""
+@pytest.mark.parametrize('behind, lags, fills', (
+    (0.0, 1, False), (0.002, 1, False), (0.02, 1, True), (0.02, 65, False)))
+def test_a_hollow_that_more_fills_than_may_arise_behind_a_filter_is_no_filter(
+        behind, lags, fills):
+    """
+    Where nothing does it is one: that is no bound, but nothing. A hollow goes on beyond.
+
+    A coarse rounding fills it as well, by what is known to some percent.
+
+    """
     for name in ('notch', 'low_pass'):
         effect = find_effect('noise', name).example().with_values(behind=behind)
-        said = at_bound(SimpleNamespace(duration=600.0, dt=DT), effect, {})
+        said = at_bound(SimpleNamespace(duration=600.0, dt=DT, rounding=np.ones(lags)), effect, {})
         assert ('its behind lies at its bound' in said) == fills
 
 

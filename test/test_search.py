@@ -366,6 +366,24 @@ def test_what_members_gain_on_their_way_does_not_choose_between_chains(search, s
     assert best - rival == 2 + said and more not in search.scores
 
 
+@pytest.mark.parametrize('left', [0.0, 375.0])
+def test_a_chain_that_leaves_something_counts_by_its_fit(search, left):
+    """Samples on a grid are those of either rounding, and only one has the filter's spectrum."""
+    main = [found('rate_quantization', 'grid', 18432.0), found('low_pass', gain=368.0)]
+    other = [found('quantization', gain=18431.0, samples=18431.0), main[1]]
+    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(
+        supported=565.0 if 'rate_quantization' in model.labels else 535.0))
+    search.places.tests = leaves({'quantization, low_pass': left})
+    chains = [main, other]
+    search.scores = {search.places.set_of(c): sum(f.gain for f in c) for c in chains}
+    more = search.places.set_of([*other, found('notch')])
+    search.scores[more] = search.scores[search.places.set_of(other)] + 5.0
+    search._less_by_what_is_left(main, chains)
+    best, rival = (search.scores[search.places.set_of(c)] for c in chains)
+    assert best - rival == (31.0 if left else 1.0)
+    assert search.scores[more] == rival + 5.0
+
+
 @pytest.mark.parametrize('other', [500.0, 540.0])
 def test_a_shaft_is_not_as_many_lines_that_gain_more_behind_a_filter(search, other):
     """Where they leave the same they explain the same, but for what is said of all the rest."""

@@ -119,9 +119,15 @@ class Places:
         return self.model_of(chain).labels[len(self.base):]
 
     def beside_others(self, finding: Finding, name: str, model: Model) -> Finding:
-        """Return a finding with the values that it has, by a label, in a larger model."""
+        """
+        Return a finding with the values that it has, by a label, in a larger model.
+
+        Whether a bound still holds it there is asked of its form, as of every member's.
+
+        """
         fit = self._fit(model)
-        return replace(finding, effect=fit.model[name], estimates=fit.estimates.get(name, {}))
+        return replace(finding, effect=fit.model[name], estimates=fit.estimates.get(name, {}),
+                       against='' if finding.bounded else finding.against)
 
     def left(self, chain: Iterable[Finding]) -> float:
         """Return what fails after a chain, nats."""

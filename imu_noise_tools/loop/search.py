@@ -153,13 +153,16 @@ class Search:
         little by itself; then the second must gain what it lacks. Of others only the best of each
         sort is tried first. A spectrum with one of two has a lower floor, above which the other
         stands out the more; so has its slow end, above which a mean does. Two that bend it to and
-        fro may gain nothing each: where nothing stands out they are tried all the same.
+        fro may gain nothing each: where nothing stands out they are tried all the same; nor does
+        a bound speak against the first of two there, at which the other one may hold it.
 
         """
         before, asked = self.places.model_of(members), set[bool]()
         failing = {t.view for t in failures(self.places.tests(before))}
         faint = self._faint(members, place, failing)
-        for f in [*faint, *(f for f in self.open_at(place) if f not in faint)]:
+        held = [] if self.able(place) else [
+            f for f in place.candidates if f.bounded and not self._fallen(place, f)]
+        for f in [*faint, *(f for f in self.open_at(place) if f not in faint), *held]:
             if f.effect is None or not (f.effect.paired or f.effect.uncovers):
                 continue
             paired, hidden = f.effect.paired, f in faint
@@ -285,7 +288,29 @@ class Search:
             self._follow(best, left)
         best = self._continued(best)
         self.scores.setdefault(self.places.set_of(best), gained(best))
+        self._less_by_what_is_left(best, chains)
         return self._as_few(best, chains)
+
+    def _less_by_what_is_left(self, best: Sequence[Finding],
+                              chains: Iterable[list[Finding]]) -> None:
+        """
+        Let a chain that leaves something count, beside one that leaves nothing, by its fit.
+
+        What its members gain, each at its place, says nothing of what they leave together.
+
+        """
+        whole = self.places.set_of(best)
+        if self.places.left(best):
+            return
+        for chain in chains:
+            here = self.places.set_of(chain)
+            if here == whole or not self.places.left(chain):
+                continue
+            less = self._worth(chain) - self._worth(best)
+            fall = self.scores.get(here, -np.inf) - self.scores[whole] - less
+            if np.isfinite(fall) and fall > 0:
+                self.scores = {k: v - fall if here <= k and not whole <= k else v
+                               for k, v in self.scores.items()}
 
     def _continued(self, chain: list[Finding]) -> list[Finding]:
         """

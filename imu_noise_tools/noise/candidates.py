@@ -211,6 +211,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
     whole, partly = (_gain(evidence, fit, more, k) for k in (False, True))
     fast = _within_means(evidence, fit, more) if isinstance(effect, Mean) else 0.0
+    bound = at_bound(evidence, added, more.estimates[label])
     finding = Finding(
         effect.name,
         float(partly if peak else whole) + bonus,
@@ -219,13 +220,14 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _penalty(effect) + _unlikely(more),
         _view_of(effect),
         where,
-        against=at_bound(evidence, added, more.estimates[label]) or added.part_of(more.model)
+        against=bound or added.part_of(more.model)
         or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
         # one peak after the other would follow a line that moves, and all would fall in the end
         or (swept(evidence, added, max(whole, partly)) if peak else ''),
         shapes=_shapes(effect, more.estimates[label]),
         elsewhere=bonus + fast,
         samples=bonus,
+        bounded=bool(bound),
     )
     return Tried(finding, whole, partly, peak)
 
@@ -372,6 +374,9 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
         if p.amplitude or p.linear or p.discrete or p.name in effect.optional and not p.knee:
+            continue
+        # what a coarse rounding adds behind a filter is known to no less than may arise there
+        if p.knee and len(evidence.rounding) > 1:
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)

@@ -95,8 +95,10 @@ class NoiseProblem(Problem):
         return self._fits[model]
 
     def begin_from(self, fit: Fit) -> None:
-        """Keep a fit, from which a later one of much the same effects begins."""
-        self._begun[self.spectral(fit.model)] = fit
+        """Keep a fit, from which a later one of much the same effects begins: the best of several."""
+        key = self.spectral(fit.model)
+        if key not in self._begun or self._begun[key].supported <= fit.supported:
+            self._begun[key] = fit
 
     def _near(self, model: Model) -> dict[str, Any]:
         """
@@ -107,8 +109,10 @@ class NoiseProblem(Problem):
 
         """
         wanted = set(self.spectral(model))
-        # of two as near the smaller one: of what it rests on this one may rest on more
-        near = min(self._begun, key=lambda k: (len(wanted ^ set(k)), len(k)), default=None)
+        # of two as near the smaller one: of what it rests on this one may rest on more; of the
+        # same effects in another order the better one
+        near = min(self._begun, default=None, key=lambda k: (
+            len(wanted ^ set(k)), len(k), -self._begun[k].supported))
         if near is None or len(wanted ^ set(near)) > NEAR:
             return {}
         fit = self._begun[near]
