@@ -624,8 +624,8 @@ class Finding:
     against it, empty where nothing does. ``shapes`` counts the parameters besides one that the
     penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show;
     ``samples`` those of them that no likelihood of a model holds: what the samples themselves say,
-    or say against it (negative). ``log_score`` is that of a test's view. ``bounded`` says that it is
-    a bound of its own that speaks against it, where what is beside it unexplained may hold it.
+    or say against it (negative). ``log_score`` is that of a test's view. ``bounded`` says that
+    it lies at a bound, where what is unexplained beside it may hold it.
 
     """
 

@@ -95,7 +95,7 @@ class NoiseProblem(Problem):
         return self._fits[model]
 
     def begin_from(self, fit: Fit) -> None:
-        """Keep a fit, from which a later one of much the same effects begins: the best of several."""
+        """Keep a fit, from which a later one of much the same effects begins: the best one."""
         key = self.spectral(fit.model)
         if key not in self._begun or self._begun[key].supported <= fit.supported:
             self._begun[key] = fit
