@@ -48,21 +48,20 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
     if filters and not model.of(Spectrum):
         raise FitError(f'{likelihood.evidence.axis}: the model holds no noise that '
                        f'{filters[0].name} could filter', 'add white')
-    grid = [model]
-    for e in model.of(NoiseEffect):
-        if isinstance(e, MEASURED):
-            continue
-        shapes = [p.name for p in e.parameters if not p.amplitude and not p.linear]
-        known = given[e.label] if given is not None and e.label in given.labels else e
-        begun = bool(shapes) and all(s in known.values for s in shapes)
+    shaped = [(e, *_shapes_of(e, given)) for e in model.of(NoiseEffect)
+              if not isinstance(e, MEASURED)]
+    # what has shapes is asked for them again beside what has none yet, and not before
+    grid = [Model(next((e.with_values(**shapes) for e, shapes, begun in shaped
+                        if begun and e.label == x.label), x) for x in model)]
+    for e, shapes, begun in sorted(shaped, key=lambda z: z[2]):
         if begun and isinstance(e, Mean) and e.anew and not e.fitted:
             options = likelihood.evidence.starts(e.with_values(
-                **{s: known[s] for s in shapes if s not in e.anew}))
+                **{s: v for s, v in shapes.items() if s not in e.anew}))
         elif begun:
-            options = [e.with_values(**{s: known[s] for s in shapes})]
+            options = [e.with_values(**shapes)]
             options += [options[0].with_values(**{p.name: float(k)})
                         for p in e.parameters if _asked_again(e, p, model, given, anew)
-                        for k in range(len(p.choices)) if k != known[p.name]]
+                        for k in range(len(p.choices)) if k != shapes[p.name]]
             if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
                 # nothing else moves it to where it is seen once more is in the model
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
@@ -87,6 +86,14 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
             found.append(with_values_of(given, likelihood, found[0]))
         out += [(candidate, x0) for x0 in found]
     return out
+
+
+def _shapes_of(effect: NoiseEffect, given: Model | None) -> tuple[dict[str, float], bool]:
+    """Return the shapes that an effect has, or has in a smaller model, and if that is all."""
+    shapes = [p.name for p in effect.parameters if not p.amplitude and not p.linear]
+    known = given[effect.label] if given is not None and effect.label in given.labels else effect
+    return ({s: known[s] for s in shapes if s in known.values},
+            bool(shapes) and all(s in known.values for s in shapes))
 
 
 def _filtered(model: Model) -> tuple[float, ...]:
@@ -187,7 +194,8 @@ def _best_columns(likelihood, model, effect, options, keep, finer):
             break
         # a strong one is in that spectrum itself: what the best leaves tells them apart
         best = _best_of_forms(options, gains, effect.anew, keep)
-        more = [o for i in best for o in options[i].finer(likelihood.evidence) if finer]
+        more = [o for i in best for o in options[i].finer(likelihood.evidence)
+                if finer and o not in options]
         x = np.column_stack([*known, proposed[best[0]]]) * root
         basis = _basis(x)
         rest = (slow * root[:, 0] - basis @ (basis.T @ (slow * root[:, 0]))) / root[:, 0]

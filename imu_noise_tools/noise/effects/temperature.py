@@ -85,6 +85,10 @@ class Temperature(Mean):
             tried.append((evidence.course.lag, evidence.course.smoothing, 1))
         return [self.with_values(lag=lag, smoothing=s, read=r) for lag, s, r in tried]
 
+    def finer(self, evidence: Evidence) -> list[Effect]:
+        """Return all ways to read it: beside what was missing from the mean it was another."""
+        return self.starts(evidence)
+
     def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0,
                 read: float = 0.0) -> np.ndarray:
         """Return u, [u^2], [u^3] and what axes tell beyond them, each without mean."""
