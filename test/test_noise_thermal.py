@@ -4,6 +4,7 @@
 """Axes that follow the temperature tell it better than a coarse thermometer; noise tells none."""
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -32,9 +33,11 @@ def read(course, rng, step):
     return np.repeat(step * np.round(ticks / step), 10)
 
 
-def evidence(mean, temperature, rng):
-    """Return the evidence of gyro_x, where all six axes hold a share of a mean."""
-    x = 1e-3 * (rng.standard_normal((N, 6)) + mean[:, None] * np.array([9, 5, -7, 20, 15, -18]))
+def evidence(mean, temperature, rng, line=0.0):
+    """Return the evidence of gyro_x, where all axes hold a share of a mean; gyros of a line."""
+    x = rng.standard_normal((N, 6)) + mean[:, None] * np.array([9, 5, -7, 20, 15, -18])
+    x[:, :3] += np.outer(line * np.ones(N), [1, -1.5, -0.8])
+    x *= 1e-3
     record = ImuRecord(x[:, :3], x[:, 3:], np.arange(N) / RATE, RATE,
                        covariates={'temperature': 30 + temperature})
     return gather(record, ['gyro_x'])['gyro_x']
@@ -105,6 +108,38 @@ def test_what_sways_by_itself_follows_no_temperature(kind):
         own = {a: 1 + (0.05 * n / (np.pi * k))**2 for a in slow}
         slow['temperature'] = heated(rng)[::3]
         assert course_of(slow, t, own) is None
+
+
+def test_a_line_that_was_taken_out_of_an_axis_is_not_put_back_by_a_course():
+    """Others swing with it as they follow the temperature, and told alone it is no part of it."""
+    t = np.arange(2400) * 0.25
+    slow, line = np.cos(np.pi * t / 600), np.sin(2 * np.pi * 0.0613 * t + 1.0)
+    course = thermal.Course(slow + 0.3 * line, 0.1, -9.0, 1.0)
+    left = thermal.without_lines(course, np.array([0.0613, 0.2]), t).values
+    assert np.max(np.abs(left - np.sqrt(2) * slow)) < 0.03   # of 0.42
+    assert thermal.without_lines(course, np.array([0.2]), t) is course
+    rng = np.random.default_rng(11)
+    warmth, cycle = 3 * heated(rng), np.sin(2 * np.pi * 0.06 * np.arange(N) / RATE)
+    e = evidence(warmth, read(warmth, rng, 0.12), rng, cycle)
+    swing = np.exp(2j * np.pi * 0.06 * e.slow_t)
+    assert np.any(np.abs(e.line_table[:, 0] - 0.06) < 0.002) and e.course.edge > 0.06
+    assert abs(np.mean(e.course.values * swing)) < 1e-3
+
+
+@pytest.mark.parametrize('seed', daily(range(3, 9), 7))
+def test_how_a_thermometer_is_read_is_asked_beside_what_was_missing(seed):
+    """Behind some lag the temperature was like the ramp, as long as that was not there."""
+    rng = np.random.default_rng(seed)
+    course, names = heated(rng), ('white', 'flicker', 'random_walk', 'temperature')
+    x = 1e-3 * (rng.standard_normal((N, 3)) + course[:, None] * np.array([2, -1.5, 1])
+                + np.linspace(0, 9, N)[:, None] * [1, -0.8, 0.4])
+    e = gather(ImuRecord(x, None, np.arange(N) / RATE, RATE, covariates={
+        'temperature': 30 + read(course, rng, 0.02)}), ['gyro_x'])['gyro_x']
+    later, both = NoiseProblem(e), model_of('noise', (*names, 'ramp'))
+    before = later.point(model_of('noise', names))
+    after, anew = (p.point(both) for p in (later, NoiseProblem(e)))
+    assert after.log_likelihood == pytest.approx(anew.log_likelihood, abs=0.5)
+    assert abs(after.model['temperature']['lag']) < abs(before.model['temperature']['lag'])
 
 
 @pytest.mark.thorough

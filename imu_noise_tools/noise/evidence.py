@@ -24,7 +24,7 @@ from scipy.ndimage import median_filter
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
 from .shared import derived, LATER, own_noise, SHAKEN
-from .thermal import COURSE, Course, course_of, TEMPERATURE
+from .thermal import COURSE, Course, course_of, TEMPERATURE, without_lines
 from ..core import allan
 from ..core.record import AXES, sensor_of
 from ..core.spectrum import Bins, bins_of, folded
@@ -273,10 +273,11 @@ class Evidence:
         axes = [a for a in self.channels if a in AXES]
         if TEMPERATURE not in self.channels or not axes:
             return None
-        return course_beside(
+        found = course_beside(
             self.common.slow, self.slow_t, self.whole.bins,
             {a: self.common.pair(a, a, 'whole') for a in axes},
             self.common.slow_length, len(self.common.low[axes[0], 'whole']))
+        return found and without_lines(found, self.line_table[:, 0], self.slow_t)
 
     @property
     def sensor(self) -> str:

@@ -97,7 +97,7 @@ class NoiseProblem(Problem):
     def begin_from(self, fit: Fit) -> None:
         """Keep a fit, from which a later one of much the same effects begins: the best one."""
         key = self.spectral(fit.model)
-        if key not in self._begun or self._begun[key].supported <= fit.supported:
+        if key not in self._begun or _explains(self._begun[key]) <= _explains(fit):
             self._begun[key] = fit
 
     def _near(self, model: Model) -> dict[str, Any]:
@@ -112,7 +112,7 @@ class NoiseProblem(Problem):
         # of two as near the smaller one: of what it rests on this one may rest on more; of the
         # same effects in another order the better one
         near = min(self._begun, default=None, key=lambda k: (
-            len(wanted ^ set(k)), len(k), -self._begun[k].supported))
+            len(wanted ^ set(k)), len(k), -_explains(self._begun[k])))
         if near is None or len(wanted ^ set(near)) > NEAR:
             return {}
         fit = self._begun[near]
@@ -365,6 +365,11 @@ class NoiseProblem(Problem):
         """Return how the measured power differs from another record's, band by band."""
         assert isinstance(other, NoiseProblem)
         return power_differences(self.evidence, other.evidence)
+
+
+def _explains(fit: Fit) -> float:
+    """Return ln L of what a fit explains."""
+    return -np.inf if fit.supported is None else fit.supported
 
 
 def power_differences(a: Evidence, b: Evidence,

@@ -75,7 +75,7 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
                 )
         if isinstance(e, Mean) and len(options) > 2:
             first, moved = options[0], begun and not e.anew
-            options = _best_columns(likelihood, grid[0], e, options, 1 if moved else 2, not begun)
+            options = _best_columns(likelihood, grid[0], e, options, 2, not begun)
             if moved and first not in options:
                 options.append(first)   # what is likely beside a rough spectrum may be less so
         grid = [g.with_effect(o) for g in grid for o in options]

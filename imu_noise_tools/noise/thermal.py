@@ -14,7 +14,7 @@ an axis follows it. Below that what axes have in common is the temperature's, no
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -164,6 +164,22 @@ def course_of(slow: Mapping[str, np.ndarray], t: np.ndarray,
     values = idct(out, type=2, norm='ortho')
     edge = (len(share) + 0.5) / (2 * len(t) * float(t[1] - t[0]))
     return Course(values / np.sqrt(np.mean(values**2)), edge, *tried[best])
+
+
+def without_lines(course: Course, lines: np.ndarray, t: np.ndarray) -> Course:
+    """
+    Return a course (at the times t (s,) of its blocks) without lines, Hz (l,), of an axis.
+
+    They were taken out of that axis, and what others have of them would put them back.
+
+    """
+    lines = lines[lines < course.edge]
+    if not len(lines):
+        return course
+    angle = 2 * np.pi * t[:, None] * lines
+    x = np.column_stack([np.ones(len(t)), np.cos(angle), np.sin(angle)])
+    values = course.values - x @ np.linalg.lstsq(x, course.values, rcond=None)[0]
+    return replace(course, values=values / np.sqrt(np.mean(values**2)))
 
 
 def follows_at(lines: np.ndarray, y: np.ndarray, t: np.ndarray, temperature: np.ndarray,
