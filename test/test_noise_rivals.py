@@ -381,10 +381,26 @@ def test_a_hollow_that_more_fills_than_may_arise_behind_a_filter_is_no_filter(
     A coarse rounding fills it as well, by what is known to some percent.
 
     """
+    evidence = SimpleNamespace(duration=600.0, dt=DT, rounding=np.ones(lags))
     for name in ('notch', 'low_pass'):
         effect = find_effect('noise', name).example().with_values(behind=behind)
-        said = at_bound(SimpleNamespace(duration=600.0, dt=DT, rounding=np.ones(lags)), effect, {})
+        said = at_bound(evidence, effect, {})
         assert ('its behind lies at its bound' in said) == fills
+
+
+@pytest.mark.parametrize('seed', daily((0, 3, 4, 7), 0))
+def test_near_the_fast_end_it_is_not_seen_what_arises_behind_a_filter(seed):
+    """A pole at 35 Hz of 50: .02 +- .2, which is no bound. Of a hollow it is seen."""
+    rng, up, pole = np.random.default_rng([seed, 8]), 8, np.exp(-2 * np.pi * 0.35 / 8)
+    x = lfilter([1 - pole], [1, -pole], rng.standard_normal(up * (N + 100)))[100 * up::up]
+    problem, fit = alone(SIZE * (np.sqrt(up) * x + 0.04 * rng.standard_normal(N)),
+                         'white', 'low_pass')
+    effect, said = fit.model['low_pass'], fit.estimates['low_pass']
+    assert at_bound(problem.evidence, effect, said)
+    assert not problem.shape(fit, 'low_pass', 500.0)
+    x = lfilter(*iirnotch(20.0, 3.0, fs=1 / DT), rng.standard_normal(N))
+    problem, fit = alone(SIZE * (x + 0.3 * rng.standard_normal(N)), 'white', 'notch')
+    assert 'its behind lies at its bound' in problem.shape(fit, 'notch', 500.0)
 
 
 @pytest.mark.thorough
