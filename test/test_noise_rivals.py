@@ -397,7 +397,7 @@ def test_near_the_fast_end_it_is_not_seen_what_arises_behind_a_filter(seed):
                          'white', 'low_pass')
     effect, said = fit.model['low_pass'], fit.estimates['low_pass']
     assert at_bound(problem.evidence, effect, said)
-    assert not problem.shape(fit, 'low_pass', 500.0)
+    assert not at_bound(problem.evidence, effect, said, fit)
     x = lfilter(*iirnotch(20.0, 3.0, fs=1 / DT), rng.standard_normal(N))
     problem, fit = alone(SIZE * (x + 0.3 * rng.standard_normal(N)), 'white', 'notch')
     assert 'its behind lies at its bound' in problem.shape(fit, 'notch', 500.0)
