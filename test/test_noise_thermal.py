@@ -143,12 +143,18 @@ def test_how_a_thermometer_is_read_is_asked_beside_what_was_missing(seed):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('size', [0.02, 0.004])
+@pytest.mark.parametrize('size, at', [(0.02, 0.06), (0.004, 0.06), (0.02, 0.2)])
 @pytest.mark.parametrize('whose', ['heater', 'own', 'shared'])
-def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_it(whose, size):
-    """The thermometer is far too slow to show the cycle of a heater, and all axes follow that."""
+def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_it(
+        whose, size, at):
+    """
+    The thermometer is far too slow to show the cycle of a heater, and all axes follow that.
+
+    Where that is slow itself, and beyond where anything else of it is seen.
+
+    """
     rng, t = np.random.default_rng(11), np.arange(N) / RATE
-    cycle = size * np.sin(2 * np.pi * 0.06 * t)
+    cycle = size * np.sin(2 * np.pi * at * t)
     warmth = heated(rng) + cycle * (whose == 'heater')
     a = np.exp(-1 / (25 * RATE))
     slow = lfilter([1 - a], [1, -a], warmth, zi=[a * warmth[0]])[0]
@@ -159,5 +165,5 @@ def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_i
     record = ImuRecord(1e-3 * x[:, :3], 1e-3 * x[:, 3:], t, RATE, covariates={
         'temperature': 30 + read(3 * slow, rng, 0.12)})
     e = gather(record, ['gyro_x'])['gyro_x']
-    assert whose != 'heater' or e.course.edge > 0.06
-    assert np.any(np.abs(e.line_table[:, 0] - 0.06) < 0.002) == (whose != 'heater')
+    assert whose != 'heater' or e.course.edge > at
+    assert np.any(np.abs(e.line_table[:, 0] - at) < 0.002) == (whose != 'heater')

@@ -39,6 +39,7 @@ ABOVE = 2.0             # times its floor up to which axes show the temperature
 BEYOND = 1.5            # times that frequency: further on it is 1/5 of the noise, and less
 STANDS = 8.0            # times the level around it, from which one coefficient is of a line
 ALONG = 0.5             # share of what axes have there, that goes as they follow the temperature
+FAR, CLEAR, SAME = 4, 20.0, 0.8     # times the last of these, up to which a line is; both, of that
 
 
 @dataclass(frozen=True)
@@ -287,7 +288,7 @@ def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
 
     A little further on: what is slow to change falls with the fourth power of the frequency. A
     line of a heater's cycle stands out of all that, and is ``along`` the axes (k,) as they follow
-    the temperature.
+    the temperature; further on still it must be clear that it does.
 
     """
     level = _level(shown**2)
@@ -295,11 +296,16 @@ def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
     end = int(np.argmin(np.append(level > ABOVE * floor, False)))
     further = np.arange(end, int(BEYOND * end))
     out = np.append(1 - floor / level[:end], 1 / (1 + (further / max(end, 1)) ** 4))
-    for k in np.flatnonzero((shown**2 > STANDS * level) & (along > ALONG)):
+    last = len(out)
+    far = np.arange(len(shown)) >= last
+    out = np.append(out, np.zeros(max(min(FAR * end, len(shown)) - len(out), 0)))
+    for k in np.flatnonzero((shown**2 > np.where(far, CLEAR, STANDS) * level)[:len(out)]
+                            & (along > np.where(far, SAME, ALONG))[:len(out)]):
         line = slice(max(k - AROUND, 0), min(k + AROUND + 1, len(out)))
         noise = median_sigma(shown[max(k - NOISE * AROUND, 0):k + NOISE * AROUND]) ** 2
         out[line] = np.maximum(out[line], 1 - noise / np.maximum(shown[line] ** 2, noise))
-    return out
+        last = max(last, line.stop)
+    return out[:last]
 
 
 def _coarse(x: np.ndarray) -> np.ndarray:
