@@ -47,7 +47,6 @@ SEEN = 8.0  # standard errors that a broad one stands out
 CLEAR = 100.0   # nats of a peak that is one in some form or other
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ROUNDED = 2.0   # times what rounding moves a mean by, that one must change by
-BEYOND = 2.0    # standard deviations by which the spectrum asks for more than a bound allows
 JUMPS = 0.5  # share of all that changes, or of how far levels are apart
 FURTHER = 1.5  # times as far as levels are apart, where no jump of theirs goes
 BLOCKS = 256  # of a record, within one of which two jumps are at one time
@@ -212,7 +211,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
     whole, partly = (_gain(evidence, fit, more, k) for k in (False, True))
     fast = _within_means(evidence, fit, more) if isinstance(effect, Mean) else 0.0
-    bound = at_bound(evidence, added, more.estimates[label], more)
+    bound = at_bound(evidence, added, more.estimates[label])
     finding = Finding(
         effect.name,
         float(partly if peak else whole) + bonus,
@@ -361,15 +360,14 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     return min(effect.always_fitted - 1 + clear, MOST_SHAPES)
 
 
-def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimate],
-             fit: Fit | None = None) -> str:
+def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimate]) -> str:
     """
     Say that a shape lies at its bound: that is no estimate, another effect is meant.
 
     At it, or so near that its estimate does not tell it from there; or beyond: a bound that goes
     with another parameter has moved with that since the fit began. Of a mean, what takes over
-    beyond is a rival with odds of its own: it is refused at the bound alone. Of what arises behind
-    a filter the spectrum of a ``fit`` must ask for more.
+    beyond is a rival with odds of its own: it is refused at the bound alone. What arises behind a
+    filter is not seen where that lets more pass everywhere.
 
     """
     if not isinstance(effect, NoiseEffect) or isinstance(effect, MEASURED):
@@ -377,9 +375,6 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
     narrower = effect.bounds(evidence)
     for p in effect.parameters:
         if p.amplitude or p.linear or p.discrete or p.name in effect.optional and not p.knee:
-            continue
-        # what a coarse rounding adds behind a filter is known to no less than may arise there
-        if p.knee and len(evidence.rounding) > 1:
             continue
         low, high = narrower.get(p.name, (p.lower, p.upper))
         low, high = max(low, p.lower), min(high, p.upper)
@@ -390,24 +385,17 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
         std = estimates[p.name].std if p.name in estimates else None
         told = np.inf if std is None else 2 * std / p.slope(effect[p.name])
         near = AT_BOUND * room if isinstance(effect, Mean) else max(told, AT_BOUND * room)
-        if min(within) < min(0.01 * room, near) and not (
-                p.knee and std is not None and fit is not None
-                and std * _asked_beyond(evidence, fit, effect, p.name) < BEYOND):
+        if min(within) < min(0.01 * room, near) and (
+                not p.knee or _filled(evidence, effect, p.name)):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
 
 
-def _asked_beyond(evidence: Evidence, fit: Fit, effect: Effect, name: str) -> float:
-    """Return the slope of ln L along what arises behind a filter, all else as it was fitted."""
+def _filled(evidence: Evidence, effect: Effect, name: str) -> bool:
+    """Tell whether what arises behind a filter shows: it lets less than that may be pass."""
     assert isinstance(effect, Response)
-    here, details = evidence.whole, fit.details
-    step = 0.1 * effect[name]
-    before, after = (e.gain2(here.bins.f, here.dt) for e in (
-        effect, effect.with_values(**{name: effect[name] + step})))
-    passed = sum(details.each[e.label] for e in fit.model.of(Spectrum) if effect.acts_on(e))
-    rises = passed * (after / before - 1) / (details.v * step)
-    left = details.weight * (details.power / details.v - 1)
-    return 0.5 * float(np.sum((left * rises)[details.explained]))
+    alone = cast(Response, effect.with_values(**{name: 0.0}))
+    return alone.least(evidence.whole.bins, evidence.dt) < effect.parameter(name).upper
 
 
 def _gained(evidence: Evidence, before: Fit, after: Fit, partly: bool = False) -> float:

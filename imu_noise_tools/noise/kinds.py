@@ -508,6 +508,10 @@ class Response(NoiseEffect):
         """Whether it scatters anything."""
         return False
 
+    def least(self, bins: Bins, dt: float) -> float:
+        """Return the least of its squared gain where a record shows it."""
+        return float(np.min(self.gain2(bins.f, dt)))
+
     def acts_on(self, effect: Spectrum) -> bool:
         """Tell whether it filters what an effect adds."""
         only = (True, effect.own, effect.flat)[int(self.values.get('filters', 0))]

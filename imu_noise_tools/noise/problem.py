@@ -280,7 +280,7 @@ class NoiseProblem(Problem):
                 without = without.minus(k)
             without = self.point(unfitted(without))
             self._shapes[key] = at_bound(
-                self.evidence, fit.model[label], fit.estimates.get(label, {}), fit) \
+                self.evidence, fit.model[label], fit.estimates.get(label, {})) \
                 or no_more_than_less(self, fit, label) \
                 or flexible.shape(self.evidence, fit, without, label, claim) \
                 or no_more_than_chance(self, fit, without, label)

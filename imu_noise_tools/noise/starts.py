@@ -50,15 +50,15 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
                        f'{filters[0].name} could filter', 'add white')
     shaped = [(e, *_shapes_of(e, given)) for e in model.of(NoiseEffect)
               if not isinstance(e, MEASURED)]
-    # what has shapes is asked for them again beside what has none yet, and not before
-    grid = [Model(next((e.with_values(**shapes) for e, shapes, begun in shaped
-                        if begun and e.label == x.label), x) for x in model)]
+    known = {e.label: e.with_values(**shapes) for e, shapes, begun in shaped if begun}
+    grid = [Model(known.get(e.label, e) for e in model)]
+    # what has shapes is asked for them again beside what had none yet, and not before
     for e, shapes, begun in sorted(shaped, key=lambda z: z[2]):
         if begun and isinstance(e, Mean) and e.anew and not e.fitted:
             options = likelihood.evidence.starts(e.with_values(
                 **{s: v for s, v in shapes.items() if s not in e.anew}))
         elif begun:
-            options = [e.with_values(**shapes)]
+            options = [known[e.label]]
             options += [options[0].with_values(**{p.name: float(k)})
                         for p in e.parameters if _asked_again(e, p, model, given, anew)
                         for k in range(len(p.choices)) if k != shapes[p.name]]

@@ -39,6 +39,7 @@ ABOVE = 2.0             # times its floor up to which axes show the temperature
 BEYOND = 1.5            # times that frequency: further on it is 1/5 of the noise, and less
 STANDS = 8.0            # times the level around it, from which one coefficient is of a line
 ALONG = 0.5             # share of what axes have there, that goes as they follow the temperature
+LEAST = 1e-6            # of a course, that is none: what lines leave of one by the last digits
 FAR, CLEAR, SAME = 4, 20.0, 0.8     # times the last of these, up to which a line is; both, of that
 
 
@@ -180,7 +181,7 @@ def without_lines(course: Course, lines: np.ndarray, t: np.ndarray) -> Course:
     angle = 2 * np.pi * t[:, None] * lines
     x = np.column_stack([np.ones(len(t)), np.cos(angle), np.sin(angle)])
     values = course.values - x @ np.linalg.lstsq(x, course.values, rcond=None)[0]
-    return replace(course, values=values / np.sqrt(np.mean(values**2)))
+    return replace(course, values=values / max(float(np.sqrt(np.mean(values**2))), LEAST))
 
 
 def follows_at(lines: np.ndarray, y: np.ndarray, t: np.ndarray, temperature: np.ndarray,

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
+from ...core.spectrum import Bins
 from ...loop.effect import Effect
 
 WIDEST = 1.5  # of the centre that a fit starts at: a filter that takes out more is no notch
@@ -71,6 +72,10 @@ class Notch(Response):
         behind = self.values.get('behind', 0.0)
         g = (x**2 - x0**2) ** 2 / ((x**2 - x0**2) ** 2 + (x * w) ** 2)
         return beside_unfiltered(g, behind)
+
+    def least(self, bins: Bins, dt: float) -> float:
+        """Return that at its frequency: a bin may be wider than the notch."""
+        return float(self.gain2(np.array(self['frequency']), dt))
 
     @classmethod
     def example(cls) -> Effect:
