@@ -299,9 +299,9 @@ class Search:
         What its members gain, each at its place, says nothing of what they leave together.
 
         """
-        whole = self.places.set_of(best)
         if self.places.left(best):
             return
+        whole = self.places.set_of(best)
         for chain in chains:
             here = self.places.set_of(chain)
             if here == whole or not self.places.left(chain):

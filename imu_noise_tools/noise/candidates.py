@@ -22,7 +22,8 @@ from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
 from .flexible import asks_nothing, swept
 from .kinds import (
-    Coupling, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
+    Coupling, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Parameter, Response,
+    Spectrum
 )
 from .likelihood import AT_BOUND, Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
@@ -386,16 +387,15 @@ def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimat
         told = np.inf if std is None else 2 * std / p.slope(effect[p.name])
         near = AT_BOUND * room if isinstance(effect, Mean) else max(told, AT_BOUND * room)
         if min(within) < min(0.01 * room, near) and (
-                not p.knee or _filled(evidence, effect, p.name)):
+                not p.knee or _filled(evidence, effect, p)):
             return f'its {p.name} lies at its bound, {effect[p.name]:.3g} {p.unit}'
     return ''
 
 
-def _filled(evidence: Evidence, effect: Effect, name: str) -> bool:
+def _filled(evidence: Evidence, effect: Effect, behind: Parameter) -> bool:
     """Tell whether what arises behind a filter shows: it lets less than that may be pass."""
-    assert isinstance(effect, Response)
-    alone = cast(Response, effect.with_values(**{name: 0.0}))
-    return alone.least(evidence.whole.bins, evidence.dt) < effect.parameter(name).upper
+    alone = cast(Response, effect.with_values(**{behind.name: 0.0}))
+    return alone.least(evidence.whole.bins, evidence.dt) < behind.upper
 
 
 def _gained(evidence: Evidence, before: Fit, after: Fit, partly: bool = False) -> float:

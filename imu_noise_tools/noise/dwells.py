@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from ..core.statistics import means_of_blocks
 from ..loop.verdict import FLEXIBLE
 
 _BLOCKS = 1024  # block means that are followed
@@ -178,7 +179,7 @@ def _within(y: np.ndarray, per: int, upper: np.ndarray, step: float, stay: float
     Beside the drift that the blocks tell; a dwell may be shorter than one of these.
 
     """
-    z = y[:len(upper) * per].reshape(-1, per).mean(axis=1)
+    z = means_of_blocks(y[:len(upper) * per], per)
     drift = median_filter(z - step * upper, _CALM, mode='mirror')   # an end counts once
     rest = y - np.interp(np.arange(len(y)), per * (np.arange(len(z)) + 0.5) - 0.5, drift)
     noise = max(float(np.mean((rest - step * (rest > 0.5 * step)) ** 2)), 1e-12 * step**2)

@@ -61,7 +61,7 @@ class NoiseProblem(Problem):
         self._points: dict = {}
         self._settled: dict[tuple[str, ...], Fit] = {}
         self._candidates: dict = {}
-        self._begun: dict[tuple[str, ...], Fit] = {}
+        self._begun: dict[frozenset[str], Fit] = {}
         self.tried: dict[tuple[str, ...], Tried] = {}
         self._matters: dict = {}
         self._times: dict[tuple, View] = {}
@@ -96,7 +96,7 @@ class NoiseProblem(Problem):
 
     def begin_from(self, fit: Fit) -> None:
         """Keep a fit, from which a later one of much the same effects begins: the best one."""
-        key = self.spectral(fit.model)
+        key = frozenset(self.spectral(fit.model))   # in whichever order they came
         if key not in self._begun or _explains(self._begun[key]) <= _explains(fit):
             self._begun[key] = fit
 
@@ -109,23 +109,22 @@ class NoiseProblem(Problem):
 
         """
         wanted = set(self.spectral(model))
-        # of two as near the smaller one: of what it rests on this one may rest on more; of the
-        # same effects in another order the better one
+        # of two as near the smaller one: of what it rests on this one may rest on more
         near = min(self._begun, default=None, key=lambda k: (
-            len(wanted ^ set(k)), len(k), -_explains(self._begun[k])))
-        if near is None or len(wanted ^ set(near)) > NEAR:
+            len(wanted ^ k), len(k), -_explains(self._begun[k])))
+        if near is None or len(wanted ^ near) > NEAR:
             return {}
         fit = self._begun[near]
         out: dict[str, Any] = {'start': fit.model}
-        if set(near) - wanted:
+        if near - wanted:
             # beside noise that is no longer there a filter had another form
             out['start'] = Model(e for e in fit.model
                                  if isinstance(e, MEASURED) or not isinstance(e, Response))
-        other = {label.partition('.')[0] for label in wanted ^ set(near)}
+        other = {label.partition('.')[0] for label in wanted ^ near}
         if not other and any(fit is settled for settled in self._points.values()):
             return {**out, 'basis': fit.details.hint}
         if not any(issubclass(registry('noise')[k], (Spectrum, Response)) for k in other) \
-                or wanted > set(near):
+                or wanted > near:
             out['hint'] = fit.details.hint
         return out
 

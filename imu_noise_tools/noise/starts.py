@@ -24,6 +24,7 @@ from ..loop.verdict import PRICE
 #: a model with the shapes of its effects, and where its searched parameters start
 Start: TypeAlias = tuple[Model, np.ndarray]
 
+COLUMNS = 2  # of a mean of one form that a fit starts from
 ROUNDS = 3  # of weighing a spectrum by what was fitted to it
 LEAST = 1e-6  # of its median, that a level is anywhere
 BESIDE = 6  # of the starts of a filter beside noise of a smaller model
@@ -75,7 +76,7 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
                 )
         if isinstance(e, Mean) and len(options) > 2:
             first, moved = options[0], begun and not e.anew
-            options = _best_columns(likelihood, grid[0], e, options, 2, not begun)
+            options = _best_columns(likelihood, grid[0], e, options, not begun)
             if moved and first not in options:
                 options.append(first)   # what is likely beside a rough spectrum may be less so
         grid = [g.with_effect(o) for g in grid for o in options]
@@ -165,7 +166,7 @@ def with_values_of(given: Model, likelihood: Likelihood, x0: np.ndarray) -> np.n
     return out
 
 
-def _best_columns(likelihood, model, effect, options, keep, finer):
+def _best_columns(likelihood, model, effect, options, finer):
     """
     Return the options whose columns explain most of the slow part.
 
@@ -193,7 +194,7 @@ def _best_columns(likelihood, model, effect, options, keep, finer):
         if again:
             break
         # a strong one is in that spectrum itself: what the best leaves tells them apart
-        best = _best_of_forms(options, gains, effect.anew, keep)
+        best = _best_of_forms(options, gains, effect.anew)
         more = [o for i in best for o in options[i].finer(likelihood.evidence)
                 if finer and o not in options]
         x = np.column_stack([*known, proposed[best[0]]]) * root
@@ -203,9 +204,9 @@ def _best_columns(likelihood, model, effect, options, keep, finer):
             likelihood._replaced(likelihood.power, likelihood._slow, rest), 1e-300))
         options = [*options, *more]
         proposed += [likelihood.slow_columns(o) for o in more]
-    chosen = _best_of_forms(options, gains, effect.anew, keep)
+    chosen = _best_of_forms(options, gains, effect.anew)
     if not effect.anew and best[0] not in chosen:
-        chosen = [*chosen[:keep - 1], best[0]]
+        chosen = [*chosen[:COLUMNS - 1], best[0]]
     return [options[i] for i in chosen]
 
 
@@ -233,11 +234,11 @@ def _gains(proposed: list[np.ndarray], before: np.ndarray, y: np.ndarray) -> np.
     return out
 
 
-def _best_of_forms(options, gains, choices, keep) -> list[int]:
+def _best_of_forms(options, gains, choices) -> list[int]:
     """Return which options are best, best first: one of each form, of one form some."""
     order = [int(i) for i in np.argsort(gains)[::-1]]
     first = {tuple(options[i][c] for c in choices): i for i in reversed(order)}
-    return order[:keep] if len(first) == 1 else [i for i in order if i in first.values()]
+    return order[:COLUMNS] if len(first) == 1 else [i for i in order if i in first.values()]
 
 
 def _background(bins: Bins, power: np.ndarray) -> np.ndarray:

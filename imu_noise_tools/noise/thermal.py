@@ -40,7 +40,8 @@ BEYOND = 1.5            # times that frequency: further on it is 1/5 of the nois
 STANDS = 8.0            # times the level around it, from which one coefficient is of a line
 ALONG = 0.5             # share of what axes have there, that goes as they follow the temperature
 LEAST = 1e-6            # of a course, that is none: what lines leave of one by the last digits
-FAR, CLEAR, SAME = 4, 20.0, 0.8     # times the last of these, up to which a line is; both, of that
+FAR = 4                 # times that frequency up to which lines are looked for, beyond all else
+CLEAR, SAME = 20.0, 0.8     # there, for STANDS and ALONG
 
 
 @dataclass(frozen=True)
@@ -297,11 +298,11 @@ def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
     end = int(np.argmin(np.append(level > ABOVE * floor, False)))
     further = np.arange(end, int(BEYOND * end))
     out = np.append(1 - floor / level[:end], 1 / (1 + (further / max(end, 1)) ** 4))
-    last = len(out)
+    last, out = len(out), np.append(out, np.zeros(max(min(FAR * end, len(shown)) - len(out), 0)))
     far = np.arange(len(shown)) >= last
-    out = np.append(out, np.zeros(max(min(FAR * end, len(shown)) - len(out), 0)))
-    for k in np.flatnonzero((shown**2 > np.where(far, CLEAR, STANDS) * level)[:len(out)]
-                            & (along > np.where(far, SAME, ALONG))[:len(out)]):
+    stands = (shown**2 > np.where(far, CLEAR, STANDS) * level) \
+        & (along > np.where(far, SAME, ALONG))
+    for k in np.flatnonzero(stands[:len(out)]):
         line = slice(max(k - AROUND, 0), min(k + AROUND + 1, len(out)))
         noise = median_sigma(shown[max(k - NOISE * AROUND, 0):k + NOISE * AROUND]) ** 2
         out[line] = np.maximum(out[line], 1 - noise / np.maximum(shown[line] ** 2, noise))

@@ -17,6 +17,7 @@ from ..kinds import (
 from ..lines import waves
 from ..views import slow_mean, slow_rest
 from ...core import gauss_markov
+from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit
 
 _SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of the time spent in the upper level
@@ -74,7 +75,7 @@ class Rts(Spectrum):
         for length in (k for k in _SHORT if 2 * k <= len(y) // SLOW):
             size = _KEPT * _SEGMENT * length
             begin = (len(y) - size) // 2
-            z = y[begin:begin + size].reshape(-1, length).mean(axis=1)
+            z = means_of_blocks(y[begin:begin + size], length)
             out[f'means_{length}'] = (z - np.mean(z)).astype(np.float32)
             out[f'begin_{length}'] = np.array(begin)
         return out
