@@ -180,6 +180,25 @@ def test_white_noise_behind_one_pole_is_told_from_a_relaxation_by_the_other_axes
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize('run', [1, 3])
+def test_one_filter_is_told_by_the_other_axes_where_messages_are_repeated(run):
+    """At random, which fills what it left empty: in each axis the same share of its own noise."""
+    rng, n, dt = np.random.default_rng(42), 60_000, 0.1
+    pole, fresh = np.exp(-0.15), np.arange(n)
+    fresh[np.convolve(rng.random(n) < 0.3 / run, np.ones(run))[:n] > 0] = 0
+    passed = lfilter([1 - pole], [1, -pole], rng.standard_normal((n + 500, 3)), axis=0)[500:]
+    gyro = (passed + 0.05 * rng.standard_normal((n, 3))) * [1e-4, 3e-4, 5e-5]
+    gyro = gyro[np.maximum.accumulate(fresh)]
+    record = ImuRecord(gyro, None, dt * np.arange(n), 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', (*BASE, 'duplicates')))
+    found = {f.name: f for f in problem.candidates(fit)}
+    gains = [found[name].gain - found[name].penalty for name in ('low_pass', 'gauss_markov')]
+    assert fit.model['duplicates']['fraction'] == pytest.approx(0.3, abs=0.05)
+    assert found['low_pass'].effect.knees and gains[0] > gains[1] + 5
+
+
+@pytest.mark.thorough
 def test_a_refit_that_finds_another_place_is_no_gain_of_what_was_measured():
     """What was caught elsewhere before any refit frees, by no doing of the effect."""
     rng, n, dt = np.random.default_rng(6), 20_000, 0.01

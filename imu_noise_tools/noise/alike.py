@@ -24,7 +24,8 @@ FAR = 5.0  # standard errors from which a band counts no more: a line of the oth
 ROUNDS = 3  # of leaving them out
 
 
-def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: float) -> float:
+def alike(bins: Bins, power: np.ndarray, passed: np.ndarray, every: np.ndarray, behind: float,
+          std: float) -> float:
     """
     Return how much likelier another axis is behind the same filter than beside noise of its own.
 
@@ -38,13 +39,14 @@ def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: 
         Of the whole record.
     power : ndarray (b,)
         Of the other axis.
-    gain2 : ndarray (b,)
-        Squared gain of the filter; 0 where more than white noise is in the spectrum.
+    passed, every : ndarray (b,)
+        White noise that passes the filter, and all of it, as they are seen (behind what holds
+        samples, say); ``passed`` 0 where more than white noise is in the spectrum.
     behind, std : float
         Share of this axis's white noise that arises behind the filter, its standard deviation.
 
     """
-    bands, count = Bands.on(bins), bins.count * (gain2 > 0)
+    bands, count = Bands.on(bins), bins.count * (passed > 0)
     some = bands.sum(count) > 0
     if np.sum(some) < LEAST:
         return 0.0
@@ -55,8 +57,8 @@ def alike(bins: Bins, power: np.ndarray, gain2: np.ndarray, behind: float, std: 
     level = mean(bins.log_level(power))
     # one over the variance of the logarithm of chi-squared over its degrees of freedom
     weight = bands.sum(count)[some] / mean(count * polygamma(1, bins.count / 2))
-    passed = np.exp(mean(np.log(np.maximum(gain2, 1e-300))))
-    away = level - np.log(passed + SHARES[:, None])
+    through, white = (np.exp(mean(np.log(np.maximum(x, 1e-300)))) for x in (passed, every))
+    away = level - np.log(through + SHARES[:, None] * white)
     away -= np.median(away, axis=1, keepdims=True)
     for _ in range(ROUNDS):
         w = np.where(away**2 * weight < FAR**2, weight, 0.0)

@@ -686,6 +686,20 @@ def together(responses: Sequence[Response], each: Sequence[np.ndarray], f: np.nd
     return out
 
 
+def before_the_last(before: Sequence[Response], model: Model, f: np.ndarray,
+                    dt: float) -> np.ndarray:
+    """
+    Return how strong white noise behind some responses is, seen at f (Hz) behind a model's last.
+
+    Over what there is before the first of them: of several that add, each.
+
+    """
+    out = gain2_of(before, f, dt)
+    for r in (r for r in model.of(Response) if r.last):
+        out = r.gain2(f, dt) * (out + r.scattered(before, f, dt))
+    return out
+
+
 def model_crowd(model: Model) -> float:
     """Return how many times more sums of products of two axes scatter (:class:`Response`)."""
     out = 1.0

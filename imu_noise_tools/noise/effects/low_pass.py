@@ -10,7 +10,7 @@ import numpy as np
 
 from ..alike import alike
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, Spectrum
+from ..kinds import before_the_last, beside_unfiltered, FILTERS, Parameter, Response, Spectrum
 from ...core.spectrum import Bins
 from ...loop.effect import Effect, Fit
 
@@ -145,17 +145,19 @@ class LowPass(Response):
         Return what the other axes say for one pole, beside a Gauss-Markov process.
 
         A filter is that of the sensor: behind it all axes are alike, where such a process is as
-        strong in each of them as it may be.
+        strong in each of them as it may be. What holds samples holds those of every axis.
 
         """
         if not self.knees:
             return 0.0
-        bins, behind = evidence.whole.bins, self['behind']
+        bins, dt, behind = evidence.whole.bins, evidence.dt, self['behind']
         white = sum(fit.details.each[e.label] for e in fit.model.of(Spectrum) if e.in_every_sensor)
-        gain2 = self._shape(self.chosen('form'), bins.f, evidence.dt)
-        gain2 = np.where(white > ALL * fit.details.v, gain2, 0.0)
+        passed = before_the_last((self.with_values(behind=0.0),), fit.model, bins.f, dt)
+        passed = np.where(white > ALL * fit.details.v, passed, 0.0)
+        every = before_the_last((), fit.model, bins.f, dt)
         std = fit.estimates[self.label]['behind'].std or behind
-        return sum(alike(bins, power, gain2, behind, std) for power in evidence.other_axes())
+        return sum(alike(bins, power, passed, every, behind, std)
+                   for power in evidence.other_axes())
 
     def _shape(self, form, f, dt):
         """Return that of a form, with nothing behind it."""
