@@ -382,6 +382,10 @@ def test_a_temperature_is_shown_as_rate_over_temperature():
     assert '°C' in shown.x_title and 19.9 < points.x.min() < points.x.max() < 30.1
     for curve in (points, line):        # in deg/s for a degree, measured and by the effect
         assert np.polyfit(curve.x, curve.y, 1)[0] == pytest.approx(math.degrees(slope), rel=0.2)
+    for lag, said in ((8.0, 'behind a lag of 8 s'), (-8.0, 'ahead of a thermometer 8 s slow')):
+        late = after.fit.model.with_values({'temperature': {'lag': lag}})
+        shown = noise.panels(replace(after, fit=replace(after.fit, model=late)))
+        assert said in shown['rate_over_temperature']().x_title
 
 
 @pytest.mark.thorough

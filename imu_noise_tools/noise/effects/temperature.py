@@ -97,20 +97,28 @@ class Temperature(Mean):
         return powers(u, [np.zeros(len(u)) if course is None else course])
 
     def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
-        """Return the rate against the temperature, less all else that moves the mean."""
+        """
+        Return the rate against the temperature, less all else that moves the mean.
+
+        And less what other axes tell beyond the thermometer, which is no function of it.
+
+        """
         return {'rate_over_temperature': lambda: self._over_temperature(evidence, fit)}
 
     def _over_temperature(self, evidence: Evidence, fit: Fit) -> Portrait:
         inputs = evidence.slow_inputs
-        others = slow_mean(evidence, fit.model.minus(self.label))
-        y, mine = slow_rest(evidence, fit.model) - others, self.mean(inputs)
+        mine = self.with_values(read=0.0).mean(inputs)
+        others = slow_mean(evidence, fit.model) - mine
+        y = slow_rest(evidence, fit.model) - others
         warmth = moved(np.asarray(inputs.covariates[TEMPERATURE], float), inputs.t,
                        self['lag'], self.values.get('smoothing', 0.0))
         per = max(1, len(y) // POINTS)
         x, seen = (means_of_blocks(v, per) for v in (warmth, y))
         order = np.argsort(warmth)[::per]
-        behind = f', {self["lag"]:.3g} s later' if self['lag'] else ''
-        return Portrait(('temperature' + behind, 'mean of the axis'), ('degC', '{rate}'),
+        lag = self['lag']
+        read = (f' behind a lag of {lag:.3g} s' if lag > 0
+                else f' ahead of a thermometer {-lag:.3g} s slow' if lag else '')
+        return Portrait(('temperature' + read, 'mean of the axis'), ('degC', '{rate}'),
                         x, seen - np.mean(seen), warmth[order], (mine - np.mean(mine))[order])
 
     @classmethod
