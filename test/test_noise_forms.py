@@ -909,6 +909,21 @@ def test_a_strong_band_is_heard_where_it_is_and_a_line_is_not():
         {k: g * line + rng.standard_normal(n) for k, g in (('gyro_x', 1.0), ('gyro_y', -0.8))}, dt)
 
 
+def test_what_stands_above_the_noise_of_an_axis_ends_with_its_peak():
+    """And its own noise is told as it is: slow bins hold few coefficients, of which low ones."""
+    n, dt, own, beside = 50_000, 0.01, [], []
+    bins = bins_of(n, dt)
+    peak = 60 / (1 + ((bins.f - 8.6) / 0.4) ** 4)
+    apart = (bins.f > 2) & (np.abs(bins.f - 8.6) > 3)
+    for seed in range(12):
+        some = np.random.default_rng([seed, 41]).chisquare(bins.count) / bins.count
+        own.append(np.mean(shared.own_noise(bins, some)[2][bins.f < 10]))
+        share = shared.share(bins, (1 + peak) * some, (bins.f, peak / (1 + peak)))
+        assert np.max(share[np.abs(bins.f - 8.6) < 0.3]) > 0.9
+        beside.append(np.average((share - peak / (1 + peak))[apart], weights=bins.count[apart]))
+    assert np.mean(own) == pytest.approx(1, abs=0.03) and np.mean(beside) < 0.01
+
+
 @pytest.mark.parametrize('course', [0.0, 20.0])
 def test_how_far_axes_drift_says_nothing_of_what_they_share(course):
     """A band of 7 Hz beside flicker, and beside ramps that stand far above it."""

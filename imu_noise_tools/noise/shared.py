@@ -23,7 +23,7 @@ import numpy as np
 from scipy.fft import dct, idst
 from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.optimize import nnls
-from scipy.special import chdtri
+from scipy.special import chdtri, polygamma
 
 from .lines import without_lines
 from ..core.spectrum import Bins
@@ -53,6 +53,7 @@ WIDE = (9, 19, 39, 79)
 FLANKS = 39     # bins, of which a peak's flanks are fewer than half
 BETWEEN = 3     # coefficients of a drift, of which one is large
 MOST = 0.95     # of an axis's power that is no noise of its own
+LIKE = 3.0      # standard deviations by which a level may scatter about its noise
 TIMES = 64      # in which it is looked how loud a record is
 OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
 
@@ -392,12 +393,14 @@ def _above_own(bins: Bins, power: np.ndarray,
         own = _behind_filter(bins, level, seen, own, heard)
     there = level > TALL * own
     share = np.zeros(len(own))
-    # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint
-    for level, seen in _levels(bins, power):
+    # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint, and what is
+    # beside them is no higher for the peak
+    for width in (w for w in WIDE if w <= len(own)):
+        ratio, seen = _level(bins, power / own, width, share == 0)
         if heard is not None:
-            there |= (level > ABOVE * own) & (seen >= ENOUGH) & (heard > PART * (1 - own / level))
-        told = (share == 0) & (level > (1 + 2 * np.sqrt(2 / seen)) * own)
-        share[told] = 1 - (own / level)[told]
+            there |= (ratio > ABOVE) & (seen >= ENOUGH) & (heard > PART * (1 - 1 / ratio))
+        told = (share == 0) & (ratio > 1 + 2 * np.sqrt(2 / seen))
+        share[told] = 1 - 1 / ratio[told]
     above = share > 0
     # by chance some bins far off are above it as well, where there is nothing to hear
     above = _with(above, there)
@@ -446,13 +449,12 @@ def _with(some: np.ndarray, there: np.ndarray) -> np.ndarray:
     return some & np.isin(stretch, stretch[some & there])
 
 
-def _levels(bins: Bins, power: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield (level, coefficients that tell it), (b,) each, of more and more bins."""
-    log = bins.log_level(power)
-    for width in (w for w in WIDE if w <= len(log)):
-        window = np.ones(width)
-        count = np.convolve(bins.count, window, 'same')
-        yield np.exp(np.convolve(bins.count * log, window, 'same') / count), count
+def _level(bins: Bins, power: np.ndarray, width: int,
+           some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (level, coefficients that tell it), (b,) each, of ``some`` of so many bins around."""
+    window, count = np.ones(width), np.where(some, bins.count, 0)
+    seen = np.maximum(np.convolve(count, window, 'same'), 1)
+    return np.exp(np.convolve(count * bins.log_level(power), window, 'same') / seen), seen
 
 
 def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
@@ -467,21 +469,31 @@ def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
 
     """
     log = bins.log_level(power)
-    level, seen = log.copy(), bins.count.astype(float)
+    each = bins.count**2 * polygamma(1, 0.5 * bins.count)
+    level, seen, scatter = log.copy(), bins.count.astype(float), each / bins.count**2
     for width in WIDTHS:        # the fewest neighbours that tell a level
         window, few = np.ones(width), seen < ENOUGH
         count = np.convolve(bins.count, window, 'same')
         level[few] = (np.convolve(bins.count * log, window, 'same') / count)[few]
+        scatter[few] = (np.convolve(each, window, 'same') / count**2)[few]
         seen[few] = count[few]
     level = np.exp(level)
     rest = 1 - np.minimum(heard, MOST)
     w = np.minimum(bins.count, ENOUGH) * rest**4
     basis = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2,
                       np.sin(np.pi * bins.f * bins.dt) ** 2], axis=1)
-    # relative to what is measured a peak counts once, however high, an overshoot without bound
-    scaled = np.sqrt(w)[:, None] * basis / (rest * level)[:, None]
+    # relative to what is measured a peak counts once, however high, an overshoot without bound;
+    # of what scatters about it the low ones would count the more: these relative to the fit
+    own = _fitted(basis, rest * level, w, rest * level)
+    like = np.abs(np.log(rest * level / np.maximum(own, 1e-300))) < LIKE * np.sqrt(scatter)
+    return level, seen, _fitted(basis, rest * level, w, np.where(like, own, rest * level))
+
+
+def _fitted(basis: np.ndarray, level: np.ndarray, w: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return the sum of columns (b, p), none below zero, nearest to a level (b,) by its size."""
+    scaled = np.sqrt(w)[:, None] * basis / size[:, None]
     scale = np.max(scaled, axis=0)
-    return level, seen, basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
+    return basis @ (nnls(scaled / scale, np.sqrt(w) * level / size)[0] / scale)
 
 
 def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarray | None,
