@@ -61,7 +61,7 @@ class Search:
             # what began alike in a round before ends where it ended then
             better = self._best((v for k, v in begins.items() if k not in tried), found)
             tried |= begins.keys()
-            if better is found:
+            if better is None or better is found:
                 break
             found = better
         return found
