@@ -921,7 +921,7 @@ def test_a_notch_filled_by_what_hisses_behind_it_is_one_beside_a_warm_up():
 
 @pytest.mark.thorough
 def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone():
-    rng, size = np.random.default_rng(67), 2.1
+    rng, size = np.random.default_rng(67), 2.0
     b = 0.05 * SIZE
     gyro = [SIZE * rng.standard_normal(N) + hidden.flicker(N, DT, b, rng) for _ in range(3)]
     gyro[0] = gyro[0] + 3 * size * b * ((T > 0.45 * T[-1]) & (T < 0.6 * T[-1]))

@@ -393,10 +393,13 @@ def _above_own(bins: Bins, power: np.ndarray,
         own = _behind_filter(bins, level, seen, own, heard)
     there = level > TALL * own
     share = np.zeros(len(own))
-    # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint, and what is
-    # beside them is no higher for the peak
+    # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint; a median of
+    # many is no higher for a peak among them
+    log, count = bins.log_level(power / own), np.ones(WIDE[0])
+    near = np.convolve(bins.count * log, count, 'same') / np.convolve(bins.count, count, 'same')
     for width in (w for w in WIDE if w <= len(own)):
-        ratio, seen = _level(bins, power / own, width, share == 0)
+        seen = np.convolve(bins.count, np.ones(width), 'same')
+        ratio = np.exp(near if width == WIDE[0] else median_filter(near, width, mode='nearest'))
         if heard is not None:
             there |= (ratio > ABOVE) & (seen >= ENOUGH) & (heard > PART * (1 - 1 / ratio))
         told = (share == 0) & (ratio > 1 + 2 * np.sqrt(2 / seen))
@@ -447,14 +450,6 @@ def _with(some: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Return those of some bins (b,) that lie in one stretch with one that is ``there``."""
     stretch = np.cumsum(np.diff(some, prepend=False))
     return some & np.isin(stretch, stretch[some & there])
-
-
-def _level(bins: Bins, power: np.ndarray, width: int,
-           some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (level, coefficients that tell it), (b,) each, of ``some`` of so many bins around."""
-    window, count = np.ones(width), np.where(some, bins.count, 0)
-    seen = np.maximum(np.convolve(count, window, 'same'), 1)
-    return np.exp(np.convolve(count * bins.log_level(power), window, 'same') / seen), seen
 
 
 def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
