@@ -53,7 +53,6 @@ WIDE = (9, 19, 39, 79)
 FLANKS = 39     # bins, of which a peak's flanks are fewer than half
 BETWEEN = 3     # coefficients of a drift, of which one is large
 MOST = 0.95     # of an axis's power that is no noise of its own
-LIKE = 3.0      # standard deviations by which a level may scatter about its noise
 TIMES = 64      # in which it is looked how loud a record is
 OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
 
@@ -478,17 +477,11 @@ def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
     basis = np.stack([np.ones(len(bins.f)), 1 / bins.f, 1 / bins.f**2,
                       np.sin(np.pi * bins.f * bins.dt) ** 2], axis=1)
     # relative to what is measured a peak counts once, however high, an overshoot without bound;
-    # of what scatters about it the low ones would count the more: these relative to the fit
-    own = _fitted(basis, rest * level, w, rest * level)
-    like = np.abs(np.log(rest * level / np.maximum(own, 1e-300))) < LIKE * np.sqrt(scatter)
-    return level, seen, _fitted(basis, rest * level, w, np.where(like, own, rest * level))
-
-
-def _fitted(basis: np.ndarray, level: np.ndarray, w: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return the sum of columns (b, p), none below zero, nearest to a level (b,) by its size."""
-    scaled = np.sqrt(w)[:, None] * basis / size[:, None]
+    # of levels that scatter the low ones count the more: E[1/x] / E[1/x^2] of lognormal ones
+    middle = rest * level * np.exp(1.5 * np.minimum(scatter, 2 / ENOUGH))
+    scaled = np.sqrt(w)[:, None] * basis / middle[:, None]
     scale = np.max(scaled, axis=0)
-    return basis @ (nnls(scaled / scale, np.sqrt(w) * level / size)[0] / scale)
+    return level, seen, basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
 
 
 def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarray | None,
