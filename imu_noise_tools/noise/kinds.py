@@ -686,12 +686,13 @@ def together(responses: Sequence[Response], each: Sequence[np.ndarray], f: np.nd
     return out
 
 
-def before_the_last(before: Sequence[Response], model: Model, f: np.ndarray,
-                    dt: float) -> np.ndarray:
+def seen_behind(before: Sequence[Response], model: Model, f: np.ndarray,
+                dt: float) -> np.ndarray:
     """
-    Return how strong white noise behind some responses is, seen at f (Hz) behind a model's last.
+    Return the power at f (Hz) of white noise of 1 behind some responses and a model's last.
 
-    Over what there is before the first of them: of several that add, each.
+    As :func:`together` has it, and not scaled to 1 at zero: powers of noise that passes other
+    responses add to it.
 
     """
     out = gain2_of(before, f, dt)

@@ -394,8 +394,7 @@ def _above_own(bins: Bins, power: np.ndarray,
     share = np.zeros(len(own))
     # of the fewest neighbours that tell it: a peak is narrow, its skirts are faint; a median of
     # many is no higher for a peak among them
-    log, count = bins.log_level(power / own), np.ones(WIDE[0])
-    near = np.convolve(bins.count * log, count, 'same') / np.convolve(bins.count, count, 'same')
+    near, _ = _around(bins.log_level(power / own), bins.count, WIDE[0])
     for width in (w for w in WIDE if w <= len(own)):
         seen = np.convolve(bins.count, np.ones(width), 'same')
         ratio = np.exp(near if width == WIDE[0] else median_filter(near, width, mode='nearest'))
@@ -451,6 +450,13 @@ def _with(some: np.ndarray, there: np.ndarray) -> np.ndarray:
     return some & np.isin(stretch, stretch[some & there])
 
 
+def _around(x: np.ndarray, count: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return (means of x, coefficients in them), (b,) each, over so many bins of a count."""
+    window = np.ones(width)
+    seen = np.convolve(count, window, 'same')
+    return np.convolve(count * x, window, 'same') / seen, seen
+
+
 def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
@@ -466,10 +472,9 @@ def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
     each = bins.count**2 * polygamma(1, 0.5 * bins.count)
     level, seen, scatter = log.copy(), bins.count.astype(float), each / bins.count**2
     for width in WIDTHS:        # the fewest neighbours that tell a level
-        window, few = np.ones(width), seen < ENOUGH
-        count = np.convolve(bins.count, window, 'same')
-        level[few] = (np.convolve(bins.count * log, window, 'same') / count)[few]
-        scatter[few] = (np.convolve(each, window, 'same') / count**2)[few]
+        few, (mean, count) = seen < ENOUGH, _around(log, bins.count, width)
+        level[few] = mean[few]
+        scatter[few] = (np.convolve(each, np.ones(width), 'same') / count**2)[few]
         seen[few] = count[few]
     level = np.exp(level)
     rest = 1 - np.minimum(heard, MOST)
@@ -523,9 +528,8 @@ def spread(pair: Callable[[str, str], np.ndarray], channel: str, bins: Bins) -> 
     own = out = np.maximum(pair(plain[:-1], plain) - pair(plain, plain), 0.0)
     seen = bins.count.astype(float)
     for width in (w for w in WIDE if w <= len(own)):
-        window, few = np.ones(width), seen < ENOUGH
-        count = np.convolve(bins.count, window, 'same')
-        some = bins.count * np.minimum(own, OUT * median_filter(own, width, mode='nearest'))
-        out = np.where(few, np.convolve(some, window, 'same') / count, out)
+        few, most = seen < ENOUGH, OUT * median_filter(own, width, mode='nearest')
+        mean, count = _around(np.minimum(own, most), bins.count, width)
+        out = np.where(few, mean, out)
         seen = np.where(few, count, seen)
     return out

@@ -190,6 +190,8 @@ class Duplicates(Defect, Response):
         p = self['fraction']
         if not self.scatters:
             return np.zeros(np.shape(f))
+        if self._run == 1 and not before:
+            return np.full(np.shape(f), self._often - 1)    # white noise keeps its form
         if self._run == 1:
             at = WITHIN ** 3 * 0.5 / dt
             lost = (1 - self.gain2(at, dt)) * gain2_of(before, at, dt)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..alike import alike
 from ..evidence import Evidence
-from ..kinds import before_the_last, beside_unfiltered, FILTERS, Parameter, Response, Spectrum
+from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, seen_behind, Spectrum
 from ...core.spectrum import Bins
 from ...loop.effect import Effect, Fit
 
@@ -152,9 +152,9 @@ class LowPass(Response):
             return 0.0
         bins, dt, behind = evidence.whole.bins, evidence.dt, self['behind']
         white = sum(fit.details.each[e.label] for e in fit.model.of(Spectrum) if e.in_every_sensor)
-        passed = before_the_last((self.with_values(behind=0.0),), fit.model, bins.f, dt)
+        passed = seen_behind((self.with_values(behind=0.0),), fit.model, bins.f, dt)
         passed = np.where(white > ALL * fit.details.v, passed, 0.0)
-        every = before_the_last((), fit.model, bins.f, dt)
+        every = seen_behind((), fit.model, bins.f, dt)
         std = fit.estimates[self.label]['behind'].std or behind
         return sum(alike(bins, power, passed, every, behind, std)
                    for power in evidence.other_axes())
