@@ -15,6 +15,8 @@ width at half height, s sqrt(8 ln 2). Beside an oscillator's peak of that width 
 from __future__ import annotations
 
 from functools import lru_cache
+from math import factorial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +27,8 @@ LEAST = 2.2  # cells of 1/T: of a wider bell the ends of a record are independen
 GONE = 9.0  # deviations: exp(-9^2/2) is lost in rounding
 IMAGES = 2 * np.pi * np.array([-1.0, 0.0, 1.0])  # of angles; below they stand in an axis before
 STEP = 1e-5  # of ln f0, in widths, and of ln width: what slopes are taken over
+FAR = 12.0  # deviations: of the leakage there its series
+TERMS = 6  # of that: it is right to 1e-9
 SERIES = 10.0  # from here on Dawson's integral is its series, to 1e-6 of what images add
 
 
@@ -76,37 +80,104 @@ def slopes(bins: Bins, sigma: float, f0: float, width: float) -> tuple[np.ndarra
 def _unit(bins: Bins, f0: float, width: float) -> np.ndarray:
     """Return the expected power of a variance of 1 over the bins, (b,)."""
     theta, alpha = _angles(f0, width, bins.dt)
-    n, (one, wide, points) = bins.n, _points(bins)
-    alone, edge, before, behind = points
-    lines = theta * np.array([[1.0], [-1.0]])
-    # one call for all: most of them hold few points
-    odd = np.split(np.sum(_odd(np.concatenate(points) + lines, alpha), axis=0),
-                   np.cumsum([len(x) for x in points[:-1]]))
-    unit = np.zeros(len(one))
-    unit[one] = np.sum(_bells(alone + lines, alpha) - _steepness(alone + lines, alpha) / n,
-                       axis=0) - odd[0] / (n * np.sin(alone))
-    risen = np.sum(_risen(edge + lines, alpha), axis=0) - odd[1] / n
-    unit[~one] = (np.diff(risen) / np.diff(edge))[wide]
-    for x, there in ((before, odd[2]), (behind, odd[3])):
-        unit[~one] -= 0.5 * there / (n * np.sin(x))
+    at, lines = _places(bins), np.array([[theta], [-theta]])
+    alone, edges = len(at.alone), len(at.alone) + len(at.edge)
+    odd, steepness, near = _far(at, lines, alpha)
+    x = (at.all + lines)[near]
+    odd[near] = _odd(x, alpha)
+    one = near[1] < alone
+    which = near[0][one], near[1][one]
+    steepness[which] = _steepness(x[one], alpha)
+    bells = np.zeros_like(steepness)
+    bells[which] = _bells(x[one], alpha)
+    risen = 0.5 * np.pi * (np.sign(at.edge + lines) - 1)
+    one = ~one & (near[1] < edges)
+    risen[near[0][one], near[1][one] - alone] = _risen(x[one], alpha)
+    total = odd.sum(0) / bins.n
+    ends = total / at.sine
+    unit = np.empty(len(at.one))
+    unit[at.one] = (bells - steepness / bins.n).sum(0) - ends[:alone]
+    rises = np.diff(risen.sum(0) - total[alone:edges]) / np.diff(at.edge)
+    unit[~at.one] = rises[at.wide] - 0.5 * ends[edges:].reshape(2, -1).sum(0)
     return 2 * bins.dt * np.maximum(unit, 0.0)
 
 
+class _Places(NamedTuple):
+    """
+    Where a bell is asked for: which bins (b,) hold one coefficient, and angles.
+
+    ``alone`` those of bins that hold one, ``edge`` of the edges of cells from the first that holds
+    several on, which of these cells are ``wide``; ``all`` (a,) those two and Gauss' two points of
+    the wide ones, with their sine and the cotangent of their half.
+
+    """
+
+    one: np.ndarray
+    wide: np.ndarray
+    alone: np.ndarray
+    edge: np.ndarray
+    all: np.ndarray
+    sine: np.ndarray
+    cotangent: np.ndarray
+
+
 @lru_cache(maxsize=8)
-def _points(bins: Bins) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """
-    Return which bins (b,) hold one coefficient, which of the cells others, and angles to ask at.
-
-    Of those that hold one, at all edges of cells from the first that holds several on, and at
-    Gauss' points of these.
-
-    """
+def _places(bins: Bins) -> _Places:
     phi, one = 2 * np.pi * bins.f * bins.dt, bins.count == 1
     begin = len(one) if one.all() else int(np.argmin(one))
     edge = np.pi * (np.append(bins.first[begin:], bins.last[-1]) - 0.5) / bins.n
     wide = ~one[begin:]
     reach = np.diff(edge)[wide] / np.sqrt(12)
-    return one, wide, (phi[one], edge, phi[~one] - reach, phi[~one] + reach)
+    x = np.concatenate([phi[one], edge, phi[~one] - reach, phi[~one] + reach])
+    return _Places(one, wide, phi[one], edge, x, np.sin(x), 1 / np.tan(0.5 * x))
+
+
+def _far(at: _Places, lines: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, tuple]:
+    """
+    Return :func:`_odd` far from lines, (2, a), its slope where one coefficient is, and what is near.
+
+    There it is the sum over k of (alpha^2/2)^k/k! times the 2k-th derivative of C(x) = cot(x/2)/2,
+    each a polynomial in the cotangent: that of a line of no width, and moments of the bell.
+
+    """
+    turn = 1 / np.tan(0.5 * lines)
+    above, below = at.cotangent * turn - 1, at.cotangent + turn
+    near = np.nonzero(np.abs(above) * np.tan(0.5 * min(FAR * alpha, np.pi)) >= np.abs(below))
+    below[near] = 1.0
+    c = above / below
+    square = c * c
+    odd, slope = (terms @ alpha ** (2 * np.arange(TERMS)) for terms in _BY_WIDTH)
+    return c * _horner(odd[:-1], square), _horner(slope, square[:, :len(at.alone)]), near
+
+
+def _horner(terms: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the polynomial of such terms (t,), the constant first, at x."""
+    out = np.full(x.shape, terms[-1])
+    for term in terms[-2::-1]:
+        out *= x
+        out += term
+    return out
+
+
+def _by_width() -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return by which powers of alpha^2 the terms of :func:`_far` go, (t, k), of C and of its slope.
+
+    d cot(x/2)/dx = -(1 + cot(x/2)^2)/2.
+
+    """
+    one, each = np.polynomial.Polynomial([1.0, 0.0, 1.0]), [np.polynomial.Polynomial([0.0, 0.5])]
+    for _ in range(2 * TERMS - 1):
+        each.append(-0.5 * one * each[-1].deriv())
+    out = np.zeros((2, TERMS + 1, TERMS))
+    for k in range(TERMS):
+        for j in (0, 1):
+            terms = each[2 * k + j].coef[1 - j::2]
+            out[j, :len(terms), k] = terms / (2**k * factorial(k))
+    return out[0], out[1]
+
+
+_BY_WIDTH = _by_width()
 
 
 def _wrapped(x: np.ndarray) -> np.ndarray:
@@ -114,15 +185,15 @@ def _wrapped(x: np.ndarray) -> np.ndarray:
 
 
 def _bells(x: np.ndarray, alpha: float) -> np.ndarray:
-    """Return 1/2 + Re G at angles (2, a), as all that follow."""
-    x = _wrapped(x) + IMAGES[:, None, None]
+    """Return 1/2 + Re G at angles (a,), as all that follow."""
+    x = _wrapped(x) + IMAGES[:, None]
     return np.sqrt(np.pi / 2) / alpha * np.exp(-0.5 * (x / alpha) ** 2).sum(0)
 
 
 def _risen(x: np.ndarray, alpha: float) -> np.ndarray:
     """Return the integral of :func:`_bells` from 0 (x within -pi and 2 pi)."""
     from scipy.special import erf
-    centres = np.append(IMAGES, 4 * np.pi)[:, None, None]
+    centres = np.append(IMAGES, 4 * np.pi)[:, None]
     return 0.5 * np.pi * erf((x - centres) / (alpha * np.sqrt(2))).sum(0)
 
 
@@ -132,7 +203,7 @@ def _odd(x: np.ndarray, alpha: float) -> np.ndarray:
     x = _wrapped(x)
     size = alpha * np.sqrt(2)
     near = 2 / size * dawsn(x / size)
-    far = x + IMAGES[[0, 2], None, None]
+    far = x + IMAGES[[0, 2], None]
     return near + 2 / size * _beyond(far / size).sum(0) + _cotangent(x)
 
 
@@ -158,7 +229,7 @@ def _steepness(x: np.ndarray, alpha: float) -> np.ndarray:
     x = _wrapped(x)
     size = alpha * np.sqrt(2)
     u = x / size
-    v = (x + IMAGES[[0, 2], None, None]) / size
+    v = (x + IMAGES[[0, 2], None]) / size
     small = np.abs(x) < 1e-3
     safe = np.where(small, 1.0, x)
     images = np.where(small, -1 / 12, 1 / safe**2 - 0.25 / np.sin(0.5 * safe) ** 2)
