@@ -75,6 +75,25 @@ def coloured(rng, power):
     return x / np.std(x)
 
 
+def test_some_candidates_are_fitted_without_the_others():
+    """With the others after them they are what they are beside them from the first."""
+    rng = np.random.default_rng(15)
+    y = SIZE * rng.standard_normal((6000, 3))
+    y[3000:, 0] += 0.3 * SIZE
+    evidence = gather(ImuRecord(y, None, T[:6000], 1 / DT), ['gyro_x'])['gyro_x']
+    alone, whole = NoiseProblem(evidence), NoiseProblem(evidence)
+    fit = alone.point(model_of('noise', ('white',)))
+    some = alone.some_candidates(fit, lambda kind: kind.paired)
+    assert 'step' == some[0].name and {k[-1] for k in alone.tried} == {
+        name for name, kind in registry('noise').items() if kind.paired}
+    assert not alone.knows_candidates(fit)
+    for problem in (alone, whole):
+        every = problem.candidates(fit)
+        assert problem.knows_candidates(fit) and len(every) > len(some)
+        assert [(f.name, f.gain) for f in every if f.effect.paired] == [
+            (f.name, f.gain) for f in some]
+
+
 @pytest.mark.thorough
 def test_a_weak_relaxation_is_not_called_popcorn_noise():
     """Its spectrum is that of both, and the samples tell neither: what chance reaches is equal."""

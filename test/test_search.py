@@ -159,8 +159,7 @@ def test_two_that_bend_a_view_to_and_fro_are_seen_together_where_nothing_stands_
     filled, notch, line = found('quantization', gain=2.0), found('notch'), found('ramp', 'time')
     filled, line = replace(filled, penalty=6.5), replace(line, penalty=8.0)
     beside = {'': [filled], 'quantization': [notch]}
-    search.places.at = lambda model: SimpleNamespace(
-        model=model, candidates=beside.get(', '.join(model.labels[1:]), []))
+    _places(search, beside)
     search.places.tests = leaves({'': 2000.0})
     search.places.beside_others = lambda f, *_: f
     search.against.unhealed = lambda *_: ''
@@ -170,14 +169,40 @@ def test_two_that_bend_a_view_to_and_fro_are_seen_together_where_nothing_stands_
     assert search._pair([], search.places.at(search.places.base)) == []
 
 
+@pytest.mark.parametrize('gain', [5.0, 50.0])
+def test_a_second_one_is_asked_for_before_all_others(search, gain):
+    """All others are fitted where one of the kinds wanted stands out, and count as one look."""
+    asked = []
+    step = found('step', 'time', gain=gain, penalty=10.0)
+
+    def some(fit, wanted):
+        asked.append('some')
+        return [f for f in (step, found('low_pass')) if wanted(type(f.effect))]
+
+    def every(fit):
+        asked.append('all')
+        return [step]
+
+    places = search.places
+    vars(search.places.problem).update(
+        looks=1, knows_candidates=lambda fit: False, point=lambda model: Fit(model, {}, 0.0),
+        some_candidates=some, candidates=every)
+    model = places.base.plus(registry('noise')['ramp']())
+    for _ in range(2):
+        place = places.offering(model, lambda kind: kind.paired)
+        assert (place is not None) == (gain > 10.0)
+    assert asked == (['some', 'all'] if place else ['some'])
+    other = places.offering(places.base.plus(registry('noise')['drift']()), lambda kind: True)
+    assert other is None and 'some' not in asked[1:]
+
+
 def test_of_what_gains_nothing_alone_that_which_leaves_least_is_looked_at_first(search):
     """Where all of a spectrum is wrong a filter gains nothing, though most of it falls by it."""
     near, *faint = (found(k, gain=g, penalty=8.0) for k, g in (
         ('low_pass', -200.0), ('quantization', 2.0), ('gauss_markov', 1.0), ('notch', 0.0)))
     peak = found('narrowband', gain=500.0)
     beside = {'': [*faint, near], 'low_pass': [peak]}
-    search.places.at = lambda model: SimpleNamespace(
-        model=model, candidates=beside.get(', '.join(model.labels[1:]), []))
+    _places(search, beside)
     search.places.tests = leaves(dict.fromkeys(['', *(f.name for f in faint)], 1e5)
                                  | {'low_pass': 2000.0})
     search.places.beside_others = lambda f, *_: f
@@ -597,6 +622,7 @@ def _places(search, standing, fits=lambda model: None):
         return SimpleNamespace(model=model, fit=SimpleNamespace(supported=fits(model)),
                                candidates=tuple(standing.get(names, ())))
     search.places.at = at
+    search.places.offering = lambda model, wanted: at(model)
 
 
 def test_what_stands_out_most_is_asked_for_beside_another_before_less_is_taken(search):

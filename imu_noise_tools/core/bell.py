@@ -132,9 +132,10 @@ def _places(bins: Bins) -> _Places:
     return _Places(one, wide, phi[one], edge, x, np.sin(x), 1 / np.tan(0.5 * x))
 
 
-def _far(at: _Places, lines: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, tuple]:
+def _far(at: _Places, lines: np.ndarray,
+         alpha: float) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """
-    Return :func:`_odd` far from lines, (2, a), its slope where one coefficient is, and what is near.
+    Return :func:`_odd` far from lines, (2, a), its slope where bins hold one, and what is near.
 
     There it is the sum over k of (alpha^2/2)^k/k! times the 2k-th derivative of C(x) = cot(x/2)/2,
     each a polynomial in the cotangent: that of a line of no width, and moments of the bell.

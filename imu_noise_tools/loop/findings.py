@@ -118,8 +118,13 @@ def pairs(one: Finding, other: Finding) -> bool:
         return False
     if one.effect.uncovers and other.effect.paired:
         return True
-    return one.view == other.view and (one.effect.paired and other.effect.paired
-                                       or one.effect.uncovers and other.effect.uncovers)
+    return one.view == other.view and may_pair(one.effect, True, type(other.effect))
+
+
+def may_pair(one: Effect, others: bool, kind: type[Effect]) -> bool:
+    """Tell whether an effect and a finding of some kind may be a pair: of its own, or others."""
+    return kind.name == one.name or others and (
+        one.paired and kind.paired or one.uncovers and (kind.uncovers or kind.paired))
 
 
 def likelier(without: Iterable[Finding], with_it: Iterable[Finding], view: str) -> float:

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .effect import Finding, Fit, Model, Score, unfitted
+from .effect import Effect, Finding, Fit, Model, Score, unfitted
 from .findings import failures, fresh, surplus
 from .prediction import State
 from ..core.errors import FitError
@@ -40,6 +40,7 @@ class Places:
         self._scored: dict[frozenset[str], Score | None] = {}
         self._looked = self._further = 0
         self._unseen: set[frozenset[str]] = set()
+        self._partly: set[frozenset[str]] = set()
 
     def look_further(self, more: int) -> None:
         """Allow ``more`` places to be looked at: what was thought to hold has fallen."""
@@ -53,10 +54,13 @@ class Places:
     def _may_look(self) -> bool:
         return self._looked < max(self.problem.looks, self._further)
 
+    def _is_open(self, key: frozenset[str]) -> bool:
+        return key not in self._places or key in self._unseen and self._may_look
+
     def at(self, model: Model) -> Place | None:
         """Return a model fitted, with its candidates; None where the record cannot hold it."""
         key = frozenset(model.labels)
-        if key not in self._places or key in self._unseen and self._may_look:
+        if self._is_open(key):
             try:
                 here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
@@ -69,6 +73,31 @@ class Places:
             except FitError:
                 self._places[key] = None
         return self._places[key]
+
+    def offering(self, model: Model, wanted: Callable[[type[Effect]], bool]) -> Place | None:
+        """
+        Return :meth:`at` of a model, or None where none of the kinds wanted stands out there.
+
+        These are asked first: what acts on the mean takes a fraction of the time that all take.
+
+        """
+        key = frozenset(model.labels)
+        if not self._is_open(key):
+            return self._places[key]
+        if not self._may_look:
+            return None
+        try:
+            here = self._fit(model)
+        except FitError:
+            return None
+        known = self.problem.knows_candidates(here)
+        if any(f.gain > f.penalty and not f.against
+               for f in self.problem.some_candidates(here, wanted)):
+            return self.at(model)
+        if not known and key not in self._partly:
+            self._looked += 1
+            self._partly.add(key)
+        return None
 
     def supported(self, model: Model) -> float | None:
         """Return ln L of what a fit of a model explains; None where there is none, or no such."""

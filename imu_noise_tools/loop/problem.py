@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -51,6 +51,16 @@ class Problem(ABC):
     @abstractmethod
     def candidates(self, fit: Fit[Any]) -> list[Finding]:
         """Return what could be added to the model, best gain first."""
+
+    def some_candidates(self, fit: Fit[Any],
+                        wanted: Callable[[type[Effect]], bool]) -> list[Finding]:
+        """
+        Return the candidates of the kinds that are wanted; where that costs less, these alone.
+
+        What stands out of all of them is among these as well.
+
+        """
+        return [f for f in self.candidates(fit) if f.effect is not None and wanted(type(f.effect))]
 
     def exchanges(self, effect: Effect | None,
                   later: Sequence[Effect | None]) -> Collection[str]:

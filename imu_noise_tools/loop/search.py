@@ -26,8 +26,8 @@ from . import verdict as rules
 from .against import Against, DOUBT
 from .effect import Finding, Model
 from .findings import (
-    bends, certain, elsewhere, failures, fitted, fresh, gained, is_line, label, outweighs, pairs,
-    price, surplus, together, yields
+    bends, certain, elsewhere, failures, fitted, fresh, gained, is_line, label, may_pair,
+    outweighs, pairs, price, surplus, together, yields
 )
 from .places import Place, Places
 from .prediction import State
@@ -172,11 +172,13 @@ class Search:
                 continue
             if clear:
                 asked.add(paired)
-            between = self.places.at(before.plus(fresh(f)))
+            others = clear or hidden
+            between = self.places.offering(before.plus(fresh(f)), partial(
+                may_pair, f.effect, others))
             if between is None:
                 continue
             g = next((g for g in self.able(between)
-                      if g.name == f.name or (clear or hidden) and pairs(f, g)), None)
+                      if g.name == f.name or others and pairs(f, g)), None)
             if g is None or surplus(f) + surplus(g) <= 0:
                 continue
             after = between.model.plus(fresh(g))

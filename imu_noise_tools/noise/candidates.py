@@ -10,7 +10,7 @@ Every registered effect is tried, with the log-likelihood it gains.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import cast, NamedTuple, TYPE_CHECKING
 
@@ -70,9 +70,10 @@ class Tried(NamedTuple):
     peak: bool = False
 
 
-def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
+def candidates(problem: NoiseProblem, fit: Fit,
+               wanted: Callable[[type[Effect]], bool] | None = None) -> list[Finding]:
     """
-    Return a finding for each registered effect, best first.
+    Return a finding for each registered effect, best first; if asked for, of some kinds alone.
 
     Left out are effects that are in the model or do not apply to the record.
 
@@ -91,7 +92,7 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
     tried: list[Tried] = []
     for name, known in registry('noise').items():
         cls = cast('type[NoiseEffect]', known)
-        if name in fit.model and not cls.several:
+        if name in fit.model and not cls.several or wanted and not wanted(cls):
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
@@ -103,6 +104,8 @@ def candidates(problem: NoiseProblem, fit: Fit) -> list[Finding]:
         if issubclass(cls, Line) or key not in problem.tried:
             problem.tried[key] = _one(problem, fit, cls())
         tried.append(problem.tried[key])
+    if wanted is None:
+        problem.complete.add(problem.spectral(fit.model))
     # what a view hides nothing could confirm
     some = [f for f in by_one_measure(tried) if not views.hidden_by(evidence, fit, f.view)]
     return sorted(clear_of_less(some), key=lambda f: f.penalty - f.gain)

@@ -326,10 +326,25 @@ class Likelihood:
     def _gains_at(self, model, v):
         """Return the gains (p,) of the couplings at a spectrum (b,), and their covariance."""
         _, cross, own, first = self._channels(model)
-        cross, own = self._beside_means(model, v, cross, own, first, self._slow)
-        covariance = inverse(own @ (self.weight / v))
-        beta = covariance @ (cross @ (self.weight / v))
-        return beta, covariance * model_crowd(model)
+        share = self.weight / v
+        towards, gram = cross @ share, own @ share
+        some = self._left_of_means(model, v, first, self._slow)
+        if some is not None:    # what the slow coefficients give these sums, as beside the mean
+            slow, rest = some
+            each = self._of_each(share)
+            k = len(each)
+            towards = towards + rest[:, :k] @ (each * slow[:k]) - first[:, :k] @ (
+                each * self._slow[:k])
+            if rest is not first:
+                gram = gram + (each * rest[:, :k]) @ rest[:, :k].T - (
+                    each * first[:, :k]) @ first[:, :k].T
+        covariance = inverse(gram)
+        return covariance @ towards, covariance * model_crowd(model)
+
+    def _of_each(self, share):
+        """Return what a sum over bins (b,) counts their slow coefficients' squares by, (k,)."""
+        i = self._inside
+        return np.repeat(2 * self.dt * share[:i] / self.bins.count[:i], self.bins.count[:i])
 
     def _beside_means(self, model, v, cross, own, first, slow):
         """
@@ -337,19 +352,33 @@ class Likelihood:
 
         ``first`` (p, q) are the channels' slow coefficients, ``slow`` (q,) those of the axis.
 
-        A step of all axes would else decide the gain. Less the mean that is known; of one that is
-        solved for less what its columns can explain of either (Frisch and Waugh 1933), so that
-        gains and mean are solved for together.
+        A step of all axes would else decide the gain.
+
+        """
+        some = self._left_of_means(model, v, first, slow)
+        if some is None:
+            return cross, own
+        left, rest = some
+        return (self._changed(cross, left * rest - slow * first),
+                own if rest is first else
+                self._changed(own, rest[:, None] * rest - first[:, None] * first))
+
+    def _left_of_means(self, model, v, first, slow):
+        """
+        Return slow coefficients of an axis (q,) and of channels (p, q) beside the mean, or None.
+
+        Less the mean that is known; of one that is solved for less what its columns can explain of
+        either (Frisch and Waugh 1933), so that gains and mean are solved for together.
 
         """
         if slow is None or not self._inside or not len(first):
-            return cross, own
+            return None
         if self._known is not None:
-            return self._changed(cross, -self._known * first), own
+            return slow - self._known, first
         known = [m for m in (model[m.label] for m in self.means)
                  if all(p.linear or p.name in m.values for p in m.parameters)]
         if not known:
-            return cross, own
+            return None
         root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
         x = np.concatenate([self._slow_columns_of(m) for m in known], axis=1)
         told = inverse_of(x * root[:, None]) * root
@@ -357,9 +386,7 @@ class Likelihood:
         def left(y):
             return y - (y @ told.T) @ x.T
 
-        rest = left(first)
-        return (self._changed(cross, left(slow) * rest - slow * first),
-                self._changed(own, rest[:, None] * rest - first[:, None] * first))
+        return left(slow), left(first)
 
     def slow_rest(self, model: Model, v: np.ndarray) -> np.ndarray:
         """Return the slow coefficients (q,) less what the couplings add, given a spectrum v."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -63,6 +63,7 @@ class NoiseProblem(Problem):
         self._candidates: dict = {}
         self._begun: dict[frozenset[str], Fit] = {}
         self.tried: dict[tuple[str, ...], Tried] = {}
+        self.complete: set[tuple[str, ...]] = set()     # beside what all were tried
         self._matters: dict = {}
         self._times: dict[tuple, View] = {}
         self._shapes: dict[tuple, str] = {}
@@ -254,6 +255,12 @@ class NoiseProblem(Problem):
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
 
+    def some_candidates(self, fit: Fit, wanted: Callable[[type[Effect]], bool]) -> list[Finding]:
+        """Return the candidates of the kinds that are wanted, fitted without the others."""
+        if self.knows_candidates(fit):
+            return super().some_candidates(fit, wanted)
+        return candidates(self, fit, wanted)
+
     def exchanges(self, effect: Effect | None,
                   later: Sequence[Effect | None]) -> Collection[str]:
         """Return those of its kind, which the samples may know better beside what came later."""
@@ -262,8 +269,7 @@ class NoiseProblem(Problem):
 
     def knows_candidates(self, fit: Fit) -> bool:
         """Tell whether all that is fitted was tried beside such a model already."""
-        known = self.spectral(fit.model)
-        return any(k[:-1] == known for k in self.tried)
+        return self.spectral(fit.model) in self.complete
 
     def shape(self, fit: Fit, label: str, claim: float) -> str:
         """
