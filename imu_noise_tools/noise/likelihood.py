@@ -330,14 +330,10 @@ class Likelihood:
         towards, gram = cross @ share, own @ share
         some = self._left_of_means(model, v, first, self._slow)
         if some is not None:    # what the slow coefficients give these sums, as beside the mean
-            slow, rest = some
             each = self._of_each(share)
-            k = len(each)
-            towards = towards + rest[:, :k] @ (each * slow[:k]) - first[:, :k] @ (
-                each * self._slow[:k])
-            if rest is not first:
-                gram = gram + (each * rest[:, :k]) @ rest[:, :k].T - (
-                    each * first[:, :k]) @ first[:, :k].T
+            slow, rest, before, first = (x[..., :len(each)] for x in (*some, self._slow, first))
+            towards = towards + rest @ (each * slow) - first @ (each * before)
+            gram = gram + (each * rest) @ rest.T - (each * first) @ first.T
         covariance = inverse(gram)
         return covariance @ towards, covariance * model_crowd(model)
 

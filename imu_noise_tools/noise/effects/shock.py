@@ -39,8 +39,10 @@ STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
 UNEVEN = 1e-3  # chance of a level that seems so uneven
 OTHERS = 2  # axes that may hear what one does
+FAINT = float(np.log(100.0))  # nats of a knock that others hear there
 CLEAR = 50.0  # nats of a knock of which an axis hears a third, and of what surely dies out
 BY_CHANCE = 0.05  # share of all that is looked at that seems to be heard by chance
+KEPT = ('begin', 'end', 'size', 'decay', 'error', 'worth')     # of what is loud
 MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
@@ -89,7 +91,7 @@ class Shock(Defect):
         # what jumps between two levels or three is nothing like the noise that rings stand out of
         jumps = grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if jumps else _heard(_rings_in(y, inputs.dt), inputs)
-        out = _dying_out(y, _loud(y, inputs.dt), inputs)
+        out = _fainter(y, _dying_out(y, _loud(y, inputs.dt), inputs), inputs)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
         if len(rings.begin):
@@ -277,16 +279,15 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
     if loud is None:
         return {}
     ratio, level, degrees, length, lasts = loud
-    beyond = ratio > chdtri(degrees, 1e-3 / len(ratio)) / degrees
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]]).astype(int)))
+    beyond = _far_louder(ratio, degrees)
     found: list[tuple[float, ...]] = []
     gap = max(2, int(0.5 / dt / length))
     runs: list[list[int]] = []
-    for begin, end in edges.reshape(-1, 2):
+    for begin, end in _runs(beyond):
         if runs and begin - runs[-1][1] < gap:
-            runs[-1][1] = int(end)
+            runs[-1][1] = end
         else:
-            runs.append([int(begin), int(end)])
+            runs.append([begin, end])
     for begin, end in runs:
         if np.sum(beyond[begin:end]) < lasts or end - begin > max(LONGEST * len(ratio), LASTS):
             continue
@@ -303,7 +304,7 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
                       decay * length * dt, error, worth))
     if not found or sum(e - b for b, e, *_ in found) > MOST * len(y):
         return {}
-    out = dict(zip(('begin', 'end', 'size', 'decay', 'error', 'worth'), np.array(found).T))
+    out = dict(zip(KEPT, np.array(found).T))
     out = _beyond_the_usual(ratio, degrees, length, out)
     out = _beyond_the_usual_levels(y, out)
     out = _beyond_the_spectrum(y, out, dt) if len(out['begin']) else {}
@@ -425,9 +426,65 @@ def _dying_out(y: np.ndarray, kept: dict[str, np.ndarray], inputs: Inputs,
     return {k: v[some] for k, v in kept.items()} if np.any(some) else {}
 
 
+def _fainter(y: np.ndarray, kept: dict[str, np.ndarray],
+             inputs: Inputs) -> dict[str, np.ndarray]:
+    """
+    Return knocks that an axis hears, with those that it hears faintly where several others do.
+
+    Alone a faint one lasts for a few samples, that pass for spikes; where to look others say.
+
+    """
+    own = _loudness(y, inputs.dt) if kept else None
+    if own is None:
+        return kept
+    ratio, level, degrees, length, _ = own
+    heard = np.zeros(len(ratio), int)
+    for x in _others(inputs):
+        for begin, end in _loud_runs(x, inputs.dt, LASTS):
+            heard[begin:end] += end - begin <= max(LONGEST * len(ratio), LASTS)
+    for begin, end in zip(kept['begin'], kept['end']):
+        heard[int(begin) // length:int(end) // length + 1] = 0
+    runs = _runs(heard >= OTHERS)
+    found = []
+    for begin, end in runs:
+        begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
+        over = np.maximum(ratio[begin:end] - 1, 0)
+        worth = 0.5 * degrees * float(np.sum(over - np.log1p(over))) - np.log(len(runs))
+        if worth > FAINT:
+            size, decay, error = _dying(over, degrees)
+            found.append((begin * length, end * length, size * np.sqrt(np.mean(level[begin:end])),
+                          decay * length * inputs.dt, error, worth))
+    more = np.reshape(found, (-1, len(KEPT))).T
+    order = np.argsort(np.append(kept['begin'], more[0]))
+    return {k: np.append(kept[k], x)[order] for k, x in zip(KEPT, more)}
+
+
+def _others(inputs: Inputs) -> list[np.ndarray]:
+    """Return the samples of other axes, as far as they are any."""
+    return [x for name, x in inputs.axes.items() if name != inputs.axis and np.ptp(x) > 0]
+
+
+def _runs(some: np.ndarray) -> list[tuple[int, int]]:
+    """Return (begin, end) of where some (n,) are in a row."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], some, [0]]).astype(int)))
+    return [(int(i), int(j)) for i, j in edges.reshape(-1, 2)]
+
+
+def _loud_runs(y: np.ndarray, dt: float, least: int) -> list[tuple[int, int]]:
+    """Return (begin, end) of the blocks in which samples are far louder, so many in a row."""
+    loud = _loudness(y, dt)
+    return [] if loud is None else [
+        (i, j) for i, j in _runs(_far_louder(loud[0], loud[2])) if j - i >= least]
+
+
+def _far_louder(ratio: np.ndarray, degrees: float) -> np.ndarray:
+    """Tell of which blocks the loudness over that around them is none by chance."""
+    return ratio > chdtri(degrees, 1e-3 / len(ratio)) / degrees
+
+
 def _heard_by_others(kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray | None:
     """Tell of each stretch whether another axis is louder in it; None where too few are known."""
-    others = [x for name, x in inputs.axes.items() if name != inputs.axis and np.ptp(x) > 0]
+    others = _others(inputs)
     if not inputs.axis or len(others) < OTHERS:
         return None
     chance = np.array([_as_loud(x, kept) for x in others])
