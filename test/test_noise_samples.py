@@ -19,13 +19,14 @@ from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.allan import overlapping_variance
 from imu_noise_tools.core.record import ImuRecord, Memory
 from imu_noise_tools.core.statistics import (
-    grid_step, means_of_blocks, middle_sigma, repeats, robust_sigma
+    grid_gain, grid_step, means_of_blocks, middle_sigma, repeats, robust_sigma
 )
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import repeated
 from imu_noise_tools.noise.curve import effect_avar
+from imu_noise_tools.noise.effects.rate_quantization import RateQuantization
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum, _fainter, _loud
 from imu_noise_tools.noise.effects.spikes import _gain, Spikes
 from imu_noise_tools.noise.gather import gather
@@ -118,6 +119,20 @@ def test_levels_are_a_view_of_their_own_until_they_are_in_the_model(step, shows)
         assert [p < 1e-6 for p in said] == [fails] * shows
     fall = fall_of(problem.held_out(white), problem.held_out(more), [more['rate_quantization']])
     assert (fall > FALL) == shows
+
+
+@pytest.mark.parametrize('step, quiet, told', [
+    (1.0, 0.5, 0.5), (1.0, 1.0, 1.0), (1.0, 0.1, 0.1), (0.3, 0.5, 0.0)])
+def test_a_grid_is_as_coarse_as_where_it_is_quiet(step, quiet, told):
+    """What is loud now and then hides it there, and nowhere else."""
+    rng, n = np.random.default_rng(30), 20_000
+    loud = np.arange(n) >= quiet * n
+    y = step * np.round(np.where(loud, 6.0, 1.0) * rng.standard_normal(n) / step)
+    found = RateQuantization.statistics(y, Inputs(np.arange(n) * 0.01, 0.01))
+    assert found['step'] == pytest.approx(step)
+    assert found['told'] == pytest.approx(told, abs=0.06)
+    gain = grid_gain(n * found['told'], float(found['step']), float(found['sigma']))
+    assert (gain > 0.2 * n * quiet) == (told > 0.2), 'of little that is quiet it is not sure'
 
 
 @pytest.mark.parametrize('ratio', [2.0, 2.6, 3.0])

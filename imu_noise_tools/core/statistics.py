@@ -19,6 +19,8 @@ MAD = 1.482602218505602         # standard deviation over median absolute deviat
 FAR = (101, 149, 211)  # samples: longer than any hold
 LENGTHS = 3, 50     # of equal samples, that rounding makes seldom and a sensor holds
 FEWEST_RUNS = 5     # of one length
+STRETCH, STRETCHES = 500, 16    # samples whose noise is looked at, at least, and how many such
+QUIET, SHOWN = 0.25, 0.5    # quantile of them that is quiet; deviations in a step that shows
 
 
 def interval(value: Any, std: Any, positive: bool = False) -> tuple[Any, Any]:
@@ -319,7 +321,20 @@ def whole_runs(same: np.ndarray) -> np.ndarray:
     return np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]])))[1:-1]
 
 
-def grid_gain(n: int, step: float, sigma: float) -> float:
+def quiet_sigma(y: np.ndarray, step: float) -> tuple[float, float]:
+    """
+    Return the standard deviation of the fast part of y (n,) where it is quiet.
+
+    And the share of stretches where a grid of a step shows: beside what is loud now and then it is
+    as coarse.
+
+    """
+    parts = np.array_split(y, int(np.clip(len(y) // STRETCH, 1, STRETCHES)))
+    noise = [robust_sigma(part) for part in parts]
+    return float(np.quantile(noise, QUIET)), float(np.mean(step >= SHOWN * np.array(noise)))
+
+
+def grid_gain(n: float, step: float, sigma: float) -> float:
     """
     Return what a grid says in nats: each sample on it is likelier than under a density.
 
@@ -327,7 +342,7 @@ def grid_gain(n: int, step: float, sigma: float) -> float:
     half a standard deviation: finer grids are part of the white noise.
 
     """
-    if not step >= 0.5 * sigma or not step > 0:
+    if not step >= SHOWN * sigma or not step > 0:
         return 0.0
     return 0.5 * n * min(1.0, (step / max(sigma, step / 12)) ** 2)
 

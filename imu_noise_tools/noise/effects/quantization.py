@@ -12,7 +12,7 @@ from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
 from ..rounded import coarse, colour_of_turns, turns_of_counts
-from ...core.statistics import grid_gain, grid_step, robust_sigma
+from ...core.statistics import grid_gain, grid_step, quiet_sigma
 from ...loop.effect import Effect, Fit
 
 QUICK = 1 << 16     # samples whose differences say whether a step is large
@@ -52,7 +52,8 @@ class Quantization(Spectrum):
 
         """
         step, _ = grid_step(y)
-        out = {'step': np.array(step), 'sigma': np.array(robust_sigma(y))}
+        sigma, told = quiet_sigma(y, step)
+        out = {'step': np.array(step), 'sigma': np.array(sigma), 'told': np.array(told)}
         if step > 0 and np.mean(np.diff(y[:QUICK]) ** 2) < step**2:
             turned, mean = turns_of_counts(y, step)
             out['colour'] = colour_of_turns(turned, mean)
@@ -88,7 +89,8 @@ class Quantization(Spectrum):
         """
         kept = evidence.kept(self.name)
         step = float(kept.get('step', 0.0))
-        gain = grid_gain(evidence.n, step, float(kept['sigma'])) if step > 0 else 0.0
+        told = float(kept.get('told', 1.0)) * evidence.n
+        gain = grid_gain(told, step, float(kept['sigma'])) if step > 0 else 0.0
         if not gain:
             return 0.0
         wanted = step * evidence.dt / np.sqrt(12)

@@ -8,7 +8,7 @@ import numpy as np
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, NoiseEffect, Parameter, Spectrum
 from ..rounded import coarse
-from ...core.statistics import grid_gain, grid_step, robust_sigma
+from ...core.statistics import grid_gain, grid_step, quiet_sigma
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 STRETCHES = 8   # of a part, each told by its samples where the grid is
@@ -61,13 +61,20 @@ class RateQuantization(Spectrum, Defect):
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Keep the step, that of each half by itself, the number of levels and the noise."""
+        """
+        Keep the step, that of each half by itself, the number of levels and the noise.
+
+        And the share of the samples beside which it shows: :func:`quiet_sigma`.
+
+        """
         step, levels = grid_step(y)
+        sigma, told = quiet_sigma(y, step)
         return {
             'step': np.array(step),
             'halves': np.array([grid_step(half)[0] for half in np.array_split(y, 2)]),
             'levels': np.array(levels),
-            'sigma': np.array(robust_sigma(y)),
+            'sigma': np.array(sigma),
+            'told': np.array(told),
         }
 
     @classmethod
@@ -76,7 +83,8 @@ class RateQuantization(Spectrum, Defect):
         kept = evidence.kept(cls.name)
         halves, step = kept.get('halves', np.zeros(2)), float(kept.get('step', 0.0))
         n = evidence.n // (1 if part == 'whole' else 2)
-        gain = grid_gain(n, step, float(kept['sigma'])) if step > 0 else 0.0
+        told = float(kept.get('told', 1.0)) * n
+        gain = grid_gain(told, step, float(kept['sigma'])) if step > 0 else 0.0
         if not gain or np.any(np.abs(halves - step) > ALIKE * step):
             return None
         known = any('grid' in e.explains for e in fit.model.of(NoiseEffect))
@@ -96,7 +104,7 @@ class RateQuantization(Spectrum, Defect):
         white = float(not coarse(step, sigma))
         return Finding(
             self.name,
-            grid_gain(evidence.n, step, sigma),
+            grid_gain(float(kept.get('told', 1.0)) * evidence.n, step, sigma),
             self.with_values(step=step, white=white),
             {'step': Estimate(step, 0.0, (step, step)), 'white': Estimate(white, None, None)},
             view='grid',
