@@ -35,10 +35,12 @@ from imu_noise_tools.noise.explained import (
     Bands, COST, Explained, gained, judge, stretches, supported)
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import _bridged, gather
+from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.quiet import loud_stretches
 from imu_noise_tools.noise.response import (
     beside_a_band, open_response, Order, raised_to, Rational)
+from imu_noise_tools.noise.search import Found
 from imu_noise_tools.noise.uncertainty import widened
 from imu_noise_tools.plots.noise import pictures
 from imu_noise_tools.tasks.noise import analyse_record, outputs
@@ -704,3 +706,23 @@ def test_white_noise_that_is_not_told_from_drift_has_a_value(seed):
     assert found.ci95[0] == 0 and found.value is not None and found.upper95 is None
     assert 0.3 < found.value / robust.TRUTH['N'] < 3 and robust.TRUTH['N'] < found.ci95[1]
     assert 'every sensor' in found.note
+
+
+@pytest.mark.parametrize('gain', [0.5, 2.0])
+def test_what_a_fit_explains_has_what_couplings_miss_of_their_sources(gain):
+    """Other axes that hear a source below their own noise miss the more of it the larger gains."""
+    rng, n, dt = np.random.default_rng([61, round(10 * gain)]), 20_000, 0.01
+    gyro = 1e-3 * (rng.standard_normal((n, 3)) + rng.standard_normal((n, 1)) * [gain, 1.0, -0.8])
+    evidence = gather(ImuRecord(gyro, None, np.arange(n) * dt, 1 / dt), ['gyro_x'])['gyro_x']
+    made = fit(evidence, model_of('noise', ('white', 'shared_noise')), intervals=False)
+    shared = made.model['shared_noise']
+    likelihood = Likelihood(evidence, 'whole', model_of('noise', ('white',)).plus(
+        type(shared)({k: shared[k] for k in ('source', 'other', 'heard')})))
+    missed = np.full(len(likelihood.power), 1e-6)
+    likelihood._spreads = {c: missed for c in shared.channels(evidence)}
+    x = np.array([np.log(1e-4)])
+    nll, linear, v, _ = likelihood.value(x)
+    assert np.all(v > 2 * likelihood.spectra(likelihood.with_search(x))[0])
+    wanted = supported(Bands.on(likelihood.bins), linear.power, likelihood.full_weight, v,
+                       resting._BAND, partly=True)
+    assert resting._in_part(Found(likelihood, x, nll, None)) == pytest.approx(wanted)
