@@ -1055,6 +1055,25 @@ def test_a_ramp_of_another_axis_bends_nothing_a_quarter_of_a_period_later():
     np.testing.assert_allclose(plain['gyro_y^'], shared.later(without), atol=1e-6)
 
 
+@pytest.mark.parametrize('stays, form, least, most', [
+    (2, 'wandering', 5.0, 1e3), (600, 'wandering', 1.0, 3.0), (2, 'displacement', 1.0, 1.0)])
+def test_a_peak_on_a_line_of_few_stays_says_the_less(stays, form, least, most):
+    """Within the width of the line its power is here and there, with a peak at each."""
+    rng, n, cls = np.random.default_rng([62, stays]), 30_000, registry('noise')['narrowband']
+    f = 5 + 0.1 * np.repeat(rng.standard_normal(stays), n // stays)
+    y = SIZE * (rng.standard_normal((n, 3)) + 3 * np.sin(2 * np.pi * DT * np.cumsum(f))[:, None])
+    evidence = gather(ImuRecord(y, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x']
+    line, peak, far = (cls({'frequency': a, 'width': b, 'form': form, 'rms': c}, label)
+                       for a, b, c, label in ((5.0, 0.23, 2 * SIZE, 'line'),
+                                              (5.1, 0.01, SIZE, 'peak'), (5.4, 0.01, SIZE, 'far')))
+    bins = evidence.whole.bins
+    fit = SimpleNamespace(model=Model([line, peak, far]), details=SimpleNamespace(
+        each={e.label: e.binned(bins) for e in (line, peak, far)}))
+    assert least <= flexible._on_what_wanders(evidence, fit, peak) <= most
+    assert flexible._on_what_wanders(evidence, fit, far) == 1.0, 'beside it'
+    assert flexible._on_what_wanders(evidence, fit, line) == 1.0, 'it is what wanders'
+
+
 def test_samples_that_other_axes_hold_are_no_sign_against_what_they_share(monkeypatch):
     monkeypatch.setattr(flexible, 'uneven', lambda some: 100.0 if some else 0.0)
     rng, n = np.random.default_rng(54), 20_000

@@ -188,7 +188,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
         gain, where = 0.0, ''
-        loud = _loud_at_times(evidence, fit)
+        loud = _loud_at_times(evidence, fit) * _on_what_wanders(evidence, fit, effect)
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
@@ -272,6 +272,23 @@ def _loud_at_times(evidence: Evidence, fit: Fit) -> float:
     level = views.pooled(x, w)
     chance = 2 / views.degrees_of(w)
     return max(1.0, float(np.mean(level**2) / np.mean(level) ** 2) - chance)
+
+
+def _on_what_wanders(evidence: Evidence, fit: Fit, effect: Spectrum) -> float:
+    """
+    Return how restless (:func:`_restless`) a line that wanders is on which a peak lies, or 1.
+
+    That of few stays has its power here and there within its width, and a peak at each.
+
+    """
+    assert effect.centre is not None
+    out = 1.0
+    for other in _stronger(evidence, fit, effect.label).of(Spectrum):
+        width = other.values.get('width', 0.0)
+        if other.centre is not None and other.elsewhere() \
+                and abs(other.centre - effect.centre) < width:
+            out = max(out, _restless(evidence, other.centre - width, other.centre + width))
+    return out
 
 
 def _restless(evidence: Evidence, low: float, high: float) -> float:
