@@ -238,6 +238,20 @@ def test_the_likelihood_falls_as_its_derivatives_say(names):
         assert change / 2e-3 == pytest.approx(expected, rel=0.02, abs=0.02)
 
 
+def test_columns_that_come_to_say_the_same_are_no_likelier_for_it():
+    """Two swings of periods ever nearer fit as a swing and its slope do, and no better."""
+    problem, _ = problem_of(['slow_periodic'])
+    model = problem.point(model_of('noise', (*BASE, 'slow_periodic', 'slow_periodic'))).model
+    likelihood = Likelihood(problem.evidence, 'whole', model)
+    x = np.array([s.to_search(model[s.label][s.parameter.name]) for s in likelihood.slots])
+    first, second = (j for j, s in enumerate(likelihood.slots) if s.parameter.name == 'period')
+    values = []
+    for apart in (1e-2, 1e-3, 1e-4):
+        x[second] = x[first] + apart
+        values.append(likelihood.value(x)[0])
+    assert np.ptp(values) < 0.5
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('form', ['runs', 'slower'])
 def test_samples_held_in_runs_or_by_a_slower_clock_are_named_and_nothing_remains(form):

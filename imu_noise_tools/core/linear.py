@@ -95,6 +95,13 @@ def _decomposed(x: np.ndarray, gram: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return u, told, 2 * float(np.log(s).sum() + np.log(scale).sum())
 
 
+def log_size(x: np.ndarray) -> float:
+    """Return ln |x' x| of the columns (q, p) that are anything, as :class:`Solved` has it."""
+    gram = x.T @ x
+    some = np.flatnonzero(np.diag(gram))
+    return _decomposed(x[:, some], gram[np.ix_(some, some)])[2]
+
+
 def inverse(gram: np.ndarray) -> np.ndarray:
     """Return the inverse of a Gram matrix (p, p), of what it says nothing about zero."""
     power = np.diag(gram)

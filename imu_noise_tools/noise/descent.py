@@ -16,7 +16,7 @@ from .response import OPEN
 REACH = 2.0  # by how much a step may change what is searched on a log scale
 NEAR = 1.0  # squared standard deviations away is a minimum that is met
 SAME = 0.3  # share of the way down to it by which the parabola may miss it
-HOPELESS = 0.1  # share of what is lacking, that one more step must promise
+HOPELESS = 0.05  # share of what is lacking, that one more step must promise
 PATIENCE = 6  # steps after which the curvature is learnt from the way, too
 
 

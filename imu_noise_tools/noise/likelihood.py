@@ -37,7 +37,7 @@ from .kinds import (
 )
 from .response import OpenResponse
 from .shared import spread
-from ..core.linear import inverse, inverse_of, least_squares, Solved
+from ..core.linear import inverse, inverse_of, least_squares, log_size, Solved
 from ..core.spectrum import asked, Bins, gathered, leaked, smooth
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
@@ -81,7 +81,9 @@ class Linear:
 
     ``mean`` is how the columns of the mean were solved for, each coefficient times its ``root``
     (q,), None where there are none. ``level`` is the ln v of the degrees of freedom that they
-    took, which the weight lacks: in its sum with ln |X' V^-1 X| no unit of v is left.
+    took, which the weight lacks: in its sum with ln |X' V^-1 X| no unit of v is left. ``size`` is
+    ln |X' X|, less which no unit of the columns is left either, nor are columns that come to say
+    the same any likelier for it (Harville 1974, Bayesian inference for variance components).
 
     """
 
@@ -90,13 +92,14 @@ class Linear:
     power: np.ndarray
     weight: np.ndarray
     level: float = 0.0
+    size: float = 0.0
     mean: Solved | None = None
     root: np.ndarray | None = None
 
     @property
     def log_det(self) -> float:
-        """Of the columns of the mean, ln |X' V^-1 X|."""
-        return 0.0 if self.mean is None else self.mean.log_det
+        """Of the columns of the mean, ln |X' V^-1 X| / |X' X|."""
+        return 0.0 if self.mean is None else self.mean.log_det - self.size
 
     @property
     def columns(self) -> int:
@@ -418,8 +421,8 @@ class Likelihood:
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             assert slow is not None
             x, y = self.design(model), slow - self._path
-            every = np.sqrt(2 * self.dt / self._fine(v))
-            root = every * self._counted()
+            every, counted = np.sqrt(2 * self.dt / self._fine(v)), self._counted()
+            root = every * counted
             columns, rest = self._beside_lines(root, x * root[:, None], y * root)
             told = least_squares(columns, rest)
             leverage, change = told.leverage, x @ told.beta
@@ -429,7 +432,8 @@ class Likelihood:
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            solved = float(leverage @ np.log(self._fine(v))), told, root
+            level = float(leverage @ np.log(self._fine(v)))
+            solved = level, log_size(x * np.reshape(counted, (-1, 1))), told, root
             betas.append(told.beta)
             covariances.append(told.covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)
@@ -464,13 +468,23 @@ class Likelihood:
             out.append(np.stack([cos, sin, t / t[-1] * (b * cos - a * sin) / np.hypot(a, b)], 1))
         return np.concatenate(out, axis=1)
 
-    def _changes_of_columns(self, x, of, root, h: float = 1e-3):
+    def _turned_mean(self, x, of, linear):
         """
-        Return first and second derivatives (k, q, p) of the columns by some of x (p,).
+        Return how -ln L turns with some of x (p,) that the columns depend on, and the information.
 
-        Weighted, and beside lines, as they are solved for.
+        The columns are weighted, and beside lines, as they are solved for.
 
         """
+        raw = self._changes_of_columns(x, of)
+        weighted = (np.stack([self._beside_lines(linear.root, linear.root[:, None] * y)[0]
+                              for y in some]) for some in raw)
+        gradient, curved = linear.mean.turned(*weighted)
+        counted = np.reshape(self._counted(), (-1, 1))
+        own = inverse_of(self.design(self.with_search(x)) * counted)
+        return gradient - np.einsum('kqp,pq->k', raw[0] * counted, own), curved
+
+    def _changes_of_columns(self, x, of, h: float = 1e-3):
+        """Return first and second derivatives (k, q, p) of the columns by some of x (p,)."""
         model = self.with_search(x)
         owners = np.array([m.label for m in self.means for p in m.parameters if p.linear])
         change, bend = np.zeros((2, len(of), self._count, len(owners)))
@@ -479,8 +493,7 @@ class Likelihood:
             up, down = (self.slow_columns(own.with_values(
                 **{slot.parameter.name: slot.from_search(at + step)})) for step in (h, -h))
             some = (up - down) / (2 * h), (up - 2 * self._slow_columns_of(own) + down) / h**2
-            change[k][:, owners == slot.label], bend[k][:, owners == slot.label] = \
-                self._beside_lines(root, *(root[:, None] * columns for columns in some))
+            change[k][:, owners == slot.label], bend[k][:, owners == slot.label] = some
         return change, bend
 
     def _change_of_lines(self, slow, root):
@@ -860,7 +873,7 @@ class Likelihood:
         information = 0.5 * (jac * w[:, None]).T @ jac
         of = [j for j, s in enumerate(self.slots) if isinstance(self.model[s.label], Mean)]
         if of and linear.mean is not None:
-            turned, told = linear.mean.turned(*self._changes_of_columns(x, of, linear.root))
+            turned, told = self._turned_mean(x, of, linear)
             gradient[of] = turned
             information[np.ix_(of, of)] = told + 1e-3 * np.eye(len(of))
         for j, at, error in self._told:
