@@ -432,8 +432,8 @@ class Likelihood:
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            level = float(leverage @ np.log(self._fine(v)))
-            solved = level, log_size(x * np.reshape(counted, (-1, 1))), told, root
+            solved = (float(leverage @ np.log(self._fine(v))),
+                      log_size(x * np.reshape(counted, (-1, 1))), told, root)
             betas.append(told.beta)
             covariances.append(told.covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)
