@@ -16,7 +16,7 @@ from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 from ..core.disturbed import calm, saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
-from ..core.statistics import grid_step, median_sigma
+from ..core.statistics import grid_step, in_a_row, median_sigma
 from ..core.stillness import LEAST, still_stretches
 
 STILL_S = 0.8           # shortest rest that counts, s: one of a second, less its ends
@@ -116,7 +116,7 @@ def _stretches(record, seconds) -> list[tuple[int, int]]:
     found = still_stretches(record, seconds)
     tenth = max(2, round(0.1 * record.rate_hz))
     quiet = _quiet_tenths(record, tenth, found)
-    edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
+    edges = in_a_row(quiet)
     least = _SHORT_S * record.rate_hz
     fine = [(i * tenth, min(j * tenth, record.n)) for i, j in edges.tolist()
             if (j - i) * tenth >= least]

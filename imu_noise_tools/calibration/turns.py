@@ -14,6 +14,7 @@ from .poses import DIRECTIONS, joined, nearest_face, Poses
 from .positions import Rest, rests, standard_errors, temperatures
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
+from ..core.statistics import in_a_row
 from ..core.stillness import still_stretches
 
 REFERENCE = ('reference_x', 'reference_y', 'reference_z')      # columns of the true rate, rad/s
@@ -194,7 +195,7 @@ def _steady(record, rates, seconds) -> list[tuple[int, int]]:
     tolerance = 6 * noise + 0.01 * np.abs(middle).max() + 1e-9
     change = np.abs(np.diff(middle, axis=0))
     still = np.r_[False, (change < tolerance).all(1)]
-    edges = np.flatnonzero(np.diff(np.r_[0, still.astype(int), 0])).reshape(-1, 2)
+    edges = in_a_row(still)
     return [(a * block, (b - 1) * block) for a,
             b in edges if (b - 1 - a) * block >= seconds * record.rate_hz]
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from .statistics import median_sigma, middle_sigma, quantile_sigma, row_medians
+from .statistics import in_a_row, median_sigma, middle_sigma, quantile_sigma, row_medians
 
 SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose level is followed
 SURE = 12.0             # scatters of the levels that a loss has to be
@@ -363,7 +363,7 @@ class _Lag:
 
         """
         hot = np.abs(np.diff(levels)) > max(0.3 * self.period, 4 * noise)
-        where = np.flatnonzero(np.diff(np.r_[False, hot, False].astype(np.int8))).reshape(-1, 2)
+        where = in_a_row(hot)
         if not len(where):
             return where, np.zeros(0)
         begin = np.append(0, where[:-1, 1])

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from .record import AXES, Disturbance, ImuRecord, sensor_of
-from .statistics import median_sigma, quantile_sigma, row_medians
+from .statistics import in_a_row, median_sigma, quantile_sigma, row_medians
 
 FRAME_S = 0.25
 LEAST_FRAME = 16        # samples
@@ -99,7 +99,7 @@ def calm(data: np.ndarray, rate_hz: float) -> list[tuple[int, int]]:
            | (scatter > KNOCK * median_sigma(scatter, axis=0) + 1e-12)).any(1)
     if not bad.any() or bad.mean() > MOST_KNOCKED:
         return [(0, len(data))]
-    edges = np.flatnonzero(np.diff(np.r_[0, (~bad).astype(int), 0])).reshape(-1, 2).tolist()
+    edges = in_a_row(~bad).tolist()
     return [(p * block, q * block if q < n else len(data)) for p, q in edges]
 
 
@@ -172,9 +172,8 @@ def _louder(ratio: np.ndarray, width: int) -> np.ndarray:
 
 def _runs(hot: np.ndarray, pause: int) -> list[tuple[int, int]]:
     """Return the ranges (begin, end) that are set, those nearer than a pause put together."""
-    edges = np.flatnonzero(np.diff(np.r_[False, hot, False].astype(np.int8))).reshape(-1, 2)
     out: list[tuple[int, int]] = []
-    for a, b in edges.tolist():
+    for a, b in in_a_row(hot).tolist():
         if out and a - out[-1][1] <= pause:
             out[-1] = out[-1][0], b
         else:

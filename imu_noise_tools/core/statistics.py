@@ -311,6 +311,11 @@ def runs_of_one_length(same: np.ndarray, chance: float) -> float:
     return float(np.max(gain, where=alike, initial=0.0))
 
 
+def in_a_row(some: np.ndarray) -> np.ndarray:
+    """Return begin and end, (r, 2), of where some (n,) are in a row."""
+    return np.flatnonzero(np.diff(np.r_[False, some, False].astype(np.int8))).reshape(-1, 2)
+
+
 def whole_runs(same: np.ndarray) -> np.ndarray:
     """
     Return how many samples (k,) show each value that is seen to begin and to end.

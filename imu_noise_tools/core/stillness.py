@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from .record import ImuRecord
-from .statistics import median_sigma
+from .statistics import in_a_row, median_sigma
 
 BOX_S = 0.07            # three running means of this length leave 1 % of a vibration above 20 Hz
 UNIT_S = 0.1            # smoothed values are taken this far apart
@@ -79,7 +79,7 @@ def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, 
     for a, b in zip(ends[:-1].tolist(), ends[1:].tolist()):
         first = a // unit
         quiet = ~moving[first:(b - 1) // unit + 1]
-        edges = np.flatnonzero(np.diff(np.r_[False, quiet, False].astype(int))).reshape(-1, 2)
+        edges = in_a_row(quiet)
         found += [
             (max(a, (first + i) * unit), min(b, (first + j) * unit)) for i, j in edges.tolist()
         ]

@@ -25,7 +25,7 @@ from scipy.special import digamma
 
 from .response import open_response, OpenResponse, Order
 from ..core.spectrum import Bins
-from ..core.statistics import gamma_pull_exact
+from ..core.statistics import gamma_pull_exact, in_a_row
 
 AGREES = 4.0  # standard errors within which a band is explained
 NEARLY = 0.02  # or this share of its power
@@ -235,7 +235,7 @@ def _islands(kept: np.ndarray) -> np.ndarray:
 
     """
     out = np.zeros(len(kept), bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], kept, [0]]).astype(int))).reshape(-1, 2)
+    edges = in_a_row(kept)
     end = edges[0, 1] if len(edges) else 0
     for a, b in edges[1:]:
         if b < len(kept) and b - a < a - end:
@@ -346,13 +346,11 @@ def stretches(bands: Bands, explained: np.ndarray) -> Iterator[
 
     """
     whole = bands.sum(explained.astype(float)) == 0
-    edge = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(int)))
-    for a, b in zip(edge[::2], edge[1::2]):
+    for a, b in in_a_row(whole):
         yield np.flatnonzero((bands.of >= a) & (bands.of < b)), \
             float(bands.low[a]), float(bands.high[b - 1])
     alone = ~explained & ~whole[bands.of]
-    edge = np.flatnonzero(np.diff(np.concatenate([[False], alone, [False]]).astype(int)))
-    for a, b in zip(edge[::2], edge[1::2]):
+    for a, b in in_a_row(alone):
         yield np.arange(a, b), float(bands.edges[a]), float(bands.edges[b])
 
 

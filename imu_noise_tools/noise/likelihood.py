@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.fft import dct
@@ -195,7 +195,7 @@ class Likelihood:
         self._path = np.zeros(0)
         self._last = np.zeros(0), np.zeros(0)
         self._known: np.ndarray | None = None
-        self._columns: dict[tuple, np.ndarray] = {}
+        self._columns: dict[tuple, Any] = {}
         # what effects of some values put into the same bins, whatever else is in their model
         self._units = evidence.units[part]
         self._pairs: dict[tuple, tuple] = {}
@@ -401,12 +401,26 @@ class Likelihood:
 
     def _slow_columns_of(self, effect):
         """Return :meth:`slow_columns`, the last few of them kept."""
-        key = (effect.label, *(effect[p.name] for p in effect.parameters if not p.linear))
+        return self._lately(self._shapes_of(effect), lambda: self.slow_columns(effect))
+
+    @staticmethod
+    def _shapes_of(effect):
+        """Return what the columns of an effect go with."""
+        return effect.label, *(effect[p.name] for p in effect.parameters if not p.linear)
+
+    def _lately(self, key, make):
+        """Return what was made for a key, or make it; the last few are kept."""
         if key not in self._columns:
             if len(self._columns) > 8:
                 self._columns.clear()
-            self._columns[key] = self.slow_columns(effect)
+            self._columns[key] = make()
         return self._columns[key]
+
+    def _size(self, model, x):
+        """Return ln |X' X| of the columns (q, p) of a model's mean, that of the last few kept."""
+        return self._lately(
+            tuple(self._shapes_of(model[m.label]) for m in self.means),
+            lambda: log_size(x * np.reshape(self._counted(), (-1, 1))))
 
     def solve_linear(self, model: Model, v: np.ndarray) -> Linear:
         """Solve for all linear parameters given the model's spectrum v (b,)."""
@@ -421,8 +435,8 @@ class Likelihood:
         if self.means and any(s.label == m.label for s in self.linear_slots for m in self.means):
             assert slow is not None
             x, y = self.design(model), slow - self._path
-            every, counted = np.sqrt(2 * self.dt / self._fine(v)), self._counted()
-            root = every * counted
+            every = np.sqrt(2 * self.dt / self._fine(v))
+            root = every * self._counted()
             columns, rest = self._beside_lines(root, x * root[:, None], y * root)
             told = least_squares(columns, rest)
             leverage, change = told.leverage, x @ told.beta
@@ -432,8 +446,7 @@ class Likelihood:
             counts, weight = weight, np.maximum(weight - self._taken(leverage), 1e-9)
             # what is set aside takes no part in that, and may agree all the same
             power = np.maximum(np.where(counts > 0, left * counts / weight, left), 1e-300)
-            solved = (float(leverage @ np.log(self._fine(v))),
-                      log_size(x * np.reshape(counted, (-1, 1))), told, root)
+            solved = (float(leverage @ np.log(self._fine(v))), self._size(model, x), told, root)
             betas.append(told.beta)
             covariances.append(told.covariance)
         beta = np.concatenate(betas) if betas else np.zeros(0)

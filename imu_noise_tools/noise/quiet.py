@@ -18,7 +18,7 @@ from scipy.special import ndtri
 from .explained import Bands
 from .lines import find_peaks, reference_spectrum, take_lines_out
 from ..core.spectrum import Bins, bins_of, CORRECTED, cosine_transform
-from ..core.statistics import gamma_pull_exact
+from ..core.statistics import gamma_pull_exact, in_a_row
 
 LEAST_COUNT = 8  # coefficients of a band of a block
 WIDTHS = (1, 4)  # blocks that are looked at together
@@ -59,7 +59,7 @@ def loud_stretches(power: np.ndarray, count: np.ndarray) -> np.ndarray:
             hot = _stands_out(x, float(width * count[band]))
             for k in range(width):
                 loud[k:k + len(x)] |= hot
-    edges = np.flatnonzero(np.diff(np.r_[False, loud, False].astype(int))).reshape(-1, 2)
+    edges = in_a_row(loud)
     edges = edges[edges[:, 1] - edges[:, 0] >= LASTS]
     out: list[list[int]] = []
     for a, b in edges.tolist():

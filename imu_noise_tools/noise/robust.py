@@ -25,7 +25,7 @@ from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
 from .search import Found, Search
 from .starts import SHOWS, starts, with_values_of
-from .uncertainty import marginal
+from .uncertainty import marginal, with_linear
 from ..core.statistics import gamma_pull_exact
 from ..loop.effect import Model
 
@@ -146,25 +146,14 @@ def _with_filter_or_peak(found: Found) -> bool:
 
 def _in_part(found: Found) -> float:
     """Return ln L of a fit where each band may be explained in part."""
-    power, weight, model = _measured(found)
-    v, _ = found.likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
-    return supported_by(Bands.on(found.likelihood.bins), power, weight, v, _BAND, partly=True)
-
-
-def _measured(found: Found) -> tuple[np.ndarray, np.ndarray, Model]:
-    """
-    Return power and degrees of freedom of all bins, (b,), and the model, all that is solved in it.
-
-    What couplings miss of their sources goes with their gains, and is in its spectrum.
-
-    """
     likelihood = found.likelihood
     _, linear, v, _ = likelihood.value(found.x)
-    model = likelihood.with_search(found.x)
-    if likelihood.couplings:
-        model = likelihood.with_solved(model, v)
-    return (linear.power if likelihood.linear_slots else likelihood.power), \
-        likelihood.full_weight, model
+    ratio, weight = ratio_of(found)
+    power = ratio * v
+    model = with_linear(likelihood, likelihood.with_search(found.x), linear)
+    if OPEN in model:   # what couplings miss of their sources goes with their gains
+        v, _ = likelihood.spectra(model.minus(OPEN))
+    return supported_by(Bands.on(likelihood.bins), power, weight, v, _BAND, partly=True)
 
 
 def _on_the_whole(found: Found) -> Found:
@@ -272,11 +261,10 @@ def _judged(bands: Bands, found: Found) -> Judgement:
 
 def _score(bands: Bands, found: Found) -> float:
     """Return ln L where each band may have a level of its own, less what the response costs."""
-    power, weight, model = _measured(found)
-    v, _ = found.likelihood.spectra(model)
-    basis = found.likelihood.explained
+    v, basis = found.likelihood.value(found.x)[2], found.likelihood.explained
+    ratio, weight = ratio_of(found)
     assert basis is not None
-    return supported_by(bands, power, weight, v, _BAND) - TERM * basis.order.terms \
+    return supported_by(bands, ratio * v, weight, v, _BAND) - TERM * basis.order.terms \
         - 4 * _BAND * lacks(found)
 
 

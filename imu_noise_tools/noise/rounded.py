@@ -9,8 +9,12 @@ does. How many samples stand on which level tells the mean and the noise apart.
 
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.special import ndtr
+
+from ..core.statistics import grid_gain
 
 BLOCKS, LENGTH = 256, 256  # at most, and samples of one at least
 SPANNED = 0.577  # steps of noise, after the rounding, that are half a step before it
@@ -33,6 +37,12 @@ ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds h
 def coarse(step: float, sigma: float) -> bool:
     """Tell whether noise, a standard deviation after the rounding, spans less than half a step."""
     return bool(step > 0 and sigma < SPANNED * step)
+
+
+def told_by_grid(kept: Mapping[str, np.ndarray], n: int) -> float:
+    """Return what a grid says of n samples, nats, by its step and the noise beside it as kept."""
+    told = float(kept.get('told', 1.0)) * n
+    return grid_gain(told, float(kept['step']), float(kept['sigma'])) if kept else 0.0
 
 
 def moved_by_rounding(step: float, sigma: float, blocks: np.ndarray) -> float:

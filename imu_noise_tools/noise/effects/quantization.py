@@ -11,8 +11,8 @@ from ..descent import minimise
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ..likelihood import Likelihood
-from ..rounded import coarse, colour_of_turns, turns_of_counts
-from ...core.statistics import grid_gain, grid_step, quiet_sigma
+from ..rounded import coarse, colour_of_turns, told_by_grid, turns_of_counts
+from ...core.statistics import grid_step, quiet_sigma
 from ...loop.effect import Effect, Fit
 
 QUICK = 1 << 16     # samples whose differences say whether a step is large
@@ -88,11 +88,10 @@ class Quantization(Spectrum):
 
         """
         kept = evidence.kept(self.name)
-        step = float(kept.get('step', 0.0))
-        told = float(kept.get('told', 1.0)) * evidence.n
-        gain = grid_gain(told, step, float(kept['sigma'])) if step > 0 else 0.0
+        gain = told_by_grid(kept, evidence.n)
         if not gain:
             return 0.0
+        step = float(kept['step'])
         wanted = step * evidence.dt / np.sqrt(12)
         # a dithered one has sqrt(2) of it; errors of noise that spans no step go together
         least = 0.7 if coarse(step, float(kept['sigma'])) else 1.0

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Defect, Inputs, NoiseEffect, Parameter, Spectrum
-from ..rounded import coarse
-from ...core.statistics import grid_gain, grid_step, quiet_sigma
+from ..rounded import coarse, told_by_grid
+from ...core.statistics import grid_step, quiet_sigma
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 
 STRETCHES = 8   # of a part, each told by its samples where the grid is
@@ -81,10 +81,9 @@ class RateQuantization(Spectrum, Defect):
     def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
         """Return what the samples of each stretch say for a grid that the model does not have."""
         kept = evidence.kept(cls.name)
-        halves, step = kept.get('halves', np.zeros(2)), float(kept.get('step', 0.0))
         n = evidence.n // (1 if part == 'whole' else 2)
-        told = float(kept.get('told', 1.0)) * n
-        gain = grid_gain(told, step, float(kept['sigma'])) if step > 0 else 0.0
+        halves, step = kept.get('halves', np.zeros(2)), float(kept.get('step', 0.0))
+        gain = told_by_grid(kept, n)
         if not gain or np.any(np.abs(halves - step) > ALIKE * step):
             return None
         known = any('grid' in e.explains for e in fit.model.of(NoiseEffect))
@@ -104,7 +103,7 @@ class RateQuantization(Spectrum, Defect):
         white = float(not coarse(step, sigma))
         return Finding(
             self.name,
-            grid_gain(float(kept.get('told', 1.0)) * evidence.n, step, sigma),
+            told_by_grid(kept, evidence.n),
             self.with_values(step=step, white=white),
             {'step': Estimate(step, 0.0, (step, step)), 'white': Estimate(white, None, None)},
             view='grid',

@@ -16,7 +16,7 @@ from ..kinds import Defect, Inputs, Parameter
 from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
 from ...core.spectrum import cosine_transform
-from ...core.statistics import grid_step, hold, interval, repeats, row_medians
+from ...core.statistics import grid_step, hold, in_a_row, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 from ...loop.verdict import SURE as NAMED
 
@@ -278,12 +278,12 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
     loud = _loudness(y, dt)
     if loud is None:
         return {}
-    ratio, level, degrees, length, lasts = loud
+    ratio, _, degrees, length, lasts = loud
     beyond = _far_louder(ratio, degrees)
     found: list[tuple[float, ...]] = []
     gap = max(2, int(0.5 / dt / length))
     runs: list[list[int]] = []
-    for begin, end in _runs(beyond):
+    for begin, end in in_a_row(beyond).tolist():
         if runs and begin - runs[-1][1] < gap:
             runs[-1][1] = end
         else:
@@ -293,15 +293,9 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
             continue
         if found and begin * length < found[-1][1]:     # it has not faded yet
             continue
-        begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
-        over = np.maximum(ratio[begin:end] - 1, 0)
-        worth = 0.5 * degrees * float(np.sum(over - np.log1p(over))) - 2 * np.log(len(ratio))
-        if worth < SURE:
-            continue
-        size, decay, error = _dying(over, degrees)
-        level_here = float(np.mean(level[begin:end]))
-        found.append((begin * length, end * length, size * np.sqrt(level_here),
-                      decay * length * dt, error, worth))
+        one = _measured(loud, begin, end, dt, 2 * np.log(len(ratio)))
+        if one[-1] >= SURE:
+            found.append(one)
     if not found or sum(e - b for b, e, *_ in found) > MOST * len(y):
         return {}
     out = dict(zip(KEPT, np.array(found).T))
@@ -309,6 +303,17 @@ def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
     out = _beyond_the_usual_levels(y, out)
     out = _beyond_the_spectrum(y, out, dt) if len(out['begin']) else {}
     return out if len(out.get('begin', ())) else {}
+
+
+def _measured(loud: tuple, begin: int, end: int, dt: float, price: float) -> tuple[float, ...]:
+    """Return what is KEPT of loud blocks, of :func:`_loudness`, worth their nats less a price."""
+    ratio, level, degrees, length, _ = loud
+    begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
+    over = np.maximum(ratio[begin:end] - 1, 0)
+    size, decay, error = _dying(over, degrees)
+    return (begin * length, end * length, size * np.sqrt(float(np.mean(level[begin:end]))),
+            decay * length * dt, error,
+            0.5 * degrees * float(np.sum(over - np.log1p(over))) - price)
 
 
 def _beyond_the_usual_levels(y: np.ndarray, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -437,23 +442,16 @@ def _fainter(y: np.ndarray, kept: dict[str, np.ndarray],
     own = _loudness(y, inputs.dt) if kept else None
     if own is None:
         return kept
-    ratio, level, degrees, length, _ = own
+    ratio, length = own[0], own[3]
     heard = np.zeros(len(ratio), int)
     for x in _others(inputs):
         for begin, end in _loud_runs(x, inputs.dt, LASTS):
             heard[begin:end] += end - begin <= max(LONGEST * len(ratio), LASTS)
     for begin, end in zip(kept['begin'], kept['end']):
         heard[int(begin) // length:int(end) // length + 1] = 0
-    runs = _runs(heard >= OTHERS)
-    found = []
-    for begin, end in runs:
-        begin, end = max(begin - 1, 0), min(_faded(ratio, end, degrees), len(ratio))
-        over = np.maximum(ratio[begin:end] - 1, 0)
-        worth = 0.5 * degrees * float(np.sum(over - np.log1p(over))) - np.log(len(runs))
-        if worth > FAINT:
-            size, decay, error = _dying(over, degrees)
-            found.append((begin * length, end * length, size * np.sqrt(np.mean(level[begin:end])),
-                          decay * length * inputs.dt, error, worth))
+    runs = in_a_row(heard >= OTHERS).tolist()
+    found = [_measured(own, begin, end, inputs.dt, np.log(len(runs))) for begin, end in runs]
+    found = [one for one in found if one[-1] > FAINT]
     more = np.reshape(found, (-1, len(KEPT))).T
     order = np.argsort(np.append(kept['begin'], more[0]))
     return {k: np.append(kept[k], x)[order] for k, x in zip(KEPT, more)}
@@ -464,17 +462,11 @@ def _others(inputs: Inputs) -> list[np.ndarray]:
     return [x for name, x in inputs.axes.items() if name != inputs.axis and np.ptp(x) > 0]
 
 
-def _runs(some: np.ndarray) -> list[tuple[int, int]]:
-    """Return (begin, end) of where some (n,) are in a row."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], some, [0]]).astype(int)))
-    return [(int(i), int(j)) for i, j in edges.reshape(-1, 2)]
-
-
 def _loud_runs(y: np.ndarray, dt: float, least: int) -> list[tuple[int, int]]:
     """Return (begin, end) of the blocks in which samples are far louder, so many in a row."""
     loud = _loudness(y, dt)
     return [] if loud is None else [
-        (i, j) for i, j in _runs(_far_louder(loud[0], loud[2])) if j - i >= least]
+        (i, j) for i, j in in_a_row(_far_louder(loud[0], loud[2])).tolist() if j - i >= least]
 
 
 def _far_louder(ratio: np.ndarray, degrees: float) -> np.ndarray:

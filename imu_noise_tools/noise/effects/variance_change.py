@@ -12,7 +12,7 @@ from ..kinds import Modulation, Parameter
 from ..views import (
     block_variance, degrees_of, followed_by, pooled, power_in_time, rough_degrees
 )
-from ...core.statistics import interval
+from ...core.statistics import in_a_row, interval
 from ...loop.effect import Effect, Estimate, Finding
 from ...loop.verdict import DIRECTED
 
@@ -258,7 +258,7 @@ class VarianceChange(Modulation):
             inside = course(cost, 0.5 * np.log(len(x)) + 1)
         if inside[0]:
             inside, level = ~inside, level[::-1]
-        edges = np.flatnonzero(np.diff(np.r_[False, inside, False].astype(int))).reshape(-1, 2)
+        edges = in_a_row(inside)
         edges = edges[edges[:, 1] - edges[:, 0] >= LASTS]
         if not 2 <= len(edges) <= MOST:
             return None
