@@ -8,30 +8,30 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 
 """
 
-AXES = 759
+AXES = 1080
 SOURCES = '7d522d40ee2bd120'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
-    'accel_coupling': 12.14,
-    'drift': 7.79,
+    'accel_coupling': 11.42,
+    'drift': 8.57,
     'duplicates': 6.0,
     'flicker': 6.0,
-    'gauss_markov': 9.09,
-    'low_pass': 8.62,
-    'narrowband': 13.46,
-    'notch': 11.82,
+    'gauss_markov': 8.57,
+    'low_pass': 8.23,
+    'narrowband': 12.77,
+    'notch': 11.8,
     'quantization': 6.0,
-    'ramp': 6.67,
+    'ramp': 6.03,
     'random_walk': 6.0,
     'rate_quantization': 6.0,
-    'rts': 7.96,
-    'shared_noise': 7.27,
+    'rts': 7.21,
+    'shared_noise': 7.1,
     'shock': 6.0,
-    'slow_periodic': 16.23,
+    'slow_periodic': 17.11,
     'spikes': 6.0,
-    'step': 12.37,
-    'temperature': 13.12,
-    'transient': 7.36,
-    'variance_change': 14.64,
+    'step': 13.06,
+    'temperature': 13.61,
+    'transient': 7.24,
+    'variance_change': 14.41,
     'white': 6.0,
 }
