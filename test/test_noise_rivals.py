@@ -32,7 +32,7 @@ from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_mea
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
-from imu_noise_tools.noise.likelihood import Likelihood
+from imu_noise_tools.noise.likelihood import Likelihood, told_anew
 from imu_noise_tools.noise.nonlinear import follows_a_law
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.starts import starts
@@ -290,6 +290,16 @@ def test_what_goes_off_to_one_side_is_no_shock(rings):
     y = SIZE * (rng.standard_normal(N) + away)
     kept = registry('noise')['shock'].statistics(y, Inputs(T, DT, {}, {}))
     assert bool(len(kept.get('begin', ()))) == rings
+
+
+@pytest.mark.parametrize('knock', [False, True])
+@pytest.mark.parametrize('dt, t0', [(DT, 0.1), (DT, 0.5), (0.04, 0.12)])
+def test_what_settles_since_before_the_record_is_no_shock(dt, t0, knock):
+    rng, t = np.random.default_rng(34), np.arange(N) * dt
+    y = rng.standard_normal(N) - 40.0 * np.log1p(t / t0) if not knock \
+        else rng.standard_normal(N) * (1 + 30 * np.exp(-t / 0.4))
+    kept = registry('noise')['shock'].statistics(SIZE * y, Inputs(t, dt, {}, {}))
+    assert bool(len(kept.get('begin', ()))) == knock
 
 
 def test_three_peaks_with_no_valley_between_them_are_one_shape():
@@ -1186,9 +1196,34 @@ def test_of_two_couplings_one_that_tells_a_hundredth_is_the_other_s_source(
     model = model_of('noise', ['white', 'accel_coupling', 'shared_noise'])
     monkeypatch.setattr(flexible, 'told_by_gains', lambda evidence, fit, label: {
         'accel_coupling': 2000.0, 'shared_noise': 2000.0 * share}[label])
+    monkeypatch.setattr(flexible, 'told_anew', lambda *_: (60.0, 60.0))
     monkeypatch.setattr(flexible, '_ways_to_hear', lambda evidence, fit, label: [fit])
     monkeypatch.setattr(flexible, '_gains_free', lambda *_: (0.0, 0.0))
     monkeypatch.setattr(flexible, '_not_normal', lambda *_: 'no noise')
     against = flexible._coupled_otherwise(
         None, SimpleNamespace(model=model), model['shared_noise'], 15.0)
     assert ('do not hear of the same source' in against) == said
+
+
+@pytest.mark.parametrize('seed', daily(range(4), 0, 1))
+@pytest.mark.parametrize('other', [False, True])
+def test_axes_tell_of_a_sway_what_an_accelerometer_s_noise_hides_of_it(seed, other):
+    """Of each axis, beside the accelerometer, others tell that, and where it is no sway more."""
+    rng = np.random.default_rng([33, seed])
+    peak = butter(2, [2.0, 2.4], 'band', fs=1 / DT, output='sos')
+    sways = sosfilt(peak, rng.standard_normal((N, 3)), axis=0)
+    sways *= 1.0 / np.std(sways, axis=0)
+    gains = rng.choice([-1.0, 1.0], (3, 3)) * rng.uniform(2.0, 4.0, (3, 3))
+    y = rng.standard_normal((N, 3)) + sways @ gains
+    if other:
+        band = sosfilt(butter(2, [0.1, 5.0], 'band', fs=1 / DT, output='sos'),
+                       rng.standard_normal(N))
+        y += (1.5 * band / np.std(band))[:, None] * np.array([1.0, -0.8, 1.2])
+    record = ImuRecord(SIZE * y, 0.01 * (sways + 0.3 * rng.standard_normal((N, 3))), T, 1 / DT)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', (
+        'white', 'flicker', 'random_walk', 'accel_coupling', 'shared_noise')))
+    told, own = told_anew(problem.evidence, fit, 'shared_noise', 'accel_coupling')
+    assert told > 30 and (own > 0.3 * told if other else own < 6), (told, own)
+    said = flexible._coupled_otherwise(problem.evidence, fit, fit.model['shared_noise'], told)
+    assert ('of the same source' in said) == (not other), said

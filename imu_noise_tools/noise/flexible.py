@@ -28,7 +28,7 @@ from .kinds import (
     Coupling, Defect, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
 )
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
-from .likelihood import Likelihood, spectrum_without, told_by_gains
+from .likelihood import Likelihood, spectrum_without, told_anew, told_by_gains
 from .nonlinear import follows_a_law
 from .sweep import PARTS as SWEPT, Sweep
 from .together import unlike_noise
@@ -54,6 +54,7 @@ SLOWLY = 'time', 'the logarithm of time'  # of which cosines of the mean are slo
 MANY = 4  # times as many, from which so few independent ones are those of a course
 BEYOND = 3.0  # widths of a peak, farther than which a line that sweeps is no peak that wanders
 HELD = 8  # samples, for each that counts once, over which what comes of holding them is normal
+OWN_SHARE = 0.1  # of what is told, to which what the own noise of channels hides is known
 FELT = 0.02  # of ln power: from which an effect is felt in a bin
 
 
@@ -317,6 +318,10 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         if tells < FLEXIBLE_SHARE * most:
             return (f'it tells {tells:.0f} nats, {other.name} {most:.0f}: it is what the '
                     'channels of that do not hear of the same source')
+        told, own = told_anew(evidence, fit, effect.label, other.label)
+        if tells < most and own < max(DIRECTED, OWN_SHARE * told):
+            return (f'it tells {told:.0f} nats, all but {own:.0f} of them what {other.name} '
+                    'misses of the same source by the own noise of what it hears')
     better = []
     for heard in _ways_to_hear(evidence, fit, effect.label):
         gain, chance = _gains_free(evidence, heard, cast(Coupling, heard.model[effect.label]))

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.fft import dct
 
 from .evidence import Evidence
-from .explained import Explained
+from .explained import Bands, Explained
 from .kinds import (
     Coupling,
     Mean,
@@ -36,7 +36,7 @@ from .kinds import (
     together,
 )
 from .response import OpenResponse
-from .shared import spread
+from .shared import own_power, spread
 from ..core.linear import inverse, inverse_of, least_squares, log_size, Solved
 from ..core.spectrum import asked, Bins, gathered, leaked, smooth
 from ..loop.effect import Fit, Model, Parameter
@@ -916,3 +916,26 @@ def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
     mine = np.flatnonzero(np.array(owners) == label)
     gains = solved.beta[mine]
     return 0.5 * float(gains @ inverse(solved.covariance[np.ix_(mine, mine)]) @ gains)
+
+
+def told_anew(evidence: Evidence, fit: Fit, label: str, other: str) -> tuple[float, float]:
+    """
+    Return what a coupling of a fit tells beside another one, nats, and what of it is of its own.
+
+    A source that several instruments hear each of them tells anew: what the other one leaves of it
+    is what its gains make of its channels' own noise, and no more. In bands what is explained
+    beyond that is of the coupling's own.
+
+    """
+    v, less = fit.details.v, fit.model.minus(label)
+    view, before = (Likelihood(evidence, 'whole', m, fit) for m in (fit.model, less))
+    alone = cast(Coupling, before.with_solved(less, v)[other])
+    explained = before.solve_linear(less, v).power - view.solve_linear(fit.model, v).power
+    hidden, pair = np.zeros(len(v)), partial(evidence.common.pair, part='whole')
+    linear = (p.name for p in alone.parameters if p.linear)
+    for channel, name in zip(alone.channels(evidence), linear):
+        hidden = hidden + alone.values[name] ** 2 * own_power(pair, channel)
+    bands, weight = Bands.on(view.bins), 0.5 * view.weight / v
+    told, beyond = (np.bincount(bands.of, weight * x) for x in (
+        explained, explained - hidden))
+    return float(np.sum(told)), float(np.sum(np.maximum(beyond, 0.0)))

@@ -26,6 +26,7 @@ from scipy.optimize import nnls
 from scipy.special import chdtri, polygamma
 
 from .lines import without_lines
+from ..core.record import AXES
 from ..core.spectrum import Bins
 
 #: two axes, by their numbers, the lower first
@@ -511,6 +512,14 @@ def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarra
     yield axis + LATER, c
     if weight is not None:
         yield axis + SHAKEN + LATER, c * weight
+
+
+def own_power(pair: Callable[[str, str], np.ndarray], channel: str) -> np.ndarray:
+    """Return the power (b,) of its own noise that an axis adds to a channel, 0 where none does."""
+    plain = channel.rstrip(LATER).removesuffix(SHAKEN)
+    if plain not in AXES:
+        return np.zeros(1)
+    return np.maximum(pair(plain, plain) - pair(plain, plain + SHAKEN), 0.0)
 
 
 def spread(pair: Callable[[str, str], np.ndarray], channel: str, bins: Bins) -> np.ndarray:

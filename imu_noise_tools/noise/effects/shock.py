@@ -37,6 +37,7 @@ COARSE = 2.0  # standard deviations in a step of the grid
 FEW_HELD = 0.2  # share of samples that are held, between which a ring is drawn
 STRETCHES = 8  # of a half in which knocks that ring are counted
 SIDE = 2  # degree of what goes off to one side in the time of a shock
+SETTLES = 3  # degree in the logarithm of time of what settles since before the record
 UNEVEN = 1e-3  # chance of a level that seems so uneven
 OTHERS = 2  # axes that may hear what one does
 FAINT = float(np.log(100.0))  # nats of a knock that others hear there
@@ -395,8 +396,11 @@ def _beyond_the_spectrum(y: np.ndarray, kept: dict[str, np.ndarray], dt: float,
     for white, at, edge in _each_whitened(y, kept, dt):
         some = white[at]
         other = np.column_stack([np.vander(np.linspace(-1.0, 1.0, len(some)), SIDE + 1), edge[at]])
+        if not at.start:
+            settles = np.vander(np.log1p(np.arange(len(some))), SETTLES + 1)[:, :-1]
+            other = np.column_stack([other, settles])
         some = some - other @ np.linalg.lstsq(other, some, rcond=None)[0]
-        over = float(np.sum(some**2)) / (len(some) - SIDE - 2)
+        over = float(np.sum(some**2)) / max(len(some) - other.shape[1], 1)
         sure.append(0.5 * len(some) * (over - 1 - np.log(over)) > SURE if over > 1 else False)
     return {k: v[np.array(sure, bool)] for k, v in kept.items()}
 
