@@ -318,10 +318,11 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         if tells < FLEXIBLE_SHARE * most:
             return (f'it tells {tells:.0f} nats, {other.name} {most:.0f}: it is what the '
                     'channels of that do not hear of the same source')
-        told, own = told_anew(evidence, fit, effect.label, other.label)
-        if tells < most and own < max(DIRECTED, OWN_SHARE * told):
-            return (f'it tells {told:.0f} nats, all but {own:.0f} of them what {other.name} '
-                    'misses of the same source by the own noise of what it hears')
+        if tells < most:
+            told, own = told_anew(evidence, fit, effect.label, other.label)
+            if own < max(DIRECTED, OWN_SHARE * told):
+                return (f'it tells {told:.0f} nats, all but {own:.0f} of them what {other.name} '
+                        'misses of the same source by the own noise of what it hears')
     better = []
     for heard in _ways_to_hear(evidence, fit, effect.label):
         gain, chance = _gains_free(evidence, heard, cast(Coupling, heard.model[effect.label]))

@@ -13,7 +13,7 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
 from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
@@ -467,6 +467,10 @@ class Coupling(NoiseEffect):
     def channels(self, evidence: Evidence) -> tuple[str, ...]:
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
         raise NotImplementedError
+
+    def gains(self, evidence: Evidence) -> Iterator[tuple[str, float]]:
+        """Return each of its channels with its gain."""
+        return zip(self.channels(evidence), (self[p.name] for p in self.parameters if p.linear))
 
 
 #: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and so may all

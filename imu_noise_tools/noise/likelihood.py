@@ -932,9 +932,8 @@ def told_anew(evidence: Evidence, fit: Fit, label: str, other: str) -> tuple[flo
     alone = cast(Coupling, before.with_solved(less, v)[other])
     explained = before.solve_linear(less, v).power - view.solve_linear(fit.model, v).power
     hidden, pair = np.zeros(len(v)), partial(evidence.common.pair, part='whole')
-    linear = (p.name for p in alone.parameters if p.linear)
-    for channel, name in zip(alone.channels(evidence), linear):
-        hidden = hidden + alone.values[name] ** 2 * own_power(pair, channel)
+    for channel, gain in alone.gains(evidence):
+        hidden = hidden + gain ** 2 * own_power(pair, channel)
     bands, weight = Bands.on(view.bins), 0.5 * view.weight / v
     told, beyond = (np.bincount(bands.of, weight * x) for x in (
         explained, explained - hidden))

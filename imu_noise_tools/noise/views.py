@@ -292,8 +292,8 @@ def slow_rest(evidence: Evidence, model: Model) -> np.ndarray:
     e = evidence
     y, t = e.slow_y.astype(float), e.slow_t
     for c in model.of(Coupling):
-        for channel, p in zip(c.channels(e), (p for p in c.parameters if p.linear)):
-            y = y - c[p.name] * e.coupled_blocks(channel)
+        for channel, gain in c.gains(e):
+            y = y - gain * e.coupled_blocks(channel)
     lines = e.line_table[list(claimed_lines(e, model))]
     return y - waves(lines, t, e.dt, e.common.slow_length)
 
@@ -829,9 +829,8 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
             known = Likelihood(evidence, part, fit.model, fit)
             own, both = known.power, known.cross_less_known(channel)
         for e in fit.model.of(Coupling):
-            for name, p in zip(e.channels(evidence), (p for p in e.parameters if p.linear)):
-                known = evidence.coupled(name, channel, part)
-                both = both - e[p.name] * known
+            for name, gain in e.gains(evidence):
+                both = both - gain * evidence.coupled(name, channel, part)
     # at least eight coefficients to a group: one alone may be next to nothing by chance
     edges = np.unique(8 * np.round(np.geomspace(1, bins.n / 8, 60)))
     group = np.searchsorted(edges, bins.last)
