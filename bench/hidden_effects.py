@@ -60,8 +60,9 @@ def one(job) -> dict:
         'failed': [f.name for f in first.failed],
     }
     if len(names) > 1:
-        out['added'] = [k for s in study.complete(['gyro_x'], most=4)
-                        for k in s.added.split('+')]
+        steps = study.complete(['gyro_x'], most=4)
+        back = [s.removed for s in steps if s.removed]
+        out['added'] = [k for s in steps if s.added for k in s.added.split('+') if k not in back]
         out['last'] = study.diagnosis['gyro_x'].verdict
     elif names and out['verdict'] == names[0]:
         (step,) = study.add([names[0]], ['gyro_x'])

@@ -421,6 +421,17 @@ def test_a_machine_that_is_switched_on_hides_no_change_of_the_noise():
         variance(problem.evidence, fit))
 
 
+@pytest.mark.parametrize('n', [64 * 256 + 250, 100 * 256, 211 * 256 - 1])
+def test_when_the_noise_changes_is_told_where_blocks_leave_samples(n):
+    """Blocks of 64 samples leave 250 of 16 634, by which a time late in the record was off."""
+    y = np.random.default_rng([19, n]).standard_normal(n)
+    t = np.arange(n) / 50.0
+    y[t >= 0.93 * n / 50] *= 3
+    found = find_effect('noise', 'variance_change')().measure(evidence_of(1e-3 * y, 50.0))
+    assert found.effect.chosen('form') == 'step'
+    assert found.effect['time'] == pytest.approx(0.93 * n / 50, abs=0.5 * n / 50 / 256)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('turn, told', [(0.1, False), (0.2, False), (0.5, True)])
 def test_how_loud_the_error_of_a_counted_angle_is_says_nothing_where_it_is_a_swing(turn, told):

@@ -37,6 +37,7 @@ from imu_noise_tools.noise.rounded import (
     added_by_rounding, before_rounding, colour_of_turns, moved_by_rounding, turns_of_counts
 )
 from imu_noise_tools.noise.slower import as_measured, shown_first
+from imu_noise_tools.noise.views import coherence
 from imu_noise_tools.tasks.noise import analyse_record
 
 SPIKES, DUPLICATES, SHOCK = (
@@ -350,6 +351,21 @@ def test_what_is_held_alike_scatters_as_said():
         {'fraction': 1e-6, 'pattern': 'random'}).crowd() == pytest.approx(1, abs=1e-4)
 
 
+@pytest.mark.thorough
+def test_axes_that_are_held_alike_are_coherent_by_chance_alone():
+    """What their patterns share moves all groups one way: it is one thing seen, not fifty."""
+    p, n, values = 0.9, 4000, []
+    for seed in range(40):
+        rng = np.random.default_rng([8, seed])
+        gyro = np.column_stack([held_at_random(x, p, seed) for x in rng.standard_normal((3, n))])
+        record = ImuRecord(gyro, None, np.arange(n) * 0.01, 100.0)
+        problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+        fit = problem.point(model_of('noise', ('white', 'duplicates')))
+        view = coherence(problem.evidence, fit)
+        values.append(view.excess / view.std)
+    assert np.std(values) == pytest.approx(1.0, abs=0.3) and max(values) < 3.5
+
+
 def test_what_comes_last_acts_on_quantization_too():
     q = find_effect('noise', 'quantization').example()
     held, low = DUPLICATES.example(), find_effect('noise', 'low_pass').example()
@@ -531,6 +547,32 @@ def test_a_spike_beside_a_spike():
     index, clean = found(spiked)
     assert list(index) == [1000, 1001, 2000, 2002, 3000, 3003]
     assert np.max(np.abs(clean)) < 6
+
+
+@pytest.mark.parametrize('place', [0, 1, -2, -1])
+def test_a_spike_at_an_end_is_taken_out(place):
+    """Half of its neighbours are missing; left in, it doubled the power at low frequency."""
+    y = noise(14)
+    spiked = y.copy()
+    spiked[place] += 168
+    index, clean = found(spiked)
+    assert list(index) == [place % N] and np.max(np.abs(clean)) < 6
+
+
+@pytest.mark.parametrize('course', [
+    lambda t: 3 * t, lambda t: -3 * t, lambda t: 500 * np.exp(-t / 100),
+    lambda t: 500 * np.exp((t - N) / 100), lambda t: 50 * np.sin(2 * np.pi * t / 100)])
+def test_what_moves_at_an_end_is_no_spike_there(course):
+    index, _ = found(noise(15) + course(np.arange(N)))
+    assert not len(index)
+
+
+@pytest.mark.parametrize('cutoff', [0.05, 0.2])
+def test_behind_a_filter_the_ends_are_no_spikes(cutoff):
+    """Beside neighbours on one side alone smooth noise stands out."""
+    b, a = butter(4, cutoff)
+    at = [found(lfilter(b, a, noise([16, k], 3000)))[0] for k in range(150)]
+    assert sum(np.any((i < 2) | (i >= 2998)) for i in at) <= len(at) // 50
 
 
 def test_a_spike_that_was_held_is_taken_out_whole():

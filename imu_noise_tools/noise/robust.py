@@ -423,8 +423,9 @@ def _spread(found: Found) -> float:
     """Return the largest standard deviation of ln of what every sensor has."""
     certain = {e.label for e in found.likelihood.model.of(Spectrum) if e.in_every_sensor}
     some = [j for j, s in enumerate(found.likelihood.slots) if s.label in certain]
-    std = np.sqrt(np.diag(np.linalg.pinv(marginal(found.information, some))))
-    return float(np.max(std, initial=0.0))
+    variance = np.diag(np.linalg.pinv(marginal(found.information, some)))
+    variance = np.where(variance < 0, np.inf, variance)     # of nearly none of it anything is told
+    return float(np.sqrt(np.max(variance, initial=0.0)))
 
 
 def with_basis(likelihood: Likelihood, basis: Explained) -> Likelihood:

@@ -483,8 +483,8 @@ def power_in_time(evidence: Evidence, model: Model | None = None,
     if model is not None:
         p = _without_peaks(_peaks_in(evidence, model), evidence.block_count,
                            _without_mean(evidence, model, p))
-    blocks = len(p)
-    t = (np.arange(blocks) + 0.5) * evidence.duration / blocks
+    blocks = len(p)     # which leave a few samples at the end
+    t = (np.arange(blocks) + 0.5) * (evidence.n // blocks) * evidence.dt
     level = np.mean(p, axis=0)
     count = evidence.block_count.astype(float)
     parts = [i for i in np.array_split(np.arange(len(level)), groups) if len(i)]
@@ -794,11 +794,13 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
     crowd = model_crowd(fit.model)
     for channel in evidence.channels:
         f, r, w = cross_correlation(evidence, channel, fit, part)
-        # what axes share beyond their spectrum is spread over all coefficients alike
-        more = 1 + (crowd - 1) * w / np.sum(w)
+        # what axes share beyond their spectrum is spread over all coefficients alike, one to all
+        alike = np.sqrt((crowd - 1) * w / np.sum(w))
+        scatter = np.eye(len(w)) + np.outer(alike, alike)
+        pull = np.linalg.solve(np.linalg.cholesky(scatter), r * np.sqrt(w))
         x.append(f)
-        pulls.append(r * np.sqrt(w / more))
-        excess.append(w / more * r**2 - 1)
+        pulls.append(pull)
+        excess.append(pull**2 - 1)
         spread.append(2 * (w - 1) / (w + 2))
     if not x:
         return _nothing('coherence', 'Hz')

@@ -469,7 +469,7 @@ def _against_around(y):
 
 
 def _against(y, level):
-    """Return y less its lines and what ``level`` says of each sample but two at either end."""
+    """Return y less its lines and what ``level`` says of each sample, or those beside an end."""
     n = len(y)
     rest = np.zeros(n)
     for i in range(2, n - 2, PIECE - 2 * HALO):
@@ -477,8 +477,30 @@ def _against(y, level):
         z = y[first:first + PIECE]
         z = z - strong_lines(z)
         begin, end = max(i, first + 2), min(i + PIECE - 2 * HALO, n - 2)
-        rest[begin:end] = (z[2:-2] - level(z))[begin - first - 2:end - first - 2]
+        inside = z[2:-2] - level(z)
+        rest[begin:end] = inside[begin - first - 2:end - first - 2]
+        if not first:
+            rest[:2] = _at_the_end(z, inside)
+        if first + len(z) == n:
+            rest[-2:] = _at_the_end(z[::-1], inside)[::-1]
     return rest
+
+
+def _at_the_end(z, inside):
+    """
+    Return the first two of the samples z (n,) less the median of the four that are beside each.
+
+    Those lie on one side: what the mean moves by between is taken off, and it is less as far as
+    such differ by more than the ones ``inside`` do.
+
+    """
+    ahead = z[:-4] - np.median([z[k:len(z) - 4 + k] for k in (1, 2, 3, 4)], axis=0)
+    usual = float(median_sigma(ahead))
+    less = min(1.0, float(median_sigma(inside)) / usual) if usual > 0 else 1.0
+    near = z[:AROUND // 2].reshape(2, -1)
+    slope = (np.median(near[1]) - np.median(near[0])) / near.shape[1]
+    away = np.array([(k - np.delete(np.arange(5), k).mean()) * slope for k in (0, 1)])
+    return less * (z[:2] - away - [np.median(np.delete(z[:5], k)) for k in (0, 1)])
 
 
 def _local_sigma(rest):
