@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, iirpeak, lfilter
 
+import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform
+from imu_noise_tools.loop.effect import find_effect, Model
 from imu_noise_tools.noise.gather import whitened
 from imu_noise_tools.noise.lines import reference_spectrum
 from imu_noise_tools.noise.sweep import _along_lines, find_sweep, Sweep
@@ -103,3 +105,37 @@ def test_a_weak_sweep_is_unknown_and_no_filter():
     study = analyse_record(ImuRecord(y, None, T, 1 / DT), axes=('gyro_x',), keep_motion=True)
     said = study.diagnose(['gyro_x'])['gyro_x']
     assert said.verdict == 'unknown' and 'sweep' in {f.view for f in said.failed}, said
+
+
+@pytest.mark.parametrize('first, last, n', [
+    (7.0, 12.0, 20_000), *(pytest.param(*x, 54_000, marks=pytest.mark.thorough) for x in (
+        (7.35, 9.61), (3.15, 4.9), (6.0, 4.0), (1.7, 3.2)))])
+def test_a_line_that_sweeps_all_along_is_no_band_that_it_passes(first, last, n):
+    """A band that wanders was named, for 454 nats of 68 000."""
+    rate = 50.0
+    t = np.arange(n) / rate
+    y = 1e-3 * np.random.default_rng(n).standard_normal((n, 3))
+    y[:, 0] += 3e-3 * np.sqrt(2) * chirp(t, first, t[-1], last)
+    study = analyse_record(ImuRecord(y, None, t, rate), axes=('gyro_x',), keep_motion=True)
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    assert not said.found and said.verdict == 'unknown'
+    assert 'sweep' in {f.name for f in said.remaining.failed}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', [126603798, 126603854])
+def test_a_hump_is_no_band_far_above_it_nor_one_in_a_hole(seed):
+    """So damped it has no name: skirts of a line 400 000 times as high were one, and a notch."""
+    rng = np.random.default_rng([7, seed])
+    record, _ = hidden.draw(rng, ('resonance',), strength=(1.0, 10.0), hours=0.3, rate_hz=50.0)
+    study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    assert not said.found and said.verdict == 'unknown'
+
+
+def test_a_notch_has_no_peak_in_it():
+    notch, band, white_ = (find_effect('noise', k) for k in ('notch', 'narrowband', 'white'))
+    hole = notch({**notch.neutral, 'frequency': 2.4, 'width': 1.6})
+    for f, width, inside in ((2.3, 0.2, True), (2.3, 2.0, False), (4.0, 0.2, False)):
+        peak = band({**band.neutral, 'frequency': f, 'width': width, 'rms': 1.0})
+        assert bool(hole.part_of(Model([white_({'N': 1.0}), hole, peak]))) == inside

@@ -30,7 +30,7 @@ from .kinds import (
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import Likelihood, spectrum_without, told_anew, told_by_gains
 from .nonlinear import follows_a_law
-from .sweep import PARTS as SWEPT, Sweep
+from .sweep import on_one_path, PARTS as SWEPT, Sweep
 from .together import unlike_noise
 from ..core.linear import inverse, SILENT
 from ..core.statistics import independent_squares, kurtosis_pull, means_of_blocks
@@ -186,6 +186,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     if isinstance(effect, Coupling):
         return _coupled_otherwise(evidence, fit, effect, claim) or swept(evidence, effect, claim)
     if peak:
+        if _is_hollow(evidence, fit, label):
+            return 'where its peak would be the record has less than half of it'
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
         gain, where = 0.0, ''
@@ -193,23 +195,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
-        f, x, w = spectrum_left(evidence, fit)
-        felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
-        if peak:    # without it others bend elsewhere too, where what is left is theirs
-            felt &= fit.details.each[label] > FELT * fit.details.v
-        if felt.sum() < 2 * KNOTS:
-            felt = np.ones(len(f), bool)
-        i, j = np.flatnonzero(felt)[[0, -1]]
-        gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
-        if peak and FLEXIBLE < gain <= FLEXIBLE_SHARE * claim:
-            claim = max(claimed, min(claim, _explains(evidence, fit, without)))
-        if effect.elsewhere():
-            gain /= _restless(evidence, f[i], f[j])
-        if isinstance(effect, Response):    # of a claim no band counts more than a little
-            _, x, _ = spectrum_left(evidence, without)
-            claim = max(claim, min(smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])),
-                                   _own(evidence, fit, label)))
-        where = f'between {f[i]:.3g} and {f[j]:.3g} Hz'
+        gain, claim, where = _smoother(evidence, fit, without, label, (claimed, claim))
     elif isinstance(effect, Mean):
         gain = mean_gain(evidence, fit)[0]
         where = 'in time'
@@ -229,7 +215,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     if gain > FLEXIBLE:     # of the candidate it was asked where the others were not there
         return f'the samples themselves speak against it by {gain:.0f} nats'
     # in the model a peak may have come to lie on another one, that was found before it or later
-    against = effect.part_of(_stronger(evidence, fit, label)) if peak else ''
+    against = effect.part_of(_stronger(evidence, fit, label) if peak else fit.model)
     if against:
         return against
     if len(joined(fit, label, evidence.dt)) >= TOGETHER:
@@ -240,6 +226,52 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if against:
             return against
     return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
+
+
+def _smoother(evidence: Evidence, fit: Fit, without: Fit, label: str,
+              claims: tuple[float, float]) -> tuple[float, float, str]:
+    """
+    Return what a smooth form gains where an effect bends the spectrum, its claim, and where.
+
+    ``claims`` are what it gained as a candidate and what it gains in the model, nats.
+
+    """
+    effect, (claimed, claim) = cast(Spectrum | Response, fit.model[label]), claims
+    peak = isinstance(effect, Spectrum) and effect.centre is not None
+    f, x, w = spectrum_left(evidence, fit)
+    felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
+    if peak:    # without it others bend elsewhere too, where what is left is theirs
+        felt &= fit.details.each[label] > FELT * fit.details.v
+    if felt.sum() < 2 * KNOTS:
+        felt = np.ones(len(f), bool)
+    i, j = np.flatnonzero(felt)[[0, -1]]
+    gain = smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1]))
+    if peak and FLEXIBLE < gain <= FLEXIBLE_SHARE * claim:
+        claim = max(claimed, min(claim, _explains(evidence, fit, without)))
+    if effect.elsewhere():
+        gain /= _restless(evidence, f[i], f[j])
+    if isinstance(effect, Response):    # of a claim no band counts more than a little
+        _, x, _ = spectrum_left(evidence, without)
+        claim = max(claim, min(smooth_gain(x[i:j + 1], w[i:j + 1], np.log(f[i:j + 1])),
+                               _own(evidence, fit, label)))
+    return gain, claim, f'between {f[i]:.3g} and {f[j]:.3g} Hz'
+
+
+def _is_hollow(evidence: Evidence, fit: Fit, label: str) -> bool:
+    """
+    Tell whether the record surely has less than half of what a peak's own half is in a model.
+
+    What rests on the bins that it explains sets a peak aside that is far too high, and keeps its
+    skirts: those of anything.
+
+    """
+    _, x, w = spectrum_left(evidence, fit)
+    own, power = (evidence.whole.bins.count * v for v in (fit.details.each[label], fit.details.v))
+    order = np.argsort(-own)
+    half = order[:1 + int(np.searchsorted(np.cumsum(own[order]), 0.5 * np.sum(own)))]
+    left = max(float(np.sum((power * x)[half]) / np.sum(power[half])), 1e-300)
+    surely = 0.5 * np.sum(w[half]) * (left - 1 - np.log(left))
+    return left < 0.5 and surely > DIRECTED
 
 
 def _stronger(evidence: Evidence, fit: Fit, label: str) -> Model:
@@ -408,12 +440,14 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     only where it passes all of its band and far beyond, and takes most of the record for it: one
     that wanders is seen on a straight path of little more than its width. Noise that is nothing
     where it passes is not its doing. What axes share in all of the record it may do that is seen
-    in a part of it, on a path that is not straight.
+    in a part of it, on a path that is not straight. What follows one path all along is no peak
+    that it passes, however wide that is.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
     part, sure = 1.0, FLEXIBLE
     low, high = sorted((sweep.first, sweep.last))
+    along = on_one_path(sweep, evidence.n, evidence.dt)
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
     elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
@@ -422,7 +456,9 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
         width = effect.values.get('width', 0.0)
         inside = low < effect.centre - width / 2 < effect.centre + width / 2 < high
         far = inside and high - low > BEYOND * width
-        if not far or sweep.end - sweep.begin < 0.5 * evidence.duration:
+        if along and low - width / 2 < effect.centre < high + width / 2:
+            claim = 0.0
+        elif not far or sweep.end - sweep.begin < 0.5 * evidence.duration:
             return ''
     elif isinstance(effect, Spectrum) and fit is not None and fit.details is not None:
         f = evidence.whole.bins.f

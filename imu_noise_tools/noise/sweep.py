@@ -54,8 +54,8 @@ def find_sweep(white: np.ndarray, dt: float) -> np.ndarray:
 
     """
     # as many cells in time as in frequency and more: a cell a block is through all of the band
-    depth = int(np.ceil(np.log2(max(len(white), 2) / 2) / 2))
-    blocks, length = 1 << depth, len(white) >> depth
+    depth, length = _cells(len(white))
+    blocks = 1 << depth
     if blocks < SHORTEST:
         return NONE
     cells = rfft(white[:blocks * length].reshape(blocks, length).astype(np.float32))
@@ -78,6 +78,25 @@ def find_sweep(white: np.ndarray, dt: float) -> np.ndarray:
         if sure > best[0]:
             best = np.array(Sweep(sure, strong, *s, *hz))
     return best
+
+
+def _cells(n: int) -> tuple[int, int]:
+    """Return how often blocks are paired until one is left, and the samples of each."""
+    depth = int(np.ceil(np.log2(max(n, 2) / 2) / 2))
+    return depth, n >> depth
+
+
+def on_one_path(found: Sweep, n: int, dt: float) -> bool:
+    """
+    Tell whether a line moves on one straight path for most of a record of n samples, and steadily.
+
+    Half of its blocks show as much there as counts. A machine that wanders crosses any path, and
+    follows none of them for long.
+
+    """
+    depth, length = _cells(n)
+    blocks = (found.end - found.begin) / (length * dt)
+    return blocks >= 0.5 * (1 << depth) and found.strong > 0.5 * (CAP - 1) * blocks
 
 
 def _beside(power: np.ndarray) -> np.ndarray:

@@ -6,9 +6,9 @@
 import numpy as np
 
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, FILTERS, Parameter, Response
+from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, Spectrum
 from ...core.spectrum import Bins
-from ...loop.effect import Effect
+from ...loop.effect import Effect, Model
 
 WIDEST = 1.5  # of the centre that a fit starts at: a filter that takes out more is no notch
 BEHIND = 0.002  # share of the white noise behind it from which a fit starts
@@ -63,6 +63,14 @@ class Notch(Response):
             'frequency': (f - reach, min(f + reach, top)),
             'width': (1 / evidence.duration, min(WIDEST * f, WHOLE / evidence.dt)),
         }
+
+    def part_of(self, model: Model) -> str:
+        """Say that a peak stands in its hole: the two draw one hump, of which neither is seen."""
+        for peak in model.of(Spectrum):
+            off = np.inf if peak.centre is None else abs(peak.centre - self['frequency'])
+            if off < 0.5 * self['width'] and peak.values.get('width', 0.0) < self['width']:
+                return f'a peak stands in its hole at {peak.centre:.4g} Hz: both draw one hump'
+        return ''
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
