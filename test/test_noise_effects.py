@@ -39,7 +39,7 @@ from imu_noise_tools.noise.slower import as_measured
 
 DT = 0.02
 VIEWS = {'frequency', 'time', 'variance', 'distribution', 'coherence', 'repeats', 'grid',
-         'moments'}
+         'moments', 'ends'}
 EFFECTS = dict(registry('noise'))
 # Where another value of one parameter asks for another value of a second one as well.
 # Noise of less than half a step is not white after rounding: there is no density to test.

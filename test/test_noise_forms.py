@@ -432,6 +432,20 @@ def test_when_the_noise_changes_is_told_where_blocks_leave_samples(n):
     assert found.effect['time'] == pytest.approx(0.93 * n / 50, abs=0.5 * n / 50 / 256)
 
 
+def test_where_noise_has_two_levels_bins_tell_less_of_a_smooth_form():
+    """Of white noise of variance v(t) a mean of coefficients squared has 2 mean(v^2)/mean(v)^2."""
+    n = 16_000
+    y = np.random.default_rng(20).standard_normal(n)
+    y[int(0.79 * n):] *= np.sqrt(95)
+    problem = NoiseProblem(evidence_of(1e-3 * y, 50.0))
+    fit = problem.point(model_of('noise', ('white', 'variance_change')))
+    count = problem.evidence.whole.bins.count
+    wide = count > 100
+    weight = flexible.spectrum_left(problem.evidence, fit)[2][wide]
+    uneven = (0.79 + 0.21 * 95**2) / (0.79 + 0.21 * 95) ** 2
+    np.testing.assert_allclose(weight, 1 + (count[wide] - 1) / uneven, rtol=0.05)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('turn, told', [(0.1, False), (0.2, False), (0.5, True)])
 def test_how_loud_the_error_of_a_counted_angle_is_says_nothing_where_it_is_a_swing(turn, told):

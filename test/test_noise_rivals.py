@@ -521,7 +521,8 @@ def test_a_filter_stands_out_though_a_peak_does_of_what_it_lets_pass():
 
 def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     """Nor is a peak of which it passes all, most of the time; but what explains more."""
-    evidence = SimpleNamespace(sweep=np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0]), duration=600.0)
+    sweep = np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0])
+    evidence = SimpleNamespace(sweep=sweep, duration=600.0, n=60_000, dt=0.01)
     filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
     assert flexible.swept(evidence, filtered, 25.0)
     assert not flexible.swept(evidence, filtered, 250.0)
@@ -539,11 +540,17 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
         fit = SimpleNamespace(details=SimpleNamespace(v=np.ones(50), each={
             'gauss_markov': 1 / (1 + (f / corner) ** 4)}))
         assert bool(flexible.swept(evidence, slow, 25.0, fit)) == is_none
-    faint = SimpleNamespace(sweep=evidence.sweep * [0.1, 1, 1, 1, 1, 1])
+    faint = SimpleNamespace(sweep=sweep * [0.1, 1, 1, 1, 1, 1], duration=600.0, n=60_000, dt=0.01)
     assert not flexible.swept(faint, filtered, 25.0)
+    # what is nowhere but on its path, all along, is no peak there, whatever that explains
+    along = SimpleNamespace(sweep=sweep * [1, 10, 1, 1, 1, 1], duration=600.0, n=60_000, dt=0.01)
+    for frequency, is_none in ((3.0, True), (8.0, False)):
+        one = peak.with_values(frequency=frequency, width=2.0)
+        assert bool(flexible.swept(along, one, 1e4)) == is_none
     # what axes share it may do all along, on a path that is straight for a while
     shared_noise = find_effect('noise', 'shared_noise').example()
-    late = SimpleNamespace(sweep=np.array([8.0, 200.0, 500.0, 600.0, 1.0, 5.0]), duration=600.0)
+    late = SimpleNamespace(sweep=np.array([8.0, 200.0, 500.0, 600.0, 1.0, 5.0]), duration=600.0,
+                           n=60_000, dt=0.01)
     assert flexible.swept(late, shared_noise, 1000.0)
     assert not flexible.swept(late, peak.with_values(frequency=3.0, width=1.0), 0.5)
     assert not flexible.swept(late, shared_noise, 1300.0)

@@ -559,6 +559,19 @@ def test_a_spike_at_an_end_is_taken_out(place):
     assert list(index) == [place % N] and np.max(np.abs(clean)) < 6
 
 
+@pytest.mark.parametrize('place', [0, -1])
+def test_a_spike_at_an_end_is_named(place):
+    """No window of a block looks there: it was *undecidable*, of any size."""
+    y = 1e-3 * noise([14, 1], (10_003, 3))
+    y[place, 0] += 25e-3
+    study = analyse_record(ImuRecord(y, None, 0.01 * np.arange(len(y)), 100.0), axes=('gyro_x',))
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    assert [f.name for f in said.found] == ['spikes'] and said.remaining is None
+    assert said.found[0].estimates['sigma'].ci95[0] > 0
+    study.add(['spikes'], ['gyro_x'])
+    assert study.diagnose(['gyro_x'])['gyro_x'].verdict == 'complete'
+
+
 @pytest.mark.parametrize('course', [
     lambda t: 3 * t, lambda t: -3 * t, lambda t: 500 * np.exp(-t / 100),
     lambda t: 500 * np.exp((t - N) / 100), lambda t: 50 * np.sin(2 * np.pi * t / 100)])

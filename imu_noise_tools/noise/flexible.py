@@ -105,7 +105,7 @@ def spectrum_left(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray,
     view = Likelihood(evidence, 'whole', fit.model, fit)
     power = view.without_couplings(fit.model) if view.couplings else view.power
     v, _ = view.spectra(fit.model)
-    return view.bins.f, power / v, view.weight
+    return view.bins.f, power / v, views.independent(evidence, fit.model, view.weight)
 
 
 def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
@@ -186,8 +186,6 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     if isinstance(effect, Coupling):
         return _coupled_otherwise(evidence, fit, effect, claim) or swept(evidence, effect, claim)
     if peak:
-        if _is_hollow(evidence, fit, label):
-            return 'where its peak would be the record has less than half of it'
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
         gain, where = 0.0, ''
@@ -214,6 +212,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     gain = -effect.bonus(evidence, fit)
     if gain > FLEXIBLE:     # of the candidate it was asked where the others were not there
         return f'the samples themselves speak against it by {gain:.0f} nats'
+    if peak and _is_hollow(evidence, fit, label):
+        return 'where its peak would be the record has less than half of it'
     # in the model a peak may have come to lie on another one, that was found before it or later
     against = effect.part_of(_stronger(evidence, fit, label) if peak else fit.model)
     if against:

@@ -149,8 +149,7 @@ def frequency(
     x = np.maximum(power + lines, 1e-300) / v
     # a bin whose one coefficient a line took with it says nothing more
     x = np.where((likelihood.weight > 0) | (lines != 0), x, 1.0)
-    # coefficients of noise whose variance changes are not independent: fewer count
-    weight = np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, fit.model), weight)
+    weight = independent(evidence, fit.model, weight)
     excess, variance = gamma_excess(x, weight)
     extra = 0.0 if fitted_here else parameter_scatter(evidence, part, fit, v, weight)
     taken = np.full(len(own), TAKEN)
@@ -226,6 +225,16 @@ def _louder_than_in_the_other(evidence: Evidence, model: Model, half: str) -> fl
         first, second = np.mean(m.variance(t).reshape(2, -1), axis=1)
         out *= first / second if half == 'first' else second / first
     return float(out)
+
+
+def independent(evidence: Evidence, model: Model, weight: np.ndarray) -> np.ndarray:
+    """
+    Return what bins (b,) of so many coefficients count.
+
+    Coefficients of noise whose variance changes are not independent of their neighbours.
+
+    """
+    return np.where(weight > 1, 1 + (weight - 1) / _unevenness(evidence, model), weight)
 
 
 def _unevenness(evidence: Evidence, model: Model) -> float:

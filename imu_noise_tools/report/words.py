@@ -44,6 +44,7 @@ VIEWS = {
     'sweep': ('lines that sweep', 'a line moves through the frequencies, as of a machine that '
               'runs up or down'),
     'grid': ('levels of the output', 'the samples lie on few levels, evenly spaced'),
+    'ends': ('first and last samples', 'the first or the last samples stand out'),
     'moments': ('single moments', 'at some moments the samples swing as noise does not'),
     'poses': ('poses left out', 'poses are not where the other poses put them'),
 }

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
-from scipy.special import log_ndtr, ndtri
+from scipy.special import chdtri, log_ndtr, ndtri
 
 from ..drawn import drawn
 from ..evidence import Evidence
@@ -26,7 +26,7 @@ from ...core.statistics import (
     repeats,
     row_medians,
 )
-from ...loop.effect import Effect, Estimate, Finding, Fit
+from ...loop.effect import Effect, Estimate, Finding, Fit, View
 from ...loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, STRIKING
 
 LEAST = 2.0  # standard deviations of a spike and the noise under it
@@ -73,7 +73,7 @@ class Spikes(Defect):
         'of the samples without what stands out.'
     )
     reference = 'Huber, Robust Statistics, 1981'
-    views = ('distribution', 'variance')
+    views = ('distribution', 'variance', 'ends')
     decide = 'change cable or bus rate and record again'
     parameters = (
         Parameter('rate', 'Hz', 1e-9, 1e4, amplitude=True, title='spikes a second'),
@@ -123,6 +123,23 @@ class Spikes(Defect):
         out[kept['index']] -= kept['excess']
         return out
 
+    @classmethod
+    def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:
+        """Return what the first and the last samples say, which no window of a block looks at."""
+        kept = evidence.kept(cls.name)
+        at = kept.get('at', np.zeros(0, int))
+        if not len(at):
+            return None
+        n = int(kept['n'])
+        nats = np.maximum(0.5 * (kept['size'] / kept['sigma']) ** 2 - np.log(n) - 1, 0.0)
+        ends = np.array([np.sum(nats[some]) for some in (at < BESIDE, at >= n - BESIDE)])
+        if not np.any(ends):
+            return None
+        here = {'first': slice(1), 'second': slice(1, None)}.get(part, slice(None))
+        pull = np.sqrt(2 * ends[here]) * (not fit.model.of(cls))
+        return View('ends', np.array([0.0, evidence.duration])[here], pull,
+                    float(np.mean(pull**2)), float(np.sqrt(2 / len(pull))), 's')
+
     def find(self, evidence: Evidence) -> Finding | None:
         """
         Weigh each outlier's likelihood as a spike against that of a normal sample.
@@ -156,7 +173,8 @@ class Spikes(Defect):
                 'sigma': Estimate(
                     spread,
                     spread / np.sqrt(2 * k),
-                    (spread * (1 - 1.4 / np.sqrt(k)), spread * (1 + 1.4 / np.sqrt(k))),
+                    (float(spread * np.sqrt(k / chdtri(k, 0.025))),
+                     float(spread * np.sqrt(k / chdtri(k, 0.975)))),
                 ),
                 'nu': Estimate(nu, error, interval(nu, error) if error else None),
             },
@@ -260,6 +278,7 @@ def _outliers(y, fresh, against, alone: bool) -> dict[str, np.ndarray]:
     index = np.concatenate([np.zeros(0, int), *filled])
     excess = np.repeat(size, np.diff(ends)[at])
     return {
+        'at': fresh[at],
         'index': index,
         'excess': excess,
         'slow': np.array(_slow_without(y, index, excess)),
