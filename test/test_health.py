@@ -20,6 +20,7 @@ from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step
 from imu_noise_tools.health import examine, prepare, resolution, Selection, still_stretches
+from imu_noise_tools.health.stamps import ordered
 from imu_noise_tools.plots.noise import left_out
 
 SEEDS = range(3)
@@ -123,6 +124,30 @@ def test_a_clock_that_is_set_back_a_little_is_seen(part):
     assert len(fit_clock(late).steps) == 0
     polled = np.ceil(t * (1 - 4e-5) / 0.005) * 0.005        # slips by half an interval, once
     assert np.sum(np.diff(polled) < 0.006) == 1 and len(fit_clock(polled).steps) == 0
+
+
+@pytest.mark.parametrize('late', [0.008, 0.02])
+def test_stamps_that_scatter_by_more_than_an_interval_set_no_clock(late):
+    """A fifth lies behind the one before: each was a clock set back, and the rate 93.7 Hz."""
+    rng = np.random.default_rng(8)
+    t = np.arange(60_000) / 100 + np.abs(late * rng.standard_normal(60_000))
+    record = ordered(ImuRecord(rng.standard_normal((60_000, 3)), None, t, None))
+    assert record.n == 60_000 and np.max(np.abs(record.t - t)) < 6 * late
+    assert 'they scatter' in record.warnings[-1]
+    found = fit_clock(record.t)
+    assert found.missing == 0 and found.rate_hz == pytest.approx(100, rel=1e-4)
+    # one that is set back by a minute, once, is
+    back = ordered(ImuRecord(np.zeros((60_000, 3)), None, np.where(
+        np.arange(60_000) < 30_000, 0, -60.0) + np.arange(60_000) / 100, None))
+    assert back.t[-1] == pytest.approx(599.99, abs=0.02) and 'set back' in back.warnings[-1]
+
+
+def test_samples_that_overtook_each_other_are_put_in_order():
+    rng = np.random.default_rng(9)
+    order = np.argsort(np.arange(30_000) + rng.uniform(0, 3, 30_000))
+    gyro = rng.standard_normal((30_000, 3))
+    record = ordered(ImuRecord(gyro[order], None, order / 100, None))
+    np.testing.assert_array_equal(record.gyro, gyro)
 
 
 def test_packets_that_were_lost_are_counted_exactly():

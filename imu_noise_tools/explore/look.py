@@ -147,7 +147,7 @@ def found(f: Finding, target: str) -> str:
     """Return what was found, why, and what to check on the bench."""
     assert f.effect is not None
     sure = '' if f.probability is None else f', probability {f.probability:.2f}'
-    part = '' if f.explains is None else f'It explains {100 * f.explains:.0f} % of what fails.'
+    part = '' if f.explains is None else f'It explains {words.percent(f.explains)} of what fails.'
     return (f'<b>{escape(f.name)}</b>{escape(sure)}<p class="small">{escape(f.effect.title)}: '
             f'{escape(words.parameters_of(f, target))}. {part}</p>'
             f'<p class="small">Evidence: {escape(f.evidence)}.</p>'
@@ -164,7 +164,8 @@ def answer_of(answer: Answer) -> str:
     near = answer.nearest
     if near is None:
         return out + f'<p>{badge("Something is there that no known effect explains", "bad")}.</p>'
-    said = f'Nearest comes {near.name}: it takes away {100 * near.share:.0f} % of what fails there'
+    said = (f'Nearest comes {near.name}: it takes away {words.percent(near.share)} of what fails '
+            'there')
     if not near.beyond_chance:
         said += ', but over the whole record chance would do as well' \
             if not near.against else f', but {near.against}'

@@ -13,6 +13,8 @@ from ..core.clock import regular_rate
 from ..core.record import ImuRecord, Memory
 
 SWAPPED_S = 2.0         # messages overtake each other by no more, s
+SCATTERED = 0.01        # share of stamps that fall from which on no clock is set back so often
+REACH = 20.0            # times as far as usual a stamp that scatters falls at most
 
 
 @dataclass(frozen=True)
@@ -33,14 +35,17 @@ def examine_stamps(record: ImuRecord) -> Stamps:
     same = np.flatnonzero(np.diff(record.t) == 0)
     repeated = sum(_equal(record, k) for k in same.tolist()) if len(same) < 100_000 else 0
     backward = int(np.sum(step < 0))
-    swapped = False
-    if backward:
-        order = np.argsort(t, kind='stable')
-        after = np.diff(t[order])
-        moved = np.max(np.abs(order - np.arange(len(t))))
-        close = np.sum(after < 0.25 * np.median(after)) > np.sum(step == 0)
-        swapped = bool(moved * np.median(after) < SWAPPED_S and not close)
-    return Stamps(record.n - len(t), repeated, len(same) - repeated, backward, swapped)
+    return Stamps(record.n - len(t), repeated, len(same) - repeated, backward,
+                  backward > 0 and _swapped(t))
+
+
+def _swapped(t: np.ndarray) -> bool:
+    """Tell whether sorting puts stamps right: those of samples that overtook each other."""
+    order = np.argsort(t, kind='stable')
+    after = np.diff(t[order])
+    moved = np.max(np.abs(order - np.arange(len(t))))
+    close = np.sum(after < 0.25 * np.median(after)) > np.sum(np.diff(t) == 0)
+    return bool(moved * np.median(after) < SWAPPED_S and not close)
 
 
 def _equal(record: ImuRecord, k: int) -> bool:
@@ -55,16 +60,22 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
     """
     Return the record with stamps that never fall, and no sample twice.
 
-    Stamps that fall by less than half an interval are scatter of the clock, and held. Samples that
-    came in the wrong order are put right; where a clock was set back, what follows
-    goes on from there. A repeated message is dropped; a stamp given to two different samples stays
-    with both.
+    Stamps that fall by less than half an interval are scatter of the clock, and held; so are those
+    that fall further where many do. Samples that came in the wrong order are put right; where a
+    clock was set back, what follows goes on from there. A repeated message is dropped; a stamp
+    given to two different samples stays with both.
 
     """
-    record = replace(record, t=_held(record.t))
+    raw = record.t
+    record = replace(record, t=_held(raw))
     found = examine_stamps(record)
     memory = memory or Memory()
     said = []
+    back = int(np.sum(raw[1:] < raw[:-1]))
+    if back > SCATTERED * len(raw) and not found.backward:
+        said.append(f'{back} stamp(s) lie before the one before, by up to '
+                    f'{1e3 * np.nanmax(record.t - raw):.3g} ms: they scatter, and the samples are '
+                    'taken in the order in which they came')
     if found.not_finite:
         record = record.taken(np.isfinite(record.t), memory)
         said.append(f'{found.not_finite} sample(s) without a stamp were dropped')
@@ -83,7 +94,7 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         keep[twice] = False
         record = record.taken(keep, memory)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
-    if found.duplicate:
+    if found.duplicate and np.any(raw[1:] == raw[:-1]):
         said.append(
             f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept'
         )
@@ -91,12 +102,17 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
 
 
 def _held(t: np.ndarray) -> np.ndarray:
-    """Return stamps in which those that fall by less than half an interval stay as before."""
-    if not np.any(t[1:] < t[:-1]):
+    """Return stamps in which those that fall by scatter stay as the highest before them."""
+    step = np.diff(t)
+    falls = -step[step < 0]
+    if not len(falls):
         return t
     rate = regular_rate(t)
+    reach = 0.5 / rate if rate else 0.0
+    if len(falls) > SCATTERED * len(t) and not _swapped(t[np.isfinite(t)]):
+        reach = max(reach, REACH * float(np.median(falls)))
     high = np.fmax.accumulate(t)
-    return np.where(high - t < (0.5 / rate if rate else 0.0), high, t)
+    return np.where(high - t < reach, high, t)
 
 
 def _going_on(t: np.ndarray) -> np.ndarray:

@@ -283,10 +283,15 @@ def diagnosis_in_words(d: Diagnosis) -> str:
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
 
 
+def percent(share: float) -> str:
+    """Return a share for people; one that rounds to nothing is not nothing."""
+    return 'less than 1 %' if 0 < share < 0.005 else f'{100 * share:.0f} %'
+
+
 def finding_in_words(f: Finding, target: str, si: bool = False) -> str:
     """Return what was found, how sure it is, what it explains, its values and the evidence."""
     sure = '' if f.probability is None else f'probability {f.probability:.2f}'
-    part = '' if f.explains is None else f'explains {100 * f.explains:.0f} % of what fails'
+    part = '' if f.explains is None else f'explains {percent(f.explains)} of what fails'
     said = '; '.join(s for s in (parameters_of(f, target, si), sure, part, f.evidence) if s)
     return f'{f.name}: {said}' if said else f.name
 
@@ -299,8 +304,9 @@ def remaining_in_words(d: Diagnosis) -> str:
     where = '; '.join(f'{title_of(f.name)} ({f.evidence})' for f in left.failed)
     said = f'{"then" if d.found else "it"} still fails in: {where}.'
     if left.share is not None and left.largest_ratio is not None:
-        said += (f' That is {100 * left.share:.2g} % of the power, and the Allan deviation is off '
-                 f'by a factor of up to {left.largest_ratio:.3g}'
+        off = f'is off by a factor of up to {left.largest_ratio:.3g}' \
+            if abs(left.largest_ratio - 1) >= 0.005 else 'is within chance'
+        said += (f' That is {100 * left.share:.2g} % of the power, and the Allan deviation {off}'
                  f'{": sufficient all the same" if d.sufficient else ""}.')
     if left.nearest is not None and left.nearest.against:
         said += f' Nearest comes {left.nearest.name}, but {left.nearest.against}.'
