@@ -510,6 +510,19 @@ def test_spikes_are_found_and_taken_out(background):
     assert np.array_equal(np.delete(clean, index), np.delete(spiked, index))
 
 
+@pytest.mark.parametrize('apart', [200, 270, 400])
+@pytest.mark.parametrize('begin', [60, 900])
+def test_one_knock_soon_after_another_leaves_nothing_of_it(begin, apart):
+    """In place of the second there was the noise before it, mirrored: the first one."""
+    rng, y = np.random.default_rng([17, apart]), noise(17, 20_000)
+    spiked, t = y.copy(), 0.02 * np.arange(400)
+    for at in (begin, begin + apart, 9000):
+        spiked[at:at + 400] += 20 * np.exp(-t / 1.5) * rng.standard_normal(400)
+    inputs = Inputs(np.arange(len(y)) * 0.02, 0.02)
+    clean = SHOCK.screen(spiked, SHOCK.statistics(spiked, inputs), inputs)
+    assert np.max(means_of_blocks(clean**2, 50)) < 8     # a tail is left until it is faint
+
+
 @pytest.mark.parametrize('length', [1, 2, 4, 9])
 @pytest.mark.parametrize('bandwidth', [None, 0.27])
 def test_bursts_are_taken_out_and_not_what_is_beside_them(length, bandwidth):

@@ -345,15 +345,20 @@ def _stretches(kept: Mapping[str, np.ndarray], n: int) -> tuple[list[slice], np.
 
 
 def _mirrored(y: np.ndarray, kept: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return samples (n,) with the noise before each stretch, mirrored, in its place."""
-    out = y.copy()
-    for begin, end in zip(kept['begin'].astype(int), kept['end'].astype(int)):
-        at = np.arange(begin, min(end, len(y)))
-        mirrored = 2 * begin - 1 - at
-        if mirrored[-1] < 0:
-            mirrored = 2 * end - 1 - at
-        if mirrored[0] < len(y):
-            out[at] = y[np.clip(mirrored, 0, len(y) - 1)]
+    """
+    Return samples (n,) with the noise before each stretch, mirrored, in its place.
+
+    Or that after it, where there is not as much before; what is of another stretch is passed over.
+
+    """
+    out, (stretches, inside) = y.copy(), _stretches(kept, len(y))
+    calm = np.flatnonzero(~inside)
+    for at in stretches:
+        lasts, first = len(out[at]), int(np.searchsorted(calm, at.start))
+        begin = first - lasts if first >= lasts else first
+        beside = calm[begin:begin + lasts][::-1]
+        if len(beside):
+            out[at] = y[np.resize(beside, lasts)]
     return out
 
 
