@@ -37,7 +37,8 @@ if stop:
     from imu_noise_tools.noise import gather
     def wait(*_):
         print('there', flush=True)
-        time.sleep(600)
+        for _ in range(6000):   # a signal just before a sleep begins does not end it
+            time.sleep(0.1)
     setattr(gather, stop, wait)
 from imu_noise_tools.cli.main import main
 sys.exit(main(sys.argv[1:]))
