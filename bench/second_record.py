@@ -24,7 +24,7 @@ import wild_mechanisms
 
 from imu_noise_tools.loop.effect import Model, model_of, Score
 from imu_noise_tools.loop.prediction import fall_of
-from imu_noise_tools.loop.problem import _merged
+from imu_noise_tools.loop.problem import merged
 from imu_noise_tools.noise.fit import beside
 from imu_noise_tools.store import load
 
@@ -34,12 +34,7 @@ AXIS = 'gyro_x'
 def elsewhere(first, second, model: Model) -> Score:
     """Return the error on the second record of a model fitted to the first."""
     fit = beside(second.evidence, first.point(model), model)
-    views = {}
-    for _, part in second.split():
-        score = part.score(fit)
-        for view in (*score.views.values(), *score.muted.values()):
-            views.setdefault(view.name, []).append(view)
-    return Score.of(_merged(found) for found in views.values())
+    return merged(part.score(fit) for _, part in second.split())
 
 
 def rungs(study):
@@ -54,8 +49,8 @@ def judge(kind: str, seed: int, limit: float) -> dict:
     """Draw both records of a plan; return its rungs, with the fall on the first and the second."""
     record = getattr(wild_mechanisms, kind)(seed)
     row = {'kind': kind, 'seed': seed, 'hidden': [h['name'] for h in record.truth['hidden']]}
-    with tempfile.TemporaryDirectory(prefix='second_') as name:
-        folder = pathlib.Path(name)
+    with tempfile.TemporaryDirectory(prefix='second_') as made:
+        folder = pathlib.Path(made)
         for name, drawn in ('first', record), ('second', wild_mechanisms.second(record)):
             np.savez(folder / f'{name}.npz', **drawn.arrays())
             code, _, errors, _ = wild.run(
@@ -104,7 +99,8 @@ def main():
                 with open(args.output, 'a') as file:
                     file.write(json.dumps(row) + '\n')
     falls = [r for r in found if r['fall'] > 0]
-    print(wild._share('falls on the second record too', falls, lambda r: r['fall_second'] > 0))
+    print('falls on the second record too',
+          wild.wilson(sum(r['fall_second'] > 0 for r in falls), len(falls)))
 
 
 if __name__ == '__main__':

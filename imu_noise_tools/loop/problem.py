@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -79,12 +79,7 @@ class Problem(ABC):
 
         """
         model = unfitted(model)
-        found: dict[str, list[View]] = {}
-        for to_fit, to_score in self.split():
-            score = to_score.score(to_fit.fit(model))
-            for view in (*score.views.values(), *score.muted.values()):
-                found.setdefault(view.name, []).append(view)
-        return Score.of(_merged(views) for views in found.values())
+        return merged(to_score.score(to_fit.fit(model)) for to_fit, to_score in self.split())
 
     def knows_candidates(self, fit: Fit[Any]) -> bool:
         """Tell whether the candidates of a fit are known already, so that asking costs nothing."""
@@ -134,6 +129,15 @@ class Problem(ABC):
 
         """
         return []
+
+
+def merged(scores: Iterable[Score]) -> Score:
+    """Return the scores of several splits as one: each view is averaged over them."""
+    found: dict[str, list[View]] = {}
+    for score in scores:
+        for view in (*score.views.values(), *score.muted.values()):
+            found.setdefault(view.name, []).append(view)
+    return Score.of(_merged(views) for views in found.values())
 
 
 def _merged(views: list[View]) -> View:

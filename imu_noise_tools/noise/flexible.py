@@ -193,7 +193,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
-        gain, claim, where = _smoother(evidence, fit, without, label, (claimed, claim))
+        gain, claim, where = _smoother(evidence, fit, without, label, claimed, claim)
     elif isinstance(effect, Mean):
         gain = mean_gain(evidence, fit)[0]
         where = 'in time'
@@ -228,15 +228,15 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     return _not_normal(evidence, fit, effect, claim) if isinstance(effect, Spectrum) else ''
 
 
-def _smoother(evidence: Evidence, fit: Fit, without: Fit, label: str,
-              claims: tuple[float, float]) -> tuple[float, float, str]:
+def _smoother(evidence: Evidence, fit: Fit, without: Fit, label: str, claimed: float,
+              claim: float) -> tuple[float, float, str]:
     """
     Return what a smooth form gains where an effect bends the spectrum, its claim, and where.
 
-    ``claims`` are what it gained as a candidate and what it gains in the model, nats.
+    It ``claimed`` as much as a candidate, and has a ``claim`` to as much in the model, nats.
 
     """
-    effect, (claimed, claim) = cast(Spectrum | Response, fit.model[label]), claims
+    effect = cast(Spectrum | Response, fit.model[label])
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     f, x, w = spectrum_left(evidence, fit)
     felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
@@ -447,7 +447,6 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     sweep = Sweep(*evidence.sweep.tolist())
     part, sure = 1.0, FLEXIBLE
     low, high = sorted((sweep.first, sweep.last))
-    along = on_one_path(sweep, evidence.n, evidence.dt)
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
     elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
@@ -456,7 +455,8 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
         width = effect.values.get('width', 0.0)
         inside = low < effect.centre - width / 2 < effect.centre + width / 2 < high
         far = inside and high - low > BEYOND * width
-        if along and low - width / 2 < effect.centre < high + width / 2:
+        if low - width / 2 < effect.centre < high + width / 2 \
+                and on_one_path(sweep, evidence.n, evidence.dt):
             claim = 0.0
         elif not far or sweep.end - sweep.begin < 0.5 * evidence.duration:
             return ''

@@ -764,6 +764,20 @@ def distribution(evidence: Evidence, fit: Fit) -> View:
     return replace(view, muted=muted_by(fit, 'distribution'))
 
 
+def of_nats(name: str, t: np.ndarray, nats: np.ndarray, part: str, known: bool) -> View:
+    """
+    Return the view of a part of what samples say at times t (k,), s, for what a model has or not.
+
+    ``nats`` (k,) of them, of which the first half is of the first half of the record; where it is
+    ``known`` to the model nothing is left.
+
+    """
+    half = len(t) // 2
+    here = {'first': slice(half), 'second': slice(half, None)}.get(part, slice(None))
+    pull = np.sqrt(2 * nats[here]) * (not known)
+    return View(name, t[here], pull, float(np.mean(pull**2)), float(np.sqrt(2 / len(pull))), 's')
+
+
 def of_samples(evidence: Evidence, part: str, fit: Fit) -> list[View]:
     """Return the views of a part that defects have of their own (:meth:`Defect.held_out`)."""
     found = (cls.held_out(evidence, part, fit) for cls in registry('noise').values()
@@ -804,9 +818,9 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
     for channel in evidence.channels:
         f, r, w = cross_correlation(evidence, channel, fit, part)
         # what axes share beyond their spectrum is spread over all coefficients alike, one to all
-        alike = np.sqrt((crowd - 1) * w / np.sum(w))
-        scatter = np.eye(len(w)) + np.outer(alike, alike)
-        pull = np.linalg.solve(np.linalg.cholesky(scatter), r * np.sqrt(w))
+        alike, pull = np.sqrt((crowd - 1) * w / np.sum(w)), r * np.sqrt(w)
+        root = np.sqrt(1 + alike @ alike)   # (1 + a a^T)^(-1/2) = 1 - a a^T/(root (1 + root))
+        pull = pull - alike * (alike @ pull) / (root * (1 + root))
         x.append(f)
         pulls.append(pull)
         excess.append(pull**2 - 1)

@@ -15,6 +15,7 @@ from ..evidence import Evidence
 from ..kinds import Defect, Inputs, Parameter
 from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
+from ..views import of_nats
 from ...core.spectrum import cosine_transform
 from ...core.statistics import grid_step, hold, in_a_row, interval, repeats, row_medians
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
@@ -143,11 +144,8 @@ class Shock(Defect):
         edges = np.linspace(0, evidence.n, 2 * STRETCHES + 1)
         nats = np.histogram(np.minimum(kept['begin'][some], evidence.n - 1), edges,
                             weights=np.maximum(kept['worth'][some], 0.0))[0]
-        here = {'first': slice(STRETCHES), 'second': slice(STRETCHES, None)}.get(
-            part, slice(None))
-        pull = np.sqrt(2 * nats[here]) * (not fit.model.of(cls))
-        t = (0.5 * (edges[1:] + edges[:-1]) * evidence.dt)[here]
-        return View('moments', t, pull, float(np.mean(pull**2)), float(np.sqrt(2 / len(t))), 's')
+        return of_nats('moments', 0.5 * (edges[1:] + edges[:-1]) * evidence.dt, nats, part,
+                       bool(fit.model.of(cls)))
 
     def find(self, evidence: Evidence) -> Finding | None:
         """Weigh what rings, and what is loud, against noise as it is around them."""

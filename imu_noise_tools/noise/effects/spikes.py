@@ -15,7 +15,7 @@ from ..kinds import Defect, Inputs, Parameter, Spectrum
 from ..lines import HALO, PIECE, strong_lines
 from ..tails import Tails
 from ..telegraph import levels
-from ..views import power_in_time
+from ..views import of_nats, power_in_time
 from ...core.statistics import (
     grid_step,
     hold,
@@ -135,10 +135,8 @@ class Spikes(Defect):
         ends = np.array([np.sum(nats[some]) for some in (at < BESIDE, at >= n - BESIDE)])
         if not np.any(ends):
             return None
-        here = {'first': slice(1), 'second': slice(1, None)}.get(part, slice(None))
-        pull = np.sqrt(2 * ends[here]) * (not fit.model.of(cls))
-        return View('ends', np.array([0.0, evidence.duration])[here], pull,
-                    float(np.mean(pull**2)), float(np.sqrt(2 / len(pull))), 's')
+        return of_nats('ends', np.array([0.0, evidence.duration]), ends, part,
+                       bool(fit.model.of(cls)))
 
     def find(self, evidence: Evidence) -> Finding | None:
         """
@@ -468,13 +466,15 @@ def _wide(size: np.ndarray, threshold: float) -> tuple[float, float]:
 
 def _against_neighbours(y):
     """Return y less its lines and the median of its four neighbours."""
-    def four(z):
-        a, b, c, d = (z[k:len(z) - 4 + k] for k in (0, 1, 3, 4))
-        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-        return 0.5 * (low + high)
+    return _against(y, lambda z: _median_of(z, (0, 1, 3, 4)))
 
-    return _against(y, four)
+
+def _median_of(z, four):
+    """Return the medians (n - 4,) of ``four`` of five samples in a row, of z (n,)."""
+    a, b, c, d = (z[k:len(z) - 4 + k] for k in four)
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return 0.5 * (low + high)
 
 
 def _against_around(y):
@@ -513,8 +513,7 @@ def _at_the_end(z, inside):
     such differ by more than the ones ``inside`` do.
 
     """
-    ahead = z[:-4] - np.median([z[k:len(z) - 4 + k] for k in (1, 2, 3, 4)], axis=0)
-    usual = float(median_sigma(ahead))
+    usual = float(median_sigma(z[:-4] - _median_of(z, (1, 2, 3, 4))))
     less = min(1.0, float(median_sigma(inside)) / usual) if usual > 0 else 1.0
     near = z[:AROUND // 2].reshape(2, -1)
     slope = (np.median(near[1]) - np.median(near[0])) / near.shape[1]
