@@ -257,16 +257,16 @@ def folded(f: Any, dt: float) -> Any:
 
 
 def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float,
-               begin: int = 0, end: int | None = None) -> np.ndarray:
+               begin: int | np.ndarray = 0, end: int | np.ndarray | None = None) -> np.ndarray:
     """
     Return the coefficients c_k (k >= 1) of cos(w t) + i sin(w t), t = j dt, w = 2 pi frequency.
 
     From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)),
-    theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency and k are broadcast; of a
-    line that is there in the samples [begin, end) alone, the sum over those.
+    theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency, k, begin and end are
+    broadcast; of a line that is there in the samples [begin, end) alone, the sum over those.
 
     """
-    if begin == 0 and end in (None, n):
+    if np.all(np.equal(begin, 0)) and (end is None or np.all(np.equal(end, n))):
         return _whole_line(2 * n * dt * np.asarray(frequency, float), np.asarray(k), n)
     last = n if end is None else end
     count, middle = last - begin, begin + last - 1
@@ -310,10 +310,11 @@ def _whole_line(at: np.ndarray, k: np.ndarray, n: int) -> np.ndarray:
 
 
 def line_coefficients(
-    frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float
+    frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float,
+    begin: int = 0, end: int | None = None
 ) -> np.ndarray:
-    """Return c_k (k >= 1) of a cos(w t) + b sin(w t), t = j dt, w = 2 pi frequency."""
-    basis = line_basis(frequency, k, n, dt)
+    """Return c_k (k >= 1) of a cos(w t) + b sin(w t) in [begin, end), as of :func:`line_basis`."""
+    basis = line_basis(frequency, k, n, dt, begin, end)
     return a * basis.real + b * basis.imag
 
 

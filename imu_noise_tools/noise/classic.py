@@ -88,7 +88,8 @@ class _CurveTerms:
             and type(e).avar not in (Mean.avar,)
             and len([p for p in e.parameters if p.amplitude]) == 1
         ]
-        self.rest = sum((e.avar(c.m, c.dt) for e in model.of(Line)), np.zeros(len(c.m)))
+        self.rest = sum((e.share(c.n * c.dt) * e.avar(c.m, c.dt) for e in model.of(Line)),
+                        np.zeros(len(c.m)))
         self.shapes = [(e.label, p.name) for e in self.effects for p in e.parameters
                        if not p.amplitude]
         self.amplitude = {e.label: next(p.name for p in e.parameters if p.amplitude)

@@ -84,7 +84,7 @@ def effect_avar(evidence: Evidence, model: Model, effect: Effect,
             return quadrature_avar(lambda f: psd_behind(effect, model, f, dt) * colour(f), m, dt)
         return model_avar(Model([effect, *behind]), m, dt)
     if isinstance(effect, Line):
-        return effect.avar(m, dt)
+        return effect.share(evidence.duration) * effect.avar(m, dt)
     if isinstance(effect, Coupling):
         return _coupled_avar(evidence, [effect], m)
     if isinstance(effect, Defect) and effect.screens():

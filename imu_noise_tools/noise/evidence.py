@@ -13,7 +13,7 @@ the mean. Each effect class may keep more (``statistics``).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -23,6 +23,7 @@ from scipy.fft import dct, idct, next_fast_len
 from scipy.ndimage import median_filter
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
+from .lines import NO_LINES
 from .shared import derived, LATER, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE, without_lines
 from ..core import allan
@@ -31,6 +32,7 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
+EDGE = np.sqrt(26)  # scatter of the place of a change in white noise, of its squares (Hinkley 1970)
 QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
 REMEMBERED = 1 << 23  # numbers (64 MB) of a record that are not worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
@@ -39,10 +41,17 @@ PARTS = ('whole', 'first', 'second')
 
 @dataclass(frozen=True)
 class MeasuredLine:
-    """One coherent line as the samples tell it: Hz, and the unit of the axis."""
+    """
+    One coherent line as the samples tell it: Hz, and the unit of the axis.
+
+    Of one that is there for a part of the record, s; begin and end of others are 0.
+
+    """
 
     frequency: Estimate
     amplitude: Estimate
+    begin: Estimate
+    end: Estimate
 
 
 @dataclass(frozen=True)
@@ -172,8 +181,8 @@ class Evidence:
 
     ``resolution`` is the step of the grid that the samples stand on, 0 where there is none, and
     ``rounding`` (lags,) the autocovariance of what that adds.
-    ``line_table`` (l, 4) holds frequency Hz, a, b of a cos + b sin, and z, ``humps`` (h, 3)
-    frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or 2,
+    ``line_table`` (l, 6) holds frequency Hz, a, b of a cos + b sin, z, and the samples [begin, end)
+    in which a line is there, ``humps`` (h, 3) frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or 2,
     blocks, bands) is the power in time, ``block_count`` its coefficients. ``cells`` (1 to 3,
     cells) counts the whitened samples in equiprobable cells; a second row of either is without
     defects, and one row more of cells without lines, where there are any. ``envelope`` (columns,
@@ -349,13 +358,22 @@ class Evidence:
 
     def line(self, row: int) -> MeasuredLine:
         """Return a row of the line table with its errors, which are the Cramer-Rao bound."""
-        frequency, a, b, _ = (float(x) for x in self.line_table[row])
-        amplitude, t = float(np.hypot(a, b)), self.duration
+        frequency, a, b, _, begin, end = (float(x) for x in self.line_table[row])
+        amplitude, t = float(np.hypot(a, b)), (end - begin) * self.dt
         level = self._level(frequency)
+        # the largest of a random walk that falls on both sides, and no better than a swing tells
+        edge = float(np.hypot(EDGE * level / amplitude**2, 1 / (8 * frequency)))
+        never = measured(0.0, 0.0)
         return MeasuredLine(
             measured(frequency, float(np.sqrt(3 * level / (np.pi**2 * amplitude**2 * t**3)))),
             measured(amplitude, float(np.sqrt(level / t))),
+            measured(begin * self.dt, edge) if begin > 0 else never,
+            measured(end * self.dt, edge) if end < self.n else never,
         )
+
+    def throughout(self, rows: Sequence[int]) -> list[int]:
+        """Return which of some rows of the line table are of lines that are there throughout."""
+        return [i for i in rows if self.line_table[i, 5] - self.line_table[i, 4] == self.n]
 
     def _level(self, frequency: float) -> float:
         """Return the power around a frequency: the geometric mean of bins, what it lacks added."""
@@ -509,6 +527,13 @@ def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
     return out
 
 
+def _with_stretches(table: np.ndarray, n: int) -> np.ndarray:
+    """Return a line table (l, 6); one that was kept before lines could end has four columns."""
+    if table.shape[1] == len(NO_LINES.T):
+        return table
+    return np.column_stack([table, np.zeros(len(table)), np.full(len(table), n)])
+
+
 def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
     """
     Return plain arrays by ``axis/field`` names, which :func:`from_arrays` reads.
@@ -620,7 +645,7 @@ def _one_from_arrays(axis, flat, common):
     plain = {
         k: flat[k]
         for k in (
-            'line_table', 'humps', 'block_power', 'block_count', 'cells', 'envelope'
+            'humps', 'block_power', 'block_count', 'cells', 'envelope'
         )
     }
     return Evidence(
@@ -630,6 +655,7 @@ def _one_from_arrays(axis, flat, common):
         float(flat['resolution']),
         **parts,
         common=common,
+        line_table=_with_stretches(flat['line_table'], int(flat['n'])),
         **plain,
         curve=curve,
         loud=flat.get('loud', np.zeros((0, 2))),

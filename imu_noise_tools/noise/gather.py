@@ -27,8 +27,8 @@ from .blocks import block_power
 from .evidence import Common, course_beside, Evidence, Part
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
-    also_in, find_peaks, fine_edges, MOST_LINES, of_a_swing, PIECE, reference_spectrum, ROUNDS,
-    take_lines_out, waves
+    also_in, find_peaks, fine_edges, MOST_LINES, NO_LINES, of_a_swing, PIECE, reference_spectrum,
+    ROUNDS, take_lines_out, waves
 )
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
@@ -168,11 +168,15 @@ class _Gathering:
         own['rounding'] = added_by_rounding(self.clean[axis][:self.used], own['resolution'], sigma)
         if coarse(own['resolution'], sigma):
             own['unrounded'] = before_rounding(self.clean[axis][:self.used], own['resolution'])
-        length = self.used // own['block_power'].shape[1]
-        loud = length * loud_stretches(own['block_power'][-1], own['block_count'])
-        own['loud'] = self.dt * loud
+        self._listen(axis)
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
+
+    def _listen(self, axis: str) -> None:
+        """See when something beside the sensor is switched on."""
+        own = self.own[axis]
+        length = self.used // own['block_power'].shape[1]
+        own['loud'] = self.dt * length * loud_stretches(own['block_power'][-1], own['block_count'])
 
     def _of_readings(self, axis: str) -> dict[str, dict[str, np.ndarray]]:
         """Return what effects keep of all that was read of an axis."""
@@ -195,7 +199,7 @@ class _Gathering:
         """Return the coefficients of an axis; find its lines, and how its samples spread."""
         own, c = self.own[axis], cosine_transform(self.clean[axis][:self.used])
         reference = reference_spectrum(c, self.dt)
-        lines = np.zeros((0, 4))
+        lines = NO_LINES
         if self.gaps.left_out:
             lines = find_peaks(c, reference, self.dt)[0]
         if len(lines):  # broken off by what was left out, they would look like a narrow band
@@ -322,6 +326,8 @@ class _Gathering:
         left = idct(c, type=2, norm='ortho')
         own.update(_power_of_looks(
             (left if y is looks[-1] else y - looks[-1] + left for y in looks), self.dt))
+        if np.any(own['line_table'][:, 5] - own['line_table'][:, 4] < self.used):
+            self._listen(axis)
 
     def _derived(self, coefficients, bins: Bins, first: bool) -> dict[str, np.ndarray]:
         """Return what is derived of the axes that hear something together."""
@@ -517,9 +523,9 @@ def _unmasked(record: ImuRecord, memory: Memory) -> ImuRecord:
 
 
 def _bridged(y: np.ndarray, record: ImuRecord,
-             lines: np.ndarray = np.zeros((0, 4))) -> np.ndarray:
+             lines: np.ndarray = NO_LINES) -> np.ndarray:
     """
-    Return y with what is left out replaced by what is beside it, lines (l, 4) going on through it.
+    Return y with what is left out replaced by what is beside it, lines (l, 6) going on through it.
 
     Mirrored, half from before and half from after, about a line between their means: so the
     spectrum keeps its level, which a bare line would lower. The means are of as much as is

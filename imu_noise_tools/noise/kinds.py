@@ -396,6 +396,10 @@ class Line(NoiseEffect):
         """
         return [(self[self._frequency()], self[self._amplitude()])]
 
+    def share(self, duration: float) -> float:
+        """Return in what part of a record of so many seconds they are there, 0 to 1."""
+        return 1.0
+
     def rows(self, evidence: Evidence, free: list[int]) -> list[int]:
         """
         Return which of the free rows of the line table (strongest first) it would hold.
@@ -433,15 +437,23 @@ class Line(NoiseEffect):
 
     def in_words(self, evidence: Evidence, rows: list[int]) -> str:
         """Say what these rows are evidence of: where a line is, and how far it stands out."""
-        frequency, _, _, z = evidence.line_table[rows[0]]
+        frequency, _, _, z, begin, end = evidence.line_table[rows[0]]
+        when = ' and '.join(said for part, said in (
+            (begin > 0, f'from {begin * evidence.dt:.4g} s on'),
+            (end < evidence.n, f'until {end * evidence.dt:.4g} s')) if part)
         rpm = f' ({60 * frequency:.0f} rpm)' if 5 <= frequency <= 500 else ''
         return (
             f'a line at {frequency:.6g} Hz, {z:.0f} standard deviations above the spectrum around '
-            f'it, coherent through the record{rpm}'
+            f'it, coherent {when or "through the record"}{rpm}'
         )
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
-        """Omega0^2 sin^4(pi f m dt) / (m sin(pi f dt))^2: the sampled form of IEEE 952 C.1.7."""
+        """
+        Omega0^2 sin^4(pi f m dt) / (m sin(pi f dt))^2: the sampled form of IEEE 952 C.1.7.
+
+        While they are there.
+
+        """
         m = np.asarray(m, float)
         out = np.zeros(m.shape)
         for frequency, amplitude in self.lines():

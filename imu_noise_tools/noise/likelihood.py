@@ -476,8 +476,10 @@ class Likelihood:
         rows = [row for row in self.evidence.line_table if row[0] < top]
         rows = sorted(rows, key=lambda row: -abs(row[3]))[:LINES]
         t, out = inputs.t - np.mean(inputs.t), [np.zeros((len(inputs.t), 0))]
-        for f, a, b, _ in rows:
-            cos, sin = (g(2 * np.pi * f * inputs.t) for g in (np.cos, np.sin))
+        for f, a, b, _, *stretch in rows:
+            begin, end = self.evidence.dt * np.array(stretch)
+            there = (inputs.t >= begin) & (inputs.t < end)
+            cos, sin = (there * g(2 * np.pi * f * inputs.t) for g in (np.cos, np.sin))
             out.append(np.stack([cos, sin, t / t[-1] * (b * cos - a * sin) / np.hypot(a, b)], 1))
         return np.concatenate(out, axis=1)
 

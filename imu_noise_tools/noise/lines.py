@@ -4,9 +4,9 @@
 """
 Coherent lines of one axis: found in its cosine coefficients, measured jointly, taken out.
 
-A line keeps its phase through the record, so that one frequency and two amplitudes take its power
-away. What leaves power behind (a resonance, a motor whose speed wanders, vibration that comes and
-goes) is no line, and stays in the spectrum.
+A line keeps its phase through the record, or from when it begins to when it ends, so that one
+frequency and two amplitudes take its power away. What leaves power behind (a resonance, a motor
+whose speed wanders, vibration that comes and goes) is no line, and stays in the spectrum.
 
 """
 
@@ -20,6 +20,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d
 
+from .passing import likeliest, Passing, projected, refined, searched
 from .smooth import smooth_level
 from .steady import unsteady
 from ..core.spectrum import (
@@ -30,6 +31,7 @@ from ..core.spectrum import (
     line_coefficients,
 )
 from ..core.statistics import median_of, row_medians
+from ..loop.verdict import DIRECTED, FLEXIBLE
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
@@ -46,7 +48,8 @@ ROUNDS = 3  # of the search, each with the level as it is without the lines foun
 RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fades may do as well
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
-CLEAN = 0.98  # share that two lines side by side must take
+CLEAN = 0.98  # share that two lines side by side must take, or one that begins or ends
+MOST_PASSING = 8    # places where one that begins or ends is looked for
 SEEDS = 8  # lines, sure ones and faint ones, whose multiples are looked for
 LOWER, HIGHER = 8, 12  # orders that a line may be of, and its company
 FOLDED = 32  # readings of a line as one of those orders, folded at Nyquist
@@ -55,6 +58,7 @@ MEMBER = 2.5  # nats beyond that from which it is a line: then one of a dozen in
 OFF, STEP = 0.2, 0.15  # of 1/T by which a line may be off its order, and by which it is sought
 POWERS = 3  # of a slow quantity that a mean may follow
 SWING, ORDERS = 10.0, 3  # cycles in the record up to which what recurs is slow, and its orders
+NO_LINES = np.zeros((0, 6))     # a line table
 CELL = 1  # coefficients by which lines of one cause may be apart: half a cycle in the record
 SHOWN = 4.0  # times its power that an axis may be foretold to have: its own may be opposite
 
@@ -196,7 +200,7 @@ class _Spot:
     """
     A line as the search has it: frequency Hz, a, b, and twice the nats that it gains.
 
-    Less for what is not known of the level.
+    Less for what is not known of the level. It is there in samples [begin, end), -1 for all.
 
     """
 
@@ -204,6 +208,12 @@ class _Spot:
     a: float
     b: float
     height: float
+    begin: int = 0
+    end: int = -1
+
+    def stretch(self, n: int) -> tuple[int, int]:
+        """Return [begin, end) of n samples."""
+        return self.begin, n if self.end < 0 else self.end
 
 
 class _Search:
@@ -267,7 +277,8 @@ class _Search:
         reach = min(1 << 15, 64 + int(8 * np.sqrt(spot.height)))
         low, high = max(1, centre - reach), min(self.n, centre + reach)
         self.c[low:high] += sign * line_coefficients(
-            spot.frequency, spot.a, spot.b, np.arange(low, high), self.n, self.dt)
+            spot.frequency, spot.a, spot.b, np.arange(low, high), self.n, self.dt,
+            *spot.stretch(self.n))
         self._look(low - 1, high - 1)
 
     def _measured(self, k: int) -> _Spot:
@@ -279,7 +290,7 @@ class _Search:
         for count in (21, 10, 10):
             at = best + step * np.arange(-count, count + 1)
             wave = line_basis(at[:, None] / (2 * self.n * self.dt), some, self.n, self.dt)
-            energy, a, b = _projected(root * wave, y)
+            energy, a, b = projected(root * wave, y)
             i = int(np.argmax(energy))
             best, step = float(at[i]), step / 10
         height = energy[i] / self._doubt(np.array(k))
@@ -293,7 +304,10 @@ class _Search:
 
     def _around(self, spots: list[_Spot]) -> tuple[int, int]:
         at = [int(2 * self.n * self.dt * s.frequency) for s in spots]
-        return max(1, min(at) - CROWD), min(self.n, max(at) + CROWD + 1)
+        # what is there for a while is spread over as many more
+        begin, end = np.array([s.stretch(self.n) for s in spots]).T
+        reach = CROWD * max(1, int(self.n / (4 * np.min(end - begin))))
+        return max(1, min(at) - reach), min(self.n, max(at) + reach + 1)
 
     def _settle(self, spots: list[_Spot]) -> list[_Spot]:
         """
@@ -345,7 +359,7 @@ class _Search:
                 break
             self._look_anew(len(found) > 0)
         self._beside_one(found)
-        return self._steady(found[:MOST_LINES])
+        return self._passing(self._steady(found[:MOST_LINES]))
 
     def _steady(self, found: list[_Spot]) -> list[_Spot]:
         """Return the lines that keep amplitude and phase; put back those that do not."""
@@ -357,6 +371,62 @@ class _Search:
         for s in (s for s, no in zip(found, some) if no):
             self._add(s, 1.0)
         return [s for s, no in zip(found, some) if not no]
+
+    def _passing(self, found: list[_Spot]) -> list[_Spot]:
+        """Return the lines, those among them that begin or end within the record as such."""
+        out = list(found)
+        for _ in range(2):      # again above the level without what they had left
+            for i, s in enumerate(out):
+                self._add(s, 1.0)
+                out[i] = self._while_there(s) or s
+                self._add(out[i], -1.0)
+            if out == found:
+                break
+            self._look_anew(True)
+        self.refused = []
+        self.blocked = [*self.blocked[:2], *(self._around([s]) for s in out)]
+        self._look_everywhere()
+        for _ in range(MOST_PASSING):
+            k = int(np.argmax(self.window))
+            if self.window[k] < self.threshold or len(out) >= MOST_LINES:
+                break
+            spot = self._measured(k + 1)
+            there = self._while_there(spot)
+            if there is not None:
+                self._add(there, -1.0)
+                out.append(there)
+            self._block([there or spot], self.blocked if there else self.refused)
+        return out
+
+    def _while_there(self, spot: _Spot) -> _Spot | None:
+        """
+        Return the line that is there for a part of the record only; None where there is no such.
+
+        Of a line that is now in the coefficients. Nothing of it must be left, and it must be
+        likelier than a line throughout, and much more so than one that fades.
+
+        """
+        line = likeliest(spot.frequency, self.c, self.reference, self.dt)
+        if line.end - line.begin == self.n:
+            return None
+        there = self._spot(line)
+        twice = 2 * searched()
+        throughout = self._measured(int(2 * self.n * self.dt * spot.frequency)).height
+        if there.height < max(self.threshold, throughout + 2 * DIRECTED) + twice:
+            return None
+        fading = self._left_by_one_that_fades(there)
+        there = self._spot(refined(line, self.c, self.reference, self.dt))
+        power, scatter = self._power([there])
+        self._add(there, -1.0)
+        left = self._power([there])[0]
+        self._add(there, 1.0)
+        is_clean = left < (1 - CLEAN) * power + 3 * scatter
+        return there if is_clean and fading - left > 2 * DIRECTED else None
+
+    def _spot(self, line: Passing) -> _Spot:
+        doubt = self._doubt(np.array(int(2 * self.n * self.dt * line.frequency)))
+        return _Spot(line.frequency, line.a, line.b, float(line.height / doubt),
+                     line.begin, line.end)
 
     def _beside_one(self, found: list[_Spot]) -> None:
         """
@@ -405,7 +475,8 @@ class _Search:
 
         """
         centre = int(2 * self.n * self.dt * spot.frequency)
-        some = np.arange(max(1, centre - NEAR), min(self.n, centre + NEAR + 1))
+        low, high = self._around([spot])
+        some = np.arange(max(1, min(centre - NEAR, low)), min(self.n, max(centre + NEAR + 1, high)))
         root = np.sqrt(2 * self.dt / self.reference[some - 1])
         f = spot.frequency + 0.05 / (self.n * self.dt) * np.array([[-1], [0], [1]])
         down, wave, up = root * line_basis(f, some, self.n, self.dt)
@@ -413,7 +484,6 @@ class _Search:
         x = np.array(columns) / np.linalg.norm(columns, axis=1)[:, None]
         y = root * self.c[some]
         y = y - np.linalg.lstsq(x.T, y, rcond=1e-9)[0] @ x
-        low, high = self._around([spot])
         return float(np.sum(y[(some >= low) & (some < high)] ** 2)) - (high - low)
 
     def _pair(self, spot: _Spot, other: _Spot) -> list[_Spot]:
@@ -481,7 +551,7 @@ class _Search:
         """
         k = int(2 * self.n * self.dt * f[len(f) // 2])
         some = np.arange(max(1, k - NEAR), min(self.n, k + NEAR + 1))
-        energy, a, b = _projected(line_basis(f[:, None], some, self.n, self.dt), self.c[some])
+        energy, a, b = projected(line_basis(f[:, None], some, self.n, self.dt), self.c[some])
         level = median_of(self.reference[some - 1])
         beside = np.abs(some - k) > CROWD
         level = max(level, 2 * self.dt * float(np.mean(self.c[some[beside]] ** 2)))
@@ -569,23 +639,12 @@ class _Search:
         return [s for s in some if abs(s.frequency - spot.frequency) < width]
 
 
-def _projected(wave, y):
-    """Return (energy, a, b) of y on the real and imaginary part of each row of waves."""
-    p, q = wave.real, wave.imag
-    pp, qq, pq = (np.sum(u * v, axis=1) for u, v in ((p, p), (q, q), (p, q)))
-    py, qy = p @ y, q @ y
-    # one coefficient of no level, of samples without noise, may weigh more than all others
-    det = np.maximum(pp * qq - pq * pq, 1e-12 * pp * qq + 1e-300)
-    a, b = (qq * py - pq * qy) / det, (pp * qy - pq * py) / det
-    return a * py + b * qy, a, b
-
-
 def find_peaks(c: np.ndarray, reference: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the coherent lines (l, 4), highest first, and the humps (h, 3), clearest first.
+    Return the coherent lines (l, 6), highest first, and the humps (h, 3), clearest first.
 
-    Of a line frequency Hz, a, b of a cos + b sin, and z; of a hump frequency and width, Hz, and
-    what it is worth in nats.
+    Of a line frequency Hz, a, b of a cos + b sin, z, and the samples [begin, end) in which it is
+    there; of a hump frequency and width, Hz, and what it is worth in nats.
 
     Parameters
     ----------
@@ -597,15 +656,16 @@ def find_peaks(c: np.ndarray, reference: np.ndarray, dt: float) -> tuple[np.ndar
         Interval, s.
 
     """
-    table, humps = np.zeros((0, 4)), np.zeros((0, 3))
+    table, humps = NO_LINES, np.zeros((0, 3))
     if len(c) < 200:
         return table, humps
     search = _Search(c, reference, dt)
     spots = search.lines()
     spots = sorted([*spots, *search.family(spots)], key=lambda s: -s.height)[:MOST_LINES]
     if spots:
-        table = np.array([[s.frequency, s.a, s.b, np.sqrt(s.height)] for s in spots])
-        table[:, :3] = _jointly(table[:, :3], c, search.reference, dt)
+        table = np.array([[s.frequency, s.a, s.b, np.sqrt(s.height), *s.stretch(len(c))]
+                          for s in spots])
+        table[:, :3] = _jointly(table[:, :3], c, search.reference, dt, table[:, 4:].astype(int))
     return table, _humps(search)
 
 
@@ -676,22 +736,24 @@ def fine_edges(humps: np.ndarray) -> tuple[float, ...]:
     return tuple(sorted(float(x) for x in edges))
 
 
-def _jointly(lines: np.ndarray, c, reference, dt) -> np.ndarray:
+def _jointly(lines: np.ndarray, c, reference, dt, stretch=None) -> np.ndarray:
     """
     Return (l, 3), frequency, a, b of all lines by least squares at once.
 
     Gauss and Newton's steps on the coefficients around all of them, so that the skirts of a strong
-    line are no part of a weak one.
+    line are no part of a weak one. ``stretch`` (l, 2) are the samples in which each is there.
 
     """
     n = len(c)
+    stretch = np.tile([0, n], (len(lines), 1)) if stretch is None else stretch
     at = (2 * n * dt * lines[:, 0]).astype(int)
     k = np.unique(np.clip(at[:, None] + np.arange(-NEAR, NEAR + 1), 1, n - 1))
     root = np.sqrt(2 * dt / reference[k - 1])
     size, small = 2 * n * dt, 1e-4
     f, amplitudes = lines[:, 0], lines[:, 1:]
     for _ in range(4):
-        wave = [line_basis((f[:, None] + d / size), k, n, dt) for d in (-small, 0.0, small)]
+        wave = [np.array([line_basis(x + d / size, k, n, dt, *part) for x, part in zip(f, stretch)])
+                for d in (-small, 0.0, small)]
         a, b = amplitudes[:, :1], amplitudes[:, 1:]
         slope = (wave[2] - wave[0]) / (2 * small)
         columns = np.concatenate(
@@ -752,7 +814,7 @@ def _is_in(frequency: float, c: np.ndarray, level: np.ndarray, dt: float,
     k = np.arange(max(1, middle - NEAR), min(n, middle + NEAR + 1))
     root = np.sqrt(2 * dt / level[k - 1])
     wave = line_basis((frequency + offsets / (4 * n * dt))[:, None], k, n, dt)
-    energy, a, b = _projected(root * wave, root * c[k])
+    energy, a, b = projected(root * wave, root * c[k])
     best, here = int(np.argmax(energy)), 2 * CROWD
     # chi-squared with two degrees of freedom, at as many places as there are cells near
     if abs(offsets[best]) > 2 * CELL or energy[best] <= 2 * np.log(1000 * POWERS * 2 * CELL):
@@ -770,7 +832,7 @@ def _shows(seen: np.ndarray, c: np.ndarray, noise: float, middle: int, wave: np.
     beside it as much noise as it may have anywhere.
 
     """
-    _, a, b = _projected(wave, seen[k])
+    _, a, b = projected(wave, seen[k])
     gain = (a[0]**2 + b[0]**2) / size
     high = middle - CROWD // 2
     while high > 4:
@@ -819,8 +881,8 @@ def waves(lines: np.ndarray, t: np.ndarray, dt: float, length: int = 1) -> np.nd
 
     Parameters
     ----------
-    lines : ndarray (l, 4)
-        Of a line table: frequency Hz, a, b of a cos + b sin, z.
+    lines : ndarray (l, 6)
+        Of a line table: frequency Hz, a, b of a cos + b sin, z, begin and end.
     t : ndarray (n,)
         The middle of each mean, s.
     dt : float
@@ -830,23 +892,29 @@ def waves(lines: np.ndarray, t: np.ndarray, dt: float, length: int = 1) -> np.nd
 
     """
     out = np.zeros(len(t))
-    for frequency, a, b, _ in lines:
+    first = t / dt - 0.5 * (length - 1)
+    for frequency, a, b, _, begin, end in lines:
         angle = 2 * np.pi * frequency * t
         gain = np.sinc(frequency * dt * length) / np.sinc(frequency * dt)
-        out += gain * (a * np.cos(angle) + b * np.sin(angle))
+        there = np.minimum(first + length, end) - np.maximum(first, begin)
+        out += gain * np.clip(there / length, 0, 1) * (a * np.cos(angle) + b * np.sin(angle))
     return out
 
 
-def _in_coefficients(table: np.ndarray, n: int, begin: int,
-                     dt: float) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield (first, end, what a line has in those) of n coefficients from a sample on."""
-    for frequency, a, b, z in table:
-        angle = 2 * np.pi * frequency * dt * begin
+def _in_coefficients(table: np.ndarray, n: int, first: int,
+                     dt: float) -> Iterator[tuple[int, int, int, np.ndarray]]:
+    """Yield (row, low, high, what it has in those) of n coefficients from a sample on."""
+    for i, (frequency, a, b, z, *stretch) in enumerate(table):
+        begin, end = np.clip(np.subtract(stretch, first), 0, n).astype(int)
+        if begin == end:
+            continue
+        angle = 2 * np.pi * frequency * dt * first
         a, b = a * np.cos(angle) + b * np.sin(angle), b * np.cos(angle) - a * np.sin(angle)
         centre = int(2 * n * dt * frequency)
         reach = min(1 << 15, 64 + int(40 * z))  # beyond, it is a hundredth of the noise
         low, high = max(1, centre - reach), min(n, centre + reach)
-        yield low, high, line_coefficients(frequency, a, b, np.arange(low, high), n, dt)
+        yield i, low, high, line_coefficients(
+            frequency, a, b, np.arange(low, high), n, dt, begin, end)
 
 
 def without_lines(c: np.ndarray, dt: float) -> np.ndarray:
@@ -855,7 +923,7 @@ def without_lines(c: np.ndarray, dt: float) -> np.ndarray:
     if not np.any(dt * c[1:]**2 > line_penalty(len(c)) * reference):
         return c
     out = c.copy()
-    for low, high, line in _in_coefficients(find_peaks(c, reference, dt)[0], len(c), 0, dt):
+    for _, low, high, line in _in_coefficients(find_peaks(c, reference, dt)[0], len(c), 0, dt):
         out[low:high] -= line
     return out
 
@@ -869,7 +937,7 @@ def take_lines_out(c: np.ndarray, table: np.ndarray, begin: int, dt: float,
 
     """
     out = np.zeros((len(table), len(bins.first)))
-    for i, (low, high, line) in enumerate(_in_coefficients(table, len(c), begin, dt)):
+    for i, low, high, line in _in_coefficients(table, len(c), begin, dt):
         added = 2 * dt * (c[low:high] ** 2 - (c[low:high] - line) ** 2)
         c[low:high] -= line
         i0, i1 = bins.index(low), bins.index(high - 1) + 1

@@ -246,14 +246,14 @@ def images_of_lines(y: np.ndarray, lines: np.ndarray, seen: Measured) -> np.ndar
     ----------
     y : ndarray (n,)
         Samples, once each.
-    lines : ndarray (l, 4)
+    lines : ndarray (l, 6)
         Of a line table, the strongest first.
     seen : Measured
         How they were read.
 
     """
     rest, out = y - np.mean(y), np.zeros(len(y))
-    for f, a, b, _ in lines.tolist():
+    for f, a, b, *_ in lines.tolist():
         wave = _turning(f * seen.record.dt)
         if abs(_size(rest, wave)) < LEFT * np.hypot(a, b):
             continue

@@ -75,7 +75,8 @@ def allan(state: State) -> Panel:
         lines.append(Curve('model', c.tau, np.sqrt(found.model) / factor, 'model'))
         for label, v in found.each.items():
             effect = state.model[label]
-            v = line_envelope(effect, c.m, c.dt) if isinstance(effect, Line) else v
+            if isinstance(effect, Line):
+                v = effect.share(e.duration) * line_envelope(effect, c.m, c.dt)
             lines.append(Curve(label, c.tau, np.sqrt(np.maximum(v, 0)) / factor, 'effect',
                                seen=_seen(state, label)))
     return Panel('allan', TAU, 's', c.tau,
@@ -96,7 +97,7 @@ def frequency(state: State) -> Panel:
     for line in state.model.of(Line):
         for at, amplitude in line.lines():
             # what a coherent line puts into one bin of the width of the record's
-            top = 0.5 * amplitude * np.sqrt(e.duration) / factor
+            top = 0.5 * amplitude * line.share(e.duration) * np.sqrt(e.duration) / factor
             ends = np.array([top, 3e-5 * np.min(d.model)])
             lines.append(Curve(line.label, np.array([at, at]), ends, 'effect'))
     view = views.frequency(e, 'whole', claiming.fit, fitted_here=True)

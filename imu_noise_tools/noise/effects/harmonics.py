@@ -74,11 +74,11 @@ class Harmonics(Line):
         Sets that unrelated lines would form by chance are none.
 
         """
-        return sorted(self._family(evidence, free)[1].values())
+        return sorted(self._family(evidence, evidence.throughout(free))[1].values())
 
     def _family(self, evidence, free) -> tuple[float, dict[int, int]]:
         """Return f0, and which row stands at each of its orders."""
-        f, _, _, pull = evidence.line_table[free].T
+        f, _, _, pull = evidence.line_table[free, :4].T
         f0, orders = _family_of(
             tuple(f.tolist()), tuple(np.clip(KNOWN / np.maximum(pull, 1.0), *CELLS).tolist()),
             self.values.get('frequency'), evidence.duration, evidence.dt)
