@@ -192,7 +192,7 @@ def test_of_the_next_line_less_is_asked():
         rng = np.random.default_rng([77, seed])
         lines = [a * np.cos(2 * np.pi * f * T + rng.uniform(0, 6)) for a, f in (
             (0.3, 3.3), (0.2, 7.1), (0.25, 12.7), (0.2, 19.9), (2 * np.sqrt(18.6 / N), 15.217))]
-        f, _, _, z = table(rng.standard_normal(N) + sum(lines)).T
+        f, _, _, z = table(rng.standard_normal(N) + sum(lines))[:, :4].T
         f = f[z * z > 2 * line_penalty(N, 4)]
         found += np.any(np.abs(f - 15.217) < 1 / SPAN)
         assert len(f) == 4 + np.any(np.abs(f - 15.217) < 1 / SPAN)
@@ -407,7 +407,7 @@ def test_faint_orders_of_one_machine_are_found_together(size):
 
 
 def test_a_line_of_forty_nats_is_borne_out_by_each_half():
-    """In a bin of thousands it would not show; of one that is on for a half none is made."""
+    """In a bin of thousands it would not show; one that is on for a half is there alone."""
     rng, n, dt = np.random.default_rng(41), 60_000, 0.01
     t, size = dt * np.arange(n), 2 * np.sqrt(40 / n)
     sides = []
@@ -415,13 +415,14 @@ def test_a_line_of_forty_nats_is_borne_out_by_each_half():
         y = rng.standard_normal(n) + on * size * np.sin(2 * np.pi * 31.7 * t)
         x = np.column_stack([y, y[::-1], rng.permutation(y)])
         problem = NoiseProblem(gather(ImuRecord(1e-3 * x, None, t, 1 / dt), ['gyro_x'])['gyro_x'])
-        assert len(problem.evidence.line_table) == np.isscalar(on)
+        (row,) = problem.evidence.line_table
+        assert row[4] == 0 and row[5] == (n if np.isscalar(on) else pytest.approx(n / 2, rel=0.05))
         base, line = model_of('noise', ('white',)), find_effect('noise', 'sinusoid')()
         fits = [problem.point(m) for m in (base, base.plus(line))]
         sides.append([views.frequency(problem.evidence, part, fits[0]).deviance
                       - views.frequency(problem.evidence, part, fits[1]).deviance
                       for part in ('first', 'second')])
-    assert min(sides[0]) > 10 and sides[1] == [0.0, 0.0], sides
+    assert min(sides[0]) > 10 and sides[1][0] > 20 and abs(sides[1][1]) < 1, sides
 
 
 @pytest.mark.thorough

@@ -32,7 +32,7 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
 NEAR = 12  # bins on either side of a line that tell the level there
-EDGE = np.sqrt(26)  # scatter of the place of a change in white noise, of its squares (Hinkley 1970)
+EDGE = np.sqrt(26)  # by which the place of a change scatters: of noise over squared change
 QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
 REMEMBERED = 1 << 23  # numbers (64 MB) of a record that are not worked out again and again
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
@@ -181,8 +181,9 @@ class Evidence:
 
     ``resolution`` is the step of the grid that the samples stand on, 0 where there is none, and
     ``rounding`` (lags,) the autocovariance of what that adds.
-    ``line_table`` (l, 6) holds frequency Hz, a, b of a cos + b sin, z, and the samples [begin, end)
-    in which a line is there, ``humps`` (h, 3) frequency and width, Hz, and nats of narrow bands that are no lines. ``block_power`` (1 or 2,
+    ``line_table`` (l, 6) holds frequency Hz, a, b of a cos + b sin, z, and the samples [begin,
+    end) in which a line is there, ``humps`` (h, 3) frequency and width, Hz, and nats of narrow
+    bands that are no lines. ``block_power`` (1 or 2,
     blocks, bands) is the power in time, ``block_count`` its coefficients. ``cells`` (1 to 3,
     cells) counts the whitened samples in equiprobable cells; a second row of either is without
     defects, and one row more of cells without lines, where there are any. ``envelope`` (columns,

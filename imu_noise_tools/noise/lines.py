@@ -31,7 +31,7 @@ from ..core.spectrum import (
     line_coefficients,
 )
 from ..core.statistics import median_of, row_medians
-from ..loop.verdict import DIRECTED, FLEXIBLE
+from ..loop.verdict import DIRECTED
 
 CURVED = 256  # coefficients whose level is read from a parabola
 MOST_LINES = 24
@@ -476,7 +476,8 @@ class _Search:
         """
         centre = int(2 * self.n * self.dt * spot.frequency)
         low, high = self._around([spot])
-        some = np.arange(max(1, min(centre - NEAR, low)), min(self.n, max(centre + NEAR + 1, high)))
+        some = np.arange(max(1, min(centre - NEAR, low)),
+                         min(self.n, max(centre + NEAR + 1, high)))
         root = np.sqrt(2 * self.dt / self.reference[some - 1])
         f = spot.frequency + 0.05 / (self.n * self.dt) * np.array([[-1], [0], [1]])
         down, wave, up = root * line_basis(f, some, self.n, self.dt)
@@ -752,8 +753,8 @@ def _jointly(lines: np.ndarray, c, reference, dt, stretch=None) -> np.ndarray:
     size, small = 2 * n * dt, 1e-4
     f, amplitudes = lines[:, 0], lines[:, 1:]
     for _ in range(4):
-        wave = [np.array([line_basis(x + d / size, k, n, dt, *part) for x, part in zip(f, stretch)])
-                for d in (-small, 0.0, small)]
+        wave = [np.array([line_basis(x + d / size, k, n, dt, *there)
+                          for x, there in zip(f, stretch)]) for d in (-small, 0.0, small)]
         a, b = amplitudes[:, :1], amplitudes[:, 1:]
         slope = (wave[2] - wave[0]) / (2 * small)
         columns = np.concatenate(

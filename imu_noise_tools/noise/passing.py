@@ -28,12 +28,7 @@ ALL = 4.0       # twice the nats for which an edge is that of the record
 
 
 class Passing(NamedTuple):
-    """
-    A line in samples [begin, end): frequency Hz, a, b of a cos + b sin, and twice its nats.
-
-    With it comes how many nats, twice, are left of the coefficients around it.
-
-    """
+    """A line in samples [begin, end): frequency Hz, a, b of a cos + b sin, twice its nats."""
 
     frequency: float
     a: float
@@ -106,12 +101,11 @@ def _closer(line: Passing, c, reference, dt: float, wide: int) -> Passing:
 
     def best(f, begin, end):
         """Return the line of those (places, 1) that explains most."""
-        wave = root * line_basis(f, k, n, dt, begin, end)
-        energy, a, b = projected(wave, y)
+        f, begin, end = np.broadcast_arrays(f, begin, end)
+        energy, a, b = projected(root * line_basis(f, k, n, dt, begin, end), y)
         i = int(np.argmax(energy))
-        f, begin, end = (np.broadcast_to(x, (len(energy), 1))[i, 0] for x in (f, begin, end))
-        return Passing(float(f), float(a[i]), float(b[i]), float(energy[i]),
-                       int(begin), int(end))
+        return Passing(float(f[i, 0]), float(a[i]), float(b[i]), float(energy[i]),
+                       int(begin[i, 0]), int(end[i, 0]))
 
     least = SHORTEST * n // BLOCKS
     edge, cell = n / BLOCKS, 0.25 / (n * dt)
@@ -123,7 +117,7 @@ def _closer(line: Passing, c, reference, dt: float, wide: int) -> Passing:
         line = best(line.frequency, line.begin, np.clip(end + moved, line.begin + least, n))
         edge, cell = edge / CLOSER, cell / CLOSER
     for whole in (line._replace(begin=0), line._replace(end=n)):
-        there = best(*(np.array([[x]]) for x in (whole.frequency, whole.begin, whole.end)))
+        there = best(whole.frequency, np.array([[whole.begin]]), whole.end)
         if there.height > line.height - ALL:
             line = there
     return line
