@@ -16,15 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.spectrum import line_basis
+from ..loop.verdict import DIRECTED
 
 BLOCKS = 64     # of the record, by which a stretch is first looked for
 SHORTEST = 4    # of them that it lasts at least
 WIDE = 128      # coefficients on either side of it that tell it
-WIDEST = 1 << 12    # and of a strong one, whose edges leak far
+WIDEST = 1 << 14    # and of a strong one, whose edges leak far
 OFF = np.arange(-8, 8.1, 0.25)      # of 1/T, by which its frequency may be off its highest
 GRID = np.linspace(-1, 1, 9)        # places at which an edge is looked for more closely,
 CLOSER = 3.0                        # and by how much closer they are in the next round
-ALL = 4.0       # twice the nats for which an edge is that of the record
 
 
 class Passing(NamedTuple):
@@ -64,7 +64,7 @@ def likeliest(frequency: float, c: np.ndarray, reference: np.ndarray, dt: float)
 
 def refined(line: Passing, c: np.ndarray, reference: np.ndarray, dt: float) -> Passing:
     """Return it from as many coefficients as its edges show in."""
-    wide = int(min(WIDEST, WIDE + 8 * np.sqrt(line.height)))
+    wide = int(min(WIDEST, WIDE + 40 * np.sqrt(line.height)))
     return _closer(line, c, reference, dt, wide) if wide > WIDE else line
 
 
@@ -118,7 +118,7 @@ def _closer(line: Passing, c, reference, dt: float, wide: int) -> Passing:
         edge, cell = edge / CLOSER, cell / CLOSER
     for whole in (line._replace(begin=0), line._replace(end=n)):
         there = best(whole.frequency, np.array([[whole.begin]]), whole.end)
-        if there.height > line.height - ALL:
+        if there.height > line.height - 2 * DIRECTED:
             line = there
     return line
 
