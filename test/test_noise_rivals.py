@@ -11,6 +11,7 @@ package makes them.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,6 +30,7 @@ from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, r
 from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
 from imu_noise_tools.noise import candidates, flexible, shared, views
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
+from imu_noise_tools.noise.effects.variance_change import TIMES, VarianceChange
 from imu_noise_tools.noise.explained import Explained
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
@@ -819,6 +821,25 @@ def test_loud_blocks_are_no_stretch_if_one_between_them_is_quiet(quiet):
     power[:, 100:104] *= np.array([5.0, 1.0 if quiet else 4.0, 4.0, 3.0])[:, None]
     finding = find_effect('noise', 'variance_change')().measure(replace(e, block_power=power))
     assert (finding is None or finding.effect.chosen('form') != 'stretch') == quiet
+
+
+def test_bursts_here_and_there_make_no_stretches_of_what_is_between_them():
+    """Each is shorter than a stretch may be; stretches that are longer may be near each other."""
+    of_calm = near = 0
+    for lasts, seed in product((1, 3), range(40)):
+        rng = np.random.default_rng([seed, 11, lasts])
+        t, level = np.arange(256) + 0.5, np.ones(256)
+        for k in rng.integers(2, 250, 11):
+            level[k:k + lasts] = rng.uniform(1.3, 3)
+        x = level * rng.gamma(20, 1 / 20, 256)
+        one = VarianceChange()._stretch(t, x)
+        found = VarianceChange()._stretches(t, x, np.full((256, 1), 40.0), one)
+        if found is not None:
+            begin, length = np.array([[found[a], found[b]] for a, b in TIMES if found[b] > 0]).T
+            gap = np.min(begin[1:] - (begin + length)[:-1])
+            of_calm += gap < 2.5 and np.sum(length) > 128
+            near += gap < 2.5
+    assert of_calm == 0 and near > 0
 
 
 def test_an_effect_gains_no_more_than_a_fit_loses_without_it():

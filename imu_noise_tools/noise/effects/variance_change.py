@@ -260,6 +260,10 @@ class VarianceChange(Modulation):
             inside, level = ~inside, level[::-1]
         edges = in_a_row(inside)
         edges = edges[edges[:, 1] - edges[:, 0] >= LASTS]
+        # nor is a knock what they leave of a record: bursts here and there are no change
+        gaps = edges[1:, 0] - edges[:-1, 1]
+        if 2 * np.sum(edges[:, 1] - edges[:, 0]) > len(x) and np.any(gaps < LASTS):
+            return None
         if not 2 <= len(edges) <= MOST:
             return None
         width = float(t[1] - t[0])
