@@ -62,7 +62,8 @@ def test_a_line_of_a_stretch_is_one_line(share, z):
         c = cosine_transform(y)
         (row,), humps = find_peaks(c, reference_spectrum(c, DT), DT)
         assert abs(row[0] - f) < 1 / ((end - begin) * DT) and not len(humps)
-        off = 25 * (end - begin) / z**2 + 0.5 / (f * DT)   # five times as it scatters, half a swing
+        # five times as far as it scatters, and half a swing
+        off = 25 * (end - begin) / z**2 + 0.5 / (f * DT)
         assert row[4:] == pytest.approx([begin, end], abs=off)
         assert (row[4] == 0) == (begin == 0) and (row[5] == N) == (end == N)
 
