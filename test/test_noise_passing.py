@@ -20,6 +20,7 @@ from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.lines import find_peaks, reference_spectrum, waves
+from imu_noise_tools.report.words import times_in_words
 from imu_noise_tools.tasks.noise import analyse_record
 
 DT, N = 0.01, 30_000
@@ -166,6 +167,50 @@ def test_half_of_a_line_is_no_order_of_a_machine():
     evidence = evidence_of(y)
     assert len(evidence.line_table) == 3
     assert find_effect('noise', 'harmonics')().rows(evidence, [0, 1, 2]) == []
+
+
+@pytest.mark.parametrize(('share', 'z'), [(0.05, 20), (0.05, 60), (0.025, 60)])
+def test_what_is_there_for_a_moment_ends_when_it_does(share, z):
+    """As short as a 64th of the record; what is shorter is no line of a limit's length."""
+    for seed in range(4):
+        rng = np.random.default_rng([seed, z, int(1000 * share)])
+        y, _, _, begin, end = passing(rng, share, z)
+        (row,) = table(y)
+        assert row[4:] == pytest.approx([begin, end], abs=25 * (end - begin) / z**2 + 60)
+        y, *_ = passing(rng, 0.008, 60)
+        assert not np.any(table(y)[:, 5] - table(y)[:, 4] < N)
+
+
+def test_where_a_line_that_wanders_stayed_it_neither_began_nor_ended():
+    """Fast and then slowly, by dozens of 1/T: there was a line for a tenth of such records."""
+    some = []
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 21])
+        f = 22 + np.cumsum(rng.standard_normal(N)) * 0.07 * np.sqrt(2 * DT / 100)
+        y = rng.standard_normal(N) + 0.3 * np.sin(2 * np.pi * DT * np.cumsum(f))
+        found = table(y)
+        some.append(bool(np.any(found[:, 5] - found[:, 4] < N)))
+    assert sum(some) == 0
+
+
+def test_it_sweeps_nowhere():
+    """Nor is what is there for a moment, and strong, loud or a line that moves."""
+    rng, t = np.random.default_rng(0), DT * np.arange(60_001)
+    y = rng.standard_normal((len(t), 3))
+    y[:, 0] += 3 * ((t >= 411) & (t < 471)) * np.sin(2 * np.pi * 31.7 * t + rng.uniform(0, 7))
+    evidence = gather(ImuRecord(1e-3 * y, None, t, 1 / DT), ['gyro_x'])['gyro_x']
+    assert len(evidence.line_table) == 1
+    assert evidence.sweep[0] < 10 and not len(evidence.loud), evidence.sweep
+
+
+@pytest.mark.parametrize('begin', [None, 102.0])
+def test_times_that_count_from_later_than_the_recording_are_said_to(begin):
+    source = {'path': 'x', 'duration_s': 300.0} | ({'begin_s': begin} if begin else {})
+    said = times_in_words(source)
+    assert said == ([] if begin is None else [
+        'times count from 102 s of the recording on, where what is analysed begins'])
+    assert times_in_words({'streams': {'gyro': source, 'accel': {}}}) == [
+        f'gyro: {x}' for x in said]
 
 
 @pytest.mark.parametrize('seed', daily(range(6), 0))

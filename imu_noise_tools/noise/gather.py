@@ -327,7 +327,10 @@ class _Gathering:
         own.update(_power_of_looks(
             (left if y is looks[-1] else y - looks[-1] + left for y in looks), self.dt))
         if np.any(own['line_table'][:, 5] - own['line_table'][:, 4] < self.used):
+            # to what sweeps and what is loud they are neither
             self._listen(axis)
+            white = whitened(c, reference_spectrum(c, self.dt), self.dt)
+            own['sweep'] = find_sweep(white, self.dt)
 
     def _derived(self, coefficients, bins: Bins, first: bool) -> dict[str, np.ndarray]:
         """Return what is derived of the axes that hear something together."""

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d
 
-from .passing import likeliest, Passing, projected, refined, searched
+from .passing import likeliest, Passing, projected, refined, searched, shortest
 from .smooth import smooth_level
 from .steady import unsteady
 from ..core.spectrum import (
@@ -49,6 +49,7 @@ RESOLVED = 4.0  # coefficients, two cycles in the record: nearer, a line that fa
 MOST_NEAR = 3  # lines that may be neighbours: more of them are no lines
 DOMINANT = 0.8  # share of the power around a line that it takes where it is coherent
 CLEAN = 0.98  # share that two lines side by side must take, or one that begins or ends
+BESIDE = 8      # times as far to either side, one of these may not leave much
 MOST_PASSING = 8    # places where one that begins or ends is looked for
 SEEDS = 8  # lines, sure ones and faint ones, whose multiples are looked for
 LOWER, HIGHER = 8, 12  # orders that a line may be of, and its company
@@ -296,17 +297,17 @@ class _Search:
         height = energy[i] / self._doubt(np.array(k))
         return _Spot(best / (2 * self.n * self.dt), float(a[i]), float(b[i]), float(height))
 
-    def _power(self, spots: list[_Spot]) -> tuple[float, float]:
+    def _power(self, spots: list[_Spot], wider: int = 1) -> tuple[float, float]:
         """Return the power (over the level) beyond the noise around some lines, its scatter."""
-        low, high = self._around(spots)
+        low, high = self._around(spots, wider)
         ratio = 2 * self.dt * self.c[low:high] ** 2 / self.reference[low - 1:high - 1]
         return float(np.sum(ratio)) - (high - low), float(np.sqrt(2 * (high - low)))
 
-    def _around(self, spots: list[_Spot]) -> tuple[int, int]:
+    def _around(self, spots: list[_Spot], wider: int = 1) -> tuple[int, int]:
         at = [int(2 * self.n * self.dt * s.frequency) for s in spots]
         # what is there for a while is spread over as many more
         begin, end = np.array([s.stretch(self.n) for s in spots]).T
-        reach = CROWD * max(1, int(self.n / (4 * np.min(end - begin))))
+        reach = wider * CROWD * max(1, int(self.n / (4 * np.min(end - begin))))
         return max(1, min(at) - reach), min(self.n, max(at) + reach + 1)
 
     def _settle(self, spots: list[_Spot]) -> list[_Spot]:
@@ -416,11 +417,15 @@ class _Search:
             return None
         fading = self._left_by_one_that_fades(there)
         there = self._spot(refined(line, self.c, self.reference, self.dt))
-        power, scatter = self._power([there])
+        if there.end - there.begin <= shortest(self.n):
+            return None
+        (power, scatter), (_, wide) = self._power([there]), self._power([there], BESIDE)
         self._add(there, -1.0)
-        left = self._power([there])[0]
+        left, beside = (self._power([there], reach)[0] for reach in (1, BESIDE))
         self._add(there, 1.0)
-        is_clean = left < (1 - CLEAN) * power + 3 * scatter
+        # and it is no place where a line that wanders stayed a while
+        is_clean = left < (1 - CLEAN) * power + 3 * scatter \
+            and beside < (1 - DOMINANT) * power + 3 * wide
         return there if is_clean and fading - left > 2 * DIRECTED else None
 
     def _spot(self, line: Passing) -> _Spot:

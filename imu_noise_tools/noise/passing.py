@@ -19,7 +19,7 @@ from ..core.spectrum import line_basis
 from ..loop.verdict import DIRECTED
 
 BLOCKS = 64     # of the record, by which a stretch is first looked for
-SHORTEST = 4    # of them that it lasts at least
+SHORTEST = 2    # of them for which it is looked for at least, and it may last half as long
 WIDE = 128      # coefficients on either side of it that tell it
 WIDEST = 1 << 14    # and of a strong one, whose edges leak far
 OFF = np.arange(-8, 8.1, 0.25)      # of 1/T, by which its frequency may be off its highest
@@ -36,6 +36,11 @@ class Passing(NamedTuple):
     height: float
     begin: int
     end: int
+
+
+def shortest(n: int) -> int:
+    """Return how many samples it lasts at least: one that is as short may be shorter."""
+    return SHORTEST * n // (2 * BLOCKS)
 
 
 def searched() -> float:
@@ -107,7 +112,7 @@ def _closer(line: Passing, c, reference, dt: float, wide: int) -> Passing:
         return Passing(float(f[i, 0]), float(a[i]), float(b[i]), float(energy[i]),
                        int(begin[i, 0]), int(end[i, 0]))
 
-    least = SHORTEST * n // BLOCKS
+    least = shortest(n)
     edge, cell = n / BLOCKS, 0.25 / (n * dt)
     while edge > 0.3:
         f, _, _, _, begin, end = line

@@ -81,6 +81,8 @@ def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False,
     for target, d in study.diagnosis.items():
         lines.append(f'{target}: {words.diagnosis_in_words(d)}')
         lines += _evidence(d, target, verbose, si)
+    if any(d.found for d in study.diagnosis.values()):
+        lines += words.times_in_words(study.source)
     lines += [f'next: {command}    {why}' for command, why in words.next_steps(study, folder)]
     return _clean('\n'.join(lines))
 
@@ -108,6 +110,8 @@ def steps(study: Study, done: Sequence[Step], si: bool = False) -> str:
                       x for x in (row.shown, row.interval, row.si if si else '', row.note) if x)
                   for row in words.rows(study.states[s.target], s.target)
                   if row.label.partition('.')[0] in added]
+    if any(s.added for s in done):
+        lines += words.times_in_words(study.source)
     return _clean('\n'.join(lines))
 
 

@@ -202,6 +202,13 @@ def recording_in_words(source: Mapping) -> str:
     return (f'{said}, topic {topic}.' if topic else f'{said}.') if said else 'See below.'
 
 
+def times_in_words(source: Mapping) -> list[str]:
+    """Say from when times count, where what is analysed begins later than the recording."""
+    streams = {f'{k}: ': s for k, s in (source.get('streams') or {}).items()} or {'': source}
+    return [f'{of}times count from {s["begin_s"]:.6g} s of the recording on, where what is '
+            'analysed begins' for of, s in streams.items() if s.get('begin_s')]
+
+
 def failing(error: Score) -> list[View]:
     """Return the views that fail by themselves, the surest first."""
     return [error.views[k] for k in error.failing]

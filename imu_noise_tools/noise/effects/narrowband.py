@@ -49,8 +49,8 @@ class Narrowband(Spectrum):
     )
     hint = (
         'A resonance of the mount, the case or the sensing element, or a machine whose speed '
-        'wanders. Tap the mount and see whether it rings there; change the speed of what turns '
-        'near by; record on a heavy base.'
+        'wanders, or that comes and goes. Tap the mount and see whether it rings there; change '
+        'the speed of what turns near by; record on a heavy base.'
     )
     reference = (
         'Box and Jenkins, Time Series Analysis, section 3.2 (AR(2), pseudo-periodic); Papoulis, '
