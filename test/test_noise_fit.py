@@ -283,7 +283,7 @@ def fit_sample(effects, size=1.0, dt=0.1):
 
 LAWS = {   # powers of (size, time) by which each parameter scales
     'N': (1, 0.5), 'B': (1, 0), 'K': (1, -0.5), 'R': (1, -1), 'amplitude': (1, 0),
-    'frequency': (0, -1), 'sigma': (1, 0), 'tc': (0, 1)}
+    'frequency': (0, -1), 'begin': (0, 1), 'end': (0, 1), 'sigma': (1, 0), 'tc': (0, 1)}
 MODELS = {'N, B, K': BASE, 'with a ramp and a line': ('white', 'flicker', 'ramp', 'sinusoid'),
           'Gauss-Markov': ('white', 'gauss_markov')}
 

@@ -101,12 +101,18 @@ def test_what_wanders_is_elsewhere_in_each_half():
 @pytest.mark.parametrize('seed', daily((0, 1), 0))
 @pytest.mark.parametrize('stays, least, most', [(None, 1.0, 2.5), (400, 1.0, 3.0), (6, 6.0, 1e3)])
 def test_a_line_that_stayed_at_few_places_is_restless(seed, stays, least, most):
-    """Its halves differ by more than noise; of many places, and of a resonance, by as much."""
+    """
+    Its halves differ by more than noise; of many places, and of a resonance, by as much.
+
+    Its phase wanders where it stays: else there are as many lines, each of which begins and ends.
+
+    """
     rng, n = np.random.default_rng([seed, 94]), 40_000
     if stays is None:
         peak = ringing(rng, n, 10.0, 0.8, 0.5)
     else:
         speed = np.repeat(10 + 0.4 * rng.standard_normal(stays), n // stays + 1)[:n]
+        speed = speed + 0.5 * np.random.default_rng([seed, 95]).standard_normal(n)
         peak = 0.7 * np.cos(2 * np.pi * np.cumsum(speed) * DT)
     y = rng.standard_normal((n, 3))
     y[:, 0] += peak

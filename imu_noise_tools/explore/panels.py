@@ -61,7 +61,9 @@ def span_of(domain: str, state: State, effect: Effect, parameter: Parameter,
 def within(parameter: Parameter, dt: float, duration: float) -> tuple[float, float]:
     """Return between which values a record of a duration, sampled at dt, can show a parameter."""
     p = parameter
-    low, high = {'s': (2 * dt, duration), 'Hz': (1 / duration, 0.5 / dt)}.get(
+    # a moment of a record may be its first
+    shortest = 2 * dt if p.log else p.lower
+    low, high = {'s': (shortest, duration), 'Hz': (1 / duration, 0.5 / dt)}.get(
         p.unit, (p.lower, p.upper))
     return max(low, p.lower), min(high, p.upper)
 
