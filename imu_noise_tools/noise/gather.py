@@ -33,7 +33,7 @@ from .lines import (
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
 from .slower import as_measured, images_of_lines, Measured
-from .sweep import find_sweep
+from .sweep import find_sweep, on_its_path, Sweep
 from .telegraph import levels
 from .thermal import follows_at, TEMPERATURE
 from ..core import allan
@@ -218,7 +218,8 @@ class _Gathering:
         length = max(1, self.used // SLOW)
         means = means_of_blocks(self.clean[axis][:self.used], length)
         slow = of_a_swing(table[:, 0], means, length * self.dt)
-        own['line_table'] = table[~(self._followed(table[:, 0], means) | slow)]
+        passed = on_its_path(Sweep(*own['sweep']), table, len(c), self.dt)
+        own['line_table'] = table[~(self._followed(table[:, 0], means) | slow | passed)]
         kept = self.memory.keep(c)
         self.memory.rest()
         self.step(f'{axis}: spectrum')

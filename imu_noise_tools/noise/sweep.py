@@ -20,6 +20,7 @@ from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
 from ..loop.effect import Finding
+from ..loop.verdict import FLEXIBLE
 
 SHORTEST = 32   # blocks along which a line is followed at least
 PARTS = 8       # of the record, the shortest that is looked at
@@ -97,6 +98,20 @@ def on_one_path(found: Sweep, n: int, dt: float) -> bool:
     depth, length = _cells(n)
     blocks = (found.end - found.begin) / (length * dt)
     return blocks >= 0.5 * (1 << depth) and found.strong > 0.5 * (CAP - 1) * blocks
+
+
+def on_its_path(found: Sweep, lines: np.ndarray, n: int, dt: float) -> np.ndarray:
+    """
+    Tell which of some lines, (l, 6), are places that one that sweeps all along passes, (l,) bool.
+
+    There it is a line for a while.
+
+    """
+    low, high = sorted((found.first, found.last))
+    cell = 1 / (_cells(n)[1] * dt)
+    inside = (lines[:, 0] > low - cell) & (lines[:, 0] < high + cell)
+    long = found.sure > FLEXIBLE and found.end - found.begin >= 0.5 * n * dt
+    return (lines[:, 5] - lines[:, 4] < n) & inside & long
 
 
 def _beside(power: np.ndarray) -> np.ndarray:
