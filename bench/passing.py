@@ -16,12 +16,18 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from pathlib import Path
+import sys
 
 import numpy as np
-from scipy.signal import lfilter
 
-from imu_noise_tools.core.spectrum import cosine_transform
-from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
+TOP = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TOP), str(TOP / 'test')]
+
+import hidden  # noqa: E402
+from imu_noise_tools.core.spectrum import cosine_transform  # noqa: E402
+from imu_noise_tools.noise.lines import find_peaks, reference_spectrum  # noqa: E402
+from imu_noise_tools.noise.passing import in_part  # noqa: E402
 
 DT, N = 0.01, 30_000
 T = DT * np.arange(N)
@@ -59,7 +65,7 @@ def _table(y: np.ndarray) -> np.ndarray:
 
 def _passing(table: np.ndarray) -> int:
     """Return how many lines of a table are there for a part of the record."""
-    return int(np.sum(table[:, 5] - table[:, 4] < N))
+    return int(np.sum(in_part(table, N)))
 
 
 def _of_a_stretch(rng, share: float, z: float) -> str:
@@ -77,15 +83,8 @@ def _of_a_stretch(rng, share: float, z: float) -> str:
 
 def _band(kind: str, cells: float):
     def make(rng, z):
-        f, width = rng.uniform(2, 40), cells / (N * DT)
-        if kind == 'resonance':
-            r = np.exp(-np.pi * width * DT)
-            turn = [1, -2 * r * np.cos(2 * np.pi * f * DT), r * r]
-            band = lfilter([1], turn, rng.standard_normal(5 * N))[-N:]
-        else:
-            phase = np.sqrt(2 * np.pi * width * DT) * np.cumsum(rng.standard_normal(N))
-            band = np.sin(2 * np.pi * f * T + phase + rng.uniform(0, 7))
-        return rng.standard_normal(N) + z / np.sqrt(N) * band / np.std(band)
+        band = hidden.narrow_band(rng, N, DT, rng.uniform(2, 40), cells / (N * DT), kind)
+        return rng.standard_normal(N) + z / np.sqrt(N) * band
     return make
 
 

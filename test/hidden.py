@@ -711,3 +711,15 @@ def draw(rng: np.random.Generator, effects=(), *, strength=(1.0, 10.0), hours=1.
     record = ImuRecord(gyro, felt, s.t, rate_hz, covariates=s.covariates)
     found = {a: tuple(hidden) if a == target else () for a in names}
     return record, Truth(base, found, bystanders)
+
+
+def narrow_band(rng, n, dt, frequency, width, kind):
+    """Return samples (n,) of rms 1 of a resonance, or of a line whose phase wanders as far."""
+    if kind == 'resonance':
+        r = np.exp(-np.pi * width * dt)
+        turn = [1, -2 * r * np.cos(2 * np.pi * frequency * dt), r * r]
+        band = lfilter([1], turn, rng.standard_normal(4 * n))[-n:]
+    else:
+        phase = np.sqrt(2 * np.pi * width * dt) * np.cumsum(rng.standard_normal(n))
+        band = np.sin(2 * np.pi * frequency * dt * np.arange(n) + phase + rng.uniform(0, 7))
+    return band / np.std(band)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import lfilter
 
+import hidden
 from imu_noise_tools.core.allan import curve
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform, line_basis
@@ -90,16 +90,9 @@ def test_what_is_said_of_it_is_as_far_off_as_it_says():
 
 
 def narrow(rng, kind, cells, z):
-    """Return samples with a narrow band of so many cells of 1/T, once a resonance's."""
-    f, width = rng.uniform(2, 40), cells / (N * DT)
-    if kind == 'resonance':
-        r = np.exp(-np.pi * width * DT)
-        turn = [1, -2 * r * np.cos(2 * np.pi * f * DT), r * r]
-        band = lfilter([1], turn, rng.standard_normal(4 * N))[-N:]
-    else:
-        phase = np.sqrt(2 * np.pi * width * DT) * np.cumsum(rng.standard_normal(N))
-        band = np.sin(2 * np.pi * f * T + phase + rng.uniform(0, 7))
-    return rng.standard_normal(N) + z / np.sqrt(N) * band / np.std(band)
+    """Return samples with a narrow band of so many cells of 1/T."""
+    band = hidden.narrow_band(rng, N, DT, rng.uniform(2, 40), cells / (N * DT), kind)
+    return rng.standard_normal(N) + z / np.sqrt(N) * band
 
 
 @pytest.mark.parametrize('kind', ('resonance', 'wandering'))

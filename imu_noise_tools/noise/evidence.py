@@ -24,6 +24,7 @@ from scipy.ndimage import median_filter
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
 from .lines import NO_LINES
+from .passing import in_part
 from .shared import derived, LATER, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE, without_lines
 from ..core import allan
@@ -374,7 +375,8 @@ class Evidence:
 
     def throughout(self, rows: Sequence[int]) -> list[int]:
         """Return which of some rows of the line table are of lines that are there throughout."""
-        return [i for i in rows if self.line_table[i, 5] - self.line_table[i, 4] == self.n]
+        passing = in_part(self.line_table, self.n)
+        return [i for i in rows if not passing[i]]
 
     def _level(self, frequency: float) -> float:
         """Return the power around a frequency: the geometric mean of bins, what it lacks added."""

@@ -30,6 +30,7 @@ from .lines import (
     also_in, find_peaks, fine_edges, MOST_LINES, NO_LINES, of_a_swing, PIECE, reference_spectrum,
     ROUNDS, take_lines_out, waves
 )
+from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
 from .slower import as_measured, images_of_lines, Measured
@@ -327,7 +328,7 @@ class _Gathering:
         left = idct(c, type=2, norm='ortho')
         own.update(_power_of_looks(
             (left if y is looks[-1] else y - looks[-1] + left for y in looks), self.dt))
-        if np.any(own['line_table'][:, 5] - own['line_table'][:, 4] < self.used):
+        if np.any(in_part(own['line_table'], self.used)):
             # to what sweeps and what is loud they are neither
             self._listen(axis)
             white = whitened(c, reference_spectrum(c, self.dt), self.dt)

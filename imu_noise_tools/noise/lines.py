@@ -378,6 +378,9 @@ class _Search:
         out = list(found)
         for _ in range(2):      # again above the level without what they had left
             for i, s in enumerate(out):
+                left, scatter = self._power([s])
+                if left < scatter and s == found[i]:    # it leaves nothing that another would take
+                    continue
                 self._add(s, 1.0)
                 out[i] = self._while_there(s) or s
                 self._add(out[i], -1.0)

@@ -38,6 +38,11 @@ class Passing(NamedTuple):
     end: int
 
 
+def in_part(lines: np.ndarray, n: int) -> np.ndarray:
+    """Tell which of some lines, (l, 6), are there in a part of n samples only, (l,) bool."""
+    return lines[:, 5] - lines[:, 4] < n
+
+
 def shortest(n: int) -> int:
     """Return how many samples it lasts at least: one that is as short may be shorter."""
     return SHORTEST * n // (2 * BLOCKS)

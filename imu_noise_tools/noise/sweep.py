@@ -19,6 +19,7 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
+from .passing import in_part
 from ..loop.effect import Finding
 from ..loop.verdict import FLEXIBLE
 
@@ -111,7 +112,7 @@ def on_its_path(found: Sweep, lines: np.ndarray, n: int, dt: float) -> np.ndarra
     cell = 1 / (_cells(n)[1] * dt)
     inside = (lines[:, 0] > low - cell) & (lines[:, 0] < high + cell)
     long = found.sure > FLEXIBLE and found.end - found.begin >= 0.5 * n * dt
-    return (lines[:, 5] - lines[:, 4] < n) & inside & long
+    return in_part(lines, n) & inside & long
 
 
 def _beside(power: np.ndarray) -> np.ndarray:
