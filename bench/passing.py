@@ -88,6 +88,16 @@ def _band(kind: str, cells: float):
     return make
 
 
+def _band_of_a_stretch(cells: float):
+    def make(rng, z):
+        m = int(rng.uniform(0.1, 0.5) * N)
+        begin = int(rng.choice([0, N - m, rng.integers(N - m)]))
+        band = hidden.narrow_band(rng, N, DT, rng.uniform(2, 40), cells / (m * DT), 'resonance')
+        band[:begin] = band[begin + m:] = 0
+        return rng.standard_normal(N) + z / np.sqrt(m) * band
+    return make
+
+
 def _swelling(envelope):
     def make(rng, z):
         line = envelope(T / T[-1], rng) * np.sin(
@@ -99,6 +109,8 @@ def _swelling(envelope):
 OTHERS = {
     **{f'{kind}, {cells:g}/T wide': _band(kind, cells)
        for kind in ('resonance', 'wandering line') for cells in (0.1, 0.3, 1, 3, 10)},
+    **{f'a resonance of a tenth to a half of a record, {cells:g}/its duration wide':
+       _band_of_a_stretch(cells) for cells in (1, 3, 10, 30)},
     'a line that halves': _swelling(lambda u, rng: 1 - 0.5 * u),
     'a line that fades to 1/e': _swelling(lambda u, rng: np.exp(-u)),
     'a line that fades to 1/e^5': _swelling(lambda u, rng: np.exp(-5 * u)),

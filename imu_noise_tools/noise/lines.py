@@ -20,7 +20,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 from scipy.ndimage import maximum_filter1d
 
-from .passing import likeliest, Passing, projected, refined, searched, shortest
+from .passing import likeliest, louder, Passing, projected, refined, searched, shortest
 from .smooth import smooth_level
 from .steady import unsteady
 from ..core.spectrum import (
@@ -419,17 +419,20 @@ class _Search:
         if there.height < max(self.threshold, throughout + 2 * DIRECTED) + twice:
             return None
         fading = self._left_by_one_that_fades(there)
-        there = self._spot(refined(line, self.c, self.reference, self.dt))
+        line = refined(line, self.c, self.reference, self.dt)
+        there = self._spot(line)
         if there.end - there.begin <= shortest(self.n):
             return None
         (power, scatter), (_, wide) = self._power([there]), self._power([there], BESIDE)
         self._add(there, -1.0)
         left, beside = (self._power([there], reach)[0] for reach in (1, BESIDE))
+        loud = louder(line, self.c, self.reference, self.dt)
         self._add(there, 1.0)
         # and it is no place where a line that wanders stayed a while
         is_clean = left < (1 - CLEAN) * power + 3 * scatter \
             and beside < (1 - DOMINANT) * power + 3 * wide
-        return there if is_clean and fading - left > 2 * DIRECTED else None
+        stands_out = there.height > loud * (self.threshold + twice)
+        return there if is_clean and stands_out and fading - left > 2 * DIRECTED else None
 
     def _spot(self, line: Passing) -> _Spot:
         doubt = self._doubt(np.array(int(2 * self.n * self.dt * line.frequency)))

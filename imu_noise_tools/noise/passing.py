@@ -25,6 +25,7 @@ WIDEST = 1 << 14    # and of a strong one, whose edges leak far
 OFF = np.arange(-8, 8.1, 0.25)      # of 1/T, by which its frequency may be off its highest
 GRID = np.linspace(-1, 1, 9)        # places at which an edge is looked for more closely,
 CLOSER = 3.0                        # and by how much closer they are in the next round
+BESIDE = np.arange(2, 10)           # 1/its duration from it, where the noise beside it is told
 
 
 class Passing(NamedTuple):
@@ -76,6 +77,22 @@ def refined(line: Passing, c: np.ndarray, reference: np.ndarray, dt: float) -> P
     """Return it from as many coefficients as its edges show in."""
     wide = int(min(WIDEST, WIDE + 40 * np.sqrt(line.height)))
     return _closer(line, c, reference, dt, wide) if wide > WIDE else line
+
+
+def louder(line: Passing, c: np.ndarray, reference: np.ndarray, dt: float) -> float:
+    """
+    Return how many times as strong the noise beside a line is in its stretch as on the whole.
+
+    Once it is taken out of the coefficients. What is switched on with it, a resonance say, makes
+    lines by chance that nothing makes where the level of the whole record holds. At least one.
+
+    """
+    n, cell = len(c), 1 / ((line.end - line.begin) * dt)
+    k, root, y = _some(line.frequency, c, reference, dt, int(WIDE + 2 * BESIDE[-1] * n * dt * cell))
+    f = line.frequency + cell * np.concatenate([-BESIDE, BESIDE])[:, None]
+    f = np.clip(f, 1 / (n * dt), 0.5 / dt - 1 / (n * dt))
+    energy = projected(root * line_basis(f, k, n, dt, line.begin, line.end), y)[0]
+    return max(float(np.median(energy)) / (2 * np.log(2)), 1.0)
 
 
 def _some(frequency: float, c: np.ndarray, reference: np.ndarray, dt: float,
