@@ -365,6 +365,8 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
+    if _is_a_course(evidence, fit, effect):
+        return COURSE_OF_AXES
     if not effect.normal:
         differences = differences_of(octaves_of(evidence, fit, effect))
         return COURSE_OF_AXES if _happens_once(differences) else ''
@@ -374,6 +376,40 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         if gain > max(DIRECTED, UNLIKE_SHARE * claim):
             return f'what is shared moves, or comes and goes, as no noise does, by {gain:.0f} nats'
     return against
+
+
+def _is_a_course(evidence: Evidence, fit: Fit, effect: Coupling) -> bool:
+    """
+    Tell whether a coupling tells next to nothing beside slow cosines of the mean.
+
+    What all axes do as they warm up, or creep, is one course, and beside a mean that has most of
+    it what is left passes for noise that they share.
+
+    """
+    means, without = views.block_means(evidence, fit), fit.model.minus(effect.label)
+    count, own = len(means.y), means.columns.shape[1]
+    slow = views.slow_rest(evidence, without) - views.slow_rest(evidence, fit.model)
+    told = means_of_blocks(slow, len(slow) // count)[:count]
+    if not np.std(told) > 0:
+        return False
+    u = (np.arange(count) + 0.5) / count
+    y, *columns = np.linalg.solve(views.root_of(means.covariance), np.column_stack(
+        [means.y + told, means.columns, told / np.std(told),
+         *(slow_cosines(u, count, bool(kind)) for kind in range(len(SLOWLY)))])).T
+    mean, its, free = columns[:own], columns[own:own + 1], columns[own + 1:]
+
+    def gain(some):
+        return _squares_left(y, [*mean, *some]) - _squares_left(y, [*mean, *some, *its])
+
+    if gain([]) < FLEXIBLE or min(
+            gain(free[k:k + KNOTS]) for k in range(0, len(free), KNOTS)) > DIRECTED:
+        return False
+    v, (view, before) = fit.details.v, (
+        Likelihood(evidence, 'whole', m, fit) for m in (fit.model, without))
+    explained = view.weight / v * (
+        before.solve_linear(without, v).power - view.solve_linear(fit.model, v).power)
+    fast = view.bins.f > 0.5 * count / evidence.duration    # than blocks can tell
+    return bool(np.sum(explained[fast]) < OWN_SHARE * np.sum(explained))
 
 
 def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
