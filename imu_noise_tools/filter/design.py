@@ -184,21 +184,14 @@ def aligned(models: list[Model]) -> list[Model]:
     """
     Return the models with the same labels in each, since the axes share their states.
 
-    What one axis lacks it gets from another, its amplitudes as small as may be.
+    What one axis lacks it gets from another, doing next to nothing.
 
     """
     every = {e.label: e for m in reversed(models) for e in reversed(m.effects)}
     order = list(dict.fromkeys(label for m in models for label in m.labels))
     out = []
     for m in models:
-        lacking = {
-            x: every[x].with_values(
-                **{p.name: p.lower for p in every[x].parameters if p.amplitude}
-            )
-            for x in order
-            if x not in m
-        }
-        out.append(Model(m[x] if x in m else lacking[x] for x in order))
+        out.append(Model(m[x] if x in m else every[x].idling() for x in order))
     return out
 
 

@@ -71,6 +71,7 @@ class NoiseLevel(OutputNoise):
     reference = 'Mehra 1970'
     heals = 'level'
     scales = True
+    idle = {'factor': 1.0}
     parameters = (Parameter('factor', '1', 1e-4, 1e4, title='variance over what was stated'),)
 
     @classmethod
@@ -201,6 +202,7 @@ class Outliers(OutputNoise):
     heals = 'kurtosis'
     jumps = True
     search = 4.0
+    idle = {'fraction': 1e-5, 'factor': 4.0}
     parameters = (Parameter('fraction', '1', 1e-5, 0.3, title='share of the samples'),
                   Parameter('factor', '1', 4.0, 1e6, title='their variance over R'))
 

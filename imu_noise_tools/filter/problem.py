@@ -19,12 +19,16 @@ from .fitting import estimates, kept, Likelihood, maximise, NULL, start
 from .held import REMEDY
 from .predict import predict, Prediction
 from .rival import Beside
-from .statespace import DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, white_of
+from .statespace import (
+    DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, OutputNoise, white_of
+)
+from .still import is_as_strong, is_coloured, outlasts_motion
 from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
 from ..core.statistics import grid_step
 from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
+from ..loop.findings import failures
 from ..loop.problem import Problem
 from ..loop.verdict import HEALED
 
@@ -33,6 +37,11 @@ LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
 WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
 BEHIND = 12.0  # nats behind the best from which a candidate has no chance beside it (1 in 10^5)
+AT = 1e-3               # of a bound, from which a value lies there
+AS_MOTION = ('a motion that goes on all the time does the same: a record with rests in it would '
+             'tell; if it was taken at rest, add it by hand')
+TOO_SLOW = ('at the highest frequencies, where no motion comes to, the noise is no stronger: a'
+            ' fast motion does the same')
 SLACK = 15.0  # nats that a line may gain from where it begins: its phase is half known there
 
 
@@ -240,6 +249,37 @@ class FilterProblem(Problem):
         ):
             return False
         return not effect.after or any(effect.after in e.lineage() for e in model)
+
+    def shape(self, fit: Fit, label: str, claim: float) -> str:
+        """
+        Say that a motion may do what noise is to do, beside a bank for any motion.
+
+        A motion by name has a form of its own, which noise does not take.
+
+        """
+        effect, model = fit.model[label], fit.model
+        if not covers(model):
+            return ''
+        if is_coloured(effect) and not outlasts_motion(self.z, self.dt, model, label):
+            return AS_MOTION
+        if effect.scales and not is_as_strong(self.z, model, label):
+            return TOO_SLOW
+        return self._at_bound(fit, effect) if isinstance(effect, OutputNoise) else ''
+
+    def _at_bound(self, fit: Fit, effect: FilterEffect) -> str:
+        """
+        Say that noise would be more than it can be: no estimate, and it bends to something else.
+
+        Where the data set the bound, all that there can be may be there: then nothing fails.
+
+        """
+        for p in effect.parameters:
+            of_data = effect.within(p, self.dt)[1] < p.upper
+            most = effect.within(p, self.dt)[1]
+            if effect[p.name] > (1 - AT) * most and p.name != effect.keeps \
+                    and not (of_data and not failures(self.omnibus(fit))):
+                return f'its {p.name} lies at its bound, {most:.3g} {p.unit}'.rstrip('1 ')
+        return ''
 
     def _lost(self, fit: Fit) -> float:
         """Return the deviance from what a true model would score."""

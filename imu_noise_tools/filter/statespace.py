@@ -159,6 +159,8 @@ class FilterEffect(Effect):
     slopes: ClassVar[bool] = False
     #: whether it multiplies the stated noise: nothing to be found where none is stated
     scales: ClassVar[bool] = False
+    #: values with which it does next to nothing, beside the least of its amplitudes
+    idle: ClassVar[dict[str, float]] = {}
     #: the parameter that is the variance of white noise, for an effect that is
     variance: ClassVar[str] = ''
     #: the parameter that is the frequency of a line, for an effect that keeps its phase
@@ -183,6 +185,11 @@ class FilterEffect(Effect):
     def within(cls, parameter: Parameter, dt: float) -> tuple[float, float]:
         """Return the range of a parameter in data at dt (s), which may know of less than all."""
         return parameter.lower, parameter.upper
+
+    def idling(self) -> Effect:
+        """Return it doing next to nothing."""
+        least = {p.name: p.lower for p in self.parameters if p.amplitude}
+        return self.with_values(**{**least, **self.idle})
 
     def read(self, z: np.ndarray, dt: float) -> Effect:
         """Return it with the values that come from the samples z (n,) at dt (s)."""
