@@ -22,13 +22,14 @@ from ..loop.effect import Model
 from ..loop.verdict import HEALED
 
 LAG = 1 - np.exp(-1.0)      # share of its variance by which noise has changed over the lag
-LONG = 16       # lags of a stretch
+LONG = 8        # lags of a stretch
 FEWEST = 16     # stretches, of which some may be at rest
 FEW = 0.1       # of them at rest, and of them in motion, at least (a choice)
-STILL = 0.5     # of what the noise changes by: less is not all of it. Noise alone changes by 0.60
-                # in its quietest tenth, where it is of three samples, and by more where of more
+LEAST, STILL = 0.3, 1.3     # in a third of those at rest, and in all, of what noise changes by:
+                # less and it is not there, more and nothing rests. Alone it changes by 0.32 at
+                # least, and by 0.9 at most, in 1600 records of 6000 samples
 FASTEST = 0.9   # of Nyquist, from which on there is noise alone
-MOVING = 4.0    # times as much changes in motion; in its loudest tenth noise alone does 1.3 times
+MOVING = 4.0    # times as much changes in motion; alone it does 1.9 times at most
 
 
 def is_coloured(effect: FilterEffect) -> bool:
@@ -63,8 +64,8 @@ def outlasts_motion(z: np.ndarray, dt: float, model: Model, label: str) -> bool:
     if count < FEWEST:
         return False
     mean = square[:count * LONG * lag].reshape(count, LONG * lag).mean(axis=1) / change
-    least, most = np.quantile(mean, [FEW, 1 - FEW])
-    return bool(least > STILL and most > MOVING)
+    least, still, most = np.quantile(mean, [FEW / 3, FEW, 1 - FEW])
+    return bool(least > LEAST and still < STILL and most > MOVING)
 
 
 def is_as_strong(z: np.ndarray, model: Model, label: str) -> bool:
