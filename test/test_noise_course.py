@@ -229,3 +229,36 @@ def test_noise_that_wanders_is_no_course():
         assert 'course' not in failing_of(problem, *BASE), (seed, k)
     # it is weighed by the walk of the model: without one the same mean is a course
     assert 'course' in failing_of(problem, 'white', 'flicker')
+
+
+def creeps(seed):
+    """Return a record of which all axes creep, each by its own size."""
+    rng = np.random.default_rng([seed, 43])
+    white = SIZE * rng.standard_normal((N, 3))
+    creep = np.log1p(U / 10 ** rng.uniform(-3, -1.5))
+    for axis, size in enumerate(rng.uniform(1.5, 4, 3) * rng.choice([-1, 1], 3)):
+        white[:, axis] += hidden.flicker(N, DT, SIZE / 60, rng) + SIZE * size * creep
+    return ImuRecord(white, None, T, 1 / DT)
+
+
+@pytest.mark.parametrize('seed', daily(range(6), 0))
+def test_what_axes_creep_by_together_is_no_noise_that_they_share(seed):
+    study = analyse_record(creeps(seed), effects=BASE, keep_motion=True, axes=['gyro_x'])
+    found = study.diagnose()['gyro_x']
+    assert 'shared_noise' not in [f.name for f in found.found]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', range(4))
+def test_noise_that_axes_share_beside_a_warm_up_is_no_course(seed):
+    """The others tell the warm-up as well, so that it may be theirs."""
+    rng = np.random.default_rng([seed, 44])
+    white = SIZE * rng.standard_normal((N, 3))
+    shared = hidden.decay(N, DT, 0.3 * SIZE, 1.5, rng)
+    for axis in range(3):
+        white[:, axis] += hidden.flicker(N, DT, SIZE / 60, rng) + shared \
+            + SIZE * rng.uniform(2, 4) * np.exp(-U / 0.1)
+    record = ImuRecord(white, None, T, 1 / DT)
+    study = analyse_record(record, effects=BASE, keep_motion=True, axes=['gyro_x'])
+    names = [f.name for f in study.diagnose()['gyro_x'].found]
+    assert 'shared_noise' in names and not {*names} - {'shared_noise', 'transient'}

@@ -20,6 +20,7 @@ from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.lines import find_peaks, reference_spectrum, waves
+from imu_noise_tools.noise.passing import in_part, louder, Passing
 from imu_noise_tools.report.words import times_in_words
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -102,6 +103,30 @@ def test_a_narrow_band_has_no_beginning_and_no_end(kind):
             for seed in range(2) for i, cells in enumerate((0.3, 1, 3, 10))
             for j, z in enumerate((8, 15, 40, 200))]
     assert sum(bool(np.any(t[:, 5] - t[:, 4] < N)) for t in some) <= 1
+
+
+def test_the_noise_of_a_stretch_is_told_beside_a_line():
+    rng = np.random.default_rng(80613)
+    for share, times in ((0.2, 1.0), (0.2, 4.0), (0.5, 1.5)):
+        m = int(share * N)
+        y = rng.standard_normal(N)
+        y[:m] *= np.sqrt(times * (1 - share) / (1 - share * times))
+        c = cosine_transform(y / np.std(y))
+        told = [louder(Passing(f, 0.0, 0.0, 0.0, 0, m), c, np.full(N - 1, 2 * DT), DT)
+                for f in np.linspace(3, 47, 40)]
+        assert np.median(told) == pytest.approx(times, rel=0.2)
+
+
+def test_a_resonance_that_is_on_for_a_while_is_seldom_a_line():
+    lines = 0
+    for seed in range(80614, 80634):
+        rng = np.random.default_rng(seed)
+        m, begin = int(0.25 * N), int(rng.integers(0.7 * N))
+        band = hidden.narrow_band(rng, N, DT, rng.uniform(2, 40), 20 / (m * DT), 'resonance')
+        y = rng.standard_normal(N)
+        y[begin:begin + m] += 200 / np.sqrt(m) * band[begin:begin + m]
+        lines += np.any(in_part(table(y), N))
+    assert lines <= 2
 
 
 def test_a_line_that_fades_is_none_that_ends():
