@@ -8,12 +8,12 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from imu_noise_tools.filter.design import aligned
-from imu_noise_tools.filter.problem import AS_MOTION, FilterProblem, TOO_SLOW
-from imu_noise_tools.filter.still import is_as_strong, is_coloured, outlasts_motion
 from imu_noise_tools.filter.output_noise import (
     GaussMarkov, NoiseLevel, Outliers, SamplingJitter, Sinusoid, White
 )
-from imu_noise_tools.loop.effect import model_of, Model
+from imu_noise_tools.filter.problem import AS_MOTION, FilterProblem, TOO_SLOW
+from imu_noise_tools.filter.still import is_as_strong, is_coloured, outlasts_motion
+from imu_noise_tools.loop.effect import Model, model_of
 from imu_noise_tools.loop.study import Study
 
 RATE, SIGMA = 100.0, 0.005

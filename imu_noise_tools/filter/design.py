@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -191,7 +191,7 @@ def aligned(models: list[Model]) -> list[Model]:
     order = list(dict.fromkeys(label for m in models for label in m.labels))
     out = []
     for m in models:
-        out.append(Model(m[x] if x in m else every[x].idling() for x in order))
+        out.append(Model(m[x] if x in m else cast(FilterEffect, every[x]).idling() for x in order))
     return out
 
 

@@ -257,7 +257,7 @@ class FilterProblem(Problem):
         A motion by name has a form of its own, which noise does not take.
 
         """
-        effect, model = fit.model[label], fit.model
+        effect, model = cast(FilterEffect, fit.model[label]), fit.model
         if not covers(model):
             return ''
         if is_coloured(effect) and not outlasts_motion(self.z, self.dt, model, label):

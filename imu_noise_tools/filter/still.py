@@ -14,6 +14,8 @@ comes to.
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from .statespace import FilterEffect, OutputNoise, white_of
@@ -25,9 +27,9 @@ LAG = 1 - np.exp(-1.0)      # share of its variance by which noise has changed o
 LONG = 8        # lags of a stretch
 FEWEST = 16     # stretches, of which some may be at rest
 FEW = 0.1       # of them at rest, and of them in motion, at least (a choice)
-LEAST, STILL = 0.3, 1.3     # in a third of those at rest, and in all, of what noise changes by:
-                # less and it is not there, more and nothing rests. Alone it changes by 0.32 at
-                # least, and by 0.9 at most, in 1600 records of 6000 samples
+# in a third of those at rest, and in all, of what noise changes by: less and it is not there, more
+# and nothing rests; alone it changes by 0.32 at least, and 0.9 at most, in 1600 records
+LEAST, STILL = 0.3, 1.3
 FASTEST = 0.9   # of Nyquist, from which on there is noise alone
 MOVING = 4.0    # times as much changes in motion; alone it does 1.9 times at most
 
@@ -57,7 +59,7 @@ def outlasts_motion(z: np.ndarray, dt: float, model: Model, label: str) -> bool:
         Of the noise in question, which :func:`is_coloured`.
 
     """
-    lag = _lag(model[label], dt, len(z))
+    lag = _lag(cast(FilterEffect, model[label]), dt, len(z))
     change = sum(_change(e, dt, lag) for e in model.of(OutputNoise))
     square = (z[lag:] - z[:-lag]) ** 2
     count = len(square) // (LONG * lag)
@@ -86,7 +88,7 @@ def is_as_strong(z: np.ndarray, model: Model, label: str) -> bool:
 
     """
     white = white_of(model)
-    more = model[label].block(1.0).r_factor - 1
+    more = cast(FilterEffect, model[label]).block(1.0).r_factor - 1
     if white is None or more <= 0:
         return True
     c = cosine_transform(z - np.mean(z))[int(FASTEST * len(z)):]

@@ -88,7 +88,8 @@ def louder(line: Passing, c: np.ndarray, reference: np.ndarray, dt: float) -> fl
 
     """
     n, cell = len(c), 1 / ((line.end - line.begin) * dt)
-    k, root, y = _some(line.frequency, c, reference, dt, int(WIDE + 2 * BESIDE[-1] * n * dt * cell))
+    wide = int(WIDE + 2 * BESIDE[-1] * n * dt * cell)
+    k, root, y = _some(line.frequency, c, reference, dt, wide)
     f = line.frequency + cell * np.concatenate([-BESIDE, BESIDE])[:, None]
     f = np.clip(f, 1 / (n * dt), 0.5 / dt - 1 / (n * dt))
     energy = projected(root * line_basis(f, k, n, dt, line.begin, line.end), y)[0]
