@@ -503,11 +503,14 @@ class Repeatability(Scatter):
     title = 'pose-to-pose scatter'
     equation = 'every reading: r^2'
     signature = 'all readings scatter by more than the noise within a pose, with no course'
-    hint = 'bias instability, hysteresis or mechanical stress; hold poses again to average it down'
+    hint = ('bias instability, hysteresis or mechanical stress; hold poses again to average it '
+            'down, and to see whether it is another one each time: what jumps with the direction '
+            'looks the same')
     reference = 'IEEE 1554 (repeatability)'
     parameters = (Parameter('sigma', '{rate}', 1e-9, _BIG, amplitude=True,
                             title='scatter between poses'),)
     needs = 'each pose held several times: scatter that repeats on no input'
+    stays = True        # what has no name must not take that of what it looks like
 
     def bounds(self, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
         """Up to 0.5 % of the input: more is no bias that wanders."""

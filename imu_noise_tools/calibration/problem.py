@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import chdtrc
 
-from . import places, solve
+from . import flexible, places, solve
 from .effects import Drift, Regressor, Scatter
 from .linear import equations, LeftOut, tilt_of, whitened
 from .poses import Poses, unit
@@ -21,10 +21,15 @@ from ..core.errors import FitError, UsageError
 from ..loop.effect import (
     Effect, Estimate, Finding, Fit, Model, registry, Score, unfitted, View)
 from ..loop.problem import Problem
-from ..loop.verdict import RIVAL
+from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE, HEALED, RIVAL, SURE
 
 _CHANCE = 0.005
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
+_OF_INPUT = ('hold the same poses again in another order to see it repeat, and describe it as an '
+             'effect of your own')
+_FOLLOWED = {'direction': _OF_INPUT, 'own': _OF_INPUT,
+             'time': 'record the temperature along, let it warm up before the first pose, and '
+                     'hold the first faces again at the end'}
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class CalibrationProblem(Problem):
     tilt: float = solve.TILT
     whole: CalibrationProblem | None = field(default=None, repr=False, compare=False)
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    _courses: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     domain = 'calibration'
     looks = 40      # each takes a fraction of a second
@@ -303,6 +309,8 @@ class CalibrationProblem(Problem):
             # what names are told apart by: the likelihood, scatter and directions found anew
             gain = more.log_likelihood - fit.log_likelihood
             said = _said(gain, more.details.equations.rank - fit.details.equations.rank, effect)
+        elif gain > finding.penalty and (doubt := self._scatter_in_words(more, finding.name)):
+            said = f'{said}; {doubt}'
         # A candidate that leaves a test wrong, with nothing else in sight, has to answer for that
         # test.
         left = [f.name for f in self.omnibus(more) if (f.p_value or 0.0) < _CHANCE / 3]
@@ -310,6 +318,90 @@ class CalibrationProblem(Problem):
         answers = left[0] if left and not others else 'poses'
         return replace(finding, effect=effect, estimates=estimates, view=answers, gain=gain,
                        evidence=f'{said}; {self._where(fit, more)}')
+
+    def shape(self, fit: Fit, label: str, claim: float) -> str:
+        """
+        Say that what a scatter explains follows direction or time: then it has no name.
+
+        Nor has what passes in time where what it leaves goes on in time, by more than a formula
+        may leave of what is real.
+
+        """
+        effect, dof = fit.model[label], fit.details.dof
+        if isinstance(effect, Regressor):
+            left = 0.5 * (fit.details.chi2 - dof)
+            if not effect.passing or left < max(FLEXIBLE, FLEXIBLE_SHARE * claim):
+                return ''
+        course = self._course(fit, label)
+        if course is None or not _refutes(course):
+            return ''
+        if isinstance(effect, Regressor):
+            return '' if course.of != 'time' else (
+                f'it leaves {left:.0f} nats that are a smooth course in time as well: it is one '
+                f'without a name')
+        return (f'{self._followed(course)}: a smooth one without a name explains '
+                f'{100 * course.share:.0f} % of it, which scatter reaches in less than one case '
+                f'of {1 / flexible.RARE:.0f}')
+
+    def _followed(self, course: flexible.Course) -> str:
+        where = 'direction' if self.target == 'accel' else 'input'
+        return {'direction': f'it is a function of {where}',
+                'own': 'it is a function of the input of each axis',
+                'time': 'it is a course in time'}[course.of]
+
+    def _course(self, fit: Fit, label: str) -> flexible.Course | None:
+        """
+        Return what a smooth course does in place of a scatter of the model.
+
+        Or in place of the noise with which all but a scatter of the model is fitted.
+
+        """
+        effect, model = fit.model[label], unfitted(fit.model)
+        if self.method == 'turns' or isinstance(effect, Scatter) and effect.tilts:
+            return None     # a tilt shows in what it leaves
+        if (model, label) not in self._courses:
+            poses, system = self.poses.with_inputs(fit.details.inputs), fit.details.equations
+            noise = 1.0
+            if isinstance(effect, Scatter):
+                own = effect.covariance(poses, fit.details.scale, effect.amplitude)
+                noise -= np.einsum('nra,nab,nrb->nr', system.whitener, own,
+                                   system.whitener).mean()
+            self._courses[model, label] = flexible.course_of(
+                system, poses, float(np.clip(noise, 0.0, 1.0)))
+        return self._courses[model, label]
+
+    def _scatter_in_words(self, fit: Fit, label: str) -> str:
+        """Say what of a scatter follows direction or time, and which of the two is not told."""
+        effect = fit.model[label]
+        if not isinstance(effect, Scatter) or effect.tilts:
+            return ''
+        course = self._course(fit, label)
+        if course is not None and course.chance <= flexible.RARE:
+            return f'{self._followed(course)} by {100 * course.share:.0f} %'
+        told = course.told if course is not None else {'direction': 0.0, 'time': 0.0}
+        open_ = [{'direction': 'function of direction', 'time': 'course in time'}[k]
+                 for k, v in told.items() if v < SURE]
+        said = [f'{self.poses.n} poses are too few to tell it from a {" or a ".join(open_)}'
+                ] if open_ else []
+        if course is not None and course.chance < flexible.DOUBTED:
+            said.append(f'{self._followed(course).replace("is", "may be")}: scatter looks as much '
+                        f'like one in {100 * course.chance:.2g} % of cases')
+        return '; '.join(said)
+
+    def _doubt(self, ranked: list[Any]) -> str:
+        """Say what these poses cannot tell of a scatter that is found."""
+        found = [f for f in ranked if not f.against and (f.probability or 0.0) >= SURE]
+        model = solve.base_model()
+        for f in found:
+            model = model + type(f.effect)()
+        some = [f.name for f in found if isinstance(f.effect, Scatter)]
+        return '; '.join(filter(None, (self._scatter_in_words(self.fit(model), k) for k in some)))
+
+    def _refuting(self, ranked: list[Any]) -> flexible.Course | None:
+        """Return the course that refuted a scatter, if one did."""
+        fallen = {f.name for f in ranked if isinstance(f.effect, Scatter) and f.against}
+        return next((c for (_, label), c in reversed(self._courses.items())
+                     if label in fallen and c is not None and _refutes(c)), None)
 
     def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
         """Return (effect, why, what would show it) for all that these poses cannot show at all."""
@@ -360,7 +452,8 @@ class CalibrationProblem(Problem):
     def advice(self, verdict: str, ranked: list[Any], failed: list[Finding]) -> str:
         """Return one sentence: what to do next, and which poses would tell what these cannot."""
         if verdict == 'missing':
-            return f'add {ranked[0].name}: {ranked[0].effect.hint}'
+            doubt = self._doubt(ranked)
+            return f'add {ranked[0].name}: {ranked[0].effect.hint}{"; " * bool(doubt)}{doubt}'
         if verdict == 'undecidable':
             # those that take no share of the probability are told apart
             rivals = [f for f in ranked if f.gain > f.penalty
@@ -377,6 +470,10 @@ class CalibrationProblem(Problem):
                 said = f'these poses cannot tell {" from ".join(f.name for f in rivals)}'
             return f'{said}; record {"; or ".join(needs)}'
         if verdict == 'unknown':
+            course = self._refuting(ranked)
+            if course is not None:
+                return (f'no known effect explains it, but {self._followed(course)} and no scatter'
+                        f': {_FOLLOWED[course.of]}; until then intervals are too narrow')
             return ('no known effect explains it: ' + '; '.join(f.evidence for f in failed)
                     + '; look at these poses and hold them again')
         hidden = [name for name, _, _ in self.blind(self.fit(solve.base_model()))]
@@ -402,6 +499,11 @@ class CalibrationProblem(Problem):
         if 'method' not in arrays or 'outputs' not in arrays:
             raise UsageError('the evidence holds no poses', 'run calibrate again')
         return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
+
+
+def _refutes(course: flexible.Course) -> bool:
+    """Tell whether a course explains most of a scatter, and more than chance."""
+    return course.chance <= flexible.RARE and course.share >= HEALED
 
 
 def _prices(hypotheses: list[tuple[int, float]], rows: int) -> list[float]:
