@@ -451,3 +451,27 @@ def test_chance_of_a_smooth_course_is_what_it_says():
         chance.append(flexible.course_of(fit.details.equations, poses, 0.0).chance)
     assert np.mean(np.array(chance) < 0.05) < 0.15
     assert np.mean(chance) == pytest.approx(0.5, abs=0.12)
+
+
+def test_six_faces_say_what_hides_in_the_bias():
+    """A quadratic of 1 % of g is complete in six faces, and the verdict says that it would be."""
+    rng = np.random.default_rng(34)
+    device = sim.Device.drawn(rng)
+    device.quadratic = (1e-3, -6e-4, 8e-4)
+    names, directions = sim.faces()
+    out = device.output(sim.G * sim.tilted(directions, 2 * DEG, rng), rng)
+    problem = core.calibrate(core.Poses.of('accel', out.T, device.noise, sim.G)).problem
+    blind = {name: why for name, why, _ in problem.blind(problem.fit(core.base_model()))}
+    assert problem.method == 'faces' and 'same' in blind['cubic']
+    assert 'same' in blind['wrong_gravity']
+    assert all('hides in bias (\u00b10.' in blind[k] for k in ('quadratic', 'asymmetry'))
+    d = verdict(problem)
+    assert d.verdict == 'complete'
+    assert 'quadratic' in d.advice and 'hold only without' in d.advice
+
+
+def test_poses_in_all_directions_hide_no_shape():
+    """What is told well beside bias and scale is not among what could not be shown."""
+    problem = spread(np.random.default_rng(35), sim.Device.drawn(np.random.default_rng(35)), 40)
+    blind = [name for name, _, _ in problem.blind(problem.fit(core.base_model()))]
+    assert not {'quadratic', 'asymmetry', 'cubic'} & set(blind)

@@ -24,6 +24,10 @@ from ..loop.problem import Problem
 from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE, HEALED, RIVAL, SURE
 
 _CHANCE = 0.005
+_HIDDEN = 10.0          # times as wide, from which a value holds only without an effect (a choice)
+_UNKNOWN = 0.1           # of gravity, or of a scale: known no better, it is not known
+_SAME = 'looks the same as what is already in the model'
+_HIDES = 'hides in '
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
 _OF_INPUT = ('hold the same poses again in another order to see it repeat, and describe it as an '
              'effect of your own')
@@ -404,17 +408,46 @@ class CalibrationProblem(Problem):
                      if label in fallen and c is not None and _refutes(c)), None)
 
     def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
-        """Return (effect, why, what would show it) for all that these poses cannot show at all."""
-        out = []
+        """
+        Return (effect, why, what would show it) for all that these poses cannot show.
+
+        Last what they show only where it is far larger than what would spoil a value of the base.
+
+        """
+        out, hidden = [], []
         for e in self._others(fit.model):
             if self.target not in e.sensors:
                 continue
             why = self._why_not(e)
             if not why and isinstance(e, Regressor) and not self._projected(fit, e)[1]:
-                why = 'looks the same as what is already in the model'
+                why = _SAME
             if why:
                 out.append((e.name, why, e.needs))
-        return out
+            elif isinstance(e, Regressor) and (values := self._spoilt(fit, e)):
+                alike = any(v > _UNKNOWN * (self.poses.magnitude if k == 'bias' else 1.0)
+                            for k, v in values.items())
+                hidden.append((e.name, _SAME if alike else _HIDES + ' and '.join(
+                    f'{k} (\u00b1{v:.2g}{" " + self.unit if k == "bias" else ""} with it)'
+                    for k, v in values.items()), e.needs))
+        return out + hidden
+
+    def _spoilt(self, fit: Fit, effect: Regressor) -> dict[str, float]:
+        """
+        Return which values of the base are known far worse with an effect in the model, and how.
+
+        The rank alone does not tell: faces held by hand are tilted, so that no column is quite
+        another one's multiple. By label, the largest standard deviation.
+
+        """
+        if effect.placed:
+            return {}
+        wide = fit.details.equations.inflation(self.columns(fit, effect))
+        worse: dict[str, float] = {}
+        for (label, name), times in zip(fit.details.keys, wide):
+            std = fit.estimates[label][name].std
+            if label in solve.BASE and times > _HIDDEN and std is not None:
+                worse[label] = max(worse.get(label, 0.0), times * std)
+        return worse
 
     def _why_not(self, effect: Regressor | Scatter) -> str:
         if self.method == 'faces' and isinstance(effect, Scatter) and effect.tilts:
@@ -476,9 +509,14 @@ class CalibrationProblem(Problem):
                         f': {_FOLLOWED[course.of]}; until then intervals are too narrow')
             return ('no known effect explains it: ' + '; '.join(f.evidence for f in failed)
                     + '; look at these poses and hold them again')
-        hidden = [name for name, _, _ in self.blind(self.fit(solve.base_model()))]
-        return 'nothing is missing' + (f'; these poses could not show {", ".join(hidden)}'
-                                       if hidden else '')
+        hidden = self.blind(self.fit(solve.base_model()))
+        said = 'nothing is missing' + (
+            f'; these poses could not show {", ".join(name for name, _, _ in hidden)}'
+            if hidden else '')
+        only = [f'{name} hides in {why.removeprefix(_HIDES)}' for name, why, _ in hidden
+                if why.startswith(_HIDES)]
+        return '; '.join([said, *([f'the values hold only without these: {", ".join(only)}']
+                                  if only else [])])
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything as plain arrays, for an npz file."""
