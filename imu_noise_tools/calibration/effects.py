@@ -46,6 +46,8 @@ class Regressor(Effect):
     needs: ClassVar[str] = ''           # the poses that show it
     #: whether it belongs to the session alone: fitted, and not taken out of other records
     passing: ClassVar[bool] = False
+    #: whether it is told by inputs of several sizes, and by those alone
+    shaped: ClassVar[bool] = False
     #: name of the parameter that says where its rows begin or end, where it has one
     placed: ClassVar[str] = ''
 
@@ -171,6 +173,7 @@ class Quadratic(Regressor):
     parameters = _named('q', '1/({rate})', title='quadratic coefficient')
     feeds = OWN
     needs = _SIZES
+    shaped = True
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the square of the input."""
@@ -190,6 +193,7 @@ class Cubic(Regressor):
     parameters = _named('c', '1/({rate})^2', title='cubic coefficient')
     feeds = OWN
     needs = _SIZES
+    shaped = True
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the cube of the input."""
@@ -209,6 +213,7 @@ class Asymmetry(Regressor):
     parameters = _named('a', '1', title='asymmetry')
     feeds = OWN
     needs = _SIZES
+    shaped = True
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the size of the input."""

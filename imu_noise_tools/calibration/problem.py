@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import chdtrc
 
-from . import flexible, places, solve
+from . import flexible, places, solve, telling
 from .effects import Drift, Regressor, Scatter
 from .linear import equations, LeftOut, tilt_of, whitened
 from .poses import Poses, unit
@@ -392,6 +392,54 @@ class CalibrationProblem(Problem):
                         f'like one in {100 * course.chance:.2g} % of cases')
         return '; '.join(said)
 
+    def _to_record(self, names: list[str], needs: list[str]) -> str:
+        """Say which poses would tell rivals apart; those that are held already may not."""
+        plain = f'record {"; or ".join(needs)}' if needs else ''
+        kinds = [k for k in map(registry('calibration').get, names)
+                 if k is not None and issubclass(k, Regressor) and k.shaped]
+        if len(names) != 2 or len(kinds) != 2 or self.target != 'accel':
+            return plain
+        one, other = (self.fit(solve.base_model() + k()) for k in kinds)
+        where, count = telling.advised(one, other, self.poses, self.method)
+        if not count:
+            return (f'no {telling.MOST} poses by hand would tell them apart at this noise: hold '
+                    f'each longer')
+        if where.startswith('edges'):
+            return plain
+        return (f'record some {count} more poses in {where}, where the two differ most: those '
+                f'that are held already hardly tell them')
+
+    def _unsettled(self, names: list[str]) -> str:
+        """Say how far the values of the base move with each rival, so that intervals miss."""
+        base = self.fit(solve.base_model()).details
+        moved: dict[str, Any] = {}
+        for name in names:
+            effect = registry('calibration')[name]()
+            try:
+                moved[name] = self.fit(solve.base_model() + effect).details
+            except FitError:
+                continue
+        if not moved:
+            return ''
+
+        def far(one: Any, other: Any) -> str:
+            return (f'bias by up to {np.abs(one.bias - other.bias).max():.2g} {self.unit} and '
+                    f'scale and cross-axis terms by up to '
+                    f'{1e6 * np.abs(one.scale - other.scale).max():.0f} ppm')
+
+        said = [f'add {k} moves {far(d, base)}' for k, d in moved.items()]
+        return ('intervals do not hold until it is decided: ' + ', '.join(said)
+                + (': either mends most of it' if self._alike(base, [*moved.values()]) else ''))
+
+    @staticmethod
+    def _alike(base: Any, some: list[Any]) -> bool:
+        """Tell whether fits differ among each other by less than half of what they move."""
+        if len(some) < 2:
+            return False
+        moved = min(np.abs(d.bias - base.bias).max() for d in some)
+        apart = max(np.abs(d.bias - some[0].bias).max() for d in some[1:])
+        return bool(apart < 0.5 * moved)
+
     def _doubt(self, ranked: list[Any]) -> str:
         """Say what these poses cannot tell of a scatter that is found."""
         found = [f for f in ranked if not f.against and (f.probability or 0.0) >= SURE]
@@ -501,7 +549,9 @@ class CalibrationProblem(Problem):
                 said = f'{rivals[0].name} fits, but poses left out do not confirm it'
             else:
                 said = f'these poses cannot tell {" from ".join(f.name for f in rivals)}'
-            return f'{said}; record {"; or ".join(needs)}'
+            names = [f.name for f in rivals if isinstance(f.effect, Regressor)]
+            return '; '.join(filter(None, (
+                said, self._to_record(names, list(needs)), self._unsettled(names))))
         if verdict == 'unknown':
             course = self._refuting(ranked)
             if course is not None:
