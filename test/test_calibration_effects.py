@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import calibration as core
+from imu_noise_tools.calibration import flexible, telling
 from imu_noise_tools.calibration.effects import Regressor, Scatter
 from imu_noise_tools.calibration.linear import Equations
 from imu_noise_tools.calibration.turn_problem import arrays_of, problems
@@ -20,6 +21,7 @@ from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, registry
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import Study
+from imu_noise_tools.report.words import diagnosis_in_words
 from imu_noise_tools.tasks import calibration as tasks
 
 DEG = np.pi / 180
@@ -395,3 +397,109 @@ def test_equations_too_large_to_be_solved_are_refused():
     """A fit on its way to infinity ends in words."""
     with pytest.raises(FitError, match='diverges'):
         Equations(np.full((4, 1), 1e200), np.ones(4), np.arange(4), (('bias', 'b_x'),), []).theta
+
+
+def scattered(rng, kind, n=40, size=0.01):
+    """Return poses in all directions that are off by what has no name, or by scatter, m/s^2."""
+    device = sim.Device.drawn(rng, upper=True)
+    u = sim.spread_directions(n, rng)[rng.permutation(n)].T
+    out = device.output(sim.G * u.T, rng).T
+    if kind == 'scatter':
+        out += size * rng.normal(size=out.shape)
+    elif kind == 'before':      # what the axis did in the pose before
+        out[:, 1:] += size * np.sign(u[:, :-1])
+    elif kind == 'others':      # the product of the two other axes' inputs
+        out += 3 * size * np.array([[1.0], [-0.8], [0.9]]) * u[[1, 2, 0]] * u[[2, 0, 1]]
+    else:
+        turns = 2 * np.pi * (1.3 * np.arange(n) / n + 0.1)
+        out += 1.5 * size * np.array([[1.0], [-0.6], [0.8]]) * np.sin(turns)
+    return core.CalibrationProblem(core.Poses.of('accel', out, device.noise, sim.G,
+                                                 time=8.0 * np.arange(n) + 3), 'norm')
+
+
+@pytest.mark.parametrize('kind, words, advice', [
+    ('others', 'it is a function of direction', 'another order'),
+    ('time', 'it is a course in time', 'temperature')])
+def test_what_follows_direction_or_time_is_no_scatter(kind, words, advice):
+    """What has no name is unknown; scatter does not stand for it, nor does any other name."""
+    rng = np.random.default_rng(31)
+    found = [verdict(scattered(rng, kind)) for _ in range(2)]
+    assert [d.verdict for d in found] == ['unknown'] * 2
+    for d in found:
+        against = next(f.against for f in d.ranked if f.name == 'repeatability')
+        assert words in against and words in d.advice and advice in d.advice
+
+
+@pytest.mark.parametrize('kind', ['scatter', 'before'])
+def test_scatter_stays_scatter(kind):
+    """What is drawn anew in each pose, or follows the one before, keeps its name."""
+    rng = np.random.default_rng(32)
+    found = [verdict(scattered(rng, kind)) for _ in range(6)]
+    assert [[f.name for f in d.found] for d in found] == [['repeatability']] * 6
+    few = verdict(scattered(rng, kind, 24))
+    assert 'too few to tell it from a function of direction' in few.advice
+
+
+def test_chance_of_a_smooth_course_is_what_it_says():
+    """Of 60 sessions of scatter as many look like a course as stated, some 3 at one in twenty."""
+    rng = np.random.default_rng(33)
+    model = core.base_model() + find_effect('calibration', 'repeatability')()
+    chance = []
+    for _ in range(60):
+        problem = scattered(rng, 'scatter', 20)
+        fit = problem.fit(model)
+        poses = problem.poses.with_inputs(fit.details.inputs)
+        chance.append(flexible.course_of(fit.details.equations, poses, 0.0).chance)
+    assert np.mean(np.array(chance) < 0.05) < 0.15
+    assert np.mean(chance) == pytest.approx(0.5, abs=0.12)
+
+
+def test_six_faces_say_what_hides_in_the_bias():
+    """A quadratic of 1 % of g is complete in six faces, and the verdict says that it would be."""
+    rng = np.random.default_rng(34)
+    device = sim.Device.drawn(rng)
+    device.quadratic = (1e-3, -6e-4, 8e-4)
+    names, directions = sim.faces()
+    out = device.output(sim.G * sim.tilted(directions, 2 * DEG, rng), rng)
+    problem = core.calibrate(core.Poses.of('accel', out.T, device.noise, sim.G)).problem
+    blind = {name: why for name, why, _ in problem.blind(problem.fit(core.base_model()))}
+    assert problem.method == 'faces' and 'same' in blind['cubic']
+    assert 'same' in blind['wrong_gravity']
+    assert all('hides in bias (\u00b10.' in blind[k] for k in ('quadratic', 'asymmetry'))
+    d = verdict(problem)
+    assert d.verdict == 'complete'
+    assert 'quadratic' in d.advice and 'hold only without' in d.advice
+
+
+def test_poses_in_all_directions_hide_no_shape():
+    """What is told well beside bias and scale is not among what could not be shown."""
+    problem = spread(np.random.default_rng(35), sim.Device.drawn(np.random.default_rng(35)), 40)
+    blind = [name for name, _, _ in problem.blind(problem.fit(core.base_model()))]
+    assert not {'quadratic', 'asymmetry', 'cubic'} & set(blind)
+
+
+def told(rng, more=()):
+    """Return the diagnosis of faces, edges and corners with an asymmetry, and of more poses."""
+    cube = np.array([s for s in np.ndindex(3, 3, 3)], float) - 1
+    cube = cube[np.abs(cube).sum(axis=1) > 0]
+    directions = np.array([*cube, *more])
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    device = sim.Device.drawn(rng, upper=True)
+    device.asymmetry = (3e-3, 0.0, -2.2e-3)
+    out = device.output(sim.G * sim.tilted(directions, 1 * DEG, rng), rng).T
+    return verdict(core.CalibrationProblem(core.Poses.of('accel', out, device.noise, sim.G),
+                                           'norm'))
+
+
+def test_undecidable_says_what_helps_and_what_does_not_hold():
+    """Edges that are held are not advised again; the poses that are do tell the two."""
+    d = told(np.random.default_rng(36))
+    assert d.verdict == 'undecidable'
+    said = diagnosis_in_words(d)
+    assert set(said.removeprefix('undecidable: ').split(' or ')) == {'quadratic', 'asymmetry'}
+    assert '45 deg edges' not in d.advice and '22 deg off the face' in d.advice
+    assert 'intervals do not hold' in d.advice and 'add asymmetry moves bias by up to' in d.advice
+    between = telling.sets()['directions halfway between a face and an edge (22 deg off the face)']
+    found = [told(np.random.default_rng(k), between.T) for k in range(4)]
+    assert [d.ranked[0].name for d in found] == ['asymmetry'] * 4
+    assert [d.verdict for d in found].count('missing') >= 3

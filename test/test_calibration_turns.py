@@ -204,6 +204,19 @@ def test_g_sensitivity_is_found_and_the_error_of_turns_left_out_falls():
     np.testing.assert_allclose(values, sensitivity, atol=3e-4)
 
 
+def test_the_error_of_turns_is_not_scaled_to_itself():
+    """A gross effect stands out of chance, its rung falls to chance, and nothing stays within."""
+    sensitivity = 2e-4 * np.array([[1, -1, 0.5], [0.3, -1, 1], [1, 0.2, 0.4]])
+    record, _, _ = session(4, g_sensitivity=sensitivity)
+    study = tasks.calibrate_records([record], sensor='gyro').study
+    before = study.states['gyro'].error
+    assert before.failing == ['poses'] and before.excess > 20 * before.std
+    step = study.add(['g_sensitivity'])[0]
+    assert step.verdict == 'falls to chance' and step.held_out < 0.1 * before.excess
+    clean = tasks.calibrate_records([session(5)[0]], sensor='gyro').study.states['gyro'].error
+    assert clean.within_chance
+
+
 @pytest.mark.parametrize('sensor, way, words', [
     ('gyro', np.diag([1, -1, 1]), 'gyro_y upside down'),
     ('accel', np.diag([1, 1, -1]), 'accel_z upside down'),

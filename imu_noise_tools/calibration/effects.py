@@ -46,6 +46,8 @@ class Regressor(Effect):
     needs: ClassVar[str] = ''           # the poses that show it
     #: whether it belongs to the session alone: fitted, and not taken out of other records
     passing: ClassVar[bool] = False
+    #: whether it is told by inputs of several sizes, and by those alone
+    shaped: ClassVar[bool] = False
     #: name of the parameter that says where its rows begin or end, where it has one
     placed: ClassVar[str] = ''
 
@@ -171,6 +173,7 @@ class Quadratic(Regressor):
     parameters = _named('q', '1/({rate})', title='quadratic coefficient')
     feeds = OWN
     needs = _SIZES
+    shaped = True
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the square of the input."""
@@ -190,6 +193,7 @@ class Cubic(Regressor):
     parameters = _named('c', '1/({rate})^2', title='cubic coefficient')
     feeds = OWN
     needs = _SIZES
+    shaped = True
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the cube of the input."""
@@ -209,6 +213,7 @@ class Asymmetry(Regressor):
     parameters = _named('a', '1', title='asymmetry')
     feeds = OWN
     needs = _SIZES
+    shaped = True
 
     def columns(self, poses: Poses) -> np.ndarray:
         """Return the size of the input."""
@@ -503,11 +508,14 @@ class Repeatability(Scatter):
     title = 'pose-to-pose scatter'
     equation = 'every reading: r^2'
     signature = 'all readings scatter by more than the noise within a pose, with no course'
-    hint = 'bias instability, hysteresis or mechanical stress; hold poses again to average it down'
+    hint = ('bias instability, hysteresis or mechanical stress; hold poses again to average it '
+            'down, and to see whether it is another one each time: what jumps with the direction '
+            'looks the same')
     reference = 'IEEE 1554 (repeatability)'
     parameters = (Parameter('sigma', '{rate}', 1e-9, _BIG, amplitude=True,
                             title='scatter between poses'),)
     needs = 'each pose held several times: scatter that repeats on no input'
+    stays = True        # what has no name must not take that of what it looks like
 
     def bounds(self, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
         """Up to 0.5 % of the input: more is no bias that wanders."""

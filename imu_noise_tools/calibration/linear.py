@@ -159,6 +159,25 @@ class Equations:
         v = v[:, s > 1e-6]
         return float(0.5 * np.sum((v.T @ self.residual) ** 2)), v.shape[1]
 
+    def inflation(self, columns: np.ndarray) -> np.ndarray:
+        """
+        Return how many times as uncertain each coefficient is with columns (N, k) added, (m,).
+
+        By the covariance of a partitioned least squares; what is the same as others is left out.
+
+        """
+        u, s, vt, keep, size = self._decomposed
+        columns = np.vstack([np.zeros((len(self.right) - len(columns), columns.shape[1])),
+                             columns])
+        length = np.linalg.norm(columns, axis=0)
+        columns = columns[:, length > 0] / length[length > 0]
+        shared = vt[keep].T @ (u.T @ columns / s[:, None]) / size[:, None]
+        _, fresh, w = np.linalg.svd(columns - u @ (u.T @ columns), full_matrices=False)
+        told = fresh > 1e-6
+        more = np.sum((shared @ w[told].T / fresh[told]) ** 2, axis=1)
+        own = np.diag(self.cov)
+        return np.sqrt(1 + more / np.where(own > 0, own, np.inf))
+
     def left_out(self) -> LeftOut:
         """Return how well each pose is predicted by all the others (closed form, by leverage)."""
         u = self._decomposed[0]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, fdtrc, stdtrit
 
-from . import solve
+from . import places, solve
 from .between import ends, integrated, misses, sums, tangents, Turns
 from .correction import Correction
 from .effects import Regressor, Scatter
@@ -27,6 +27,7 @@ _ROUNDS = 30
 _CLOSE = 1e-9
 _WILD = np.radians(20.0)        # a turn that misses by more is linearised in vain
 SCALE_STD = 0.01                # a scale known worse is no calibration
+_DOF_SCALE = 20         # equations left, from which a scatter is known to a sixth
 _ALIKE = 0.02                   # hands do not reach the same rate again as closely as this
 
 
@@ -43,6 +44,7 @@ class TurnsProblem(CalibrationProblem):
 
     turns: Turns | None = None
     _last: list = field(default_factory=list, init=False, repr=False, compare=False)
+    _least: list = field(default_factory=list, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, turns: Turns) -> TurnsProblem:
@@ -92,6 +94,43 @@ class TurnsProblem(CalibrationProblem):
         return score_of(np.repeat(self.data.rests.time.mean(), pull.size), pull.ravel(),
                         np.sqrt(2 / max(1, pull.size)),
                         float(np.sum(pull ** 2 + np.log(value))))
+
+    def held_out(self, model: Model) -> Score:
+        """
+        Return the score of all turns left out, with one scatter for all models.
+
+        What a model lacks is in the scatter that it is fitted with, so that by its own scatter no
+        model would be worse than another. The error counts by the scatter that is left with all
+        effects in the model (as of Mallows, Technometrics 15, 1973); the likelihood by its own.
+
+        """
+        said, fit = super().held_out(model), self.fit(model)
+        least, dof = self._least_scatter()
+        view = said.views.get('poses')
+        if view is None or dof < _DOF_SCALE:
+            return said
+        noise = np.r_[self.data.spread, np.sqrt(np.mean(self.data.rests.std ** 2, axis=0))]
+        of = np.repeat([0, 1], [self.data.n, self.data.rests.n])
+        own = np.array([fit.details.tilt, _of_rests(fit, self.data)])[of]
+        times = np.hypot(noise, own) / np.hypot(noise, least[of])
+        pull = view.pull * np.repeat(times, self.left_out(fit).bins)
+        std = np.hypot(view.std, np.sqrt(2 / dof))
+        return score_of(view.x, pull, std, view.log_score)
+
+    def _least_scatter(self) -> tuple[np.ndarray, int]:
+        """Return the scatter of turns and rests with all effects in the model, and its dof."""
+        if not self._least:
+            fit = self.fit(solve.base_model())
+            system = fit.details.equations
+            able = [e for e in self._others(fit.model) if isinstance(e, Regressor)
+                    and not self._why_not(e)]
+            best = [max(places.everywhere(e, self._held), key=lambda x: self._gain(fit, x)[0])
+                    for e in able]
+            more = [system.matrix, *(self.columns(fit, e) for e in best)]
+            whole = Equations(np.hstack(more), system.right, system.pose, (), system.whitener)
+            now = np.array([fit.details.tilt, _of_rests(fit, self.data)])
+            self._least[:] = _scatter(whole, self.data, now), whole.dof
+        return self._least[0], self._least[1]
 
     def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
         """Return the whitened columns that an effect would add to a fit's equations."""
@@ -295,6 +334,12 @@ def _scatter(system, turns, last):
         noise2 = float(np.mean(noise ** 2))
         out.append(np.sqrt(max(0.0, (old ** 2 + noise2) * ratio - noise2)))
     return np.array(out)
+
+
+def _of_rests(fit: Fit, turns: Turns) -> float:
+    """Return the scatter of the rests, rad/s, that a fit was whitened with."""
+    size = 1 / np.diagonal(np.array(fit.details.equations.whitener[turns.n:]), axis1=1, axis2=2)
+    return float(np.sqrt(max(0.0, np.mean(size ** 2 - turns.rests.std.T ** 2))))
 
 
 def _mean_rates(turns, rates, poses):

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ..loop.verdict import RIVAL
 from ..store import dump_yaml
 
 
@@ -45,7 +46,9 @@ def summary(result: Mapping[str, Any]) -> str:
 def _judged(target: str, diagnosis: Mapping[str, Any]) -> str:
     found = diagnosis.get('found') or ()
     if not found and diagnosis['verdict'] == 'undecidable':
-        found = diagnosis.get('ranked') or ()
+        # what takes no share of the probability is no rival
+        found = [f for f in diagnosis.get('ranked') or ()
+                 if f.get('probability') is None or f['probability'] > RIVAL]
     names = ', '.join(f['effect'] for f in found)
     return f'{target} {diagnosis["verdict"]}' + (f' ({names})' if names else '')
 

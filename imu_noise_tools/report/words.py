@@ -21,7 +21,7 @@ from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
 from ..loop.prediction import State
 from ..loop.study import Step, Study
-from ..loop.verdict import CANNOT_TELL, CHANCE, STRIKING
+from ..loop.verdict import CANNOT_TELL, CHANCE, RIVAL, STRIKING
 
 ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
 
@@ -284,7 +284,9 @@ def diagnosis_in_words(d: Diagnosis) -> str:
                            if f.against.startswith(CANNOT_TELL))
         return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}') + (
             f'; and {shared}' if shared else '')
-    rivals = [f.name for f in d.ranked if f.gain > f.penalty and f.probability != 0]
+    # what takes no share of the probability is told apart, whatever it gains by itself
+    rivals = [f.name for f in d.ranked if f.gain > f.penalty
+              and (f.probability is None or f.probability > RIVAL)]
     if d.verdict == 'undecidable' and rivals:
         return f'undecidable: {" or ".join(rivals)}{" or nothing" * (len(rivals) == 1)}'
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
