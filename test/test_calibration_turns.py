@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 import yaml
 
 from imu_noise_tools import calibration as core
-from imu_noise_tools.calibration.between import integrated, rotations
+from imu_noise_tools.calibration.between import integrated, rotations, time_offset
+from imu_noise_tools.cli.calibration import _late as calibration_words
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import FitError, InputError
 from imu_noise_tools.core.record import ImuRecord
@@ -280,6 +281,34 @@ def test_time_offset_between_the_sensors():
     record = ImuRecord(rates[::10], np.roll(force, 12, axis=0)[::10], t[::10], 100.0)
     offset = core.offset_of(tasks.calibrate_records([record]).gyro)
     assert offset['value'] == pytest.approx(0.012, abs=max(4 * offset['std'], 1e-3))
+
+
+def test_the_interval_of_the_time_offset_holds():
+    """Handling of 1.5 m/s^2 over tenths of a second, and knocks: z is 1 rms."""
+    record, _, gyro = session(31)
+    turns = problem_of(record).data
+    rates = (turns.gyro - gyro.bias) @ np.linalg.inv(gyro.scale).T
+    up = np.einsum('mji,jm->mi', integrated(turns, rates), turns.before[:, turns.turn])
+    force = sim.G * (up - 0.02 * np.cross(rates, -up))      # stamped 20 ms late
+    rng, z = np.random.default_rng(32), []
+    shape = np.exp(-0.5 * (np.arange(-24, 25) / 8.0) ** 2)
+    for _ in range(150):
+        hand = np.array([np.convolve(x, shape, 'same') for x in rng.normal(size=up.T.shape)]).T
+        hand *= 1.5 / hand.std()
+        hand[rng.integers(0, len(hand), 5)] += 50.0
+        value, std = time_offset(replace(turns, force=force + hand), rates, sim.G)
+        z.append((value - 0.02) / std)
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.25
+    assert abs(np.mean(z)) < 0.35
+
+
+@pytest.mark.parametrize('offset, said', [
+    ({'value': -0.021, 'std': 0.004, 'ci95': [-0.029, -0.013]}, '21.0 ms earlier than the gyro'),
+    ({'value': 0.021, 'std': 0.004, 'ci95': [0.013, 0.029]}, '21.0 ms later than the gyroscope'),
+    ({'value': -0.003, 'std': 0.004, 'ci95': [-0.011, 0.005]}, 'alike, as far as the turns tell')])
+def test_a_delay_in_words(offset, said):
+    """Nothing that is within its interval of none is printed as a delay, and none is negative."""
+    assert said in calibration_words(offset) and '-' not in calibration_words(offset)
 
 
 @pytest.mark.parametrize('name, gravity, scale', [

@@ -30,6 +30,8 @@ from ..core.disturbed import saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 
+_KNOCKED = 3.0          # times the median: what a hand adds reaches it seldom, a knock does
+_SETTLED_S = 1e-7
 _NEAR_S = 1.0           # of a rest that is next to a turn gives its direction: a hand creeps
 
 
@@ -270,23 +272,29 @@ def time_offset(turns: Turns, rates: np.ndarray, gravity: float) -> tuple[float,
     Return (s, standard error): by how much the accelerometer's stamps are late.
 
     While it turns, gravity goes through the accelerometer: f(t) / g = u(t - offset) and what the
-    hand adds; robust least squares of f / g - u on -du/dt = w x u, the error from how turns
-    differ (each turn is one).
+    hand adds; least squares of f / g - u on -du/dt = w x u, bounded against knocks (Huber). What
+    a hand adds is coloured: samples of a turn are not independent of each other, turns are. So
+    the error is that of leaving out each turn (the jackknife of an M-estimate, by its first
+    order: Huber and Ronchetti 2009, section 1.5).
 
     """
     rotation = integrated(turns, rates)
     up = np.einsum('mji,jm->mi', rotation, turns.before[:, turns.turn])
     speed = np.cross(rates, up)
     off = turns.force / gravity - up
-    size = np.linalg.norm(off, axis=1)
+    speed2 = np.maximum(np.sum(speed ** 2, axis=1), 1e-300)
     weight = np.ones(len(off))
     slope = 0.0
-    for _ in range(10):
-        top = np.bincount(turns.turn, weight * np.sum(off * speed, axis=1), turns.n)
-        bottom = np.bincount(turns.turn, weight * np.sum(speed ** 2, axis=1), turns.n)
-        slope = top.sum() / max(bottom.sum(), 1e-12)
-        size = np.linalg.norm(off - slope * speed, axis=1)
-        weight = 1 / (1 + (size / max(float(np.median(size)), 1e-9)) ** 2)
-    spread = top - slope * bottom
-    scatter = np.sqrt(np.sum(spread ** 2) * turns.n / max(1, turns.n - 1))
-    return float(slope), float(scatter / max(bottom.sum(), 1e-12))
+    for _ in range(30):
+        before, slope = slope, float(weight @ np.sum(off * speed, axis=1) / (weight @ speed2))
+        left = off - slope * speed
+        size = np.maximum(np.linalg.norm(left, axis=1), 1e-300)
+        weight = np.minimum(1.0, _KNOCKED * np.median(size) / size)
+        if abs(slope - before) < _SETTLED_S:
+            break
+    along = np.sum(left * speed, axis=1)
+    # a sample beyond the bound follows the slope only across what is left of it
+    bends = weight * (speed2 - (weight < 1) * (along / size) ** 2)
+    share = np.bincount(turns.turn, bends, turns.n) / bends.sum()
+    each = np.bincount(turns.turn, weight * along, turns.n) / np.maximum(1 - share, 1e-9)
+    return slope, float(np.sqrt(np.sum(each ** 2)) / bends.sum())

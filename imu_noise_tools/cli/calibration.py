@@ -93,9 +93,7 @@ def calibrate(args: argparse.Namespace) -> int:
         if c is not None:
             _show(c, data if done.gyro is None else data[c.sensor], done.study.source)
     if 'time_offset' in data:
-        late = data['time_offset']
-        print(f'the accelerometer is {1e3 * late["value"]:.1f} ms later than the gyroscope '
-              f'(±{1e3 * late["std"]:.1f})')
+        print(_late(data['time_offset']))
     print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
     print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
     return 0
@@ -122,6 +120,17 @@ def _show(c: Any, data: Any, source: Any) -> None:
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
+
+
+def _late(offset: Any) -> str:
+    """Return how the stamps of the two sensors differ, or within what they do not."""
+    low, high = (1e3 * x for x in offset['ci95'])
+    if low <= 0 <= high:
+        return ('accelerometer and gyroscope are stamped alike, as far as the turns tell: '
+                f'within {max(-low, high):.1f} ms (95 %)')
+    value = 1e3 * offset['value']
+    return (f'the accelerometer is {abs(value):.1f} ms {"later" if value > 0 else "earlier"} than '
+            f'the gyroscope (±{1e3 * offset["std"]:.1f})')
 
 
 def _beside(c: Any) -> str:
