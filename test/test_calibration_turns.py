@@ -346,3 +346,45 @@ def test_a_guided_session_calibrates_both():
     still = record.gyro[:200].mean(0)
     corrected, _ = guided.apply(still, record.accel[:200].mean(0))
     assert np.linalg.norm(corrected) < 1e-3 < np.linalg.norm(still)
+
+
+def coarse(record, sensor, step):
+    """Return a record with one sensor's output on a grid."""
+    return replace(record, **{sensor: step * np.round(getattr(record, sensor) / step)})
+
+
+def test_what_a_coarse_gyroscope_hides_is_said():
+    """Constant at rest: the bias is no better known than the step, and nothing is missing."""
+    record, _, gyro = session(41, n=24, bias=np.array([0.004, -0.003, 0.002]))
+    done = tasks.calibrate_records([coarse(record, 'gyro', 0.02)]).gyro
+    assert any('the resolution of gyro_x, gyro_y, gyro_z (0.02 rad/s) limits' in n
+               for n in done.notes)
+    assert not any('still turn' in n for n in done.notes)
+    std_s, std_b = done.std
+    assert (std_b >= 0.99 * 0.02 / np.sqrt(12)).all() and (std_b < 0.01).all()
+    assert np.all(np.abs(done.bias - gyro.bias) < 2 * std_b)
+    z = (done.S - gyro.scale) / std_s
+    assert np.sqrt(np.mean(z ** 2)) < 2
+    again = core.problems(core.arrays_of({'gyro': done.problem}))['gyro'].fit(core.base_model())
+    np.testing.assert_allclose(np.diag(again.details.cov), np.diag(done.fit.details.cov))
+    fine = tasks.calibrate_records([record]).gyro
+    assert not any('resolution' in n for n in fine.notes)
+
+
+@pytest.mark.parametrize('noise', [0.02, 0.005])
+def test_a_coarse_accelerometer_has_no_knocks(noise):
+    """What goes to a neighbour on the grid now and then was not knocked; the step is said."""
+    rng = np.random.default_rng(42)
+    device = sim.Device.drawn(rng, noise=noise, upper=True)
+    ups = sim.spread_directions(16, rng)[rng.permutation(16)]
+    t, rates, force, _ = sim.stream(device, ups, rng, hold_s=4.0)
+    done = tasks.calibrate_records([coarse(ImuRecord(rates, force, t, 100.0), 'accel', 0.15)],
+                                   sensor='accel').calibration
+    assert not any('knock' in n for n in done.notes)
+    assert any('(0.15 m/s^2) limits' in n for n in done.notes)
+    knocked = force.copy()
+    still = int(np.median(core.rests(ImuRecord(rates, force, t, 100.0))[3].samples()))
+    knocked[still:still + 5] += 1.0
+    done = tasks.calibrate_records([coarse(ImuRecord(rates, knocked, t, 100.0), 'accel', 0.15)],
+                                   sensor='accel').calibration
+    assert sum('knock' in n for n in done.notes) == 1

@@ -18,14 +18,14 @@ and dt^2 / 12 w0 x w1 (Savage 1998, section 7.1.1.1).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from .correction import Correction
 from .poses import joined, Poses, unit
-from .positions import means_of, Rest, standard_errors, temperatures
+from .positions import grid_steps, hidden, means_of, Rest, scatter_errors, temperatures
 from ..core.disturbed import saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
@@ -56,6 +56,8 @@ class Turns:
         Standard deviation of the angle between prediction and measurement from noise, rad.
     rests : Poses
         Mean outputs at rest, inputs zero.
+    hidden : ndarray (3,)
+        What the step of the output hides of the bias, rad/s rms: all rests share it.
 
     """
 
@@ -69,6 +71,7 @@ class Turns:
     after: np.ndarray
     spread: np.ndarray
     rests: Poses
+    hidden: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def n(self) -> int:
@@ -100,13 +103,14 @@ class Turns:
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything but the rests as plain arrays, for an npz file."""
-        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS)}
+        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS, 'hidden')}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any], rests: Poses) -> Turns:
         """Return the turns that :meth:`to_arrays` wrote."""
         found = {k: np.array(arrays[k], float) for k in (*_SAMPLES, *_TURNS)}
-        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests)
+        least = np.array(arrays.get('hidden', np.zeros(3)), float)
+        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests, hidden=least)
 
 
 _SAMPLES = ('gyro', 'force', 'step', 'temperature', 'time', 'turn')
@@ -135,15 +139,14 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     near = max(1, round(_NEAR_S * record.rate_hz))
     first, last = (np.array([force[r.samples()[s]].mean(0) for r in found]).T
                    for s in (slice(near), slice(-near, None)))
-    length = np.array([len(r.samples()) for r in found])
-    noise = standard_errors(force, found, record.rate_hz) / gravity
-    noise = noise * np.sqrt(length / np.minimum(length, near))
-    white = _density(gyro, found, record)
+    noise = _off(record, force, found, near) / gravity
+    least = hidden(gyro, found)
+    white = _density(gyro, found, record, least)
     clipped = np.any([saturated(x) for x in gyro.T], axis=0)
     parts: dict[str, list] = {k: [] for k in _SAMPLES}
     kept: list[tuple[int, float]] = []
     for k, (a, b) in enumerate(zip(found[:-1], found[1:])):
-        here = slice(a.end - 1, b.begin + 1)
+        here = _turning(gyro, a.end - 1, b.begin + 1)
         t = record.t[here]
         if not np.isfinite(gyro[here]).all() or np.diff(t).max(initial=0) > 0.1 \
                 or clipped[here].any():
@@ -159,24 +162,68 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
                          'record again, and turn more slowly')
     index = np.array([k for k, _ in kept])
     rests = Poses.of(
-        'gyro', means_of(gyro, found).T, standard_errors(gyro, found, record.rate_hz), 1.0,
+        'gyro', means_of(gyro, found).T, _bias_errors(gyro, found, record.rate_hz, least), 1.0,
         np.zeros((3, len(found))), force=means_of(force, found).T,
         temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found], names=['rest'] * len(found))
     return Turns(**{k: np.concatenate(v) for k, v in parts.items()},
                  before=unit(last[:, index]), after=unit(first[:, index + 1]),
-                 spread=np.array([s for _, s in kept]), rests=rests)
+                 spread=np.array([s for _, s in kept]), rests=rests, hidden=least)
 
 
 def _known(heat):
     return heat if np.isfinite(heat).all() else None
 
 
-def _density(gyro, found, record) -> float:
-    """Return the white noise of the rates at rest, rad/s/sqrt(Hz), rms of the axes."""
-    rms = standard_errors(gyro, found, record.rate_hz)
+def _off(record, force, found, near) -> np.ndarray:
+    """Return the standard error of the force next to a turn, (3, rests), of ``near`` samples."""
+    length = np.array([len(r.samples()) for r in found])
+    noise = scatter_errors(force, found, record.rate_hz)
+    noise = noise * np.sqrt(length / np.minimum(length, near))
+    # a calibrated force is on no grid any more
+    return np.hypot(noise, hidden(np.asarray(record.accel, float), found)[:, None])
+
+
+def _density(gyro, found, record, least) -> float:
+    """
+    Return the white noise of the rates, rad/s/sqrt(Hz), rms of the axes.
+
+    What a grid hides at rest, ``least`` (3,), comes anew with every sample while it turns.
+
+    """
+    rms = scatter_errors(gyro, found, record.rate_hz)
     span = np.array([len(r.samples()) * record.dt for r in found])
-    return float(np.sqrt(np.mean(rms ** 2 * span)))
+    return float(np.sqrt(np.mean(rms ** 2 * span + least[:, None] ** 2 * record.dt)))
+
+
+def _turning(gyro, begin, end) -> slice:
+    """
+    Return what turns of the samples between two rests.
+
+    Not the constant output of a coarse sensor that still rests, which hides up to half a step of
+    its bias for that long.
+
+    """
+    same = (gyro[begin + 1:end] == gyro[begin:end - 1]).all(axis=1)
+    if same.all():
+        return slice(begin, end)
+    moves = np.flatnonzero(~same)
+    return slice(begin + int(moves[0]), begin + int(moves[-1]) + 2)
+
+
+def _bias_errors(gyro, found, rate_hz, least) -> np.ndarray:
+    """
+    Return the standard error of the rates at rest, (3, rests).
+
+    Rests at one level of a grid share the error of its rounding: together they tell the bias no
+    better than one.
+
+    """
+    alike = np.ones(3)
+    means, steps = means_of(gyro, found), grid_steps(gyro)
+    for k in np.flatnonzero(steps):
+        alike[k] = len(found) / len(np.unique(np.round(means[:, k] / steps[k])))
+    return np.hypot(scatter_errors(gyro, found, rate_hz), (least * np.sqrt(alike))[:, None])
 
 
 def together(parts: list[Turns]) -> Turns:
@@ -185,7 +232,8 @@ def together(parts: list[Turns]) -> Turns:
     some = {k: np.concatenate([getattr(p, k) for p in parts], axis=-1) for k in _TURNS}
     all_ = {k: np.concatenate([getattr(p, k) for p in parts]) for k in _SAMPLES}
     all_['turn'] = np.concatenate([p.turn + n for p, n in zip(parts, count)])
-    return Turns(**all_, **some, rests=joined([p.rests for p in parts]))
+    return Turns(**all_, **some, rests=joined([p.rests for p in parts]),
+                 hidden=np.max([p.hidden for p in parts], axis=0))
 
 
 def integrated(turns: Turns, rates: np.ndarray) -> np.ndarray:

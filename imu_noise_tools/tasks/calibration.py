@@ -150,7 +150,7 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
             if r.gyro is not None:
                 rests, said = core.held(r, core.rests(r, seconds))
                 parts.append(core.gathered(r, rests, better.correction, gravity))
-                notes += said
+                notes += [*said, *core.coarse('gyro', r.gyro, rests, r.rate_hz)]
         if not parts:
             raise InputError('there is no gyroscope', 'record both sensors')
         turns = core.together(parts)
