@@ -388,3 +388,55 @@ def test_a_coarse_accelerometer_has_no_knocks(noise):
     done = tasks.calibrate_records([coarse(ImuRecord(rates, knocked, t, 100.0), 'accel', 0.15)],
                                    sensor='accel').calibration
     assert sum('knock' in n for n in done.notes) == 1
+
+
+def six_faces(seed):
+    """Return a record of six faces by hand with a gyroscope: five turns."""
+    rng = np.random.default_rng(seed)
+    device = sim.Device.drawn(rng, noise=0.02)
+    t, rates, force, _ = sim.stream(device, sim.faces()[1], rng)
+    return ImuRecord(rates, force, t, 100.0)
+
+
+@pytest.mark.parametrize('axis', range(3))
+def test_five_turns_show_a_mirrored_axis(axis):
+    """Three of them are half turns, that end at gravity about any axis: the others tell."""
+    record = six_faces(7)
+    assert tasks.calibrate_records([record]).gyro is None       # nothing is wrong with it
+    force = record.accel.copy()
+    force[:, axis] *= -1
+    with pytest.raises(FitError, match=f'accel_{"xyz"[axis]} upside down'):
+        tasks.calibrate_records([replace(record, accel=force)])
+
+
+@pytest.mark.parametrize('factor, said, remedy', [
+    (180 / np.pi, 'is in deg/s, not rad/s', 'give --gyro-unit deg/s'),
+    (np.pi / 180, 'is in rad/s already', 'leave out --gyro-unit')])
+def test_turns_tell_the_unit_of_the_gyroscope(factor, said, remedy):
+    """Turns between poses are known by gravity: 57.3 times as large, or as small."""
+    record, _, _ = session(10)
+    with pytest.raises(FitError, match=said) as error:
+        tasks.calibrate_records([replace(record, gyro=factor * record.gyro)])
+    assert error.value.remedy.startswith(remedy)
+
+
+def test_a_few_samples_that_are_not_finite_are_missing():
+    """As in analyse: left out and counted; more than one in a hundred are refused."""
+    record, accel, _ = session(10)
+    some = record.accel.copy()
+    some[200:205] = np.nan
+    done = tasks.calibrate_records([replace(record, accel=some)])
+    assert '5 sample(s) not finite, treated as missing' in done.study.source['warnings']
+    np.testing.assert_allclose(done.calibration.S, accel.scale, atol=1e-3)
+    some[::50] = np.nan
+    with pytest.raises(InputError, match='% of the samples are not finite'):
+        tasks.calibrate_records([replace(record, accel=some)])
+
+
+@pytest.mark.parametrize('factor, unit', [(1e3, 'ms'), (1e6, 'us'), (1e9, 'ns')])
+def test_stamps_that_are_not_seconds_are_refused(factor, unit):
+    """No IMU is recorded at 0.1 Hz."""
+    record, _, _ = session(10)
+    with pytest.raises(InputError, match=f'they are in {unit}, not s') as error:
+        tasks.calibrate_records([replace(record, t=factor * record.t, rate_hz=100 / factor)])
+    assert error.value.remedy.endswith('--rate-hz 100')

@@ -30,7 +30,7 @@ from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of
 from ..filter.recorded import filter_record, Filtered
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
-from ..health import Selection
+from ..health import motion_doubts, Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
 
@@ -233,10 +233,11 @@ def _filtered(
     if record.gyro is None:
         raise InputError(f'{record.path} has no gyroscope', 'the filter is for angular rates')
     stated: Any = {}
-    notes: list[str] = []
+    notes = motion_doubts(record)
     if model is not None:
         rate = rate_hz or record.rate_hz
-        motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
+        motion, noise, stated, more = from_study(model, motion, noise, 1 / rate)
+        notes += more
     chosen = design(motion, noise, alpha, values)
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
                          None if progress is None else lambda p: progress(p, 'filtering'), smooth,
