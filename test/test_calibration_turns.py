@@ -440,3 +440,20 @@ def test_stamps_that_are_not_seconds_are_refused(factor, unit):
     with pytest.raises(InputError, match=f'they are in {unit}, not s') as error:
         tasks.calibrate_records([replace(record, t=factor * record.t, rate_hz=100 / factor)])
     assert error.value.remedy.endswith('--rate-hz 100')
+
+
+def test_add_and_history_print_what_is_solved(tmp_path, capsys):
+    """The new S and bias, and the temperature they hold at where they follow it."""
+    record, _, _ = session(10)
+    heat = 25 + 5 * np.sin(record.t / 15)
+    bag, out = tmp_path / 'poses.npz', str(tmp_path / 'out')
+    np.savez(bag, t=record.t, gyro=record.gyro, accel=record.accel, temperature=heat)
+    assert main(['calibrate', str(bag), '-o', out, '--sensor', 'accel']) == 0
+    assert 'degC' not in capsys.readouterr().out
+    assert main(['add', out, 'temperature']) == 0
+    said = capsys.readouterr().out
+    data = yaml.safe_load((tmp_path / 'out' / 'calibration.yaml').read_text())
+    assert f'{data["bias"][0]:10.6f} ±' in said and f'{data["S"][2][2]:9.6f} ±' in said
+    assert f'at {data["reference_temperature"]:.2f} degC' in said
+    assert main(['history', out]) == 0
+    assert f'{data["bias"][0]:10.6f} ±' in capsys.readouterr().out

@@ -32,7 +32,8 @@ __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'calibrate_turns',
     'Calibration', 'CalibrationProblem', 'Captured', 'coarse', 'completed', 'Correction',
     'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held',
-    'HOLD_S', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols', 'Poses',
+    'HOLD_S', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols',
+    'Poses',
     'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes', 'refuse_missing_axes',
     'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S', 'TITLE', 'together',
     'turns', 'Turns', 'TurnsProblem']

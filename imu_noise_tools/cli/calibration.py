@@ -101,17 +101,12 @@ def calibrate(args: argparse.Namespace) -> int:
 
 def _show(c: Any, data: Any, source: Any) -> None:
     """Print what one sensor came to."""
-    unit = c.problem.unit
     print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
           + (f', gravity {source["gravity"]:.5f} m/s^2: {source["gravity_from"]}'
              if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
-    std_s, std_b = c.std
-    print('      S (scale and cross-axis sensitivity)                             bias')
-    for k, axis in enumerate('xyz'):
-        row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
-        print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
+    print(solved(c))
     if c.plain is not c.fit:
         print(f'  {_beside(c)}')
     if 'left_out_deg' in data:
@@ -120,6 +115,18 @@ def _show(c: Any, data: Any, source: Any) -> None:
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
+
+
+def solved(c: Any) -> str:
+    """Return S and bias in a table, and the temperature they hold at where they follow one."""
+    std_s, std_b = c.std
+    rows = ['      S (scale and cross-axis sensitivity)                             bias']
+    for k, axis in enumerate('xyz'):
+        row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
+        rows.append(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {c.problem.unit}')
+    if any(e.name.startswith('temperature') for e in c.fit.model):
+        rows.append(f'  at {c.poses.reference_temperature:.2f} degC')
+    return '\n'.join(rows)
 
 
 def _late(offset: Any) -> str:

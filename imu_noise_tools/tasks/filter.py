@@ -83,11 +83,11 @@ class Done:
                         'lag1': f.lag1,
                         'kurtosis': f.kurtosis,
                         'samples': f.n,
-                        'sigma_before': float(np.sqrt(r)),
+                        'sigma_before': noise_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
                     }
-                    for i, (r, (a, f)) in enumerate(
-                        zip(self.filtered.design.r, self.figures.items())
+                    for i, (model, (a, f)) in enumerate(
+                        zip(self.filtered.design.noise, self.figures.items())
                     )
                 },
                 'targets': (
@@ -278,7 +278,7 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
             problems[axis] = problem_of(
                 record.t, record.gyro[:, i], axis, given, alpha, held)
         except InputError as error:
-            notes.append(f'{axis} is not in the study: {error.message}')
+            notes.append(f'{axis} is not in the study: {error.message}: {error.remedy}')
     if not problems:
         return None
     if held is not None:
@@ -307,6 +307,19 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         'warnings': [*record.warnings, *notes, BIAS, CORRELATED],
     }
     return Study.begin(problems, model, source)
+
+
+def noise_of_a_sample(model: Model, dt: float) -> float:
+    """
+    Return the standard deviation, rad/s, of what the noise of an output adds to a sample.
+
+    The white part and what is beside it (a Gauss-Markov process, a line, an hour's random walk):
+    what is left of them is in the variance of the filtered rate too.
+
+    """
+    blocks = [e.block(dt) for e in model.of(OutputNoise)]
+    total = sum(b.r for b in blocks) * float(np.prod([b.r_factor for b in blocks]))
+    return float(np.sqrt(total + sum(float(b.h @ b.p0 @ b.h) for b in blocks)))
 
 
 def from_study(
