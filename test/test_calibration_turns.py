@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 import yaml
 
 from imu_noise_tools import calibration as core
-from imu_noise_tools.calibration.between import integrated, rotations
+from imu_noise_tools.calibration.between import integrated, rotations, time_offset
+from imu_noise_tools.cli.calibration import _late as calibration_words
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import FitError, InputError
 from imu_noise_tools.core.record import ImuRecord
@@ -295,6 +296,34 @@ def test_time_offset_between_the_sensors():
     assert offset['value'] == pytest.approx(0.012, abs=max(4 * offset['std'], 1e-3))
 
 
+def test_the_interval_of_the_time_offset_holds():
+    """Handling of 1.5 m/s^2 over tenths of a second, and knocks: z is 1 rms."""
+    record, _, gyro = session(31)
+    turns = problem_of(record).data
+    rates = (turns.gyro - gyro.bias) @ np.linalg.inv(gyro.scale).T
+    up = np.einsum('mji,jm->mi', integrated(turns, rates), turns.before[:, turns.turn])
+    force = sim.G * (up - 0.02 * np.cross(rates, -up))      # stamped 20 ms late
+    rng, z = np.random.default_rng(32), []
+    shape = np.exp(-0.5 * (np.arange(-24, 25) / 8.0) ** 2)
+    for _ in range(150):
+        hand = np.array([np.convolve(x, shape, 'same') for x in rng.normal(size=up.T.shape)]).T
+        hand *= 1.5 / hand.std()
+        hand[rng.integers(0, len(hand), 5)] += 50.0
+        value, std = time_offset(replace(turns, force=force + hand), rates, sim.G)
+        z.append((value - 0.02) / std)
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.25
+    assert abs(np.mean(z)) < 0.35
+
+
+@pytest.mark.parametrize('offset, said', [
+    ({'value': -0.021, 'std': 0.004, 'ci95': [-0.029, -0.013]}, '21.0 ms earlier than the gyro'),
+    ({'value': 0.021, 'std': 0.004, 'ci95': [0.013, 0.029]}, '21.0 ms later than the gyroscope'),
+    ({'value': -0.003, 'std': 0.004, 'ci95': [-0.011, 0.005]}, 'alike, as far as the turns tell')])
+def test_a_delay_in_words(offset, said):
+    """Nothing that is within its interval of none is printed as a delay, and none is negative."""
+    assert said in calibration_words(offset) and '-' not in calibration_words(offset)
+
+
 @pytest.mark.parametrize('name, gravity, scale', [
     ('mpu9150_0_multipos', 9.81, (0.041, 0.457, 0.826)),
     ('xsens_mti_multipos', 9.81744, (0.224, -0.195, -0.027))])
@@ -330,3 +359,114 @@ def test_a_guided_session_calibrates_both():
     still = record.gyro[:200].mean(0)
     corrected, _ = guided.apply(still, record.accel[:200].mean(0))
     assert np.linalg.norm(corrected) < 1e-3 < np.linalg.norm(still)
+
+
+def coarse(record, sensor, step):
+    """Return a record with one sensor's output on a grid."""
+    return replace(record, **{sensor: step * np.round(getattr(record, sensor) / step)})
+
+
+def test_what_a_coarse_gyroscope_hides_is_said():
+    """Constant at rest: the bias is no better known than the step, and nothing is missing."""
+    record, _, gyro = session(41, n=24, bias=np.array([0.004, -0.003, 0.002]))
+    done = tasks.calibrate_records([coarse(record, 'gyro', 0.02)]).gyro
+    assert any('the resolution of gyro_x, gyro_y, gyro_z (0.02 rad/s) limits' in n
+               for n in done.notes)
+    assert not any('still turn' in n for n in done.notes)
+    std_s, std_b = done.std
+    assert (std_b >= 0.99 * 0.02 / np.sqrt(12)).all() and (std_b < 0.01).all()
+    assert np.all(np.abs(done.bias - gyro.bias) < 2 * std_b)
+    z = (done.S - gyro.scale) / std_s
+    assert np.sqrt(np.mean(z ** 2)) < 2
+    again = core.problems(core.arrays_of({'gyro': done.problem}))['gyro'].fit(core.base_model())
+    np.testing.assert_allclose(np.diag(again.details.cov), np.diag(done.fit.details.cov))
+    fine = tasks.calibrate_records([record]).gyro
+    assert not any('resolution' in n for n in fine.notes)
+
+
+@pytest.mark.parametrize('noise', [0.02, 0.005])
+def test_a_coarse_accelerometer_has_no_knocks(noise):
+    """What goes to a neighbour on the grid now and then was not knocked; the step is said."""
+    rng = np.random.default_rng(42)
+    device = sim.Device.drawn(rng, noise=noise, upper=True)
+    ups = sim.spread_directions(16, rng)[rng.permutation(16)]
+    t, rates, force, _ = sim.stream(device, ups, rng, hold_s=4.0)
+    done = tasks.calibrate_records([coarse(ImuRecord(rates, force, t, 100.0), 'accel', 0.15)],
+                                   sensor='accel').calibration
+    assert not any('knock' in n for n in done.notes)
+    assert any('(0.15 m/s^2) limits' in n for n in done.notes)
+    knocked = force.copy()
+    still = int(np.median(core.rests(ImuRecord(rates, force, t, 100.0))[3].samples()))
+    knocked[still:still + 5] += 1.0
+    done = tasks.calibrate_records([coarse(ImuRecord(rates, knocked, t, 100.0), 'accel', 0.15)],
+                                   sensor='accel').calibration
+    assert sum('knock' in n for n in done.notes) == 1
+
+
+def six_faces(seed):
+    """Return a record of six faces by hand with a gyroscope: five turns."""
+    rng = np.random.default_rng(seed)
+    device = sim.Device.drawn(rng, noise=0.02)
+    t, rates, force, _ = sim.stream(device, sim.faces()[1], rng)
+    return ImuRecord(rates, force, t, 100.0)
+
+
+@pytest.mark.parametrize('axis', range(3))
+def test_five_turns_show_a_mirrored_axis(axis):
+    """Three of them are half turns, that end at gravity about any axis: the others tell."""
+    record = six_faces(7)
+    assert tasks.calibrate_records([record]).gyro is None       # nothing is wrong with it
+    force = record.accel.copy()
+    force[:, axis] *= -1
+    with pytest.raises(FitError, match=f'accel_{"xyz"[axis]} upside down'):
+        tasks.calibrate_records([replace(record, accel=force)])
+
+
+@pytest.mark.parametrize('factor, said, remedy', [
+    (180 / np.pi, 'is in deg/s, not rad/s', 'give --gyro-unit deg/s'),
+    (np.pi / 180, 'is in rad/s already', 'leave out --gyro-unit')])
+def test_turns_tell_the_unit_of_the_gyroscope(factor, said, remedy):
+    """Turns between poses are known by gravity: 57.3 times as large, or as small."""
+    record, _, _ = session(10)
+    with pytest.raises(FitError, match=said) as error:
+        tasks.calibrate_records([replace(record, gyro=factor * record.gyro)])
+    assert error.value.remedy.startswith(remedy)
+
+
+def test_a_few_samples_that_are_not_finite_are_missing():
+    """As in analyse: left out and counted; more than one in a hundred are refused."""
+    record, accel, _ = session(10)
+    some = record.accel.copy()
+    some[200:205] = np.nan
+    done = tasks.calibrate_records([replace(record, accel=some)])
+    assert '5 sample(s) not finite, treated as missing' in done.study.source['warnings']
+    np.testing.assert_allclose(done.calibration.S, accel.scale, atol=1e-3)
+    some[::50] = np.nan
+    with pytest.raises(InputError, match='% of the samples are not finite'):
+        tasks.calibrate_records([replace(record, accel=some)])
+
+
+@pytest.mark.parametrize('factor, unit', [(1e3, 'ms'), (1e6, 'us'), (1e9, 'ns')])
+def test_stamps_that_are_not_seconds_are_refused(factor, unit):
+    """No IMU is recorded at 0.1 Hz."""
+    record, _, _ = session(10)
+    with pytest.raises(InputError, match=f'they are in {unit}, not s') as error:
+        tasks.calibrate_records([replace(record, t=factor * record.t, rate_hz=100 / factor)])
+    assert error.value.remedy.endswith('--rate-hz 100')
+
+
+def test_add_and_history_print_what_is_solved(tmp_path, capsys):
+    """The new S and bias, and the temperature they hold at where they follow it."""
+    record, _, _ = session(10)
+    heat = 25 + 5 * np.sin(record.t / 15)
+    bag, out = tmp_path / 'poses.npz', str(tmp_path / 'out')
+    np.savez(bag, t=record.t, gyro=record.gyro, accel=record.accel, temperature=heat)
+    assert main(['calibrate', str(bag), '-o', out, '--sensor', 'accel']) == 0
+    assert 'degC' not in capsys.readouterr().out
+    assert main(['add', out, 'temperature']) == 0
+    said = capsys.readouterr().out
+    data = yaml.safe_load((tmp_path / 'out' / 'calibration.yaml').read_text())
+    assert f'{data["bias"][0]:10.6f} ±' in said and f'{data["S"][2][2]:9.6f} ±' in said
+    assert f'at {data["reference_temperature"]:.2f} degC' in said
+    assert main(['history', out]) == 0
+    assert f'{data["bias"][0]:10.6f} ±' in capsys.readouterr().out

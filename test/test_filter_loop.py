@@ -15,6 +15,7 @@ from scipy.signal import butter, lfilter
 from imu_noise_tools import store
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
+from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import evaluate
 from imu_noise_tools.filter import problem as filter_problem
@@ -24,8 +25,9 @@ from imu_noise_tools.filter.held import held_samples
 from imu_noise_tools.filter.output_noise import NoiseLevel, SamplingJitter
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
-from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.effect import Model, model_of
 from imu_noise_tools.loop.study import Study
+from imu_noise_tools.tasks.filter import filter_samples, noise_of_a_sample
 
 RATE, N = 100.0, 6000
 SAMPLES = 1500                                    # of a recording that commands filter
@@ -553,3 +555,28 @@ def test_rounding_is_not_a_heavy_or_light_tail():
                         model_of('filter', ('any_motion', 'white')))
     found = study.diagnose()['gyro_x']
     assert found.verdict == 'complete', found
+
+
+def test_the_noise_of_a_sample_is_all_that_noise_adds():
+    """The white part alone stood against an answer that holds what is left of the rest too."""
+    dt, white = 0.01, 2.5e-5
+    model = model_of('filter', ['white', 'gauss_markov'])
+    parts = [type(e)({'R': white} if e.name == 'white' else {'sigma': 0.01, 'tc': 0.1}, e.label)
+             for e in model]
+    assert noise_of_a_sample(Model(parts), dt) == pytest.approx(np.sqrt(white + 1e-4))
+    assert noise_of_a_sample(Model(parts[:1]), dt) == pytest.approx(np.sqrt(white))
+    _, done = filter_samples(ImuRecord(np.random.default_rng(6).normal(0, 0.01, (500, 3)), None,
+                                       dt * np.arange(500), 1 / dt),
+                             noise=('white', 'gauss_markov'))
+    for f in done.as_dict()['axes'].values():
+        assert f['sigma_after'] < f['sigma_before']
+
+
+def test_lost_samples_all_over_a_record_are_said():
+    """How long its even stretches are, of how many samples, and what to do."""
+    rng = np.random.default_rng(5)
+    keep = rng.random(4000) > 0.1
+    t = np.arange(4000)[keep] / 100.0
+    with pytest.raises(InputError, match='samples in a row at most.*lost.*places') as error:
+        problem_of(t, rng.normal(size=len(t)), 'gyro_x')
+    assert f'of {len(t)} samples' in error.value.message and 'queue' in error.value.remedy

@@ -19,9 +19,11 @@ from imu_noise_tools.core.clock import fit_clock
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step
-from imu_noise_tools.health import examine, prepare, resolution, Selection, still_stretches
+from imu_noise_tools.health import (
+    examine, motion_doubts, prepare, resolution, Selection, still_stretches)
 from imu_noise_tools.health.stamps import ordered
 from imu_noise_tools.plots.noise import left_out
+from imu_noise_tools.tasks.filter import filter_samples
 
 SEEDS = range(3)
 
@@ -531,3 +533,26 @@ def test_no_advice_to_record_what_was_recorded(name):
     with_it = replace(r, covariates={name: 30 + 0.0 * r.t})
     assert not any('no temperature' in a for a in examine(with_it).advice)
     assert any('no temperature' in a for a in examine(r).advice)
+
+
+def test_a_filter_is_told_of_the_end_of_the_range_and_of_units():
+    """In the words of inspect; a clean record of the same motion has no warning."""
+    t = np.arange(3000) / 200.0
+    rng = np.random.default_rng(3)
+    gyro = 4 * np.sin(2 * np.pi * np.outer(t, [0.5, 0.7, 0.9])) + 0.01 * rng.normal(size=(3000, 3))
+    clean = ImuRecord(gyro, None, t, 200.0)
+    assert motion_doubts(clean) == []
+    clipped = replace(clean, gyro=np.clip(gyro, -2.5, 2.5))
+    said = motion_doubts(clipped)
+    assert [s.split(' in ')[0] for s in said] == [
+        f'gyro_{a} stands at the end of its range' for a in 'xyz']
+    assert all(any(s + '.' == a for a in examine(clipped).advice) for s in said)
+    _, done = filter_samples(clipped, motion='constant_rate')
+    assert set(said) <= set(done.notes)
+    assert 'deg/s' in motion_doubts(replace(clean, gyro=np.degrees(gyro)))[0]
+    spiky = gyro.copy()
+    spiky[5] = 500.0
+    assert motion_doubts(replace(clean, gyro=spiky)) == []
+    slow = motion_doubts(replace(clean, t=1e3 * t, rate_hz=0.2))
+    assert len(slow) == 1 and 'they are in ms, not s' in slow[0]
+    assert any('they are in ms' in a for a in examine(replace(clean, t=1e3 * t)).advice)

@@ -15,7 +15,7 @@ from .correction import Correction, from_dict
 from .effects import Regressor, Scatter
 from .gravity import EARTH_RATE, gravity, normal_gravity
 from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
-from .positions import held, positions, rests, STILL_S
+from .positions import coarse, held, positions, rests, STILL_S
 from .problem import CalibrationProblem
 from .session import applied, Captured, HOLD_S, Session
 from .solution import (
@@ -30,9 +30,10 @@ NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a record
 
 __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'calibrate_turns',
-    'Calibration', 'CalibrationProblem', 'Captured', 'completed', 'Correction', 'DIRECTIONS',
-    'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held', 'HOLD_S', 'joined',
-    'nearest_face', 'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols', 'Poses',
+    'Calibration', 'CalibrationProblem', 'Captured', 'coarse', 'completed', 'Correction',
+    'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held',
+    'HOLD_S', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols',
+    'Poses',
     'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes', 'refuse_missing_axes',
     'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S', 'TITLE', 'together',
     'turns', 'Turns', 'TurnsProblem']

@@ -23,32 +23,54 @@ def refuse_crossed_axes(turns: Turns) -> None:
     Raise FitError where the two sensors agree only with axes turned over or swapped, saying which.
 
     Of the 48 ways to lay the gyroscope's axes on the accelerometer's, the one with which half of
-    the turns end at gravity; where none does, the turns say nothing (a wrong unit, a gyroscope
-    that does not turn).
+    the turns end at gravity, where without half of them do not; or all of them, where without one
+    does not: of five turns between six faces three are half turns, that end there any way. The
+    same in another unit: turns are 57 times too large, or too small. Where none does, the turns
+    say nothing (counts, a gyroscope that does not turn).
 
     """
     if turns.n < _LEAST:
         return
     as_is = _missed(turns, np.eye(3))
-    if as_is < _WRONG:
-        return
-    found = sorted(((_missed(turns, p), k) for k, p in enumerate(_WAYS)))
-    (best, k), (second, _) = found[:2]
-    if best > _AGREE:
-        return
-    said = (f'the turns between the poses contradict gravity: {np.degrees(as_is):.0f} deg off at '
-            f'the median, {np.degrees(best):.1f} deg with')
+    for over in (np.median, np.max):
+        if over(as_is) < _WRONG:
+            continue
+        found = sorted((float(over(_missed(turns, p))), k) for k, p in enumerate(_WAYS))
+        if found[0][0] <= _AGREE:
+            _refuse(over(as_is), found, 'at the median' if over is np.median else 'at most')
+    if np.median(as_is) > _WRONG:
+        _refuse_unit(turns)
+
+
+def _refuse(as_is, found, which) -> None:
+    best, k = found[0]
+    fit = [k for miss, k in found if miss < 2 * best + _AGREE / 4]
+    said = (f'the turns between the poses contradict gravity: {np.degrees(as_is):.0f} deg off '
+            f'{which}, {np.degrees(best):.1f} deg with')
     remedy = 'mend the driver\'s axes and signs (REP-145), and record again'
-    if second < 2 * best + _AGREE / 4:
+    if len(fit) > 2:
         raise FitError(f'{said} other axes; more than one way fits', remedy)
-    raise FitError(f'{said} {in_words(_WAYS[k])}', remedy)
+    # in words the likelier first: of a mirror, which changes one axis
+    ways = sorted((_WAYS[j] for j in fit), key=lambda w: min(_axes(w), _axes(-w)))
+    raise FitError(f'{said} {"; or ".join(in_words(w) for w in ways)}', remedy)
 
 
-def _missed(turns: Turns, way: np.ndarray) -> float:
-    """Return the median angle by which turns miss gravity, the gyroscope's axes laid so."""
+def _refuse_unit(turns: Turns) -> None:
+    """Raise FitError where the turns end at gravity in another unit, however axes are laid."""
+    for factor, unit, remedy in (
+            (np.pi / 180, 'deg/s, not rad/s', 'give --gyro-unit deg/s'),
+            (180 / np.pi, 'rad/s already', 'leave out --gyro-unit, or mend the driver\'s unit')):
+        if min(np.median(_missed(turns, factor * way)) for way in _WAYS) < _AGREE:
+            raise FitError(f'the turns between the poses are 57.3 times as '
+                           f'{"large" if factor < 1 else "small"} as gravity tells: the gyroscope '
+                           f'is in {unit}', remedy)
+
+
+def _missed(turns: Turns, way: np.ndarray) -> np.ndarray:
+    """Return the angle by which each turn misses gravity, the gyroscope's axes laid so."""
     rates = (turns.gyro - np.median(turns.rests.outputs, axis=1)) @ way.T
     some = replace(turns, gyro=rates)
-    return float(np.median(np.linalg.norm(misses(some, integrated(some, rates)), axis=1)))
+    return np.linalg.norm(misses(some, integrated(some, rates)), axis=1)
 
 
 def _signed_permutations() -> list[np.ndarray]:

@@ -18,18 +18,20 @@ and dt^2 / 12 w0 x w1 (Savage 1998, section 7.1.1.1).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from .correction import Correction
 from .poses import joined, Poses, unit
-from .positions import means_of, Rest, standard_errors, temperatures
+from .positions import grid_steps, hidden, means_of, Rest, scatter_errors, temperatures
 from ..core.disturbed import saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 
+_KNOCKED = 3.0          # times the median: what a hand adds reaches it seldom, a knock does
+_SETTLED_S = 1e-7
 _NEAR_S = 1.0           # of a rest that is next to a turn gives its direction: a hand creeps
 
 
@@ -54,6 +56,8 @@ class Turns:
         Standard deviation of the angle between prediction and measurement from noise, rad.
     rests : Poses
         Mean outputs at rest, inputs zero.
+    hidden : ndarray (3,)
+        What the step of the output hides of the bias, rad/s rms: all rests share it.
 
     """
 
@@ -67,6 +71,7 @@ class Turns:
     after: np.ndarray
     spread: np.ndarray
     rests: Poses
+    hidden: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def n(self) -> int:
@@ -98,13 +103,14 @@ class Turns:
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything but the rests as plain arrays, for an npz file."""
-        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS)}
+        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS, 'hidden')}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any], rests: Poses) -> Turns:
         """Return the turns that :meth:`to_arrays` wrote."""
         found = {k: np.array(arrays[k], float) for k in (*_SAMPLES, *_TURNS)}
-        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests)
+        least = np.array(arrays.get('hidden', np.zeros(3)), float)
+        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests, hidden=least)
 
 
 _SAMPLES = ('gyro', 'force', 'step', 'temperature', 'time', 'turn')
@@ -133,15 +139,14 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     near = max(1, round(_NEAR_S * record.rate_hz))
     first, last = (np.array([force[r.samples()[s]].mean(0) for r in found]).T
                    for s in (slice(near), slice(-near, None)))
-    length = np.array([len(r.samples()) for r in found])
-    noise = standard_errors(force, found, record.rate_hz) / gravity
-    noise = noise * np.sqrt(length / np.minimum(length, near))
-    white = _density(gyro, found, record)
+    noise = _off(record, force, found, near) / gravity
+    least = hidden(gyro, found)
+    white = _density(gyro, found, record, least)
     clipped = np.any([saturated(x) for x in gyro.T], axis=0)
     parts: dict[str, list] = {k: [] for k in _SAMPLES}
     kept: list[tuple[int, float]] = []
     for k, (a, b) in enumerate(zip(found[:-1], found[1:])):
-        here = slice(a.end - 1, b.begin + 1)
+        here = _turning(gyro, a.end - 1, b.begin + 1)
         t = record.t[here]
         if not np.isfinite(gyro[here]).all() or np.diff(t).max(initial=0) > 0.1 \
                 or clipped[here].any():
@@ -157,24 +162,68 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
                          'record again, and turn more slowly')
     index = np.array([k for k, _ in kept])
     rests = Poses.of(
-        'gyro', means_of(gyro, found).T, standard_errors(gyro, found, record.rate_hz), 1.0,
+        'gyro', means_of(gyro, found).T, _bias_errors(gyro, found, record.rate_hz, least), 1.0,
         np.zeros((3, len(found))), force=means_of(force, found).T,
         temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found], names=['rest'] * len(found))
     return Turns(**{k: np.concatenate(v) for k, v in parts.items()},
                  before=unit(last[:, index]), after=unit(first[:, index + 1]),
-                 spread=np.array([s for _, s in kept]), rests=rests)
+                 spread=np.array([s for _, s in kept]), rests=rests, hidden=least)
 
 
 def _known(heat):
     return heat if np.isfinite(heat).all() else None
 
 
-def _density(gyro, found, record) -> float:
-    """Return the white noise of the rates at rest, rad/s/sqrt(Hz), rms of the axes."""
-    rms = standard_errors(gyro, found, record.rate_hz)
+def _off(record, force, found, near) -> np.ndarray:
+    """Return the standard error of the force next to a turn, (3, rests), of ``near`` samples."""
+    length = np.array([len(r.samples()) for r in found])
+    noise = scatter_errors(force, found, record.rate_hz)
+    noise = noise * np.sqrt(length / np.minimum(length, near))
+    # a calibrated force is on no grid any more
+    return np.hypot(noise, hidden(np.asarray(record.accel, float), found)[:, None])
+
+
+def _density(gyro, found, record, least) -> float:
+    """
+    Return the white noise of the rates, rad/s/sqrt(Hz), rms of the axes.
+
+    What a grid hides at rest, ``least`` (3,), comes anew with every sample while it turns.
+
+    """
+    rms = scatter_errors(gyro, found, record.rate_hz)
     span = np.array([len(r.samples()) * record.dt for r in found])
-    return float(np.sqrt(np.mean(rms ** 2 * span)))
+    return float(np.sqrt(np.mean(rms ** 2 * span + least[:, None] ** 2 * record.dt)))
+
+
+def _turning(gyro, begin, end) -> slice:
+    """
+    Return what turns of the samples between two rests.
+
+    Not the constant output of a coarse sensor that still rests, which hides up to half a step of
+    its bias for that long.
+
+    """
+    same = (gyro[begin + 1:end] == gyro[begin:end - 1]).all(axis=1)
+    if same.all():
+        return slice(begin, end)
+    moves = np.flatnonzero(~same)
+    return slice(begin + int(moves[0]), begin + int(moves[-1]) + 2)
+
+
+def _bias_errors(gyro, found, rate_hz, least) -> np.ndarray:
+    """
+    Return the standard error of the rates at rest, (3, rests).
+
+    Rests at one level of a grid share the error of its rounding: together they tell the bias no
+    better than one.
+
+    """
+    alike = np.ones(3)
+    means, steps = means_of(gyro, found), grid_steps(gyro)
+    for k in np.flatnonzero(steps):
+        alike[k] = len(found) / len(np.unique(np.round(means[:, k] / steps[k])))
+    return np.hypot(scatter_errors(gyro, found, rate_hz), (least * np.sqrt(alike))[:, None])
 
 
 def together(parts: list[Turns]) -> Turns:
@@ -183,7 +232,8 @@ def together(parts: list[Turns]) -> Turns:
     some = {k: np.concatenate([getattr(p, k) for p in parts], axis=-1) for k in _TURNS}
     all_ = {k: np.concatenate([getattr(p, k) for p in parts]) for k in _SAMPLES}
     all_['turn'] = np.concatenate([p.turn + n for p, n in zip(parts, count)])
-    return Turns(**all_, **some, rests=joined([p.rests for p in parts]))
+    return Turns(**all_, **some, rests=joined([p.rests for p in parts]),
+                 hidden=np.max([p.hidden for p in parts], axis=0))
 
 
 def integrated(turns: Turns, rates: np.ndarray) -> np.ndarray:
@@ -270,23 +320,29 @@ def time_offset(turns: Turns, rates: np.ndarray, gravity: float) -> tuple[float,
     Return (s, standard error): by how much the accelerometer's stamps are late.
 
     While it turns, gravity goes through the accelerometer: f(t) / g = u(t - offset) and what the
-    hand adds; robust least squares of f / g - u on -du/dt = w x u, the error from how turns
-    differ (each turn is one).
+    hand adds; least squares of f / g - u on -du/dt = w x u, bounded against knocks (Huber). What
+    a hand adds is coloured: samples of a turn are not independent of each other, turns are. So
+    the error is that of leaving out each turn (the jackknife of an M-estimate, by its first
+    order: Huber and Ronchetti 2009, section 1.5).
 
     """
     rotation = integrated(turns, rates)
     up = np.einsum('mji,jm->mi', rotation, turns.before[:, turns.turn])
     speed = np.cross(rates, up)
     off = turns.force / gravity - up
-    size = np.linalg.norm(off, axis=1)
+    speed2 = np.maximum(np.sum(speed ** 2, axis=1), 1e-300)
     weight = np.ones(len(off))
     slope = 0.0
-    for _ in range(10):
-        top = np.bincount(turns.turn, weight * np.sum(off * speed, axis=1), turns.n)
-        bottom = np.bincount(turns.turn, weight * np.sum(speed ** 2, axis=1), turns.n)
-        slope = top.sum() / max(bottom.sum(), 1e-12)
-        size = np.linalg.norm(off - slope * speed, axis=1)
-        weight = 1 / (1 + (size / max(float(np.median(size)), 1e-9)) ** 2)
-    spread = top - slope * bottom
-    scatter = np.sqrt(np.sum(spread ** 2) * turns.n / max(1, turns.n - 1))
-    return float(slope), float(scatter / max(bottom.sum(), 1e-12))
+    for _ in range(30):
+        before, slope = slope, float(weight @ np.sum(off * speed, axis=1) / (weight @ speed2))
+        left = off - slope * speed
+        size = np.maximum(np.linalg.norm(left, axis=1), 1e-300)
+        weight = np.minimum(1.0, _KNOCKED * np.median(size) / size)
+        if abs(slope - before) < _SETTLED_S:
+            break
+    along = np.sum(left * speed, axis=1)
+    # a sample beyond the bound follows the slope only across what is left of it
+    bends = weight * (speed2 - (weight < 1) * (along / size) ** 2)
+    share = np.bincount(turns.turn, bends, turns.n) / bends.sum()
+    each = np.bincount(turns.turn, weight * along, turns.n) / np.maximum(1 - share, 1e-9)
+    return slope, float(np.sqrt(np.sum(each ** 2)) / bends.sum())

@@ -83,8 +83,9 @@ def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]
         raise InputError(f'{record.path or "the record"} has no accelerometer',
                          'which way is up is read from it')
     found: list[Rest] = []
+    step = grid_steps(record.accel)
     for a, b in _stretches(record, min(seconds, _PIECE_S)):
-        pieces, note = _between_knocks(record, a, b)
+        pieces, note = _between_knocks(record, a, b, step)
         here = _rest(record, pieces, note)
         if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG and not _picked_up(
                 record, found[-1], here):
@@ -214,9 +215,16 @@ def _rest(record, pieces, note):
     return Rest(tuple(pieces), record.accel[index].mean(0), gyro, note)
 
 
-def _between_knocks(record: ImuRecord, a: int, b: int) -> tuple[list[tuple[int, int]], str]:
+def grid_steps(data: Any) -> np.ndarray:
+    """Return the step of each axis's output, (3,), of samples (n, 3); 0 where there is none."""
+    return np.array([grid_step(x[np.isfinite(x)])[0] for x in np.asarray(data, float).T])
+
+
+def _between_knocks(record: ImuRecord, a: int, b: int, step: np.ndarray
+                    ) -> tuple[list[tuple[int, int]], str]:
     """Return the pieces of a rest between its knocks, and a note."""
-    pieces = [(a + p, a + q) for p, q in calm(np.asarray(record.accel)[a:b], record.rate_hz)]
+    data = np.asarray(record.accel)[a:b]
+    pieces = [(a + p, a + q) for p, q in calm(data, record.rate_hz, step)]
     if pieces == [(a, b)]:
         return pieces, ''
     knock = pieces[0][1] if pieces[0][0] == a else a
@@ -258,9 +266,14 @@ def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.n
 
     The variance of these means is pooled over the rests (one sensor, one noise), so that a short
     rest is not judged by two or three numbers; a rest that scatters by more than three times the
-    others does not count.
+    others does not count. What the step of the output hides comes to it (:func:`hidden`).
 
     """
+    return np.sqrt(scatter_errors(data, found, rate_hz) ** 2 + hidden(data, found)[:, None] ** 2)
+
+
+def scatter_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.ndarray:
+    """Return the part of :func:`standard_errors` that a longer rest makes smaller, (3, rests)."""
     block = max(2, round(_BLOCK_S * rate_hz))
     variances, weights = [], []
     for rest in found:
@@ -277,26 +290,42 @@ def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.n
         pooled = np.mean([data[r.samples()].var(0) for r in found], axis=0) / block
     floor = (1e-9 * np.abs(data).max()) ** 2
     blocks = np.array([len(r.samples()) / block for r in found])
-    return np.sqrt(np.maximum(pooled, floor)[:, None] / blocks + _rounding(data, found)[:, None])
+    return np.sqrt(np.maximum(pooled, floor)[:, None] / blocks)
 
 
-def _rounding(data, found) -> np.ndarray:
+def hidden(data: np.ndarray, found: list[Rest]) -> np.ndarray:
     """
-    Return the variance that the step of the output leaves in a mean, (3,), however long.
+    Return the standard error that the step of the output leaves in a mean, (3,), however long.
 
-    LSB^2/12 where the noise is far below the step, and exp(-(2 pi sigma / LSB)^2) of it where
-    noise dithers (Widrow and Kollar 2008, chapter 9: the largest term of the mean's error).
+    LSB/sqrt(12) where the noise is far below the step, and exp(-(2 pi sigma / LSB)^2) of its
+    square where noise dithers (Widrow and Kollar 2008, chapter 9: the largest term of the mean's
+    error). An output that is constant at rest shows its step while it moves.
 
     """
     out = np.zeros(3)
     index = np.concatenate([r.samples() for r in found])
+    steps = grid_steps(data[index])
     for k in range(3):
-        step, _ = grid_step(data[index, k])
+        step = steps[k] or grid_step(data[np.isfinite(data[:, k]), k])[0]
         if step > 0:
             seen = np.median([data[r.samples(), k].var() for r in found])
             sigma = np.sqrt(max(0.0, seen - step ** 2 / 12))
-            out[k] = step ** 2 / 12 * np.exp(-(2 * np.pi * sigma / step) ** 2)
+            out[k] = step / np.sqrt(12) * np.exp(-0.5 * (2 * np.pi * sigma / step) ** 2)
     return out
+
+
+def coarse(sensor: str, data: np.ndarray, found: list[Rest], rate_hz: float) -> list[str]:
+    """Say whose resolution limits the means at rest: it hides more than their noise does."""
+    least = hidden(data, found)
+    limits = least > np.median(scatter_errors(data, found, rate_hz), axis=1)
+    if not limits.any():
+        return []
+    unit_ = 'm/s^2' if sensor == 'accel' else 'rad/s'
+    step = max(grid_step(data[np.isfinite(data[:, k]), k])[0] for k in np.flatnonzero(limits))
+    names = ', '.join(f'{sensor}_{a}' for a, one in zip('xyz', limits) if one)
+    return [f'the resolution of {names} ({step:.2g} {unit_}) limits: the noise is too small to '
+            f'average it out, a mean at rest is off by {least.max():.1g} {unit_} rms, however '
+            'long it is held']
 
 
 def _refuse_saturated(record, found, names) -> None:
@@ -338,6 +367,7 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S
         time=[record.t[r.samples()].mean() for r in found])
     _refuse_saturated(record, found, poses.names)
     said = [f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note]
+    said += coarse('accel', np.asarray(record.accel, float), found, record.rate_hz)
     return poses, (*said, *([_too_short(short).removeprefix('; ')] if short else []))
 
 
@@ -355,7 +385,7 @@ def averaged(record: ImuRecord, gravity: float) -> Poses:
     Refuses a wrong unit.
 
     """
-    pieces, note = _between_knocks(record, 0, record.n)
+    pieces, note = _between_knocks(record, 0, record.n, grid_steps(record.accel))
     found = [_rest(record, pieces, note)]
     outputs = found[0].accel[:, None]
     check_unit(outputs, gravity)

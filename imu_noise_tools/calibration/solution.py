@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import chdtrc
+from scipy.special import chdtrc, stdtrit
 
 from . import faces, solve
 from .axes import refuse_crossed_axes
@@ -223,8 +224,13 @@ def completed(calibration: Calibration) -> Calibration:
     return replace(calibration, fit=calibration.problem.fit(model))
 
 
-def offset_of(calibration: Calibration) -> dict[str, float] | None:
-    """Return by how much the accelerometer's stamps are later than the gyroscope's, s, and std."""
+def offset_of(calibration: Calibration) -> dict[str, Any] | None:
+    """
+    Return by how much the accelerometer's stamps are later than the gyroscope's, s, or None.
+
+    ``value``, ``std``, and ``ci95``: its standard error is known from as many turns as there are.
+
+    """
     problem = calibration.problem
     if not isinstance(problem, TurnsProblem):
         return None
@@ -233,7 +239,8 @@ def offset_of(calibration: Calibration) -> dict[str, float] | None:
     rates = calibration.correction.apply(turns.gyro, heat, turns.force, turns.time)
     size = float(np.median(np.linalg.norm(turns.rests.force, axis=0)))
     value, std = time_offset(turns, rates, size)
-    return {'value': value, 'std': std}
+    wide = std * float(stdtrit(max(1, turns.n - 1), 0.975))
+    return {'value': value, 'std': std, 'ci95': [value - wide, value + wide]}
 
 
 def of_study(study: Study, target: str | None = None) -> Calibration:

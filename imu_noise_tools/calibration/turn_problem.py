@@ -86,7 +86,9 @@ class TurnsProblem(CalibrationProblem):
         at = _At.of(fit.model, self.data, details.theta, details.keys)
         basis = tangents(self.data.before)
         rows = np.einsum('nri,nik->nrk', basis, at.change)
-        cov = np.einsum('nrk,kl,nsl->nrs', rows, details.cov, rows)
+        # turns dither what rests hide of the bias: it is no error of theirs
+        known = details.cov - _hidden(self.data, details.keys)
+        cov = np.einsum('nrk,kl,nsl->nrs', rows, known, rows)
         cov += np.eye(2) * (self.data.spread ** 2 + details.tilt ** 2)[:, None, None]
         value, vector = np.linalg.eigh(cov)
         error = np.einsum('nri,ni->nr', basis, misses(self.data, at.rotation))
@@ -290,11 +292,18 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
     dof = max(1, 2 * turns.n - len(keys) + 3)
     widen = (stdtrit(dof, 0.975) / TWO_SIDED) ** 2 if scatter[0] else 1.0
     state = solve.State(poses.with_inputs(_mean_rates(turns, at.rates, poses)), keys, theta)
-    fit = solve.report(model, state, system, system.cov * widen, _log_det(system), 'turns',
+    cov = system.cov * widen + _hidden(turns, keys)
+    fit = solve.report(model, state, system, cov, _log_det(system), 'turns',
                        float(scatter[0]), None, state.values)
     residual = fit.details.residual.copy()
     residual[:, :turns.n] = miss.T
     return replace(fit, details=replace(fit.details, residual=residual))
+
+
+def _hidden(turns, keys) -> np.ndarray:
+    """Return the covariance of the coefficients, (k, k), that the step of the output leaves."""
+    least = {('bias', f'b_{k}'): v ** 2 for k, v in zip('xyz', turns.hidden)}
+    return np.diag([least.get(key, 0.0) for key in keys])
 
 
 def _begun(model, turns, keys):

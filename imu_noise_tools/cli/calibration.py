@@ -93,9 +93,7 @@ def calibrate(args: argparse.Namespace) -> int:
         if c is not None:
             _show(c, data if done.gyro is None else data[c.sensor], done.study.source)
     if 'time_offset' in data:
-        late = data['time_offset']
-        print(f'the accelerometer is {1e3 * late["value"]:.1f} ms later than the gyroscope '
-              f'(±{1e3 * late["std"]:.1f})')
+        print(_late(data['time_offset']))
     print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
     print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
     return 0
@@ -103,17 +101,12 @@ def calibrate(args: argparse.Namespace) -> int:
 
 def _show(c: Any, data: Any, source: Any) -> None:
     """Print what one sensor came to."""
-    unit = c.problem.unit
     print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
           + (f', gravity {source["gravity"]:.5f} m/s^2: {source["gravity_from"]}'
              if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
-    std_s, std_b = c.std
-    print('      S (scale and cross-axis sensitivity)                             bias')
-    for k, axis in enumerate('xyz'):
-        row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
-        print(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {unit}')
+    print(solved(c))
     if c.plain is not c.fit:
         print(f'  {_beside(c)}')
     if 'left_out_deg' in data:
@@ -122,6 +115,29 @@ def _show(c: Any, data: Any, source: Any) -> None:
           f'freedom')
     found = data['diagnosis']
     print(f'  {found["verdict"]}: {found["advice"]}')
+
+
+def solved(c: Any) -> str:
+    """Return S and bias in a table, and the temperature they hold at where they follow one."""
+    std_s, std_b = c.std
+    rows = ['      S (scale and cross-axis sensitivity)                             bias']
+    for k, axis in enumerate('xyz'):
+        row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
+        rows.append(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {c.problem.unit}')
+    if any(e.name.startswith('temperature') for e in c.fit.model):
+        rows.append(f'  at {c.poses.reference_temperature:.2f} degC')
+    return '\n'.join(rows)
+
+
+def _late(offset: Any) -> str:
+    """Return how the stamps of the two sensors differ, or within what they do not."""
+    low, high = (1e3 * x for x in offset['ci95'])
+    if low <= 0 <= high:
+        return ('accelerometer and gyroscope are stamped alike, as far as the turns tell: '
+                f'within {max(-low, high):.1f} ms (95 %)')
+    value = 1e3 * offset['value']
+    return (f'the accelerometer is {abs(value):.1f} ms {"later" if value > 0 else "earlier"} than '
+            f'the gyroscope (±{1e3 * offset["std"]:.1f})')
 
 
 def _beside(c: Any) -> str:

@@ -80,23 +80,26 @@ def disturbances(record: ImuRecord) -> tuple[Disturbance, ...]:
     return tuple(sorted(listed, key=lambda d: d.begin)[:MOST_LISTED])
 
 
-def calm(data: np.ndarray, rate_hz: float) -> list[tuple[int, int]]:
+def calm(data: np.ndarray, rate_hz: float, step: np.ndarray | float = 0.0
+         ) -> list[tuple[int, int]]:
     """
     Return the sample ranges of a rest of a few seconds, (n, 3), between its knocks.
 
     Such a rest is too short for coincidences to be counted: pieces of a tenth of a second whose
     mean or scatter on any axis is far off those of the others are knocks; where many are, the
-    sensor is shaken and none is.
+    sensor is shaken and none is. Going to and fro between neighbours on a grid of ``step`` (3,),
+    0 for none, is not: noise far below the step does that now and then, and never the rest.
 
     """
+    least = 1.001 * np.asarray(step) + 1e-12
     block = max(2, round(PIECE_S * rate_hz))
     n = len(data) // block
     cut = data[:n * block].reshape(n, block, 3)
     middle, scatter = cut.mean(1), cut.std(1)
     middle -= np.median(middle, axis=0)
     scatter -= np.median(scatter, axis=0)
-    bad = ((np.abs(middle) > KNOCK * median_sigma(middle, axis=0) + 1e-12)
-           | (scatter > KNOCK * median_sigma(scatter, axis=0) + 1e-12)).any(1)
+    bad = ((np.abs(middle) > np.maximum(KNOCK * median_sigma(middle, axis=0), least))
+           | (scatter > np.maximum(KNOCK * median_sigma(scatter, axis=0), least))).any(1)
     if not bad.any() or bad.mean() > MOST_KNOCKED:
         return [(0, len(data))]
     edges = in_a_row(~bad).tolist()

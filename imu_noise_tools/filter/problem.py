@@ -395,6 +395,12 @@ def problem_of(
     first, last = int(cut[longest]), int(min(cut[longest + 1], cut[longest] + 2 * LONGEST))
     if share and last - first < LEAST:
         raise InputError(f'{target}: {share:.0%} of the samples repeat the one before', REMEDY)
+    if last - first < LEAST <= len(z):
+        raise InputError(
+            f'the stamps are even for {last - first} of {len(z)} samples in a row at most, '
+            f'{LEAST} are needed to judge the filter (a sample is lost, or late, in '
+            f'{len(cut) - 2} places; the median rate, {rate_hz:.4g} Hz, is as doubtful)',
+            'record fewer topics, to a faster disk, with a larger queue, and stamps of the sensor')
     problem = FilterProblem(z[first:last], 1 / rate_hz, target, stated, alpha)
     where = np.append(np.flatnonzero(good), len(good))
     problem.part = int(where[first]), int(where[last])

@@ -14,7 +14,7 @@ import numpy as np
 from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .united import united
-from .values import finite, is_constant, wrong_units
+from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, wrong_units
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.disturbed import saturated
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
@@ -305,10 +305,7 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
         say.append(f'{h.not_finite} samples are not finite: check the driver.')
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
-    for axis, count in h.saturated.items():
-        say.append(
-            f'{axis} stands at the end of its range in {count} samples: choose a larger range.'
-        )
+    say += [f'{s}.' for s in at_the_end(h.saturated)]
     if h.held > 0.02:
         say.append(
             f'{100 * h.held:.3g} % of the samples repeat the one before: the driver publishes '
@@ -320,7 +317,10 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
         say.append(
             f'There is no {"gyroscope" if sensor == "gyro" else "accelerometer"} in the record.'
         )
-    say += [f'{s[0].upper()}{s[1:]}.' for s in h.units]
+    stamps = unit_of_stamps(h.median_rate_hz)
+    if stamps:
+        say.append(f'{stamps[0][0].upper()}{": ".join(stamps)[1:]}.')
+    say += [f'{s[0].upper()}{s[1:]}.' for s in h.units or too_fast(record)]
     if h.gravity is not None and not h.units and abs(h.gravity - G0) > GRAVITY_OFF:
         say.append(
             f'Gravity reads {h.gravity:.4g} m/s^2, {100 * (h.gravity / G0 - 1):+.2g} % off: '

@@ -19,9 +19,9 @@ import numpy as np
 
 from .stamps import ordered
 from .united import united
-from .values import finite, is_constant, wrong_units
-from ..core.clock import fit_clock, SampleClock
-from ..core.disturbed import disturbance, disturbances
+from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, wrong_units
+from ..core.clock import fit_clock, median_rate, SampleClock
+from ..core.disturbed import disturbance, disturbances, saturated
 from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of
 from ..core.stillness import handled_ends, longest_rest
@@ -104,6 +104,37 @@ def prepare(
         raise error.after(*record.warnings)
     record = record.warned(*([MOTION_KEPT] if keep_motion else []))
     return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
+
+
+def in_motion(record: ImuRecord) -> ImuRecord:
+    """
+    Return a record that moves and rests, as it is, but without samples that are not finite.
+
+    Raises
+    ------
+    InputError
+        More than 1 % are not finite, or the stamps are not s.
+
+    """
+    stamps = unit_of_stamps(median_rate(record.t), slowest=1.5)
+    if stamps:
+        raise InputError(f'{_name(record)}: {stamps[0]}', stamps[1])
+    _finite_enough(record)
+    good = finite(record)
+    bad = record.n - int(good.sum())
+    if not bad:
+        return record
+    return record.taken(good, Memory()).warned(f'{bad} sample(s) not finite, treated as missing')
+
+
+def motion_doubts(record: ImuRecord) -> list[str]:
+    """Return what is doubtful about the gyroscope of a record that moves."""
+    if record.gyro is None:
+        return []
+    stamps = unit_of_stamps(median_rate(record.t))
+    ends = {axis: int(saturated(record.column(axis)).sum())
+            for axis in AXES if sensor_of(axis) == 'gyro'}
+    return [*([': '.join(stamps)] if stamps else []), *too_fast(record), *at_the_end(ends)]
 
 
 def _enough(record: ImuRecord) -> None:
@@ -346,7 +377,8 @@ def _unit_doubts(record: ImuRecord, moves: bool) -> list[str]:
 
 def _rate_doubts(record: ImuRecord) -> list[str]:
     """Return sentences where the label or the receive times tell another rate."""
-    said = []
+    stamps = unit_of_stamps(record.rate_hz)
+    said = [': '.join(stamps)] if stamps else []
     label = record.labelled_rate_hz
     if label and abs(label / record.rate_hz - 1) > 0.01:
         said.append(

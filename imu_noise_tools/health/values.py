@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..core.record import ImuRecord
@@ -12,6 +14,10 @@ from ..core.stillness import finite_mean
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
 PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
+FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
+FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
+SLOWEST_HZ = 0.95       # no IMU is recorded more slowly, nor faster than the fastest
+PLAUSIBLE_HZ = 5.0, 5000.0
 HUGE = 1e30             # no sensor's value in any unit, and its square overflows in sums
 
 
@@ -80,3 +86,40 @@ def _scatter(data: np.ndarray) -> np.ndarray:
     return np.array(
         [x[good].std() if (good := np.isfinite(x)).any() else 0.0 for x in step.T]
     ) / np.sqrt(2)
+
+
+def at_the_end(saturated: Mapping[str, int]) -> list[str]:
+    """Return a sentence on each axis that stands at the end of its range, of counts by axis."""
+    return [f'{axis} stands at the end of its range in {count} samples: choose a larger range'
+            for axis, count in saturated.items() if count]
+
+
+def too_fast(record: ImuRecord) -> list[str]:
+    """Return a sentence where rates are such as no IMU that moves gives in rad/s."""
+    if record.gyro is None:
+        return []
+    rate = np.abs(np.asarray(record.gyro))
+    if not np.any(np.sum((rate > FASTEST) & (rate < HUGE), axis=0) >= FAST):
+        return []
+    most = float(np.max(rate[np.isfinite(rate) & (rate < HUGE)]))
+    return [f'wrong unit suspected: the gyro reads up to {most:.3g} rad/s '
+            f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one; if it is in '
+            'deg/s, convert it (analyse and calibrate take --gyro-unit deg/s)']
+
+
+def unit_of_stamps(rate_hz: float | None, slowest: float = SLOWEST_HZ) -> tuple[str, str] | None:
+    """
+    Return (what is wrong, remedy) where stamps taken for seconds give a rate that no IMU has.
+
+    In ms, us or ns, one of which gives a plausible one.
+
+    """
+    if not rate_hz or rate_hz >= slowest:
+        return None
+    for unit, factor in (('ms', 1e3), ('us', 1e6), ('ns', 1e9)):
+        true = rate_hz * factor
+        if PLAUSIBLE_HZ[0] <= true < PLAUSIBLE_HZ[1]:
+            return (f'the stamps give {rate_hz:.3g} Hz: they are in {unit}, not s '
+                    f'({true:.4g} Hz then)', f'divide t by {factor:g}, or leave t out and give '
+                    f'--rate-hz {true:.4g}')
+    return None

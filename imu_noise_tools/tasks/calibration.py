@@ -21,7 +21,7 @@ from ..core.disturbed import saturated
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
-from ..health import Selection
+from ..health import in_motion, Selection
 from ..loop.study import Study
 
 FILE = 'calibration.yaml'
@@ -89,7 +89,7 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
         Options that contradict each other.
 
     """
-    records = list(records)
+    records = [in_motion(r) for r in records]
     if not records:
         raise UsageError('nothing to calibrate from', 'name a bag')
     if not 0 <= tilt_deg <= 10:
@@ -150,7 +150,7 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
             if r.gyro is not None:
                 rests, said = core.held(r, core.rests(r, seconds))
                 parts.append(core.gathered(r, rests, better.correction, gravity))
-                notes += said
+                notes += [*said, *core.coarse('gyro', r.gyro, rests, r.rate_hz)]
         if not parts:
             raise InputError('there is no gyroscope', 'record both sensors')
         turns = core.together(parts)

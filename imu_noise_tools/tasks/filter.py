@@ -30,7 +30,7 @@ from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of
 from ..filter.recorded import filter_record, Filtered
 from ..filter.statespace import DOMAIN, Motion, OutputNoise
-from ..health import Selection
+from ..health import motion_doubts, Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
 
@@ -83,11 +83,11 @@ class Done:
                         'lag1': f.lag1,
                         'kurtosis': f.kurtosis,
                         'samples': f.n,
-                        'sigma_before': float(np.sqrt(r)),
+                        'sigma_before': noise_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
                     }
-                    for i, (r, (a, f)) in enumerate(
-                        zip(self.filtered.design.r, self.figures.items())
+                    for i, (model, (a, f)) in enumerate(
+                        zip(self.filtered.design.noise, self.figures.items())
                     )
                 },
                 'targets': (
@@ -233,10 +233,11 @@ def _filtered(
     if record.gyro is None:
         raise InputError(f'{record.path} has no gyroscope', 'the filter is for angular rates')
     stated: Any = {}
-    notes: list[str] = []
+    notes = motion_doubts(record)
     if model is not None:
         rate = rate_hz or record.rate_hz
-        motion, noise, stated, notes = from_study(model, motion, noise, 1 / rate)
+        motion, noise, stated, more = from_study(model, motion, noise, 1 / rate)
+        notes += more
     chosen = design(motion, noise, alpha, values)
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
                          None if progress is None else lambda p: progress(p, 'filtering'), smooth,
@@ -277,7 +278,7 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
             problems[axis] = problem_of(
                 record.t, record.gyro[:, i], axis, given, alpha, held)
         except InputError as error:
-            notes.append(f'{axis} is not in the study: {error.message}')
+            notes.append(f'{axis} is not in the study: {error.message}: {error.remedy}')
     if not problems:
         return None
     if held is not None:
@@ -306,6 +307,19 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         'warnings': [*record.warnings, *notes, BIAS, CORRELATED],
     }
     return Study.begin(problems, model, source)
+
+
+def noise_of_a_sample(model: Model, dt: float) -> float:
+    """
+    Return the standard deviation, rad/s, of what the noise of an output adds to a sample.
+
+    The white part and what is beside it (a Gauss-Markov process, a line, an hour's random walk):
+    what is left of them is in the variance of the filtered rate too.
+
+    """
+    blocks = [e.block(dt) for e in model.of(OutputNoise)]
+    total = sum(b.r for b in blocks) * float(np.prod([b.r_factor for b in blocks]))
+    return float(np.sqrt(total + sum(float(b.h @ b.p0 @ b.h) for b in blocks)))
 
 
 def from_study(
