@@ -365,12 +365,12 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
-    if _is_a_course(evidence, fit, effect):
-        return COURSE_OF_AXES
     if not effect.normal:
         differences = differences_of(octaves_of(evidence, fit, effect))
         return COURSE_OF_AXES if _happens_once(differences) else ''
     against = _not_normal(evidence, fit, effect, claim)
+    if not against and _is_a_course(evidence, fit, effect):
+        return COURSE_OF_AXES
     if not against:
         gain = _shared_otherwise(evidence, fit, effect)
         if gain > max(DIRECTED, UNLIKE_SHARE * claim):
