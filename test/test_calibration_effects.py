@@ -440,6 +440,20 @@ def test_scatter_stays_scatter(kind):
     assert 'too few to tell it from a function of direction' in few.advice
 
 
+@pytest.mark.parametrize('n', [13, 14, 16, 20])
+def test_few_poses_that_scatter_are_seldom_something_else(n):
+    """What leaves nothing to confirm it, or does so only beside others, is no name."""
+    rng = np.random.default_rng([34, n])
+    wrong = 0
+    for _ in range(8):
+        d = verdict(scattered(rng, 'scatter', n))
+        names = {f.name for f in d.found}
+        wrong += bool(names - {'repeatability'})
+        if d.verdict == 'undecidable':
+            assert 'repeatability' in [f.name for f in d.ranked if f.gain > f.penalty]
+    assert wrong <= 3   # most of them were, up to 16 poses
+
+
 def test_chance_of_a_smooth_course_is_what_it_says():
     """Of 60 sessions of scatter as many look like a course as stated, some 3 at one in twenty."""
     rng = np.random.default_rng(33)

@@ -247,8 +247,17 @@ class CalibrationProblem(Problem):
         found = [f if (f.p_value or 0.0) > _PROMISING else self._fitted(fit, f) for f
                  in self._screened(fit)]
         rest = self._without_a_bad_pose(fit)
-        return sorted((f for f in found if f and not rest.get(f.name, np.inf) < f.gain / 4),
+        found = self._as_likely(fit, [f for f in found if f])
+        return sorted((f for f in found if not rest.get(f.name, np.inf) < f.gain / 4),
                       key=lambda f: f.penalty - f.gain)
+
+    def _as_likely(self, fit: Fit, found: list[Finding]) -> list[Finding]:
+        """Return candidates: one that leaves nothing to confirm it is no likelier than others."""
+        sure = [f for f in found if not isinstance(f.effect, Regressor)
+                or self._gain(fit, f.effect)[1] < fit.details.dof]
+        best = max((f.gain - f.penalty for f in sure), default=np.inf)
+        return [f if f in sure or f.gain - f.penalty <= best
+                else replace(f, gain=best + f.penalty) for f in found]
 
     def _without_a_bad_pose(self, fit: Fit) -> dict[str, float]:
         """
@@ -328,11 +337,15 @@ class CalibrationProblem(Problem):
         Say that what a scatter explains follows direction or time: then it has no name.
 
         Nor has what passes in time where what it leaves goes on in time, by more than a formula
-        may leave of what is real.
+        may leave of what is real. And what has more coefficients than it leaves equations may
+        follow whatever there is.
 
         """
         effect, dof = fit.model[label], fit.details.dof
         if isinstance(effect, Regressor):
+            against = self._unconfirmed(fit.model)
+            if against:
+                return against
             left = 0.5 * (fit.details.chi2 - dof)
             if not effect.passing or left < max(FLEXIBLE, FLEXIBLE_SHARE * claim):
                 return ''
@@ -346,6 +359,23 @@ class CalibrationProblem(Problem):
         return (f'{self._followed(course)}: a smooth one without a name explains '
                 f'{100 * course.share:.0f} % of it, which scatter reaches in less than one case '
                 f'of {1 / flexible.RARE:.0f}')
+
+    def _unconfirmed(self, model: Model) -> str:
+        """
+        Say that too few equations are left to confirm what is in a model.
+
+        Fewer than its coefficients, which still do not agree; or it took several effects until
+        they did, which of many combinations some do by chance.
+
+        """
+        some = Model(e for e in unfitted(model) if not isinstance(e, Scatter))
+        bare, base = self.fit(some), self.fit(solve.base_model())
+        left = bare.details.dof
+        rank = base.details.dof - left
+        several = len(some) > len(base.model) + 1
+        if rank <= left or not several and (not left or self._chi2_tail(bare) > _CHANCE):
+            return ''
+        return f'{self.poses.n} poses leave {left} equations to confirm {rank} coefficients'
 
     def _followed(self, course: flexible.Course) -> str:
         where = 'direction' if self.target == 'accel' else 'input'
