@@ -470,3 +470,13 @@ def test_add_and_history_print_what_is_solved(tmp_path, capsys):
     assert f'at {data["reference_temperature"]:.2f} degC' in said
     assert main(['history', out]) == 0
     assert f'{data["bias"][0]:10.6f} ±' in capsys.readouterr().out
+    # history is read, not fitted: it needs no effect of a user's own
+    for name in ('study.yaml', 'calibration.yaml'):
+        file = tmp_path / 'out' / name
+        file.write_text(file.read_text().replace('effect: temperature', 'effect: of_my_own'))
+    assert main(['history', out]) == 0
+    assert f'{data["bias"][0]:10.6f} ±' in capsys.readouterr().out
+    file.write_text(file.read_text().replace('bias:', 'bios:'))
+    assert main(['history', out]) == 1
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1 and 'not a calibration' in said and 'calibrate again' in said

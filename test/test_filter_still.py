@@ -66,6 +66,17 @@ def test_noise_that_goes_on_at_rest_outlasts_the_motion_and_a_motion_that_goes_o
     assert not outlasts_motion(quiet, 1 / RATE, model, 'gauss_markov')
 
 
+def test_noise_is_counted_at_the_level_that_it_has():
+    """A noise that is nine times as strong as stated hides what rests with less of it."""
+    rng, n = np.random.default_rng(79516), 6000
+    noise = GaussMarkov({'sigma': 3 * SIGMA, 'tc': 0.1})
+    z = stop_and_go(rng, n) + coloured(rng, n, noise['sigma'], noise['tc'])
+    z += 3 * SIGMA * rng.standard_normal(n)
+    for factor, lasts in ((9.0, True), (100.0, False)):
+        model = Model([WHITE, NoiseLevel({'factor': factor}), noise])
+        assert outlasts_motion(z, 1 / RATE, model, 'gauss_markov') == lasts
+
+
 def test_a_record_of_few_stretches_tells_nothing():
     noise = GaussMarkov({'sigma': 1.0, 'tc': 5.0})
     assert not outlasts_motion(np.zeros(3000), 1 / RATE, Model([WHITE, noise]), 'gauss_markov')

@@ -11,7 +11,7 @@ refuses, and :class:`Session` does both while a person holds one face up after t
 
 from .axes import refuse_crossed_axes
 from .between import gathered, together, Turns
-from .correction import Correction, from_dict
+from .correction import Correction, from_dict, is_heated
 from .effects import Regressor, Scatter
 from .gravity import EARTH_RATE, gravity, normal_gravity
 from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
@@ -32,8 +32,7 @@ __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'calibrate_turns',
     'Calibration', 'CalibrationProblem', 'Captured', 'coarse', 'completed', 'Correction',
     'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held',
-    'HOLD_S', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study', 'offset_of', 'ols',
-    'Poses',
-    'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes', 'refuse_missing_axes',
-    'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S', 'TITLE', 'together',
-    'turns', 'Turns', 'TurnsProblem']
+    'HOLD_S', 'is_heated', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
+    'offset_of', 'ols', 'Poses', 'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes',
+    'refuse_missing_axes', 'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S',
+    'TITLE', 'together', 'Turns', 'turns', 'TurnsProblem']

@@ -14,7 +14,7 @@ import numpy as np
 from .effects import BASE, Regressor
 from .poses import Poses
 from ..core.errors import ImuNoiseError, InputError
-from ..loop.effect import find_effect, Model
+from ..loop.effect import find_effect, Model, registry
 
 _TURNS = 8          # of the iteration; each gains the digits of the effects' size (1e-3 and less)
 
@@ -83,6 +83,13 @@ class Correction:
                            for e in more)
                 x = np.linalg.solve(self.S, columns - self.bias[:, None] - rest)
         return x.T.reshape(raw.shape)
+
+
+def is_heated(data: Mapping) -> bool:
+    """Tell whether S and bias of a calibration.yaml's data hold at the reference temperature."""
+    known = registry('calibration')
+    kinds = (known.get(e['effect']) for e in (data.get('effects') or {}).values())
+    return any(k is not None and issubclass(k, Regressor) and k.heated for k in kinds)
 
 
 def from_dict(data: Mapping) -> Correction:

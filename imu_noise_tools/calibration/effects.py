@@ -46,6 +46,8 @@ class Regressor(Effect):
     needs: ClassVar[str] = ''           # the poses that show it
     #: whether it belongs to the session alone: fitted, and not taken out of other records
     passing: ClassVar[bool] = False
+    #: whether S and bias hold at the reference temperature with it, and at no other
+    heated: ClassVar[bool] = False
     #: whether it is told by inputs of several sizes, and by those alone
     shaped: ClassVar[bool] = False
     #: name of the parameter that says where its rows begin or end, where it has one
@@ -220,7 +222,21 @@ class Asymmetry(Regressor):
         return np.abs(poses.rates)
 
 
-class Temperature(Regressor):
+class _OfTemperature(Regressor):
+    """What follows the temperature, so that S and bias are those at the reference."""
+
+    heated = True
+
+    def why_not(self, poses: Poses) -> str:
+        """Temperature has to be known, and to change."""
+        if why := super().why_not(poses):
+            return why
+        if not np.isfinite(poses.temperature).all():
+            return 'no temperature was recorded'
+        return '' if np.ptp(poses.temperature) > 0.1 else 'the temperature did not change'
+
+
+class Temperature(_OfTemperature):
     """Bias that follows the temperature."""
 
     name = 'temperature'
@@ -238,12 +254,8 @@ class Temperature(Regressor):
         """Return the temperature above the reference."""
         return (poses.temperature - poses.reference_temperature)[None]
 
-    def why_not(self, poses: Poses) -> str:
-        """Temperature has to be known, and to change."""
-        return super().why_not(poses) or _no_temperature(poses)
 
-
-class TemperatureCurve(Regressor):
+class TemperatureCurve(_OfTemperature):
     """Bias that follows the temperature by a curve: the square and the cube beside the line."""
 
     name = 'temperature_curve'
@@ -262,10 +274,6 @@ class TemperatureCurve(Regressor):
         """Return square and cube of the temperature above the reference."""
         t = poses.temperature - poses.reference_temperature
         return np.vstack([t ** 2, t ** 3])
-
-    def why_not(self, poses: Poses) -> str:
-        """Temperature has to be known, and to change."""
-        return super().why_not(poses) or _no_temperature(poses)
 
 
 class _InTime(Regressor):
@@ -360,7 +368,7 @@ class Step(_InTime):
         return cls({'t': 60.0, 'j_x': 0.01, 'j_y': 0.0, 'j_z': -0.01})
 
 
-class TemperatureScale(Regressor):
+class TemperatureScale(_OfTemperature):
     """Scale factor that follows the temperature."""
 
     name = 'temperature_scale'
@@ -377,10 +385,6 @@ class TemperatureScale(Regressor):
     def columns(self, poses: Poses) -> np.ndarray:
         """Return temperature above the reference times the input."""
         return (poses.temperature - poses.reference_temperature) * poses.rates
-
-    def why_not(self, poses: Poses) -> str:
-        """Temperature has to be known, and to change."""
-        return super().why_not(poses) or _no_temperature(poses)
 
 
 class GSensitivity(Regressor):
@@ -525,12 +529,6 @@ class Repeatability(Scatter):
     def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
         """Return sigma^2 times the identity, in units of the output."""
         return (amplitude * poses.amount)[:, None, None] ** 2 * np.eye(3)
-
-
-def _no_temperature(poses: Poses) -> str:
-    if not np.isfinite(poses.temperature).all():
-        return 'no temperature was recorded'
-    return '' if np.ptp(poses.temperature) > 0.1 else 'the temperature did not change'
 
 
 def _no_force(poses: Poses) -> str:

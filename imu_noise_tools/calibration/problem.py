@@ -25,7 +25,7 @@ from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE, HEALED, RIVAL, SURE
 
 _CHANCE = 0.005
 _HIDDEN = 10.0          # times as wide, from which a value holds only without an effect (a choice)
-_UNKNOWN = 0.1           # of gravity, or of a scale: known no better, it is not known
+_UNKNOWN = 0.1          # of gravity, or of a scale: known no better, it is not known
 _SAME = 'looks the same as what is already in the model'
 _HIDES = 'hides in '
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
@@ -253,11 +253,16 @@ class CalibrationProblem(Problem):
 
     def _as_likely(self, fit: Fit, found: list[Finding]) -> list[Finding]:
         """Return candidates: one that leaves nothing to confirm it is no likelier than others."""
-        sure = [f for f in found if not isinstance(f.effect, Regressor)
-                or self._gain(fit, f.effect)[1] < fit.details.dof]
-        best = max((f.gain - f.penalty for f in sure), default=np.inf)
-        return [f if f in sure or f.gain - f.penalty <= best
-                else replace(f, gain=best + f.penalty) for f in found]
+        def is_confirmed(effect: Any) -> bool:
+            dof = fit.details.dof       # no rank is larger than the coefficients are many
+            return not isinstance(effect, Regressor) or len(effect.coefficients) < dof \
+                or self._gain(fit, effect)[1] < dof
+
+        confirmed = [is_confirmed(f.effect) for f in found]
+        best = max((f.gain - f.penalty for f, yes in zip(found, confirmed) if yes),
+                   default=np.inf)
+        return [f if yes else replace(f, gain=min(f.gain, best + f.penalty))
+                for f, yes in zip(found, confirmed)]
 
     def _without_a_bad_pose(self, fit: Fit) -> dict[str, float]:
         """

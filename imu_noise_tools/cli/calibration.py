@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
 from . import common
@@ -106,7 +108,7 @@ def _show(c: Any, data: Any, source: Any) -> None:
              if c.sensor == 'accel' else ''))
     for note in c.notes:
         print(f'  {note}')
-    print(solved(c))
+    print(_solved(data))
     if c.plain is not c.fit:
         print(f'  {_beside(c)}')
     if 'left_out_deg' in data:
@@ -117,15 +119,33 @@ def _show(c: Any, data: Any, source: Any) -> None:
     print(f'  {found["verdict"]}: {found["advice"]}')
 
 
-def solved(c: Any) -> str:
+def show_solved(folder: str, sensors: Collection[str] = ('accel', 'gyro')) -> None:
+    """Print S and bias of some sensors as the calibration.yaml of a study's folder has them."""
+    from ..core.errors import InputError
+    from ..tasks import calibration as tasks
+
+    file = Path(folder) / tasks.FILE
+    try:
+        for data in tasks.sensors_of(file) if file.is_file() else ():
+            if data['sensor'] in sensors:
+                print(f'{data["sensor"]}:\n{_solved(data)}')
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f'{file}: not a calibration ({type(error).__name__}: {error})',
+                         'calibrate again with --force') from None
+
+
+def _solved(data: Any) -> str:
     """Return S and bias in a table, and the temperature they hold at where they follow one."""
-    std_s, std_b = c.std
+    from ..calibration import is_heated
+
+    std = data['std']
     rows = ['      S (scale and cross-axis sensitivity)                             bias']
     for k, axis in enumerate('xyz'):
-        row = '  '.join(f'{c.S[k, m]:9.6f} ±{std_s[k, m]:.1e}' for m in range(3))
-        rows.append(f'  {axis}   {row}   {c.bias[k]:10.6f} ±{std_b[k]:.1e} {c.problem.unit}')
-    if any(e.name.startswith('temperature') for e in c.fit.model):
-        rows.append(f'  at {c.poses.reference_temperature:.2f} degC')
+        row = '  '.join(f'{s:9.6f} ±{e:.1e}' for s, e in zip(data['S'][k], std['S'][k]))
+        rows.append(f'  {axis}   {row}   {data["bias"][k]:10.6f} ±{std["bias"][k]:.1e} '
+                    f'{data["unit"]}')
+    if is_heated(data):
+        rows.append(f'  at {data["reference_temperature"]:.2f} degC')
     return '\n'.join(rows)
 
 

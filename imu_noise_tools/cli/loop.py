@@ -227,10 +227,8 @@ def _print_steps(args, study, steps):
     elif steps:
         print(terminal.steps(study, steps, si=args.si))
         if study.domain == 'calibration':
-            from .calibration import solved
-            from ..calibration import of_study
-            for target in dict.fromkeys(s.target for s in steps):
-                print(f'{target}:\n{solved(of_study(study, target))}')
+            from .calibration import show_solved
+            show_solved(args.dir, {s.target for s in steps})
     else:
         print('nothing is missing that the diagnosis can name: no effect added')
 
@@ -276,11 +274,8 @@ def history(args: argparse.Namespace) -> int:
     else:
         print(terminal.history(store.history_of(data)))
         if data['domain'] == 'calibration':
-            from .calibration import solved
-            from ..calibration import of_study
-            study = store.load(args.dir)
-            for target in study.targets:
-                print(f'{target}:\n{solved(of_study(study, target))}')
+            from .calibration import show_solved
+            show_solved(args.dir)
     return 0
 
 

@@ -27,6 +27,7 @@ from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
 from ..core.statistics import grid_step
+from ..core.units import shown
 from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
 from ..loop.findings import failures
 from ..loop.problem import Problem
@@ -274,11 +275,10 @@ class FilterProblem(Problem):
 
         """
         for p in effect.parameters:
-            of_data = effect.within(p, self.dt)[1] < p.upper
             most = effect.within(p, self.dt)[1]
             if effect[p.name] > (1 - AT) * most and p.name != effect.keeps \
-                    and not (of_data and not failures(self.omnibus(fit))):
-                return f'its {p.name} lies at its bound, {most:.3g} {p.unit}'.rstrip('1 ')
+                    and (most == p.upper or failures(self.omnibus(fit))):
+                return f'its {p.name} lies at its bound, {shown(most, p.unit, "gyro")}'
         return ''
 
     def _lost(self, fit: Fit) -> float:

@@ -257,6 +257,19 @@ def psd(effect: FilterEffect, f: np.ndarray, dt: float) -> np.ndarray | None:
     return out
 
 
+def output_noise(model: Model, dt: float) -> Block:
+    """Return what adds to the output, all noise of a model, as one block: states and white."""
+    blocks = [e.block(dt) for e in model.of(OutputNoise)]
+    return Block(_diagonal([b.phi for b in blocks]), _diagonal([b.q for b in blocks]),
+                 np.concatenate([np.zeros(0), *(b.h for b in blocks)]),
+                 _diagonal([b.p0 for b in blocks]), _white(blocks))
+
+
+def _white(noises: list[Block]) -> float:
+    """Return the variance of all white noise, with what multiplies it."""
+    return sum(b.r for b in noises) * float(np.prod([b.r_factor for b in noises]))
+
+
 def state_space(model: Model, dt: float) -> StateSpace:
     """
     Add the blocks of a model over one interval dt (s).
@@ -279,7 +292,7 @@ def state_space(model: Model, dt: float) -> StateSpace:
     noises = [b for e, b in blocks if e.kind == 'noise']
     if not motions:
         raise UsageError('the model has no motion', 'add constant_rate or another motion')
-    r = sum(b.r for b in noises) * float(np.prod([b.r_factor for b in noises]))
+    r = _white(noises)
     if not r > 0:
         raise UsageError(
             'the model has no white noise', 'add white: without it every sample is exact'

@@ -18,7 +18,7 @@ from typing import cast
 
 import numpy as np
 
-from .statespace import FilterEffect, OutputNoise, white_of
+from .statespace import Block, FilterEffect, output_noise, OutputNoise, white_of
 from ..core.spectrum import cosine_transform
 from ..loop.effect import Model
 from ..loop.verdict import HEALED
@@ -59,8 +59,8 @@ def outlasts_motion(z: np.ndarray, dt: float, model: Model, label: str) -> bool:
         Of the noise in question, which :func:`is_coloured`.
 
     """
-    lag = _lag(cast(FilterEffect, model[label]), dt, len(z))
-    change = sum(_change(e, dt, lag) for e in model.of(OutputNoise))
+    lag = _lag(output_noise(Model([model[label]]), dt), len(z))
+    change = _change(output_noise(model, dt), lag)
     square = (z[lag:] - z[:-lag]) ** 2
     count = len(square) // (LONG * lag)
     if count < FEWEST:
@@ -96,23 +96,15 @@ def is_as_strong(z: np.ndarray, model: Model, label: str) -> bool:
     return level * (1 + 2 * np.sqrt(2 / len(c))) - 1 > HEALED * more
 
 
-def _lag(effect: FilterEffect, dt: float, most: int) -> int:
-    """Return over how many samples most of it has changed, less than ``most``."""
-    lag = 1
-    whole = 2 * _variance(effect, dt)
-    while lag < most // 2 and _change(effect, dt, lag) < LAG * whole:
+def _lag(noise: Block, most: int) -> int:
+    """Return over how many samples most of it has changed, half of ``most`` at most."""
+    lag, whole = 1, 2 * float(noise.h @ noise.p0 @ noise.h)
+    while lag < most // 2 and _change(noise, lag) < LAG * whole:
         lag += max(1, lag // 8)
     return lag
 
 
-def _variance(effect: FilterEffect, dt: float) -> float:
-    block = effect.block(dt)
-    return float(block.h @ block.p0 @ block.h)
-
-
-def _change(effect: FilterEffect, dt: float, lag: int) -> float:
+def _change(noise: Block, lag: int) -> float:
     """Return the mean square of what noise changes by over a lag."""
-    block = effect.block(dt)
-    later = np.linalg.matrix_power(block.phi, lag)
-    return float(2 * block.r * block.r_factor + 2 * block.h @ (block.p0 - later @ block.p0)
-                 @ block.h)
+    later = np.linalg.matrix_power(noise.phi, lag)
+    return float(2 * noise.r + 2 * noise.h @ (noise.p0 - later @ noise.p0) @ noise.h)

@@ -28,7 +28,7 @@ from .kinds import (
     Coupling, Defect, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
 )
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
-from .likelihood import Likelihood, spectrum_without, told_anew, told_by_gains
+from .likelihood import explained_by, Likelihood, spectrum_without, told_anew, told_by_gains
 from .nonlinear import follows_a_law
 from .sweep import on_one_path, PARTS as SWEPT, Sweep
 from .together import unlike_noise
@@ -387,29 +387,23 @@ def _is_a_course(evidence: Evidence, fit: Fit, effect: Coupling) -> bool:
 
     """
     means, without = views.block_means(evidence, fit), fit.model.minus(effect.label)
-    count, own = len(means.y), means.columns.shape[1]
+    count = len(means.y)
     slow = views.slow_rest(evidence, without) - views.slow_rest(evidence, fit.model)
     told = means_of_blocks(slow, len(slow) // count)[:count]
     if not np.std(told) > 0:
         return False
-    u = (np.arange(count) + 0.5) / count
-    y, *columns = np.linalg.solve(views.root_of(means.covariance), np.column_stack(
-        [means.y + told, means.columns, told / np.std(told),
-         *(slow_cosines(u, count, bool(kind)) for kind in range(len(SLOWLY)))])).T
-    mean, its, free = columns[:own], columns[own:own + 1], columns[own + 1:]
+    y, mean, free = _beside_cosines(replace(means, y=means.y + told, columns=np.column_stack(
+        [means.columns, told / np.std(told)])))
+    *mean, its = mean
 
     def gain(some):
-        return _squares_left(y, [*mean, *some]) - _squares_left(y, [*mean, *some, *its])
+        return _squares_left(y, [*mean, *some]) - _squares_left(y, [*mean, *some, its])
 
-    if gain([]) < FLEXIBLE or min(
-            gain(free[k:k + KNOTS]) for k in range(0, len(free), KNOTS)) > DIRECTED:
+    if gain([]) < FLEXIBLE or min(map(gain, free)) > DIRECTED:
         return False
-    v, (view, before) = fit.details.v, (
-        Likelihood(evidence, 'whole', m, fit) for m in (fit.model, without))
-    explained = view.weight / v * (
-        before.solve_linear(without, v).power - view.solve_linear(fit.model, v).power)
-    fast = view.bins.f > 0.5 * count / evidence.duration    # than blocks can tell
-    return bool(np.sum(explained[fast]) < OWN_SHARE * np.sum(explained))
+    bins, weight, power = explained_by(evidence, fit, effect.label)
+    fast = bins.f > 0.5 * count / evidence.duration     # than blocks can tell
+    return bool((weight * power)[fast].sum() < OWN_SHARE * (weight @ power))
 
 
 def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
@@ -725,16 +719,21 @@ def mean_gain(evidence: Evidence, fit: Fit) -> tuple[float, bool]:
 
 def _gains_of_cosines(evidence: Evidence, fit: Fit) -> np.ndarray:
     """Return what cosines of each kind of SLOWLY gain, so many as FIRST says, (2, 3), nats."""
-    means = views.block_means(evidence, fit)
+    y, mean, free = _beside_cosines(views.block_means(evidence, fit))
+    before = _squares_left(y, mean)
+    return before - np.array([
+        [_squares_left(y, [*mean, *some[:k]]) for k in FIRST] for some in free])
+
+
+def _beside_cosines(means: views.BlockMeans) -> tuple[
+        np.ndarray, list[np.ndarray], list[list[np.ndarray]]]:
+    """Return means (k,), their columns, and slow cosines of each kind of SLOWLY, whitened."""
     count, own = len(means.y), means.columns.shape[1]
     u = (np.arange(count) + 0.5) / count
     slow = [slow_cosines(u, count, bool(kind)) for kind in range(len(SLOWLY))]
     y, *columns = np.linalg.solve(views.root_of(means.covariance), np.column_stack(
         [means.y, means.columns, *slow])).T
-    before = _squares_left(y, columns[:own])
-    return before - np.array([
-        [_squares_left(y, [*columns[:own], *columns[begin:begin + k]])
-         for k in FIRST] for begin in range(own, len(columns), KNOTS)])
+    return y, columns[:own], [columns[k:k + KNOTS] for k in range(own, len(columns), KNOTS)]
 
 
 def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:

@@ -930,13 +930,24 @@ def told_anew(evidence: Evidence, fit: Fit, label: str, other: str) -> tuple[flo
 
     """
     v, less = fit.details.v, fit.model.minus(label)
-    view, before = (Likelihood(evidence, 'whole', m, fit) for m in (fit.model, less))
-    alone = cast(Coupling, before.with_solved(less, v)[other])
-    explained = before.solve_linear(less, v).power - view.solve_linear(fit.model, v).power
+    alone = cast(Coupling, Likelihood(evidence, 'whole', less, fit).with_solved(less, v)[other])
     hidden, pair = np.zeros(len(v)), partial(evidence.common.pair, part='whole')
     for channel, gain in alone.gains(evidence):
         hidden = hidden + gain ** 2 * own_power(pair, channel)
-    bands, weight = Bands.on(view.bins), 0.5 * view.weight / v
-    told, beyond = (np.bincount(bands.of, weight * x) for x in (
+    bins, weight, explained = explained_by(evidence, fit, label)
+    told, beyond = (np.bincount(Bands.on(bins).of, weight * x) for x in (
         explained, explained - hidden))
     return float(np.sum(told)), float(np.sum(np.maximum(beyond, 0.0)))
+
+
+def explained_by(evidence: Evidence, fit: Fit, label: str) -> tuple[Bins, np.ndarray, np.ndarray]:
+    """
+    Return (bins, weight, power), (b,) each, of what a coupling of a fit explains beside the rest.
+
+    Weight times power is in nats, at the spectrum of the fit.
+
+    """
+    v, less = fit.details.v, fit.model.minus(label)
+    view, before = (Likelihood(evidence, 'whole', m, fit) for m in (fit.model, less))
+    explained = before.solve_linear(less, v).power - view.solve_linear(fit.model, v).power
+    return view.bins, 0.5 * view.weight / v, explained

@@ -310,6 +310,15 @@ def calibrate(
     return replace(done, folder=folder)
 
 
+def sensors_of(path: Path) -> list[Any]:
+    """Return what a calibration.yaml holds of each sensor, the accelerometer first."""
+    if not path.is_file():
+        raise InputError(f'{path}: no such file', 'name a folder that calibrate wrote')
+    data = store.load_yaml(path)
+    data = data if isinstance(data, dict) else {}
+    return [data[s] for s in ('accel', 'gyro') if s in data] or [data]
+
+
 def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
     """
     Return what corrects samples from a calibration.yaml, or a folder that holds one.
@@ -324,13 +333,8 @@ def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
     """
     path = Path(path)
     path = path / FILE if path.is_dir() else path
-    if not path.is_file():
-        raise InputError(f'{path}: no such file', 'name a folder that calibrate wrote')
-    data = store.load_yaml(path)
-    data = data if isinstance(data, dict) else {}
-    parts = [data[s] for s in ('accel', 'gyro') if s in data] or [data]
     try:
-        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in parts)
+        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in sensors_of(path))
     except InputError as error:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 

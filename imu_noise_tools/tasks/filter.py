@@ -29,7 +29,7 @@ from ..filter.motion import AnyMotion
 from ..filter.output_noise import noise_blocks
 from ..filter.problem import problem_of
 from ..filter.recorded import filter_record, Filtered
-from ..filter.statespace import DOMAIN, Motion, OutputNoise
+from ..filter.statespace import DOMAIN, Motion, output_noise, OutputNoise
 from ..health import motion_doubts, Selection
 from ..loop.effect import Effect, find_effect, Model, model_of, registry
 from ..loop.study import Study
@@ -317,9 +317,8 @@ def noise_of_a_sample(model: Model, dt: float) -> float:
     what is left of them is in the variance of the filtered rate too.
 
     """
-    blocks = [e.block(dt) for e in model.of(OutputNoise)]
-    total = sum(b.r for b in blocks) * float(np.prod([b.r_factor for b in blocks]))
-    return float(np.sqrt(total + sum(float(b.h @ b.p0 @ b.h) for b in blocks)))
+    b = output_noise(model, dt)
+    return float(np.sqrt(b.r + b.h @ b.p0 @ b.h))
 
 
 def from_study(
