@@ -10,7 +10,7 @@ alike. ``check`` returns (whether the samples bear the name out, in words); None
 this kind cannot tell. `real_verdicts.py` prints it beside each name.
 
 Lines: Hann's periodogram, the highest of five cells over the median of 5 % (200 cells and more)
-around. Narrow bands: the mean over the width against that median. Filters: Welch's level in the
+around, of the stretch in which it is said to be on. Narrow bands: the mean over the width against that median. Filters: Welch's level in the
 upper half of what the cutoff leaves. What is shared: gain to the other axis in each of 64 blocks,
 of differenced samples less those of the axes of the same sensor that were named before, the median
 over its own scatter. Shocks: the squares of differences over 0.4 s at each time that is told,
@@ -293,7 +293,8 @@ def check(one, t, axes, axis, before=(), left_out=False):
     own = {k: x for k, x in axes.items() if k.startswith(sensor) and k != axis}
     s = t - t[0]
     if name == 'sinusoid':
-        return line(y, dt, [v['frequency']])
+        on = (s >= (v.get('begin') or 0)) & (s < (v.get('end') or np.inf))
+        return line(y[on], dt, [v['frequency']])
     if name == 'harmonics':
         orders = [int(k.split('_')[1]) for k, a in v.items() if k.startswith('amplitude_') and a]
         return line(y, dt, [k * v['frequency'] for k in orders])

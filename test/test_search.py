@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from imu_noise_tools.loop import diagnosis
 from imu_noise_tools.loop.effect import Finding, Fit, Model, model_of, registry
 from imu_noise_tools.loop.findings import pairs, surplus, yields
 from imu_noise_tools.loop.prediction import State
@@ -652,3 +653,23 @@ def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
     assert worth > search.scores.get(search.places.set_of(main), -np.inf)
     supported['low_pass'] = 900.0
     assert search.forward(held) == main
+
+
+@pytest.mark.parametrize('probability, explains, said', [
+    (0.01, 0.0, 'complete'),
+    (0.3, 0.0, 'undecidable'),
+    (0.01, 0.4, 'undecidable'),
+])
+def test_what_is_next_to_certainly_nothing_leaves_nothing_undecided(
+        monkeypatch, probability, explains, said):
+    one = found('narrowband', gain=13.2, penalty=12.8, probability=probability,
+                explains=explains, against=FROM_NOTHING)
+    model = SimpleNamespace(labels=())
+    places = SimpleNamespace(base=model, tests=lambda m: [], error=lambda m: None,
+                             model_of=lambda chain: model, at=lambda m: None)
+    monkeypatch.setattr(diagnosis, 'Search', lambda state: SimpleNamespace(
+        places=places, refuted={}, settled=lambda: [one]))
+    error = SimpleNamespace(views={}, failing=())
+    problem = SimpleNamespace(advice=lambda *said: '')
+    state = SimpleNamespace(model=model, error=error, problem=problem)
+    assert diagnosis.diagnose(state).verdict == said

@@ -12,7 +12,7 @@ from .against import DOUBT
 from .effect import Finding, Model
 from .findings import beyond_chance, failures, label, surplus
 from .prediction import State
-from .search import Search
+from .search import FROM_NOTHING, Search
 
 LISTED = 8  # candidates that are listed
 
@@ -86,7 +86,7 @@ def diagnose(state: State) -> Diagnosis:
 
     """
     search = Search(state)
-    chain = search.settled()
+    chain = [f for f in search.settled() if not _as_nothing(f)]
     found = [f for f in chain if not f.against]
     failed = failures(search.places.tests(state.model)) or beyond_chance(state.error)
     # what was confirmed but shares its probability is in the model when the rest is judged
@@ -100,6 +100,17 @@ def diagnose(state: State) -> Diagnosis:
     advice = state.problem.advice(said, ranked, list(telling))
     enough = True if left is None else left.sufficient
     return Diagnosis(said, tuple(ranked), tuple(failed), advice, tuple(found), left, enough)
+
+
+def _as_nothing(finding: Finding) -> bool:
+    """
+    Tell whether what stood out is next to certainly nothing, and nothing fails for its sake.
+
+    What has many shapes to choose from gains more than one of them would by chance.
+
+    """
+    return (finding.against == FROM_NOTHING and finding.probability is not None
+            and finding.probability <= rules.RIVAL and not finding.explains)
 
 
 def _remaining(search: Search, model: Model) -> Remaining | None:

@@ -572,4 +572,6 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
         return 'no part of the spectrum asks for it'
     f0 = f[np.searchsorted(np.maximum.accumulate(gain), 0.1 * gain[-1])]
     f1 = f[min(np.searchsorted(np.maximum.accumulate(gain), 0.9 * gain[-1]), len(f) - 1)]
-    return f'the spectrum asks for it between {f0:.3g} and {f1:.3g} Hz'
+    low, high = f'{f0:.3g}', f'{f1:.3g}'
+    return 'the spectrum asks for it ' + (
+        f'at {low} Hz' if low == high else f'between {low} and {high} Hz')
