@@ -10,12 +10,13 @@ alike. ``check`` returns (whether the samples bear the name out, in words); None
 this kind cannot tell. `real_verdicts.py` prints it beside each name.
 
 Lines: Hann's periodogram, the highest of five cells over the median of 5 % (200 cells and more)
-around, of the stretch in which it is said to be on. Narrow bands: the mean over the width against that median. Filters: Welch's level in the
-upper half of what the cutoff leaves. What is shared: gain to the other axis in each of 64 blocks,
-of differenced samples less those of the axes of the same sensor that were named before, the median
-over its own scatter. Shocks: the squares of differences over 0.4 s at each time that is told,
-among all such stretches of the record. What moves the mean: least squares on 200 block means,
-Newey and West's error (lag n^(1/3)), beside a straight line where that is not itself the question.
+around, of the stretch in which it is said to be on. Narrow bands: the mean over the width against
+that median. Filters: Welch's level in the upper half of what the cutoff leaves. What is shared:
+gain to the other axis in each of 64 blocks, of differenced samples less those of the axes of the
+same sensor that were named before, the median over its own scatter. Shocks: the squares of
+differences over 0.4 s at each time that is told, among all such stretches of the record. What
+moves the mean: least squares on 200 block means, Newey and West's error (lag n^(1/3)), beside a
+straight line where that is not itself the question.
 """
 
 from __future__ import annotations

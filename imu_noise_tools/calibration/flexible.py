@@ -21,6 +21,7 @@ import numpy as np
 
 from .linear import Equations
 from .poses import Poses
+from ..loop.verdict import HEALED
 
 RARE = 1e-3             # how often chance reaches what refutes a name
 DOUBTED = 0.05          # how often what is said in doubt
@@ -55,6 +56,18 @@ class Course:
     chance: float
     share: float
     told: dict[str, float]
+
+    @property
+    def refutes(self) -> bool:
+        """Whether it explains most of the scatter, and more than chance."""
+        return self.chance <= RARE and self.share >= HEALED
+
+    def followed(self, sensor: str) -> str:
+        """Say what the scatter of a sensor follows."""
+        of_input = 'direction' if sensor == 'accel' else 'input'
+        return {'direction': f'it is a function of {of_input}',
+                'own': 'it is a function of the input of each axis',
+                'time': 'it is a course in time'}[self.of]
 
 
 class _Rivals:

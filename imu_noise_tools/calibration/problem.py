@@ -13,7 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import chdtrc
 
-from . import flexible, places, solve, telling
+from . import flexible, places, solve
+from .advice import advise, HIDES, scatter_in_words
 from .effects import Drift, Regressor, Scatter
 from .linear import equations, LeftOut, tilt_of, whitened
 from .poses import Poses, unit
@@ -21,19 +22,13 @@ from ..core.errors import FitError, UsageError
 from ..loop.effect import (
     Effect, Estimate, Finding, Fit, Model, registry, Score, unfitted, View)
 from ..loop.problem import Problem
-from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE, HEALED, RIVAL, SURE
+from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE
 
 _CHANCE = 0.005
 _HIDDEN = 10.0          # times as wide, from which a value holds only without an effect (a choice)
 _UNKNOWN = 0.1          # of gravity, or of a scale: known no better, it is not known
 _SAME = 'looks the same as what is already in the model'
-_HIDES = 'hides in '
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
-_OF_INPUT = ('hold the same poses again in another order to see it repeat, and describe it as an '
-             'effect of your own')
-_FOLLOWED = {'direction': _OF_INPUT, 'own': _OF_INPUT,
-             'time': 'record the temperature along, let it warm up before the first pose, and '
-                     'hold the first faces again at the end'}
 
 
 @dataclass(frozen=True)
@@ -327,7 +322,7 @@ class CalibrationProblem(Problem):
             # what names are told apart by: the likelihood, scatter and directions found anew
             gain = more.log_likelihood - fit.log_likelihood
             said = _said(gain, more.details.equations.rank - fit.details.equations.rank, effect)
-        elif gain > finding.penalty and (doubt := self._scatter_in_words(more, finding.name)):
+        elif gain > finding.penalty and (doubt := scatter_in_words(self, more, finding.name)):
             said = f'{said}; {doubt}'
         # A candidate that leaves a test wrong, with nothing else in sight, has to answer for that
         # test.
@@ -354,14 +349,14 @@ class CalibrationProblem(Problem):
             left = 0.5 * (fit.details.chi2 - dof)
             if not effect.passing or left < max(FLEXIBLE, FLEXIBLE_SHARE * claim):
                 return ''
-        course = self._course(fit, label)
-        if course is None or not _refutes(course):
+        course = self.course(fit, label)
+        if course is None or not course.refutes:
             return ''
         if isinstance(effect, Regressor):
             return '' if course.of != 'time' else (
                 f'it leaves {left:.0f} nats that are a smooth course in time as well: it is one '
                 f'without a name')
-        return (f'{self._followed(course)}: a smooth one without a name explains '
+        return (f'{course.followed(self.target)}: a smooth one without a name explains '
                 f'{100 * course.share:.0f} % of it, which scatter reaches in less than one case '
                 f'of {1 / flexible.RARE:.0f}')
 
@@ -382,13 +377,7 @@ class CalibrationProblem(Problem):
             return ''
         return f'{self.poses.n} poses leave {left} equations to confirm {rank} coefficients'
 
-    def _followed(self, course: flexible.Course) -> str:
-        where = 'direction' if self.target == 'accel' else 'input'
-        return {'direction': f'it is a function of {where}',
-                'own': 'it is a function of the input of each axis',
-                'time': 'it is a course in time'}[course.of]
-
-    def _course(self, fit: Fit, label: str) -> flexible.Course | None:
+    def course(self, fit: Fit, label: str) -> flexible.Course | None:
         """
         Return what a smooth course does in place of a scatter of the model.
 
@@ -409,86 +398,10 @@ class CalibrationProblem(Problem):
                 system, poses, float(np.clip(noise, 0.0, 1.0)))
         return self._courses[model, label]
 
-    def _scatter_in_words(self, fit: Fit, label: str) -> str:
-        """Say what of a scatter follows direction or time, and which of the two is not told."""
-        effect = fit.model[label]
-        if not isinstance(effect, Scatter) or effect.tilts:
-            return ''
-        course = self._course(fit, label)
-        if course is not None and course.chance <= flexible.RARE:
-            return f'{self._followed(course)} by {100 * course.share:.0f} %'
-        told = course.told if course is not None else {'direction': 0.0, 'time': 0.0}
-        open_ = [{'direction': 'function of direction', 'time': 'course in time'}[k]
-                 for k, v in told.items() if v < SURE]
-        said = [f'{self.poses.n} poses are too few to tell it from a {" or a ".join(open_)}'
-                ] if open_ else []
-        if course is not None and course.chance < flexible.DOUBTED:
-            said.append(f'{self._followed(course).replace("is", "may be")}: scatter looks as much '
-                        f'like one in {100 * course.chance:.2g} % of cases')
-        return '; '.join(said)
-
-    def _to_record(self, names: list[str], needs: list[str]) -> str:
-        """Say which poses would tell rivals apart; those that are held already may not."""
-        plain = f'record {"; or ".join(needs)}' if needs else ''
-        kinds = [k for k in map(registry('calibration').get, names)
-                 if k is not None and issubclass(k, Regressor) and k.shaped]
-        if len(names) != 2 or len(kinds) != 2 or self.target != 'accel':
-            return plain
-        one, other = (self.fit(solve.base_model() + k()) for k in kinds)
-        where, count = telling.advised(one, other, self.poses, self.method)
-        if not count:
-            return (f'no {telling.MOST} poses by hand would tell them apart at this noise: hold '
-                    f'each longer')
-        if where.startswith('edges'):
-            return plain
-        return (f'record some {count} more poses in {where}, where the two differ most: those '
-                f'that are held already hardly tell them')
-
-    def _unsettled(self, names: list[str]) -> str:
-        """Say how far the values of the base move with each rival, so that intervals miss."""
-        base = self.fit(solve.base_model()).details
-        moved: dict[str, Any] = {}
-        for name in names:
-            effect = registry('calibration')[name]()
-            try:
-                moved[name] = self.fit(solve.base_model() + effect).details
-            except FitError:
-                continue
-        if not moved:
-            return ''
-
-        def far(one: Any, other: Any) -> str:
-            return (f'bias by up to {np.abs(one.bias - other.bias).max():.2g} {self.unit} and '
-                    f'scale and cross-axis terms by up to '
-                    f'{1e6 * np.abs(one.scale - other.scale).max():.0f} ppm')
-
-        said = [f'add {k} moves {far(d, base)}' for k, d in moved.items()]
-        return ('intervals do not hold until it is decided: ' + ', '.join(said)
-                + (': either mends most of it' if self._alike(base, [*moved.values()]) else ''))
-
-    @staticmethod
-    def _alike(base: Any, some: list[Any]) -> bool:
-        """Tell whether fits differ among each other by less than half of what they move."""
-        if len(some) < 2:
-            return False
-        moved = min(np.abs(d.bias - base.bias).max() for d in some)
-        apart = max(np.abs(d.bias - some[0].bias).max() for d in some[1:])
-        return bool(apart < 0.5 * moved)
-
-    def _doubt(self, ranked: list[Any]) -> str:
-        """Say what these poses cannot tell of a scatter that is found."""
-        found = [f for f in ranked if not f.against and (f.probability or 0.0) >= SURE]
-        model = solve.base_model()
-        for f in found:
-            model = model + type(f.effect)()
-        some = [f.name for f in found if isinstance(f.effect, Scatter)]
-        return '; '.join(filter(None, (self._scatter_in_words(self.fit(model), k) for k in some)))
-
-    def _refuting(self, ranked: list[Any]) -> flexible.Course | None:
-        """Return the course that refuted a scatter, if one did."""
-        fallen = {f.name for f in ranked if isinstance(f.effect, Scatter) and f.against}
+    def refuting(self, fallen: Collection[str]) -> flexible.Course | None:
+        """Return the course that refuted one of the scatters that have fallen, if one did."""
         return next((c for (_, label), c in reversed(self._courses.items())
-                     if label in fallen and c is not None and _refutes(c)), None)
+                     if label in fallen and c is not None and c.refutes), None)
 
     def blind(self, fit: Fit) -> list[tuple[str, str, str]]:
         """
@@ -509,7 +422,7 @@ class CalibrationProblem(Problem):
             elif isinstance(e, Regressor) and (values := self._spoilt(fit, e)):
                 alike = any(v > _UNKNOWN * (self.poses.magnitude if k == 'bias' else 1.0)
                             for k, v in values.items())
-                hidden.append((e.name, _SAME if alike else _HIDES + ' and '.join(
+                hidden.append((e.name, _SAME if alike else HIDES + ' and '.join(
                     f'{k} (\u00b1{v:.2g}{" " + self.unit if k == "bias" else ""} with it)'
                     for k, v in values.items()), e.needs))
         return out + hidden
@@ -567,41 +480,7 @@ class CalibrationProblem(Problem):
 
     def advice(self, verdict: str, ranked: list[Any], failed: list[Finding]) -> str:
         """Return one sentence: what to do next, and which poses would tell what these cannot."""
-        if verdict == 'missing':
-            doubt = self._doubt(ranked)
-            return f'add {ranked[0].name}: {ranked[0].effect.hint}{"; " * bool(doubt)}{doubt}'
-        if verdict == 'undecidable':
-            # those that take no share of the probability are told apart
-            rivals = [f for f in ranked if f.gain > f.penalty
-                      and (f.probability is None or f.probability > RIVAL)]
-            needs = dict.fromkeys(f.effect.needs for f in rivals if f.effect.needs)
-            left = self.fit(solve.base_model()).details.dof
-            if sum(len(f.estimates) >= left for f in rivals) > 1:
-                return (f'{self.poses.n} poses leave {left} degrees of freedom, which any of '
-                        f'{", ".join(f.name for f in rivals)} explains: hold more poses, in other '
-                        f'directions')
-            if len(rivals) < 2:
-                said = f'{rivals[0].name} fits, but poses left out do not confirm it'
-            else:
-                said = f'these poses cannot tell {" from ".join(f.name for f in rivals)}'
-            names = [f.name for f in rivals if isinstance(f.effect, Regressor)]
-            return '; '.join(filter(None, (
-                said, self._to_record(names, list(needs)), self._unsettled(names))))
-        if verdict == 'unknown':
-            course = self._refuting(ranked)
-            if course is not None:
-                return (f'no known effect explains it, but {self._followed(course)} and no scatter'
-                        f': {_FOLLOWED[course.of]}; until then intervals are too narrow')
-            return ('no known effect explains it: ' + '; '.join(f.evidence for f in failed)
-                    + '; look at these poses and hold them again')
-        hidden = self.blind(self.fit(solve.base_model()))
-        said = 'nothing is missing' + (
-            f'; these poses could not show {", ".join(name for name, _, _ in hidden)}'
-            if hidden else '')
-        only = [f'{name} hides in {why.removeprefix(_HIDES)}' for name, why, _ in hidden
-                if why.startswith(_HIDES)]
-        return '; '.join([said, *([f'the values hold only without these: {", ".join(only)}']
-                                  if only else [])])
+        return advise(self, verdict, ranked, failed)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything as plain arrays, for an npz file."""
@@ -622,11 +501,6 @@ class CalibrationProblem(Problem):
         if 'method' not in arrays or 'outputs' not in arrays:
             raise UsageError('the evidence holds no poses', 'run calibrate again')
         return cls(Poses.from_arrays(arrays), str(arrays['method']), float(arrays['tilt']))
-
-
-def _refutes(course: flexible.Course) -> bool:
-    """Tell whether a course explains most of a scatter, and more than chance."""
-    return course.chance <= flexible.RARE and course.share >= HEALED
 
 
 def _prices(hypotheses: list[tuple[int, float]], rows: int) -> list[float]:

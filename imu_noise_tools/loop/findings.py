@@ -41,6 +41,12 @@ def surplus(finding: Finding) -> float:
     return finding.gain - price(finding)
 
 
+def rivals(ranked: Iterable[Finding]) -> list[Finding]:
+    """Return what stands out of the ranked and takes a share of the probability."""
+    return [f for f in ranked if f.gain > f.penalty
+            and (f.probability is None or f.probability > rules.RIVAL)]
+
+
 def price(finding: Finding) -> float:
     """Return what a finding must gain to be as likely as not, nats."""
     known = rules.COMMON if finding.effect is not None and finding.effect.common else 0.0

@@ -19,9 +19,10 @@ from ..core.record import sensor_of
 from ..loop.diagnosis import Diagnosis
 from ..loop.domains import package
 from ..loop.effect import Effect, Estimate, Finding, Parameter, Score, View
+from ..loop.findings import rivals
 from ..loop.prediction import State
 from ..loop.study import Step, Study
-from ..loop.verdict import CANNOT_TELL, CHANCE, RIVAL, STRIKING
+from ..loop.verdict import CANNOT_TELL, CHANCE, STRIKING
 
 ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
 
@@ -284,11 +285,9 @@ def diagnosis_in_words(d: Diagnosis) -> str:
                            if f.against.startswith(CANNOT_TELL))
         return f'missing: {names}' + ('' if p is None else f', probability {p:.2g}') + (
             f'; and {shared}' if shared else '')
-    # what takes no share of the probability is told apart, whatever it gains by itself
-    rivals = [f.name for f in d.ranked if f.gain > f.penalty
-              and (f.probability is None or f.probability > RIVAL)]
-    if d.verdict == 'undecidable' and rivals:
-        return f'undecidable: {" or ".join(rivals)}{" or nothing" * (len(rivals) == 1)}'
+    some = [f.name for f in rivals(d.ranked)]
+    if d.verdict == 'undecidable' and some:
+        return f'undecidable: {" or ".join(some)}{" or nothing" * (len(some) == 1)}'
     return f'{d.verdict}: {VERDICTS.get(d.verdict, "")}'
 
 
