@@ -25,6 +25,7 @@ from scipy.special import ndtri
 from . import shared
 from .blocks import block_power
 from .evidence import Common, course_beside, Evidence, Part
+from .fading import of_humps
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
     also_in, find_peaks, fine_edges, MOST_LINES, NO_LINES, of_a_swing, PIECE, reference_spectrum,
@@ -215,7 +216,9 @@ class _Gathering:
                 break
         self._whiten(axis, c, reference)
         self.step(f'{axis}: distribution')
-        table, own['humps'] = find_peaks(c, reference, self.dt)
+        table, humps = find_peaks(c, reference, self.dt)
+        own['humps'] = humps
+        own['fading'] = of_humps(c, reference, self.dt, humps, table[:, 0])
         length = max(1, self.used // SLOW)
         means = means_of_blocks(self.clean[axis][:self.used], length)
         slow = of_a_swing(table[:, 0], means, length * self.dt)

@@ -143,6 +143,10 @@ class NoiseEffect(Effect):
         """Say that it is another one's shape in a model rather than one by itself, or nothing."""
         return ''
 
+    def manner(self, evidence: Evidence) -> str:
+        """Say what the samples tell of it beside the numbers, or nothing."""
+        return ''
+
     def hides_loudness(self, evidence: Evidence) -> bool:
         """Tell whether beside it nothing of how loud noise is in time is the noise's own doing."""
         return False

@@ -6,6 +6,7 @@
 import numpy as np
 
 from ..evidence import Evidence
+from ..fading import in_words
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ...core import bell, oscillator
 from ...core.spectrum import Bins
@@ -143,6 +144,10 @@ class Narrowband(Spectrum):
         f, width = self['frequency'], self['width']
         return [self.with_values(frequency=f + shift * width, width=share * width)
                 for share in NARROWER for shift in MOVED if f + shift * width > 0]
+
+    def manner(self, evidence: Evidence) -> str:
+        """Say how its level fades: a machine's stays, a resonance's swings."""
+        return in_words(*evidence.fades(self['frequency'], self['width']))
 
     @property
     def _form(self) -> str:
