@@ -17,6 +17,7 @@ from typing import cast, NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from . import views
+from .coupled import is_none
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
@@ -46,6 +47,7 @@ STANDS = 3.0  # times the model's power that a peak has
 FOOT, BROAD = 20.0, 1.5  # of its width that a peak reaches, as narrow or as broad as it is seen
 SEEN = 8.0  # standard errors that a broad one stands out
 CLEAR = 100.0   # nats of a peak that is one in some form or other
+CLEAREST = 2    # narrow bands that are looked at by themselves
 OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
 ROUNDED = 2.0   # times what rounding moves a mean by, that one must change by
 JUMPS = 0.5  # share of all that changes, or of how far levels are apart
@@ -123,7 +125,8 @@ def by_one_measure(tried: list[Tried]) -> list[Finding]:
     """
     some = [(t, t.finding, t.partly - t.finding.penalty - PRICE * t.finding.shapes)
             for t in tried if t.finding is not None and np.isfinite(t.finding.gain)]
-    most = max((worth for t, f, worth in some if not t.peak and f.gain > f.penalty),
+    most = max((worth for t, f, worth in some
+                if not t.peak and not f.against and f.gain > f.penalty),
                default=-np.inf)
     return [replace(f, gain=t.whole) if t.peak and worth < most else f for t, f, worth in some]
 
@@ -227,6 +230,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where,
         against=bound or added.part_of(more.model)
         or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
+        or (is_none(evidence, more, label) if isinstance(effect, Coupling) else '')
         # one peak after the other would follow a line that moves, and all would fall in the end
         or (swept(evidence, added, max(whole, partly)) if peak else ''),
         shapes=_shapes(effect, more.estimates[label]),
@@ -461,20 +465,38 @@ def _within_bounds(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
     Return a fit with a clear peak more, in another of its forms where it ends at its bound.
 
     What is missing bends what is around a peak, so that the one form that should be none comes out
-    somewhat better than the others.
+    somewhat better than the others. Or what a fit rests on has the skirts of a peak that stands
+    far out, and not its middle, and any narrow one explains them: then it rests on that as well.
 
     """
     peak = more.model.effects[-1]
     if not isinstance(peak, Spectrum) or peak.centre is None \
             or not at_bound(evidence, peak, more.estimates[peak.label]) \
-            or _gain(evidence, fit, more, True) < CLEAR:
+            or max([_gain(evidence, fit, more, True), *evidence.humps[:1, 2]]) < CLEAR:
         return more
     forms = [p for p in peak.parameters if p.choices]
-    others = (_refitted(evidence, fit, type(peak)({p.name: float(k)}))
-              for p in forms for k in range(len(p.choices)) if k != peak[p.name])
+    others = [_refitted(evidence, fit, type(peak)({p.name: float(k)}))
+              for p in forms for k in range(len(p.choices)) if k != peak[p.name]]
+    others += _on_its_middle(evidence, fit, type(peak)())
     return max((x for x in others if not at_bound(
         evidence, x.model.effects[-1], x.estimates[x.model.labels[-1]])),
         key=lambda x: _gain(evidence, fit, x, True), default=more)
+
+
+def _on_its_middle(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> list[Fit]:
+    """Return fits with a peak more that rest on a narrow one's bins too, but on no other such."""
+    f, out = evidence.whole.bins.f, []
+    humps = evidence.humps.tolist()
+    for k, (middle, width, _) in enumerate(humps[:CLEAREST]):
+        weight = fit.details.hint.on(evidence.whole.bins).astype(float)
+        for other, wide, _ in [*humps[:k], *humps[k + 1:], (middle, width, 0.0)]:
+            weight[np.abs(f - other) < wide] = other == middle
+        for start in evidence.starts(effect):
+            if isinstance(start, Spectrum) and start.centre == middle:
+                model = Model((*unfitted(fit.model), start))
+                out.append(fit_part(evidence, model, intervals=False, start=fit.model,
+                                    basis=Explained(f, weight)))
+    return out
 
 
 def _beside_peaks(evidence: Evidence, fit: Fit) -> np.ndarray:

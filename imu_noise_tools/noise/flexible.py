@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from . import views
+from .coupled import is_none
 from .course import left_by_a_course, PARAMETERS
 from .evidence import Evidence
 from .explained import Bands, gained
@@ -345,6 +346,9 @@ def _restless(evidence: Evidence, low: float, high: float) -> float:
 
 def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:
     """Say that what a coupling explains is told by other gains, or another one, or is no noise."""
+    against = is_none(evidence, fit, effect.label)
+    if against:
+        return against
     for other in (e for e in fit.model.of(Coupling) if e.label != effect.label):
         tells, most = (told_by_gains(evidence, fit, e.label) for e in (effect, other))
         if tells < FLEXIBLE_SHARE * most:

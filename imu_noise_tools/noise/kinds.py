@@ -484,6 +484,10 @@ class Coupling(NoiseEffect):
         """Return the names of the signals, one for each linear parameter; empty: not recorded."""
         raise NotImplementedError
 
+    def motion(self, evidence: Evidence, fit: Fit) -> str:
+        """Say that what it explains, fitted so, is motion that the sensor tells, or nothing."""
+        return ''
+
     def gains(self, evidence: Evidence) -> Iterator[tuple[str, float]]:
         """Return each of its channels with its gain."""
         return zip(self.channels(evidence), (self[p.name] for p in self.parameters if p.linear))

@@ -5,10 +5,11 @@
 
 import numpy as np
 
+from ..coupled import by_gravity
 from ..evidence import Evidence
 from ..kinds import Coupling, Inputs, Parameter
 from ..shared import HEARD, LATER, quarter_later, SHAKEN
-from ...loop.effect import Effect
+from ...loop.effect import Effect, Fit
 
 
 AXES = tuple('xyz')
@@ -62,6 +63,11 @@ class AccelCoupling(Coupling):
                 return ()
             axes = tuple(a + SHAKEN for a in axes)
         return (*axes, *(a + LATER for a in axes), 'accel_square')
+
+    def motion(self, evidence: Evidence, fit: Fit) -> str:
+        """Say that gravity moves by as much in a mount that turns."""
+        return by_gravity(evidence, fit, self.label, np.array(
+            [[self[f'{k}_{c}'] for c in AXES] for k in ('gain', 'later')]))
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the shares of the accelerometer axes in the inputs."""

@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is no coupling of a sensor, though axes are coherent: a machine that all of them hear."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from .evidence import Evidence
+from .kinds import Coupling
+from .likelihood import explained_by
+from ..core.spectrum import Bins
+from ..loop.effect import Fit
+
+ACCEL = ('accel_x', 'accel_y', 'accel_z')
+MOST = 0.9      # of what a coupling explains (a choice), that lies within ...
+SHARP = 30.0    # ... a width of f over this: a driven resonance with Q = 190
+LIKE = 0.2      # of the largest share, by which others may be off
+
+
+def is_none(evidence: Evidence, fit: Fit, label: str) -> str:
+    """Say why what a coupling of a model explains is no coupling of the sensor, or nothing."""
+    effect = cast(Coupling, fit.model[label])
+    return at_one_frequency(evidence, fit, label) or effect.motion(evidence, fit)
+
+
+def at_one_frequency(evidence: Evidence, fit: Fit, label: str) -> str:
+    """
+    Say that what a coupling of a model explains lies at one frequency, or nothing.
+
+    A coupling is told by gains that are the same at all frequencies. At one any signal is a share
+    of any two others that have different phases, and a machine that shakes the mount is heard by
+    all axes: the peak is there in any case, the coupling is not shown.
+
+    """
+    bins, nats = _nats(evidence, fit, label)
+    if not nats.sum() > 0:
+        return ''
+    wide = bins.count / (2 * evidence.duration)
+    order = np.argsort(-nats / wide)
+    some = order[:1 + np.searchsorted(np.cumsum(nats[order]), MOST * nats.sum())]
+    width, f = float(wide[some].sum()), float(np.average(bins.f[some], weights=nats[some]))
+    if width > f / SHARP:
+        return ''
+    return (f'{100 * MOST:.0f} % of what it explains lies within {width:.2g} Hz at {f:.4g} Hz: '
+            'at one frequency a coupling cannot be told from a machine that all axes hear')
+
+
+def by_gravity(evidence: Evidence, fit: Fit, label: str, shares: np.ndarray) -> str:
+    """
+    Say that shares of the accelerometer are those by which a turn moves gravity, or nothing.
+
+    While the mount turns by omega the specific force f moves by -omega x f, so that across f
+    omega = f' x f/|f|^2 (Titterton and Weston, Strapdown Inertial Navigation Technology, section
+    3.6): the gyroscope tells a rotation that is there. At a frequency f' is 2 pi times that, a
+    quarter of a period earlier.
+
+    Parameters
+    ----------
+    shares : ndarray (2, 3)
+        Shares of the accelerometer axes, at once and a quarter of a period later.
+
+    """
+    force = np.array([np.mean(evidence.slow_others[a]) for a in ACCEL])
+    bins, nats = _nats(evidence, fit, label)
+    if not nats.sum() > 0 or not np.any(force):
+        return ''
+    f = float(np.average(bins.f, weights=nats))
+    own = 'xyz'.index(evidence.axis[-1])
+    turned = np.cross(force, np.eye(3))[:, own]     # force x e_j, of this axis
+    wanted = np.array([np.zeros(3), 2 * np.pi * f * turned / (force @ force)])
+    if np.abs(shares - wanted).max() > LIKE * np.abs(wanted).max():
+        return ''
+    return (f'these are the shares by which turning moves gravity at {f:.4g} Hz: the mount turns, '
+            'and the gyroscope tells it')
+
+
+def _nats(evidence: Evidence, fit: Fit, label: str) -> tuple[Bins, np.ndarray]:
+    """Return the bins, and what a coupling explains in each, nats (b,)."""
+    bins, weight, power = explained_by(evidence, fit, label)
+    return bins, np.maximum(weight * power, 0.0)
