@@ -16,13 +16,14 @@ import numpy as np
 
 REACH = 2   # widths on either side of the middle that are looked at
 STEADY, SWITCHED = -2.0, 4.5    # what a Gaussian band passes once in a thousand (simulated)
-SOME = 20   # independent amplitudes from which one that stays would be told
+SOME = 40   # independent amplitudes from which one that stays is told from one that swings
+BESIDE = 4   # times as far as the level beside the band is read (a choice)
 CUT = 0.1    # of its power in the outer quarters: a band is wider than what is looked at
+MEDIAN = 0.4549     # of a squared normal number
 STAYS, SWINGS, COMES, UNTOLD = 'stays', 'swings', 'comes', ''
 
 
-def fading(c: np.ndarray, reference: np.ndarray, dt: float, k: int,
-           width: int) -> tuple[float, float]:
+def fading(c: np.ndarray, k: int, width: int) -> tuple[float, float]:
     """
     Return <a^4>/<a^2>^2 of a band less the noise below it, and of how many amplitudes; or zeros.
 
@@ -34,36 +35,33 @@ def fading(c: np.ndarray, reference: np.ndarray, dt: float, k: int,
     ----------
     c : ndarray (n,)
         Cosine coefficients of the record (:func:`.cosine_transform`).
-    reference : ndarray (n - 1,)
-        One-sided PSD of what is below the band, at each coefficient from the first on.
-    dt : float
-        Interval, s.
     k, width : int
         The middle of the band, and a width, coefficients, that holds most of it.
 
     """
-    low, high = k - REACH * width, k + REACH * width
+    reach = REACH * width
+    low, high = k - reach, k + reach
     if low < 1 or high >= len(c):
         return 0.0, 0.0
-    band, floor = c[low:high], reference[low - 1:high - 1] / (2 * dt)
-    noise = float(np.sum(floor))
+    band = c[low:high]
+    beside = np.concatenate([c[max(1, k - BESIDE * reach):low], c[high:k + BESIDE * reach]])
+    floor = float(np.median(beside ** 2)) / MEDIAN
+    noise, edge = len(band) * floor, len(band) // 8
     power = float(band @ band) - noise
-    edge = len(band) // 8
-    outer = np.sum((band ** 2 - floor)[:edge]) + np.sum((band ** 2 - floor)[len(band) - edge:])
-    if power < noise or outer > CUT * power:
+    outer = np.concatenate([band[:edge], band[len(band) - edge:]])
+    if power <= 0 or outer @ outer - len(outer) * floor > CUT * power:
         return 0.0, 0.0
     size = 2 * len(band)
     padded = np.zeros(2 * size, complex)
     padded[:len(band)] = band * np.exp(0.5j * np.pi * np.arange(len(band)) / size)
     square = np.abs(np.fft.ifft(padded)[:size] * len(padded)) ** 2
     fourth = float(np.mean(square ** 2)) - 4 * power * noise - 2 * noise ** 2
-    cells = (band ** 2 - floor).reshape(-1, 2).sum(axis=1)
-    count = 2 * power ** 2 / float(np.sum(cells ** 2)) / (1 + noise / power) ** 4
-    return fourth / power ** 2, count
+    cells, whole = (band ** 2).reshape(-1, 2).sum(axis=1), power + noise
+    count = 2 * whole ** 2 / float(np.sum(cells ** 2))
+    return fourth / power ** 2, count * (power / whole) ** 4     # what is below it swings too
 
 
-def of_humps(c: np.ndarray, reference: np.ndarray, dt: float, humps: np.ndarray,
-             lines: np.ndarray) -> np.ndarray:
+def of_humps(c: np.ndarray, dt: float, humps: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """
     Return :func:`fading` of humps (h, 3) as :func:`.find_peaks` has them, (h, 2).
 
@@ -74,7 +72,7 @@ def of_humps(c: np.ndarray, reference: np.ndarray, dt: float, humps: np.ndarray,
     for i, (f, half, _) in enumerate(humps.tolist()):
         if not np.any(np.abs(lines - f) < 2 * REACH * half):
             size = 2 * len(c) * dt
-            out[i] = fading(c, reference, dt, round(f * size), round(2 * half * size))
+            out[i] = fading(c, round(f * size), round(2 * half * size))
     return out
 
 
@@ -93,7 +91,7 @@ def kind(ratio: float, count: float) -> str:
         return STAYS
     if off > SWITCHED:
         return COMES
-    return SWINGS if count > SOME and off > 0.5 * STEADY else UNTOLD
+    return SWINGS if count > SOME and off > STEADY / 2 else UNTOLD
 
 
 def in_words(ratio: float, count: float) -> str:

@@ -218,7 +218,7 @@ class _Gathering:
         self.step(f'{axis}: distribution')
         table, humps = find_peaks(c, reference, self.dt)
         own['humps'] = humps
-        own['fading'] = of_humps(c, reference, self.dt, humps, table[:, 0])
+        own['fading'] = of_humps(c, self.dt, humps, table[:, 0])
         length = max(1, self.used // SLOW)
         means = means_of_blocks(self.clean[axis][:self.used], length)
         slow = of_a_swing(table[:, 0], means, length * self.dt)
