@@ -12,13 +12,12 @@ import numpy as np
 from .evidence import Evidence
 from .kinds import Coupling
 from .likelihood import explained_by
-from ..core.spectrum import Bins
 from ..loop.effect import Fit
 
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 MOST = 0.9      # of what a coupling explains (a choice), that lies within ...
 SHARP = 30.0    # ... a width of f over this: a driven resonance with Q = 190
-LIKE = 0.2      # of the largest share, by which others may be off
+LIKE = 0.25     # of the largest share, by which others may be off
 
 
 def is_none(evidence: Evidence, fit: Fit, label: str) -> str:
@@ -36,7 +35,8 @@ def at_one_frequency(evidence: Evidence, fit: Fit, label: str) -> str:
     all axes: the peak is there in any case, the coupling is not shown.
 
     """
-    bins, nats = _nats(evidence, fit, label)
+    bins, weight, power = explained_by(evidence, fit, label)
+    nats = np.maximum(weight * power, 0.0)
     if not nats.sum() > 0:
         return ''
     wide = bins.count / (2 * evidence.duration)
@@ -65,20 +65,17 @@ def by_gravity(evidence: Evidence, fit: Fit, label: str, shares: np.ndarray) -> 
 
     """
     force = np.array([np.mean(evidence.slow_others[a]) for a in ACCEL])
-    bins, nats = _nats(evidence, fit, label)
-    if not nats.sum() > 0 or not np.any(force):
+    if not np.any(force):
         return ''
-    f = float(np.average(bins.f, weights=nats))
-    own = 'xyz'.index(evidence.axis[-1])
-    turned = np.cross(force, np.eye(3))[:, own]     # force x e_j, of this axis
+    bins, weight, _ = explained_by(evidence, fit, label)
+    heard = cast(Coupling, fit.model[label]).channels(evidence)[:3]
+    # a share that is fitted is the mean over what is heard
+    power = np.array([weight * evidence.common.pair(a, a, 'whole') for a in heard])
+    f = power @ bins.f / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
+    turned = np.cross(force, np.eye(3))[:, 'xyz'.index(evidence.axis[-1])]    # force x e_j
     wanted = np.array([np.zeros(3), 2 * np.pi * f * turned / (force @ force)])
     if np.abs(shares - wanted).max() > LIKE * np.abs(wanted).max():
         return ''
-    return (f'these are the shares by which turning moves gravity at {f:.4g} Hz: the mount turns, '
-            'and the gyroscope tells it')
-
-
-def _nats(evidence: Evidence, fit: Fit, label: str) -> tuple[Bins, np.ndarray]:
-    """Return the bins, and what a coupling explains in each, nats (b,)."""
-    bins, weight, power = explained_by(evidence, fit, label)
-    return bins, np.maximum(weight * power, 0.0)
+    at = f[np.argmax(np.abs(turned))]
+    return (f'these are the shares by which turning moves gravity at {at:.2g} Hz: the mount '
+            'turns, and the gyroscope tells it')

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How the level of a narrow band fades tells a machine from a resonance."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from params import daily
+import pytest
+from scipy.signal import lfilter
+
+from imu_noise_tools.core.spectrum import cosine_transform
+from imu_noise_tools.noise import fading
+from imu_noise_tools.noise.effects.narrowband import Narrowband
+from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
+
+N, DT = 20_000, 0.01
+T = np.arange(N) * DT
+
+
+def resonance(rng, f, width):
+    pole = np.exp(2j * np.pi * f * DT - np.pi * width * DT)
+    return lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], rng.standard_normal(2 * N))[N:]
+
+
+def machine(rng, f, width):
+    """Return a line whose speed wanders, slowly beside its width."""
+    a = np.exp(-DT * width / 3)
+    wander = lfilter([np.sqrt(1 - a * a)], [1, -a], rng.standard_normal(2 * N))[N:]
+    return np.cos(2 * np.pi * np.cumsum(f + width / 2.355 * wander) * DT)
+
+
+def switched(rng, f, width):
+    return machine(rng, f, width) * ((T % 70 > 20) & (T % 70 < 38))
+
+
+def kinds_of(make, count):
+    """Return how often each kind is told of bands of any width, well above the noise."""
+    rng, out = np.random.default_rng(11), Counter()
+    for _ in range(count):
+        width = 10 ** rng.uniform(-0.9, -0.3)
+        y = make(rng, rng.uniform(10, 40), width)
+        y = rng.standard_normal(N) + y / np.std(y) * np.sqrt(width)
+        c = cosine_transform(y)
+        lines, humps = find_peaks(c, reference_spectrum(c, DT), DT)
+        told = fading.of_humps(c, DT, humps[:1], lines[:, 0])
+        out[fading.kind(*told[0]) if len(told) else 'none'] += 1
+    return out
+
+
+@pytest.mark.parametrize('count', daily((60, 8), 8))
+@pytest.mark.parametrize('make, kind, others', [
+    (resonance, 'swings', {'stays', 'comes'}),
+    (machine, 'stays', {'swings', 'comes'}),
+    (switched, 'comes', {'swings', 'stays'}),
+])
+def test_the_level_of_a_band_tells_what_makes_it(make, kind, others, count):
+    """Where it is told at all: never another one."""
+    told = kinds_of(make, count)
+    assert told[kind] > 0.4 * count and not others & set(told), told
+
+
+def test_the_ratio_is_one_of_a_machine_two_of_a_resonance_more_of_what_is_switched():
+    rng = np.random.default_rng(12)
+    ratio = {}
+    for make in (resonance, machine, switched):
+        y = make(rng, 25.0, 0.5)
+        c = cosine_transform(y / np.std(y) + 0.01 * rng.standard_normal(N))
+        ratio[make.__name__], count = fading.fading(c, round(25 * 2 * N * DT), round(4 * N * DT))
+        assert 40 < count < 4 * N * DT
+    assert ratio['resonance'] == pytest.approx(2, abs=0.35)
+    assert ratio['machine'] == pytest.approx(1, abs=0.1)
+    assert ratio['switched'] == pytest.approx(70 / 18, rel=0.15)
+
+
+def test_a_band_at_the_end_of_the_spectrum_and_one_that_is_cut_are_not_told():
+    rng = np.random.default_rng(13)
+    c = cosine_transform(resonance(rng, 25.0, 2.0))
+    assert fading.fading(c, 10, 100) == fading.fading(c, N - 10, 100) == (0.0, 0.0)
+    assert fading.fading(c, round(25 * 2 * N * DT), 200) == (0.0, 0.0)
+    assert fading.in_words(0.0, 0.0) == ''
+
+
+def test_no_band_is_told_that_a_line_lies_on():
+    c = cosine_transform(np.random.default_rng(14).standard_normal(N))
+    hump = np.array([[20.0, 0.1, 50.0]])
+    assert np.all(fading.of_humps(c, DT, hump, np.array([20.05])) == 0)
+
+
+@pytest.mark.parametrize('width, said', [(0.2, True), (2.0, False)])
+def test_a_narrowband_says_how_its_own_band_fades(width, said):
+    class Seen:
+        def fades(self, frequency, width):
+            return (1.0, 300.0) if width < 1 else (0.0, 0.0)
+
+    one = Narrowband({'frequency': 25.0, 'width': width, 'rms': 1.0, 'form': 'wandering'})
+    assert ('machine' in one.manner(Seen())) == said
