@@ -47,7 +47,7 @@ def kinds_of(make, count):
         c = cosine_transform(y)
         lines, humps = find_peaks(c, reference_spectrum(c, DT), DT)
         told = fading.of_humps(c, DT, humps[:1], lines[:, 0])
-        out[fading.kind(*told[0]) if len(told) else 'none'] += 1
+        out[fading.kind(*told[0, :2]) if len(told) else 'none'] += 1
     return out
 
 
@@ -81,7 +81,7 @@ def test_a_band_at_the_end_of_the_spectrum_and_one_that_is_cut_are_not_told():
     c = cosine_transform(resonance(rng, 25.0, 2.0))
     assert fading.fading(c, 10, 100) == fading.fading(c, N - 10, 100) == (0.0, 0.0)
     assert fading.fading(c, round(25 * 2 * N * DT), 200) == (0.0, 0.0)
-    assert fading.in_words(0.0, 0.0) == ''
+    assert fading.in_words(0.0, 0.0, 0.0) == ''
 
 
 def test_no_band_is_told_that_a_line_lies_on():
@@ -94,7 +94,36 @@ def test_no_band_is_told_that_a_line_lies_on():
 def test_a_narrowband_says_how_its_own_band_fades(width, said):
     class Seen:
         def fades(self, frequency, width):
-            return (1.0, 300.0) if width < 1 else (0.0, 0.0)
+            return (1.0, 300.0, 0.0) if width < 1 else (0.0, 0.0, 0.0)
 
     one = Narrowband({'frequency': 25.0, 'width': width, 'rms': 1.0, 'form': 'wandering'})
     assert ('machine' in one.manner(Seen())) == said
+
+
+def swing_of(rng, make):
+    """Return when the narrow band of a swing in noise is said to have faded, None: no band."""
+    y = 0.5 * make(rng.uniform(0.2, 40), rng.uniform(0, 6)) + rng.standard_normal(N)
+    c = cosine_transform(y)
+    lines, humps = find_peaks(c, reference_spectrum(c, DT), DT)
+    told = fading.of_humps(c, DT, humps[:1], lines[:, 0])
+    return told[0, 2] if len(told) else None
+
+
+@pytest.mark.parametrize('share', [0.2, 0.4, -0.3])
+def test_a_swing_that_fades_tells_in_which_time(share):
+    """Three draws each; one that swells has it below zero."""
+    rng = np.random.default_rng(15)
+    for _ in range(3):
+        level = np.exp(-(T if share > 0 else T - T[-1]) / (share * T[-1]))
+        found = swing_of(rng, lambda f, phase: level * np.sin(2 * np.pi * f * T + phase))
+        assert found == pytest.approx(share * T[-1], rel=0.2)
+
+
+@pytest.mark.parametrize('make', [
+    lambda f, phase: np.sin(2 * np.pi * f * T + phase),
+    lambda f, phase: np.sin(2 * np.pi * f * T + phase) * (np.abs(T - 100) < 40),
+    lambda f, phase: 2 * resonance(np.random.default_rng(int(1e3 * phase)), f, 4 / (N * DT)) / 60,
+], ids=['steady', 'part', 'resonance'])
+def test_what_stays_runs_for_a_part_or_is_driven_by_noise_does_not_fade(make):
+    rng = np.random.default_rng(16)
+    assert not any(swing_of(rng, make) for _ in range(4))

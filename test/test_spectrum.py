@@ -210,6 +210,19 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize('rate', [-2.0, 0.0, 3.0, 40.0])
+@pytest.mark.parametrize('begin, end', [(0, N), (700, 3001)])
+def test_a_line_that_fades_has_a_complex_frequency(rate, begin, end):
+    t = np.arange(N) * DT
+    inside = (np.arange(N) >= begin) & (np.arange(N) < end)
+    gamma = rate / (N * DT)
+    k = np.arange(1, N)
+    wave = spectrum.line_basis(3.21 + 0.5j * gamma / np.pi, k, N, DT, begin, end)
+    for part, y in (wave.real, np.cos), (wave.imag, np.sin):
+        y = inside * np.exp(-gamma * t) * y(2 * np.pi * 3.21 * t)
+        np.testing.assert_allclose(part, dct(y, type=2, norm='ortho')[1:], atol=1e-8)
+
+
 @pytest.mark.parametrize('name', CASES)
 def test_quadrature_against_closed_forms(name):
     psd, closed = CASES[name]

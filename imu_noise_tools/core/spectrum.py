@@ -256,21 +256,24 @@ def folded(f: Any, dt: float) -> Any:
     return abs((f * dt + 0.5) % 1 - 0.5) / dt
 
 
-def line_basis(frequency: float | np.ndarray, k: np.ndarray, n: int, dt: float,
+def line_basis(frequency: float | complex | np.ndarray, k: np.ndarray, n: int, dt: float,
                begin: int | np.ndarray = 0, end: int | np.ndarray | None = None) -> np.ndarray:
     """
     Return the coefficients c_k (k >= 1) of cos(w t) + i sin(w t), t = j dt, w = 2 pi frequency.
 
     From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)),
     theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency, k, begin and end are
-    broadcast; of a line that is there in the samples [begin, end) alone, the sum over those.
+    broadcast; of a line that is there in the samples [begin, end) alone, the sum over those. Of
+    frequency + i rate/(2 pi) both waves fade by e^(-rate t), or swell.
 
     """
-    if np.all(np.equal(begin, 0)) and (end is None or np.all(np.equal(end, n))):
+    frequency = np.asarray(frequency)
+    fades = np.iscomplexobj(frequency)
+    if not fades and np.all(np.equal(begin, 0)) and (end is None or np.all(np.equal(end, n))):
         return _whole_line(2 * n * dt * np.asarray(frequency, float), np.asarray(k), n)
     last = n if end is None else end
     count, middle = last - begin, begin + last - 1
-    alpha = 2 * np.pi * np.asarray(frequency, float) * dt
+    alpha = 2 * np.pi * (frequency if fades else frequency.astype(float)) * dt
     theta = np.pi * np.asarray(k, float) / n
     total = 0
     for sign in (1, -1):

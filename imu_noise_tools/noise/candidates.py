@@ -215,11 +215,13 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     if abs(bonus) > 1:
         said = 'for' if bonus > 0 else 'against'
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
-    where = '; '.join(filter(None, (where, added.manner(evidence))))
+    manner = added.manner(evidence)
+    where = '; '.join(filter(None, (where, manner)))
     peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
     whole, partly = (_gain(evidence, fit, more, k) for k in (False, True))
     fast = _within_means(evidence, fit, more) if isinstance(effect, Mean) else 0.0
     bound = at_bound(evidence, added, more.estimates[label])
+    bound += f': {manner}' if bound and manner else ''
     finding = Finding(
         effect.name,
         float(partly if peak else whole) + bonus,

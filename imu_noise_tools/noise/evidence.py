@@ -185,7 +185,7 @@ class Evidence:
     ``rounding`` (lags,) the autocovariance of what that adds.
     ``line_table`` (l, 6) holds frequency Hz, a, b of a cos + b sin, z, and the samples [begin,
     end) in which a line is there, ``humps`` (h, 3) frequency and width, Hz, and nats of narrow
-    bands that are no lines, ``fading`` (h, 2) how the level of each fades (:mod:`.fading`).
+    bands that are no lines, ``fading`` (h, 3) how the level of each fades (:mod:`.fading`).
     ``block_power`` (1 or 2, blocks, bands) is the power in time, ``block_count`` its coefficients.
     ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable cells; a second row of
     either is without
@@ -217,7 +217,7 @@ class Evidence:
     sweep: np.ndarray = field(default_factory=lambda: np.zeros(6))
     unrounded: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
     rounding: np.ndarray = field(default_factory=lambda: np.zeros(1))
-    fading: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    fading: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _self: object = field(default_factory=object, init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -244,13 +244,13 @@ class Evidence:
         """Block means of the other axes and the covariates, by name."""
         return {k: v for k, v in self.common.slow.items() if k != self.axis}
 
-    def fades(self, frequency: float, width: float) -> tuple[float, float]:
-        """Return how the level of a narrow band fades (:func:`.fading.fading`), 0, 0: unknown."""
+    def fades(self, frequency: float, width: float) -> tuple[float, float, float]:
+        """Return how the level of a narrow band fades (:func:`.fading.of_humps`), 0: unknown."""
         for (f, half, _), told in zip(self.humps.tolist(), self.fading.tolist()):
-            if abs(f - frequency) < max(half, width) and width < ALIKE * half \
-                    and half < ALIKE * width:
-                return told[0], told[1]
-        return 0.0, 0.0
+            near = abs(f - frequency) < max(half, width)
+            if near and (told[2] or width < ALIKE * half < ALIKE ** 2 * width):
+                return told[0], told[1], told[2]
+        return 0.0, 0.0, 0.0
 
     @property
     def slow_inputs(self) -> Inputs:
@@ -676,6 +676,6 @@ def _one_from_arrays(axis, flat, common):
         sweep=flat.get('sweep', np.zeros(6)),
         unrounded=flat.get('unrounded', np.zeros((2, 0))),
         rounding=flat.get('rounding', np.atleast_1d(flat['resolution'] ** 2 / 12)),
-        fading=flat.get('fading', np.zeros((0, 2))),
+        fading=flat.get('fading', np.zeros((0, 3))),
         statistics=statistics,
     )

@@ -14,12 +14,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from .passing import projected
+from ..core.spectrum import line_basis
+
 REACH = 2   # widths on either side of the middle that are looked at
 STEADY, SWITCHED = -2.0, 4.5    # what a Gaussian band passes once in a thousand (simulated)
 SOME = 40   # independent amplitudes from which one that stays is told from one that swings
 BESIDE = 4   # times as far as the level beside the band is read (a choice)
 CUT = 0.1    # of its power in the outer quarters: a band is wider than what is looked at
 MEDIAN = 0.4549     # of a squared normal number
+RATES = np.geomspace(0.5, 40, 14)   # 1/T: how fast a line may fade
+NARROW, WIDEST = 4, 64  # coefficients: of a line that fades
+LIKELIER = 20.0     # nats, than one that stays (a choice: far beyond chance)
 STAYS, SWINGS, COMES, UNTOLD = 'stays', 'swings', 'comes', ''
 
 
@@ -61,18 +67,67 @@ def fading(c: np.ndarray, k: int, width: int) -> tuple[float, float]:
     return fourth / power ** 2, count * (power / whole) ** 4     # what is below it swings too
 
 
+def decay(c: np.ndarray, dt: float, k: int, width: int) -> float:
+    """
+    Return in which time, s, a line fades by a factor e; below zero, in which it swells; 0: none.
+
+    A swing that was begun before the record, or ends after it: a pendulum, a machine that runs
+    down without changing its speed. It is likelier than a line that stays, and all of the band.
+
+    Parameters
+    ----------
+    k, width : int
+        The middle of the band and a width, coefficients, of one as narrow as a record resolves.
+
+    """
+    n, reach = len(c), 4 * max(width, NARROW)
+    some = np.arange(max(1, k - reach), min(n, k + reach))
+    y = c[some]
+    floor = float(np.median(y ** 2)) / MEDIAN
+    rate, energy, still = _fastest(k, some, y, n, dt)
+    left, chance = float(y @ y) - energy - len(y) * floor, 3 * floor * np.sqrt(2 * len(y))
+    if energy - still < 2 * LIKELIER * floor or left > CUT * energy + chance:
+        return 0.0
+    return n * dt / rate
+
+
+def _fastest(k: int, some: np.ndarray, y: np.ndarray, n: int,
+             dt: float) -> tuple[float, float, float]:
+    """
+    Return the rate, 1/T, at which a line near k fades to explain most of y, its energy there.
+
+    And the most of one that stays. ``some`` are the coefficients of y.
+
+    """
+    f, rate, energy, still = k / (2 * n * dt), 0.0, 0.0, 0.0
+    step, rates = NARROW / (n * dt), np.concatenate([-RATES[::-1], [0.0], RATES])
+    for turn in range(1, 5):
+        at = f + step * np.linspace(-1, 1, 33)[:, None]
+        for r in rates:
+            found = projected(line_basis(at + 0.5j * r / (np.pi * n * dt), some, n, dt), y)[0]
+            best = int(np.argmax(found))
+            still = max(still, float(found[best])) if r == 0 else still
+            if found[best] > energy:
+                energy, rate, f = float(found[best]), float(r), float(at[best, 0])
+        step, rates = step / 8, np.append(rate * np.linspace(0.7, 1.4, 15) ** (1 / turn), 0.0)
+    return rate, energy, still
+
+
 def of_humps(c: np.ndarray, dt: float, humps: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """
-    Return :func:`fading` of humps (h, 3) as :func:`.find_peaks` has them, (h, 2).
+    Return :func:`fading` and :func:`decay` of humps (h, 3), :func:`.find_peaks` has them, (h, 3).
 
     Not of those that a line (frequencies, Hz) lies on, which stays by itself.
 
     """
-    out = np.zeros((len(humps), 2))
+    out = np.zeros((len(humps), 3))
     for i, (f, half, _) in enumerate(humps.tolist()):
         if not np.any(np.abs(lines - f) < 2 * REACH * half):
             size = 2 * len(c) * dt
-            out[i] = fading(c, round(f * size), round(2 * half * size))
+            k, width = round(f * size), round(2 * half * size)
+            out[i, :2] = fading(c, k, width)
+            if width <= WIDEST:
+                out[i, 2] = decay(c, dt, k, width)
     return out
 
 
@@ -94,8 +149,11 @@ def kind(ratio: float, count: float) -> str:
     return SWINGS if count > SOME and off > STEADY / 2 else UNTOLD
 
 
-def in_words(ratio: float, count: float) -> str:
+def in_words(ratio: float, count: float, time: float) -> str:
     """Say how the level of a band fades, '' where that is not told."""
+    if time:
+        return (f'it is a line that {"fades" if time > 0 else "swells"} by a factor e in '
+                f'{abs(time):.3g} s')
     return {
         STAYS: 'its level stays as that of a machine does, more than that of a resonance would',
         SWINGS: 'its level swings as that of a resonance in noise does',
