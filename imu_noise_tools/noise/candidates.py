@@ -33,7 +33,7 @@ from .response import Order
 from .rounded import moved_by_rounding
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
 from ..loop.findings import price
-from ..loop.verdict import DIRECTED, PRICE
+from ..loop.verdict import DIRECTED, FLEXIBLE, PRICE
 
 if TYPE_CHECKING:
     from .problem import NoiseProblem
@@ -207,6 +207,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
     if not evidence.starts(effect):
         return Tried(None)
     more = _within_bounds(evidence, fit, _refitted(evidence, fit, effect))
+    more = _by_its_middle(evidence, fit, more)
     problem.begin_from(more)
     label = more.model.labels[-1]
     added = cast(NoiseEffect, more.model[label])
@@ -467,38 +468,52 @@ def _within_bounds(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
     Return a fit with a clear peak more, in another of its forms where it ends at its bound.
 
     What is missing bends what is around a peak, so that the one form that should be none comes out
-    somewhat better than the others. Or what a fit rests on has the skirts of a peak that stands
-    far out, and not its middle, and any narrow one explains them: then it rests on that as well.
+    somewhat better than the others.
 
     """
     peak = more.model.effects[-1]
     if not isinstance(peak, Spectrum) or peak.centre is None \
             or not at_bound(evidence, peak, more.estimates[peak.label]) \
-            or max([_gain(evidence, fit, more, True), *evidence.humps[:1, 2]]) < CLEAR:
+            or _gain(evidence, fit, more, True) < CLEAR:
         return more
     forms = [p for p in peak.parameters if p.choices]
     others = [_refitted(evidence, fit, type(peak)({p.name: float(k)}))
               for p in forms for k in range(len(p.choices)) if k != peak[p.name]]
-    others += _on_its_middle(evidence, fit, type(peak)())
+    return _best_within(evidence, fit, others, more)
+
+
+def _by_its_middle(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
+    """
+    Return a fit with a peak more, by the middle of a narrow one where that explains far more.
+
+    What a fit rests on has the skirts of a peak that stands far out, and not its middle; any
+    narrow one explains them. Then it rests on that too, and on no other narrow one.
+
+    """
+    peak, humps = more.model.effects[-1], evidence.humps.tolist()
+    if not isinstance(peak, Spectrum) or peak.centre is None or not humps or humps[0][2] < CLEAR:
+        return more
+    f, others = evidence.whole.bins.f, []
+    for middle, width, _ in humps[:CLEAREST]:
+        weight = fit.details.hint.on(evidence.whole.bins).astype(float)
+        for other, wide, _ in [*humps, (middle, width, 0.0)]:
+            weight[np.abs(f - other) < wide] = other == middle
+        for start in evidence.starts(type(peak)()):
+            if isinstance(start, Spectrum) and start.centre == middle:
+                model = Model((*unfitted(fit.model), start))
+                others.append(fit_part(evidence, model, start=fit.model,
+                                       intervals=False, basis=Explained(f, weight)))
+    best, before = _best_within(evidence, fit, others, more), _gain(evidence, fit, more, True)
+    if at_bound(evidence, peak, more.estimates[peak.label]):
+        return best
+    return best if _gain(evidence, fit, best, True) > before + FLEXIBLE else more
+
+
+def _best_within(evidence: Evidence, fit: Fit, others: list[Fit], more: Fit) -> Fit:
+    """Return that of some fits whose last peak gains most within its bounds, if there is one."""
     return max((x for x in others if not at_bound(
         evidence, x.model.effects[-1], x.estimates[x.model.labels[-1]])),
         key=lambda x: _gain(evidence, fit, x, True), default=more)
-
-
-def _on_its_middle(evidence: Evidence, fit: Fit, effect: NoiseEffect) -> list[Fit]:
-    """Return fits with a peak more that rest on a narrow one's bins too, but on no other such."""
-    f, out = evidence.whole.bins.f, []
-    humps = evidence.humps.tolist()
-    for k, (middle, width, _) in enumerate(humps[:CLEAREST]):
-        weight = fit.details.hint.on(evidence.whole.bins).astype(float)
-        for other, wide, _ in [*humps[:k], *humps[k + 1:], (middle, width, 0.0)]:
-            weight[np.abs(f - other) < wide] = other == middle
-        for start in evidence.starts(effect):
-            if isinstance(start, Spectrum) and start.centre == middle:
-                model = Model((*unfitted(fit.model), start))
-                out.append(fit_part(evidence, model, intervals=False, start=fit.model,
-                                    basis=Explained(f, weight)))
-    return out
 
 
 def _beside_peaks(evidence: Evidence, fit: Fit) -> np.ndarray:
