@@ -636,6 +636,11 @@ def _bands(evidence: Evidence) -> tuple[np.ndarray, float]:
     return width * (FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)])), width
 
 
+def bands_in_time(evidence: Evidence) -> np.ndarray:
+    """Return the edges (bands + 1,) of the bands of the power in time, Hz."""
+    return _bands(evidence)[0]
+
+
 def modulated(model: Model, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return what the model's modulation says of power in time (blocks, groups), mean near 1."""
     followed = np.ones_like(x)
