@@ -143,6 +143,10 @@ class NoiseEffect(Effect):
         """Say that it is another one's shape in a model rather than one by itself, or nothing."""
         return ''
 
+    def lacking(self, evidence: 'Evidence') -> str:
+        """Say what to record along, which may be what it is due to, where that is not there."""
+        return ''
+
     def manner(self, evidence: Evidence) -> str:
         """Say what the samples tell of it beside the numbers, or nothing."""
         return ''
@@ -351,6 +355,10 @@ class Mean(NoiseEffect):
     def finer(self, evidence: Evidence) -> list[Effect]:
         """Return what to compare with it where it is among the best of its ``starts``."""
         return []
+
+    def plain(self) -> 'Mean | None':
+        """Return it with nothing to choose, where it then follows what is recorded beside."""
+        return None
 
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
