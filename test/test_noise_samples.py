@@ -996,6 +996,19 @@ def test_messages_sent_twice_are_told_by_all_axes_of_a_coarse_output(what, seed)
             assert float(kept['fraction'] - kept['expected']) == pytest.approx(0.03, rel=0.2)
 
 
+@pytest.mark.parametrize('shared', [0.0, 0.5])
+def test_an_output_of_two_levels_shares_nothing_with_its_own_square(shared):
+    """That goes with it at every frequency; what axes have in common is seen all the same."""
+    rng, n = np.random.default_rng(84), 20_000
+    both = shared * rng.standard_normal(n)
+    x = np.round((0.29 * (rng.standard_normal((n, 3)) + both[:, None]) + [0.4, 0.1, -0.3]))
+    record = ImuRecord(None, 0.15 * x + [0.0, 0.0, 9.75], np.arange(n) / 100, 100.0)
+    problem = NoiseProblem(gather(record, ['accel_x'])['accel_x'])
+    view = coherence(problem.evidence, problem.point(
+        model_of('noise', ('white', 'rate_quantization'))))
+    assert (np.max(np.abs(view.pull)) > 5) == bool(shared)
+
+
 @pytest.mark.parametrize('seed', range(4))
 def test_the_samples_at_a_step_are_no_spikes(seed):
     """They are half a step from their neighbours, and between the levels; spikes are beyond."""

@@ -499,6 +499,7 @@ class Coupling(NoiseEffect):
 
 #: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and so may all
 #: that is slow, where the filter is the element's bandwidth and the bias that of its electronics
+NOTHING = 1e-16     # squared gain: double precision has no less of what passes
 FILTERS = Parameter.choice('filters', ('everything', 'own_noise', 'white_noise'),
                            title='what it filters')
 
@@ -684,7 +685,7 @@ def beside_unfiltered(gain2: np.ndarray | float, share: float | np.ndarray,
 
     """
     total = 1 + (share if at_zero is None else at_zero)
-    return np.maximum((gain2 + share) / total, 1e-9)
+    return np.maximum((gain2 + share) / total, NOTHING)
 
 
 def gain2_of(responses: Sequence[Response], f: np.ndarray, dt: float,
