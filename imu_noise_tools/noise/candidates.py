@@ -139,7 +139,9 @@ def _plainly(problem: NoiseProblem, fit: Fit, finding: Finding, course: Finding)
     if key not in problem.tried:
         more = _refitted(problem.evidence, fit, plain)
         problem.tried[key] = Tried(None, _gain(problem.evidence, fit, more, False))
-    counted = replace(finding, gain=problem.tried[key].whole, penalty=price(course), shapes=0)
+    # a shape that is free gains half a nat of what it does by chance
+    cost = price(course) - 0.5 * course.shapes
+    counted = replace(finding, gain=problem.tried[key].whole, penalty=cost, shapes=0)
     return counted if surplus(counted) > surplus(finding) else finding
 
 
