@@ -556,3 +556,17 @@ def test_a_filter_is_told_of_the_end_of_the_range_and_of_units():
     slow = motion_doubts(replace(clean, t=1e3 * t, rate_hz=0.2))
     assert len(slow) == 1 and 'they are in ms, not s' in slow[0]
     assert any('they are in ms' in a for a in examine(replace(clean, t=1e3 * t)).advice)
+
+
+@pytest.mark.parametrize('what', ['coarse', 'again', 'both'])
+def test_a_coarse_output_repeats_by_itself(what):
+    """On all axes in a tenth of the samples; a driver that repeats does so only one after one."""
+    rng, n = np.random.default_rng(31), 20_000
+    x = rng.standard_normal((n, 6)) + rng.uniform(0, 3, 6)
+    x = np.round(x / 3.4) * 3.4 if what != 'again' else x
+    if what != 'coarse':
+        x = x[np.maximum.accumulate(np.where(rng.random(n) < 0.2, 0, np.arange(n)))]
+    record = ImuRecord(1e-3 * x[:, :3], 0.05 * x[:, 3:] + [0, 0, 9.7], np.arange(n) / 100, 100.0)
+    (said,) = (s for s in examine(record).advice if 'repeat the one before' in s)
+    assert ('publishes faster' in said) == (what != 'coarse')
+    assert ('steps of the output' in said) == (what == 'coarse')

@@ -252,6 +252,19 @@ def test_columns_that_come_to_say_the_same_are_no_likelier_for_it():
     assert np.ptp(values) < 0.5
 
 
+@pytest.mark.parametrize('seed', range(2))
+def test_a_filter_that_leaves_next_to_nothing_at_the_end_of_the_spectrum_is_followed_there(seed):
+    """A digital one has a zero at Nyquist: a floor of 1e-9 of the noise failed by 20 there."""
+    x = np.random.default_rng([seed, 83]).standard_normal((20_500, 3))
+    y = 1e-3 * lfilter(*butter(2, 42.0, fs=400.0), x, axis=0)[500:]
+    record = ImuRecord(y, None, np.arange(len(y)) / 400, 400.0)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ('white', 'low_pass')))
+    assert fit.model['low_pass']['cutoff'] == pytest.approx(42.0, rel=0.03)
+    (said,) = (f for f in problem.omnibus(fit) if f.name == 'frequency')
+    assert said.p_value > 1e-3, said
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('form', ['runs', 'slower'])
 def test_samples_held_in_runs_or_by_a_slower_clock_are_named_and_nothing_remains(form):

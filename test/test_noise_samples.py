@@ -17,7 +17,7 @@ from scipy.special import ndtr
 
 from imu_noise_tools.core import spectrum
 from imu_noise_tools.core.allan import overlapping_variance
-from imu_noise_tools.core.record import ImuRecord, Memory
+from imu_noise_tools.core.record import AXES, ImuRecord, Memory
 from imu_noise_tools.core.statistics import (
     grid_gain, grid_step, means_of_blocks, middle_sigma, repeats, robust_sigma
 )
@@ -972,6 +972,41 @@ def test_messages_sent_twice_are_told_by_all_axes_where_rounding_makes_one_equal
     assert bool(kept['held']) == told
     if told:
         assert float(kept['fraction']) == pytest.approx(0.004, rel=0.2)
+
+
+@pytest.mark.parametrize('what', ['again', 'again in runs', 'calm', 'shaken', 'on and off'])
+@pytest.mark.parametrize('seed', range(3))
+def test_messages_sent_twice_are_told_by_all_axes_of_a_coarse_output(what, seed):
+    """Rounding makes a third of the neighbours equal; so does what turns, on all axes at once."""
+    rng, n = np.random.default_rng([seed, 79]), 30_000
+    t, phase = np.arange(n), 1.0 if what in ('shaken', 'on and off') else 0.0
+    wave = phase * 4 * np.sin(0.91 * t) * (t % 4000 < 2500 if what == 'on and off' else 1.0)
+    x = rng.standard_normal((n, 6)) + wave[:, None] * rng.choice([-1, 1], 6) + rng.uniform(0, 2, 6)
+    x = np.round(x / 1.2) * 1.2
+    if what.startswith('again'):
+        held = rng.random(n) < 0.03
+        index = np.where(np.convolve(held, np.ones(3 if 'runs' in what else 1))[:n] > 0, 0, t)
+        x = x[np.maximum.accumulate(index)]
+    axes = dict(zip(AXES, x.T))
+    for axis in ('gyro_y', 'accel_z'):
+        kept = find_effect('noise', 'duplicates').statistics(
+            axes[axis], Inputs(0.01 * t, 0.01, axes=axes, axis=axis))
+        assert bool(kept['held']) == what.startswith('again')
+        if what == 'again':
+            assert float(kept['fraction'] - kept['expected']) == pytest.approx(0.03, rel=0.2)
+
+
+@pytest.mark.parametrize('shared', [0.0, 0.5])
+def test_an_output_of_two_levels_shares_nothing_with_its_own_square(shared):
+    """That goes with it at every frequency; what axes have in common is seen all the same."""
+    rng, n = np.random.default_rng(84), 20_000
+    both = shared * rng.standard_normal(n)
+    x = np.round((0.29 * (rng.standard_normal((n, 3)) + both[:, None]) + [0.4, 0.1, -0.3]))
+    record = ImuRecord(None, 0.15 * x + [0.0, 0.0, 9.75], np.arange(n) / 100, 100.0)
+    problem = NoiseProblem(gather(record, ['accel_x'])['accel_x'])
+    view = coherence(problem.evidence, problem.point(
+        model_of('noise', ('white', 'rate_quantization'))))
+    assert (np.max(np.abs(view.pull)) > 5) == bool(shared)
 
 
 @pytest.mark.parametrize('seed', range(4))

@@ -12,7 +12,7 @@ from scipy.signal import chirp, iirpeak, lfilter
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform
-from imu_noise_tools.loop.effect import find_effect, Model
+from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.noise.gather import whitened
 from imu_noise_tools.noise.lines import reference_spectrum
 from imu_noise_tools.noise.sweep import _along_lines, find_sweep, Sweep
@@ -120,6 +120,26 @@ def test_a_line_that_sweeps_all_along_is_no_band_that_it_passes(first, last, n):
     said = study.diagnose(['gyro_x'])['gyro_x']
     assert not said.found and said.verdict == 'unknown'
     assert 'sweep' in {f.name for f in said.remaining.failed}
+
+
+@pytest.mark.parametrize('real', [False, True])
+def test_a_machine_that_runs_up_between_two_speeds_is_no_change_of_the_noise(real):
+    """It makes the bands that it passes louder meanwhile; noise that changes does so in all."""
+    n, rate = 16_000, 100.0
+    t = np.arange(n) / rate
+    phase = 2 * np.pi * np.cumsum(np.interp(t, [0, 40, 80, 160], [20, 20, 32, 32])) / rate
+    noise = np.random.default_rng(5).standard_normal((n, 3))
+    noise[(t > 40) & (t < 80)] *= 1.5 if real else 1.0
+    y = 1e-3 * noise
+    y[:, 0] += 1.5e-3 * np.sin(phase)
+    study = analyse_record(ImuRecord(y, None, t, rate), axes=('gyro_x',), keep_motion=True)
+    problem = study.states['gyro_x'].problem
+    model = model_of('noise', ('white', 'sinusoid', 'sinusoid'))
+    before = problem.point(model)
+    found = {f.name: f for f in problem.candidates(before)}['variance_change']
+    fit = problem.point(model.plus(find_effect('noise', 'variance_change')()))
+    said = problem.shape(fit, 'variance_change', found.gain)
+    assert found.gain > 50 and ('a line that sweeps' not in said) == real, said
 
 
 @pytest.mark.thorough

@@ -15,6 +15,7 @@ from imu_noise_tools.noise.candidates import candidates
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.thermal import course_of
+from imu_noise_tools.tasks.noise import analyse_record
 
 RATE, N = 20.0, 12_000
 
@@ -167,3 +168,31 @@ def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_i
     e = gather(record, ['gyro_x'])['gyro_x']
     assert whose != 'heater' or e.course.edge > at
     assert np.any(np.abs(e.line_table[:, 0] - at) < 0.002) == (whose != 'heater')
+
+
+@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('what', ['settles with it', 'settles before it', 'sways with it',
+                                  'settles, none recorded', 'rises with it'])
+def test_a_course_and_a_temperature_that_has_it_are_as_likely_beforehand(what, seed):
+    """The ways to read a thermometer are no price where it is read as it is: data decide."""
+    rng = np.random.default_rng([seed, 61])
+    t = np.arange(N) / RATE
+    warmth = 1 - np.exp(-t / 100)
+    bias = {'settles before it': 1 - np.exp(-t / 15)}.get(what, warmth)
+    if what == 'sways with it':
+        warmth = bias = heated(rng)
+    elif what == 'rises with it':
+        warmth = bias = t / t[-1]
+    x = 1e-3 * (rng.standard_normal((N, 3)) + np.outer(bias, [2.0, 0.0, 0.0]))
+    logged = {} if 'none' in what else {'temperature': 24 + 14 * warmth}
+    record = ImuRecord(x, None, t, RATE, covariates=logged)
+    study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
+    said = study.diagnose(['gyro_x'])['gyro_x']
+    found, both = [f.name for f in said.found], {f.name for f in said.ranked[:2]}
+    if what == 'settles with it':
+        assert said.verdict == 'undecidable' and both == {'temperature', 'transient'}
+    elif what == 'rises with it':
+        assert said.verdict == 'undecidable' and both == {'temperature', 'ramp'}
+    else:
+        assert found == ['temperature' if what == 'sways with it' else 'transient']
+        assert ('Record the temperature' in said.advice) == ('none' in what)

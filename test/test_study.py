@@ -14,7 +14,7 @@ import pytest
 import hidden
 from imu_noise_tools.core.errors import FitError, UsageError
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop import effect, findings, prediction, verdict
+from imu_noise_tools.loop import effect, findings, prediction, study, verdict
 from imu_noise_tools.loop.effect import (
     Effect,
     Estimate,
@@ -366,6 +366,22 @@ def test_where_each_raises_the_error_all_that_is_found_is_added_together(monkeyp
     (step,) = s.complete()
     assert set(step.added.split('+')) == {'slope', 'bend'} and s.history[-1:] == [step]
     assert s.diagnosis['points'].verdict == 'complete'
+
+
+def test_what_was_added_and_taken_back_is_not_advised_again(monkeypatch):
+    """It raised the error of this very model; what the user himself took out is found again."""
+    s = parabola(bend=4.0, trend=0.0)
+    s.add(['bend'])
+    s.remove('bend')
+    assert [f.name for f in s.diagnose()['points'].found] == ['bend']
+    monkeypatch.setattr(study, 'fall_of', lambda *_: -10.0)
+    up, back = s.complete()
+    assert (up.added, back.removed) == ('bend', 'bend')
+    for said in (s.diagnosis['points'], s.diagnose()['points']):
+        assert said.verdict == 'unknown' and not said.found
+        assert {f.name: f.against for f in said.ranked}['bend'] == study.TRIED
+    s.add(['slope'])
+    assert [f.name for f in s.diagnose()['points'].found] == ['bend']  # beside another it may do
 
 
 def test_the_loop_adds_the_best_by_itself():

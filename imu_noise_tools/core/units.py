@@ -70,3 +70,8 @@ def duration(seconds: float) -> str:
     if seconds < 120:
         return f'{seconds:.3g} s'
     return f'{seconds / 60:.3g} min' if seconds < 7200 else f'{seconds / 3600:.3g} h'
+
+
+def in_percent(share: float) -> str:
+    """Return a share in percent for people; what is next to nothing is said to be so."""
+    return 'less than 0.001 %' if 0 < share < 1e-5 else f'{100 * share:.2g} %'

@@ -18,12 +18,14 @@ from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, w
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.disturbed import saturated
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
-from ..core.statistics import grid_step
+from ..core.statistics import FAR, grid_step
 from ..core.stillness import finite_mean, still_stretches
 from ..core.units import G0
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
+HELD = 0.02     # share of samples that repeat the one before, from which it is said
+FOR_CHANCE = 1 << 20    # samples that tell how many do by chance
 GRAVITY_OFF = 0.25      # more than local gravity and a good accelerometer's bias make, m/s^2
 
 
@@ -74,6 +76,7 @@ class Health:
     saturated: Mapping[str, int]        # samples at the end of the range, by axis
     resolution: Mapping[str, Resolution]
     held: float                         # share of samples equal to the one before on every axis
+    alike: float                        # share of samples that are by chance, far apart
     absent: tuple[str, ...]             # 'gyro', 'accel'
     gravity: float | None               # |mean acceleration| of the longest stretch at rest, m/s^2
     units: tuple[str, ...]              # sentences: wrong unit suspected
@@ -126,7 +129,8 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     memory.rest()
     not_finite = record.n - int(finite(record).sum())
     memory.rest()
-    held = _held(record)
+    held = _equal(record, 1)
+    alike = max((_equal(record, k, FOR_CHANCE) for k in FAR), default=0.0) if held > HELD else 0.0
     memory.rest()
     found = Health(
         samples=record.n,
@@ -143,6 +147,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         saturated={a: k for a, k in each(lambda x: int(saturated(x).sum())).items() if k},
         resolution=each(resolution),
         held=held,
+        alike=alike,
         absent=tuple(s for s in ('gyro', 'accel') if getattr(record, s) is None),
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,
@@ -211,11 +216,12 @@ def resolution(x: np.ndarray) -> Resolution:
     return Resolution(step or None, levels)
 
 
-def _held(record: ImuRecord) -> float:
-    same = np.ones(max(record.n - 1, 0), bool)
+def _equal(record: ImuRecord, apart: int, most: int | None = None) -> float:
+    """Return the share of samples, of so many at most, that equal those ``apart`` later."""
+    same = np.ones(max(min(record.n, most or record.n) - apart, 0), bool)
     for data in record.data:
         for k in range(3):
-            same &= data[1:, k] == data[:-1, k]
+            same &= data[apart:, k][:len(same)] == data[:len(same), k]
     return float(same.mean()) if len(same) else 0.0
 
 
@@ -306,11 +312,14 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
     say += [f'{s}.' for s in at_the_end(h.saturated)]
-    if h.held > 0.02:
+    if h.held > HELD:
+        # more of a coarse output do by chance
+        again = h.held - h.alike > HELD * (1 - h.alike)
         say.append(
-            f'{100 * h.held:.3g} % of the samples repeat the one before: the driver publishes '
-            'faster than the '
-            'sensor measures.'
+            f'{100 * h.held:.3g} % of the samples repeat the one before: '
+            + ('the driver publishes faster than the sensor measures.' if again else
+               'the noise is less than the steps of the output, which hide it; choose a smaller '
+               'range, if there is one.')
         )
     say += [f'{s[0].upper()}{s[1:]}.' for s in united(record)]
     for sensor in h.absent:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from . import verdict as rules
@@ -77,15 +78,15 @@ class Diagnosis:
     sufficient: bool | None = None
 
 
-def diagnose(state: State) -> Diagnosis:
+def diagnose(state: State, tried: Iterable[Finding] = ()) -> Diagnosis:
     """
-    Return the verdict on one target.
+    Return the verdict on one target; what was ``tried`` in vain is not found again.
 
     *missing*: something is found; *complete*: nothing fails and no candidate stands out;
     *unknown*: something fails and no candidate explains it; *undecidable*: otherwise.
 
     """
-    search = Search(state)
+    search = Search(state, tried)
     chain = [f for f in search.settled() if not _as_nothing(f)]
     found = [f for f in chain if not f.against]
     failed = failures(search.places.tests(state.model)) or beyond_chance(state.error)

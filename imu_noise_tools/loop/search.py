@@ -46,11 +46,13 @@ ROUNDS = 4  # times the search begins anew without what was refuted, unless some
 class Search:
     """The chains of candidates of one target, and what was refuted on the way."""
 
-    def __init__(self, state: State):
+    def __init__(self, state: State, tried: Iterable[Finding] = ()):
         self.places = Places(state)
         self.against = Against(self.places)
-        self.refuted: dict[str, Finding] = {}
-        self._disproved: dict[str, list[Finding]] = {}  # all that was refuted of a label
+        self.refuted: dict[str, Finding] = {
+            label(self.places.base, f): f for f in tried if f.effect is not None}
+        #: all that was refuted of a label
+        self._disproved: dict[str, list[Finding]] = {k: [f] for k, f in self.refuted.items()}
         self._nameless: dict[str, Finding] = {}     # is there, but in no form that is known
         self._aside: dict[str, Finding] = {}    # what does not heal behind a chain, but may alone
         self._beside: dict[str, frozenset[str]] = {}  # what is doubted, beside what

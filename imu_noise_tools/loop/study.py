@@ -12,16 +12,19 @@ or filters, no files.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from . import verdict as rules
 from .diagnosis import diagnose, Diagnosis
 from .effect import Effect, find_effect, Finding, Model, Score, unfitted
 from .prediction import fall_in_words, fall_of, State
 from .problem import Problem
 from ..core.errors import unknown
+
+TRIED = 'it was added, raised the error and was taken back'
 
 Progress = Callable[[float | None, str], None]      # (share done, what)
 
@@ -190,10 +193,16 @@ class Study:
     def diagnose(
         self, targets: Iterable[str] | None = None, progress: Progress | None = None
     ) -> dict[str, Diagnosis]:
-        """Find out what is missing from each target's model."""
+        """
+        Find out what is missing from each target's model.
+
+        What raised the error when it was added to this very model, and was taken out again, is
+        not found once more.
+
+        """
         names = self.chosen(targets)
         for i, t in enumerate(names):
-            self.diagnosis[t] = diagnose(self.states[t])
+            self.diagnosis[t] = diagnose(self.states[t], self._tried(t))
             if progress:
                 progress((i + 1) / len(names), f'{t}: {self.diagnosis[t].verdict}')
         return {t: self.diagnosis[t] for t in names}
@@ -277,7 +286,7 @@ class Study:
         Of what is found the first that raises nothing is added: one may show only beside another;
         where each of them raises something, all of it.
         A rung that raises the held-out deviance, or the printed error beyond what chance allows,
-        is taken back and ends the ladder.
+        is taken back, and what it added is not found again.
 
         """
         steps = []
@@ -292,7 +301,6 @@ class Study:
                 steps.append(self._next(t))
                 if self._higher(t, before, steps[-1]):
                     steps.append(self._taken_back(t, before, steps[-1]))
-                    break
             self.diagnose([t])
         return steps
 
@@ -329,6 +337,16 @@ class Study:
         self.history.append(self._step(target, removed=label, before=after))
         self._forget([target])
         return self.history[-1]
+
+    def _tried(self, target: str) -> list[Finding]:
+        """Return what raised the error when it was added to the model as it is, and went again."""
+        rungs = [s for s in self.history if s.target == target]
+        here = tuple(self.states[target].model.labels)
+        return [replace(f, against=TRIED) for up, back in zip(rungs, rungs[1:])
+                if up.added and back.removed and back.effects == here
+                and up.fall is not None and (up.fall < 0 or up.verdict in rules.NO_BETTER
+                                             and up.held_out > back.held_out)
+                for f in up.why]
 
     def _reasons(self, target: str, names: Iterable[str]) -> list[Finding]:
         """Return what the last diagnosis of a target found of each of these effects, if it did."""

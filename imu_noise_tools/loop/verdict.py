@@ -61,6 +61,8 @@ MATERIAL = 0.05
 
 #: how what is said against one begins that shares its probability with others
 CANNOT_TELL = 'this record cannot tell it from'
+#: what an error does that says nothing for what was added
+NO_BETTER = ('rises', 'does not fall')
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 
 
@@ -124,10 +126,10 @@ def change(before: float, after: float, fall: float, chance: bool) -> str:
     if after > before:
         if chance and fall > FALL:
             return 'within chance, predicts better'
-        return 'rises' if abs(fall) > FALL and not chance else 'does not fall'
+        return NO_BETTER[0 if abs(fall) > FALL and not chance else 1]
     if fall > FALL:
         return 'falls to chance' if chance else 'falls'
-    return 'does not fall'
+    return NO_BETTER[1]
 
 
 def sufficient(largest_ratio: float) -> bool:

@@ -32,7 +32,7 @@ from .measured import measure, penalty, with_units
 from .response import Order
 from .rounded import moved_by_rounding
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
-from ..loop.findings import price
+from ..loop.findings import price, surplus
 from ..loop.verdict import DIRECTED, FLEXIBLE, PRICE
 
 if TYPE_CHECKING:
@@ -110,7 +110,41 @@ def candidates(problem: NoiseProblem, fit: Fit,
         problem.complete.add(problem.spectral(fit.model))
     # what a view hides nothing could confirm
     some = [f for f in by_one_measure(tried) if not views.hidden_by(evidence, fit, f.view)]
+    some = as_likely_beforehand(problem, fit, some)
     return sorted(clear_of_less(some), key=lambda f: f.penalty - f.gain)
+
+
+def as_likely_beforehand(problem: NoiseProblem, fit: Fit,
+                         findings: list[Finding]) -> list[Finding]:
+    """
+    Return the findings, a mean that follows what is recorded counted as one with a course is.
+
+    What has many ways to read a record must gain the more over nothing for it. Where one that
+    chooses none of them does what a course does that the mean may have by itself, both are there
+    or neither, and it costs no more than that: what settles does so as what it follows does, and
+    between the two the data alone decide.
+
+    """
+    courses = [f for f in findings if isinstance(f.effect, Mean) and f.gain > f.penalty
+               and not f.against and f.effect.plain() is None]
+    best = max(courses, key=surplus, default=None)
+    return [_plainly(problem, fit, f, best) if best is not None and isinstance(f.effect, Mean)
+            else f for f in findings]
+
+
+def _plainly(problem: NoiseProblem, fit: Fit, finding: Finding, course: Finding) -> Finding:
+    """Return a finding as its plain form is counted beside a course, where that is more."""
+    plain = cast(Mean, finding.effect).plain()
+    if plain is None or not problem.evidence.starts(plain):
+        return finding
+    key = (*problem.spectral(fit.model), f'{finding.name} plainly')
+    if key not in problem.tried:
+        more = _refitted(problem.evidence, fit, plain)
+        problem.tried[key] = Tried(None, _gain(problem.evidence, fit, more, False))
+    # a shape that is free gains half a nat of what it does by chance
+    cost = price(course) - 0.5 * course.shapes
+    counted = replace(finding, gain=problem.tried[key].whole, penalty=cost, shapes=0)
+    return counted if surplus(counted) > surplus(finding) else finding
 
 
 def by_one_measure(tried: list[Tried]) -> list[Finding]:

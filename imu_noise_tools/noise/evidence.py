@@ -32,6 +32,7 @@ from ..core.record import AXES, sensor_of
 from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
+SQUARE = 'accel_square'  # the squared vibration
 NEAR = 12  # bins on either side of a line that tell the level there
 EDGE = np.sqrt(26)  # by which the place of a change scatters: of noise over squared change
 QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
@@ -319,6 +320,10 @@ class Evidence:
     def channels(self) -> tuple[str, ...]:
         """Other axes and covariates that were recorded."""
         return tuple(k for k in self.common.slow if k != self.axis and not derived(k))
+
+    def holds_itself(self, channel: str) -> bool:
+        """Tell whether a channel is made of this axis, among others."""
+        return channel == SQUARE and self.sensor == 'accel'
 
     def shaken(self, axis: str) -> bool:
         """Tell whether an axis hears what is above its own noise."""

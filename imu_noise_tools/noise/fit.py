@@ -34,6 +34,7 @@ from .uncertainty import (
     chosen_estimates, covariance_of, estimates, marginal, plain_estimates, widened, with_linear
 )
 from ..core.errors import FitError
+from ..core.units import in_percent
 from ..loop.effect import Fit, Model
 
 NAMED = 3  # stretches that are named one by one where the fit leaves out more
@@ -270,14 +271,14 @@ def _in_words(details: Details, loud: np.ndarray) -> list[str]:
     others = [s for s in aside if s not in largest]
     said = [
         f'from {s.low:.3g} to {s.high:.3g} Hz ({s.direction} power, {s.ratio:.2g} times the '
-        f'model\'s; {100 * s.share:.2g} % of the power)'
+        f'model\'s; {in_percent(s.share)} of the power)'
         for s in largest
     ]
     if others:
         count = f'{len(others)} narrow stretches' if len(others) > 1 else 'a narrow stretch'
         said.append(
             f'in {count} from {others[0].low:.3g} to {others[-1].high:.3g} Hz '
-            f'({100 * sum(s.share for s in others):.2g} % of the power)'
+            f'({in_percent(sum(s.share for s in others))} of the power)'
         )
     rest = 'on the rest'
     if np.isfinite(details.hint.quiet):

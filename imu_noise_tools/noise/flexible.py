@@ -33,6 +33,7 @@ from .likelihood import explained_by, Likelihood, spectrum_without, told_anew, t
 from .nonlinear import follows_a_law
 from .sweep import on_one_path, PARTS as SWEPT, Sweep
 from .together import unlike_noise
+from .unswept import gained_beside
 from ..core.linear import inverse, SILENT
 from ..core.statistics import independent_squares, kurtosis_pull, means_of_blocks
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
@@ -475,7 +476,8 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     that wanders is seen on a straight path of little more than its width. Noise that is nothing
     where it passes is not its doing. What axes share in all of the record it may do that is seen
     in a part of it, on a path that is not straight. What follows one path all along is no peak
-    that it passes, however wide that is.
+    that it passes, however wide that is. Of noise that is louder at times counts what is so off
+    the path.
 
     """
     sweep = Sweep(*evidence.sweep.tolist())
@@ -499,6 +501,8 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
         passed = (f >= low) & (f <= high)
         if not np.any(fit.details.each[effect.label][passed] > FELT * fit.details.v[passed]):
             return ''
+    elif isinstance(effect, Modulation) and fit is not None and sweep.sure > sure:
+        claim = min(claim, gained_beside(evidence, fit.model.minus(effect.label), effect, sweep))
     if sweep.sure <= sure or sweep.strong <= claim * part:
         return ''
     return f'a line that sweeps, which shows there as well, has {sweep.strong:.0f} nats'

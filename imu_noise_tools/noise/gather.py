@@ -24,7 +24,7 @@ from scipy.special import ndtri
 
 from . import shared
 from .blocks import block_power
-from .evidence import Common, course_beside, Evidence, Part
+from .evidence import Common, course_beside, Evidence, Part, SQUARE
 from .fading import of_humps
 from .kinds import Defect, Inputs, NoiseEffect
 from .lines import (
@@ -51,7 +51,6 @@ JUMPED = 4.0  # times what means change by on either side of what is left out
 CELLS = 64  # equiprobable cells of the distribution
 STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
 ENVELOPE = 1000  # columns of the picture of the time series
-SQUARE = 'accel_square'  # the squared vibration
 
 
 def smooth_length(n: int) -> int:

@@ -143,6 +143,10 @@ class NoiseEffect(Effect):
         """Say that it is another one's shape in a model rather than one by itself, or nothing."""
         return ''
 
+    def lacking(self, evidence: 'Evidence') -> str:
+        """Say what to record along, which may be what it is due to, where that is not there."""
+        return ''
+
     def manner(self, evidence: Evidence) -> str:
         """Say what the samples tell of it beside the numbers, or nothing."""
         return ''
@@ -352,6 +356,10 @@ class Mean(NoiseEffect):
         """Return what to compare with it where it is among the best of its ``starts``."""
         return []
 
+    def plain(self) -> 'Mean | None':
+        """Return it with nothing to choose, where it then follows what is recorded beside."""
+        return None
+
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
         linear = [p.name for p in self.parameters if p.linear]
@@ -495,6 +503,7 @@ class Coupling(NoiseEffect):
 
 #: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and so may all
 #: that is slow, where the filter is the element's bandwidth and the bias that of its electronics
+NOTHING = 1e-16     # squared gain: double precision has no less of what passes
 FILTERS = Parameter.choice('filters', ('everything', 'own_noise', 'white_noise'),
                            title='what it filters')
 
@@ -680,7 +689,7 @@ def beside_unfiltered(gain2: np.ndarray | float, share: float | np.ndarray,
 
     """
     total = 1 + (share if at_zero is None else at_zero)
-    return np.maximum((gain2 + share) / total, 1e-9)
+    return np.maximum((gain2 + share) / total, NOTHING)
 
 
 def gain2_of(responses: Sequence[Response], f: np.ndarray, dt: float,

@@ -22,6 +22,7 @@ from .fit import fit as fit_part
 from .flexible import mean_gain, RARE, slow_misfit
 from .knee import SlowMean
 from .views import unclaimed
+from ..core.units import in_percent
 from ..loop.effect import Fit, Model, unfitted
 from ..loop.verdict import sufficient as sufficient_ratio
 
@@ -46,7 +47,7 @@ class Failure:
 
     def __str__(self):
         """Say where it is and what it does."""
-        return (f'{self.low:.3g} to {self.high:.3g} Hz: {100 * self.share:.2g} % of the power, '
+        return (f'{self.low:.3g} to {self.high:.3g} Hz: {in_percent(self.share)} of the power, '
                 f'Allan deviation times {self.ratio:.3g} at {self.tau:.3g} s')
 
 

@@ -27,6 +27,7 @@ from ..core.allan import dominant_shape
 from ..core.errors import unknown
 from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
 from ..loop.problem import Problem
+from ..loop.verdict import SURE
 
 NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
 METHODS = ('likelihood', 'avar', 'slopes')
@@ -338,7 +339,10 @@ class NoiseProblem(Problem):
                 f'No known effect explains it ({where}).{nearest} Look at what was going on '
                 'then, or at that frequency.'
             )
-        return ''
+        found = [f.effect for f in ranked if verdict == 'missing' and not f.against
+                 and (f.probability or 0.0) >= SURE]
+        return ' '.join(dict.fromkeys(filter(None, (
+            e.lacking(self.evidence) for e in found if isinstance(e, NoiseEffect)))))
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """

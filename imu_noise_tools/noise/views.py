@@ -636,6 +636,11 @@ def _bands(evidence: Evidence) -> tuple[np.ndarray, float]:
     return width * (FIRST - 0.5 + np.concatenate([[0], np.cumsum(evidence.block_count)])), width
 
 
+def bands_in_time(evidence: Evidence) -> np.ndarray:
+    """Return the edges (bands + 1,) of the bands of the power in time, Hz."""
+    return _bands(evidence)[0]
+
+
 def modulated(model: Model, t: np.ndarray, x: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return what the model's modulation says of power in time (blocks, groups), mean near 1."""
     followed = np.ones_like(x)
@@ -842,7 +847,8 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
     """
     Return (f, r, w): correlation of DCT coefficients with another channel.
 
-    In groups of bins, (g,).
+    In groups of bins, (g,). Less what a channel that is made of the axis itself is of it: the
+    square of what leans to one side, or stands on two levels, goes with it at every frequency.
 
     """
     bins = evidence.part(part).bins
@@ -861,6 +867,10 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
     group = np.searchsorted(edges, bins.last)
     starts = np.flatnonzero(np.diff(np.concatenate([[-1], group])))
     w = bins.count.astype(float)
+    if evidence.holds_itself(channel):
+        its = np.sum(w * both / _running(other)) / np.sum(w * own / _running(other))
+        other = np.maximum(other - 2 * its * both + its**2 * own, 1e-300)
+        both = both - its * own
     level = np.sqrt(_running(own) * _running(other))
 
     def total(v):

@@ -314,7 +314,8 @@ def remaining_in_words(d: Diagnosis) -> str:
     if left.share is not None and left.largest_ratio is not None:
         off = f'is off by a factor of up to {left.largest_ratio:.3g}' \
             if abs(left.largest_ratio - 1) >= 0.005 else 'is within chance'
-        said += (f' That is {100 * left.share:.2g} % of the power, and the Allan deviation {off}'
+        said += (f' That is {units.in_percent(left.share)} of the power, '
+                 f'and the Allan deviation {off}'
                  f'{": sufficient all the same" if d.sufficient else ""}.')
     if left.nearest is not None and left.nearest.against:
         said += f' Nearest comes {left.nearest.name}, but {left.nearest.against}.'

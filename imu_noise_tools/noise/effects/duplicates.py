@@ -19,6 +19,9 @@ from ...loop.effect import Effect, Estimate, Finding, Fit, View
 OTHERS = 2      # axes of a sensor that repeat with one where a message does
 OFTEN = 0.2     # share of neighbours that rounding makes equal, beyond which nothing is told so
 STRETCH = 1024  # samples in which it makes them equal as often
+SHIFTS, APART = 64, 0.5     # by which axes are looked at apart; share of more that may be there
+ROUNDS = 20     # in which the share that is sent again settles
+LONG = 0.9      # quantile of the runs of messages that are sent again
 FEWEST = 10.0   # messages more than chance has
 STRETCHES = 8  # of the record, in which repeats are counted
 WITHIN = (np.arange(1024) + 0.5) / 1024     # cubed, of Nyquist: a filter may end far below it
@@ -267,20 +270,61 @@ def _messages(same: np.ndarray, inputs: Inputs) -> tuple[np.ndarray, float] | No
     """
     Return which samples repeat the one before on all axes, and how often chance has that.
 
-    None where it is no more than chance, which is told stretch by stretch: where a sensor rests
-    rounding makes more of them equal, on all axes. ``same`` (n - 1,): those that do on one.
+    On all axes of the sensor, or, where rounding makes many of those equal, of the record. None
+    where it is no more than chance has. ``same`` (n - 1,): those that do on one axis.
 
     """
-    if not inputs.axis or not 0 < np.mean(same) <= OFTEN:   # most records have none
+    if inputs.axis not in inputs.axes or not np.any(same):
         return None
-    others = [np.diff(x) == 0 for name, x in inputs.axes.items()
-              if name != inputs.axis and sensor_of(name) == sensor_of(inputs.axis)]
-    each = np.stack([same, *others])
-    if len(others) < OTHERS or np.max(np.mean(each, axis=1)) > OFTEN:
+    each = {name: np.diff(x) == 0 for name, x in inputs.axes.items()}
+    own = [x for name, x in each.items() if sensor_of(name) == sensor_of(inputs.axis)]
+    for some in (own, list(each.values())):
+        found = _together(np.stack(some)) if len(some) > OTHERS else None
+        if found is not None:
+            return found
+    return None
+
+
+def _together(each: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """
+    Return which neighbours are equal on all axes (axes, n - 1), and how often by chance.
+
+    None where it is no more. Chance is told stretch by stretch: where a sensor rests rounding
+    makes more of them equal, on all axes. What moves all axes at once, a vibration that turns,
+    makes them equal at once as well, but then also on all but one, and nearly as often some
+    samples apart, where a message that is sent again shows on one axis.
+
+    """
+    together, n = np.all(each, axis=0), each.shape[1]
+    parts = np.array_split(each, max(1, n // STRETCH), axis=1)
+    expected, but_one = (sum(x) for x in zip(*map(_by_chance, parts)))
+    more = np.sum(together) - expected
+    if np.sum(np.sum(each, axis=0) == len(each) - 1) - but_one > APART * more:
         return None
-    together = np.all(each, axis=0)
-    parts = np.array_split(each, max(1, len(same) // STRETCH), axis=1)
-    expected = sum(part.shape[1] * float(np.prod(np.mean(part, axis=1))) for part in parts)
-    if np.sum(together) - expected < FEWEST + 5 * np.sqrt(4 * expected):
+    if expected > OFTEN * n or more < FEWEST + 5 * np.sqrt(4 * expected):
         return None
-    return together, float(expected / len(same))
+    # beyond the runs in which a message is sent again
+    first = int(np.quantile(whole_runs(~together), LONG))
+    if any(_apart(each, k) - expected > APART * more for k in range(first, first + SHIFTS)):
+        return None
+    chance, seen = expected / n, float(np.mean(together))
+    for _ in range(ROUNDS):     # what is sent again is equal on each axis, and not by chance
+        again = Repeats(seen, chance, True).share
+        chance = sum(_by_chance(part, again)[0] for part in parts) / n
+    return together, chance
+
+
+def _by_chance(each: np.ndarray, again: float = 0.0) -> tuple[float, float]:
+    """Return how many of those not sent again are equal on all axes, and on all but one."""
+    q = np.maximum(np.mean(each, axis=1) - again, 0.0) / (1 - again)
+    others = [np.prod(np.delete(q, i)) for i in range(len(q))]
+    return each.shape[1] * float(np.prod(q)), each.shape[1] * float((1 - q) @ others)
+
+
+def _apart(each: np.ndarray, k: int) -> float:
+    """Return how many are equal on all axes, each looked at k samples after the one before."""
+    n = each.shape[1] - k * (len(each) - 1)
+    if n < STRETCH:
+        return 0.0
+    later = np.all([x[k * i:k * i + n] for i, x in enumerate(each)], axis=0)
+    return float(np.mean(later)) * each.shape[1]

@@ -121,7 +121,26 @@ class Temperature(Mean):
         return Portrait(('temperature' + read, 'mean of the axis'), ('degC', '{rate}'),
                         x, seen - np.mean(seen), warmth[order], (mine - np.mean(mine))[order])
 
+    def plain(self) -> Mean:
+        """Return the bias that goes with the thermometer as it is read."""
+        return Plain()
+
     @classmethod
     def example(cls) -> Effect:
         """Return 0.01 deg/s (1.7e-4 rad/s) for each degree."""
         return cls({p.name: 0.0 for p in cls.parameters} | {'slope': 1.7e-4})
+
+
+class Plain(Temperature):
+    """Nothing but the slope: no powers, no lag."""
+
+    def starts(self, evidence: Evidence) -> list[Effect]:
+        """Return the one way to read it; nothing without a temperature that moves."""
+        return super().starts(evidence)[:1]
+
+    def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0,
+                read: float = 0.0) -> np.ndarray:
+        """Return u, and no more."""
+        out = super().columns(inputs, lag, smoothing)
+        out[:, 1:] = 0.0
+        return out

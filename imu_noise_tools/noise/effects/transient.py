@@ -7,6 +7,7 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter
+from ..thermal import TEMPERATURE
 from ...loop.effect import Effect
 
 
@@ -23,8 +24,7 @@ class Transient(Mean):
         'at the long end'
     )
     hint = (
-        'The sensor was warming up after power-on. Wait a few tc before recording, or record the '
-        'temperature as well: then it may turn out to be a temperature effect.'
+        'The sensor was warming up after power-on. Wait a few tc before recording.'
     )
     reference = 'IEEE 1554, warm-up time'
     decide = 'record again after an hour of warm-up: a transient is gone'
@@ -54,6 +54,11 @@ class Transient(Mean):
     def columns(self, inputs: Inputs, tc: float) -> np.ndarray:
         """e^(-t/tc)."""
         return np.exp(-inputs.t / tc)[:, None]
+
+    def lacking(self, evidence: Evidence) -> str:
+        """Ask for the temperature where none was recorded, which may be what it follows."""
+        return '' if TEMPERATURE in evidence.slow_others else (
+            'Record the temperature as well: then it may turn out to be a temperature effect.')
 
     @classmethod
     def example(cls) -> Effect:
