@@ -58,10 +58,7 @@ def by_gravity(evidence: Evidence, fit: Fit, label: str, shares: np.ndarray) -> 
     3.6): the gyroscope tells a rotation that is there. At a frequency f' is 2 pi times that, a
     quarter of a period earlier.
 
-    Parameters
-    ----------
-    shares : ndarray (2, 3)
-        Shares of the accelerometer axes, at once and a quarter of a period later.
+    ``shares`` (2, 3) are those of the accelerometer axes, at once and a quarter of a period later.
 
     """
     force = np.array([np.mean(evidence.slow_others[a]) for a in ACCEL])

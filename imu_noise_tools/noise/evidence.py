@@ -246,7 +246,7 @@ class Evidence:
         return {k: v for k, v in self.common.slow.items() if k != self.axis}
 
     def fades(self, frequency: float, width: float) -> tuple[float, float, float]:
-        """Return how the level of a narrow band fades (:func:`.fading.of_humps`), 0: unknown."""
+        """Return what :func:`.fading.of_humps` tells of the level of a narrow band, or zeros."""
         for (f, half, _), told in zip(self.humps.tolist(), self.fading.tolist()):
             near = abs(f - frequency) < max(half, width)
             if near and (told[2] or width < ALIKE * half < ALIKE ** 2 * width):
