@@ -74,10 +74,8 @@ def decay(c: np.ndarray, dt: float, k: int, width: int) -> float:
     A swing that was begun before the record, or ends after it: a pendulum, a machine that runs
     down without changing its speed. It is likelier than a line that stays, and all of the band.
 
-    Parameters
-    ----------
-    k, width : int
-        The middle of the band and a width, coefficients, of one as narrow as a record resolves.
+    ``c``, ``k`` and ``width`` are those of :func:`fading`, of a band as narrow as a record
+    resolves.
 
     """
     n, reach = len(c), 4 * max(width, NARROW)
