@@ -81,7 +81,7 @@ def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False,
     for target, d in study.diagnosis.items():
         lines.append(f'{target}: {words.diagnosis_in_words(d)}')
         lines += _evidence(d, target, verbose, si)
-    if any(d.found for d in study.diagnosis.values()):
+    if any(d.found or d.remaining for d in study.diagnosis.values()):
         lines += words.times_in_words(study.source)
     lines += [f'next: {command}    {why}' for command, why in words.next_steps(study, folder)]
     return _clean('\n'.join(lines))
