@@ -22,7 +22,9 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import report, store
+from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop import study as loop_study
 from imu_noise_tools.loop.diagnosis import Diagnosis, Remaining
 from imu_noise_tools.loop.effect import (
     Estimate,
@@ -45,6 +47,7 @@ from imu_noise_tools.plots import style
 from imu_noise_tools.report import words
 from imu_noise_tools.report.markup import SCRIPT
 from imu_noise_tools.store import estimate_to_dict
+from imu_noise_tools.tasks.loop import save
 
 DT, N = 0.02, 30000
 KNOWN = registry('noise')
@@ -483,6 +486,32 @@ def test_views_fail_by_the_one_rule():
     views = [View(name, np.zeros(1), np.zeros(1), excess, 0.1)
              for name, excess in (('time', 0.45), ('a', 0.2), ('b', 2.0))]
     assert [v.name for v in words.failing(Score.of(views))] == ['b', 'time']
+
+
+def test_verdicts_are_printed_one_by_one(study, tmp_path, capsys, monkeypatch):
+    """In text the first is there, flushed, while the second is asked for; as one text in JSON."""
+    folder, seen = tmp_path / 's', []
+    save(study, folder)
+    ask = loop_study.diagnose
+
+    def asked(state):
+        seen.append(capsys.readouterr().out)
+        return ask(state)
+
+    monkeypatch.setattr(loop_study, 'diagnose', asked)
+    assert main(['diagnose', str(folder)]) == 0
+    assert seen[0] == '' and seen[1].startswith('gyro_x: missing: sinusoid')
+    rest = capsys.readouterr().out
+    assert rest.startswith('accel_z: ') and 'next: imu_noise add' in rest
+    seen.clear()
+    assert main(['diagnose', str(folder), '--json']) == 0
+    assert not any(seen) and capsys.readouterr().out.startswith('{')
+
+
+def test_a_record_of_which_nothing_is_listed_is_not_called_free_of_disturbances(study):
+    study.source = {k: v for k, v in SOURCE.items() if k not in ('warnings', 'left_out')}
+    said = Page(report.html(study, {})).text
+    assert 'Nothing stands out of its noise' in said and 'the diagnosis of each axis names' in said
 
 
 # --- the words of what is left -------------------------------------------------------------------
