@@ -547,6 +547,7 @@ def test_several_imus_are_listed_where_none_is_named(tmp_path):
     path = bad_input.make_one('two_imu_topics', tmp_path).path
     out, _ = run('inspect', path)
     assert 'topic ' in out and out.count('can be analysed') == 2
+    assert 'disturbed' in out       # ten seconds at rest, looked at
     assert ' '.join(out.split()).count('--topic /a/imu or --topic /b/imu') == 1
     for command in ('analyse', 'calibrate', 'apply', 'filter'):
         assert command in out

@@ -179,7 +179,7 @@ def _health(found) -> list[str]:
         or 'none',
     )
     line('can be analysed', found.analysed)
-    if h.still and not found.disturbances:
+    if found.looked and not found.disturbances:
         line('disturbed', 'nowhere plainly; what is faint or goes on for long diagnose names')
     if found.disturbances:
         out += ['', *disturbed(found)]

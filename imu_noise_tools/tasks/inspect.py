@@ -22,6 +22,7 @@ class Inspection:
 
     ``analysed`` is a line on what of it can be analysed; ``disturbances`` lists what disturbs that
     part, ``left_out`` what of it is set aside. Times are those of the record, its start being 0.
+    ``looked`` tells whether there is such a part at all.
     ``beside`` are the same of sensors with a clock of their own.
 
     """
@@ -34,6 +35,7 @@ class Inspection:
     disturbances: tuple[Disturbance, ...] = ()
     left_out: tuple[tuple[float, float, str], ...] = ()
     beside: tuple[Inspection, ...] = ()
+    looked: bool = False
 
 
 def inspect(
@@ -99,4 +101,4 @@ def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Insp
     except InputError as error:
         return Inspection(*about, error.message)
     line = f'{part.n} samples, {part.duration_s:.4g} s at rest'
-    return Inspection(*about, line, part.disturbances, part.left_out)
+    return Inspection(*about, line, part.disturbances, part.left_out, looked=True)
