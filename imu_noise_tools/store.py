@@ -193,7 +193,7 @@ def estimate_to_dict(e: Estimate, parameter: Parameter, sensor: str = '') -> dic
     if e.note:
         out['note'] = e.note
     if sensor in ('gyro', 'accel'):
-        out['shown'] = (
+        out['shown'] = parameter.in_words(e.value) or (
             units.shown(e.value, parameter.unit, sensor)
             if e.value is not None or e.upper95 is None
             else f'below {units.shown(e.upper95, parameter.unit, sensor)}'

@@ -467,6 +467,7 @@ def test_add_and_history_print_what_is_solved(tmp_path, capsys):
     said = capsys.readouterr().out
     data = yaml.safe_load((tmp_path / 'out' / 'calibration.yaml').read_text())
     assert f'{data["bias"][0]:10.6f} ±' in said and f'{data["S"][2][2]:9.6f} ±' in said
+    assert '± one standard deviation' in said
     assert f'at {data["reference_temperature"]:.2f} degC' in said
     assert main(['history', out]) == 0
     assert f'{data["bias"][0]:10.6f} ±' in capsys.readouterr().out

@@ -21,6 +21,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.statistics import grid_step
 from imu_noise_tools.health import (
     examine, motion_doubts, prepare, resolution, Selection, still_stretches)
+from imu_noise_tools.health.examine import _warms_up
 from imu_noise_tools.health.stamps import ordered
 from imu_noise_tools.plots.noise import left_out
 from imu_noise_tools.tasks.filter import filter_samples
@@ -211,7 +212,12 @@ def test_labels_are_said_to_be_labels(tmp_path):
              t=r.t + 1e-5 * rng.standard_normal(r.n))
     record = open_record(tmp_path / 'b.npz')
     assert not record.warnings and examine(record).stamps == 'even'
-    assert examine(open_record(tmp_path / 'a.npz')).stamps == 'computed'
+    health = examine(open_record(tmp_path / 'a.npz'))
+    assert health.stamps == 'computed' and any('bears out the rate' in a for a in health.advice)
+    # a clock of its own, that of the receiver, bears the rate out
+    received = replace(r, receive_t=r.t + 1e-3 * rng.random(r.n))
+    assert examine(received).stamps == 'computed'
+    assert not any('stamps' in a for a in examine(received).advice)
 
 
 def test_the_table_of_topics_has_the_rate_of_the_stamps(tmp_path, capsys):
@@ -516,6 +522,19 @@ def test_one_step_of_the_grid():
         x = np.round(rng.standard_normal(30_000) / 0.4) * 0.4
         x += (rng.random(len(x)) < 1e-3) * 7 * rng.standard_normal(len(x))
         assert resolution(x).step == pytest.approx(0.4, rel=1e-6) == grid_step(x)[0]
+
+
+@pytest.mark.parametrize('walk', [1.0, 0.03])
+def test_noise_that_wanders_is_no_warm_up(walk):
+    """One random walk in a thousand begins as if it came from afar (one in 17, before)."""
+    rng = np.random.default_rng(8)
+    n, count = 1000, 3000
+    x = np.cumsum(walk * rng.standard_normal((count, n)), axis=1) + rng.standard_normal((count, n))
+    assert sum(_warms_up(row) for row in x) <= 9     # of which chance makes more in one of 1000
+    t = np.arange(n) / n
+    for tau in (0.05, 0.2):
+        assert np.mean([_warms_up(0.1 * row + 60 * walk * np.exp(-t / tau))
+                        for row in x[:200]]) > 0.8
 
 
 def test_gravity_that_is_off_is_remarked():

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+import re
 import sys
 from types import SimpleNamespace
 
@@ -23,6 +24,7 @@ from scipy.signal import butter, freqz, iirpeak, lfilter, welch
 import yaml
 
 from imu_noise_tools import export
+from imu_noise_tools.core import units
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of
 from imu_noise_tools.export._values import covering, HORIZON
@@ -522,6 +524,12 @@ def test_n_beside_a_changing_variance_says_which():
         assert 'mean over the whole record' in n.note
         assert n.value == pytest.approx(robust.TRUTH['N'] * (1 + 0.2 * (1.8**2 - 1)) ** 0.5,
                                         rel=0.03)
+    quiet, loud = map(float, re.findall(r'(\S+) deg/sqrt\(h\) where', n.note))
+    assert quiet * units.field('{rate}/sqrt(Hz)', 'gyro')[0] == pytest.approx(
+        robust.TRUTH['N'], rel=0.03)
+    assert loud == pytest.approx(1.8 * quiet, rel=0.05)
+    idle = NoiseProblem(axis_of(noise(47)[0])).fit(model_of('noise', (*BASE, 'variance_change')))
+    assert idle.estimates['white']['N'].note == ''
 
 
 @pytest.mark.thorough

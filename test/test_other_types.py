@@ -16,6 +16,7 @@ import sqlite3
 import subprocess
 import sys
 
+import bad_input
 import calibration_sessions as sessions
 import numpy as np
 from params import daily
@@ -539,3 +540,20 @@ def test_a_definition_of_another_layout_wins(tmp_path):
         open_record(bag.path)
     with pytest.raises(UsageError, match='unknown field'):
         open_record(bag.path, fields='gyro=gyro_rad')
+
+
+def test_several_imus_are_listed_where_none_is_named(tmp_path):
+    """To list the topics is what inspect is for; it says which commands need one."""
+    path = bad_input.make_one('two_imu_topics', tmp_path).path
+    out, _ = run('inspect', path)
+    assert 'topic ' in out and out.count('can be analysed') == 2
+    assert 'disturbed' in out       # ten seconds at rest, looked at
+    assert ' '.join(out.split()).count('--topic /a/imu or --topic /b/imu') == 1
+    for command in ('analyse', 'calibrate', 'apply', 'filter'):
+        assert command in out
+    out, _ = run('inspect', path, '--json')
+    found = json.loads(out)
+    assert [t['name'] for t in found['topics']] == ['/a/imu', '/b/imu']
+    assert [r['topic'] for r in found['records']] == ['/a/imu', '/b/imu']
+    out, _ = run('inspect', path, '--topic', '/b/imu', '--json')
+    assert json.loads(out)['topic'] == '/b/imu'

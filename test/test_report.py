@@ -22,10 +22,13 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import report, store
+from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop.diagnosis import Diagnosis
+from imu_noise_tools.loop import study as loop_study
+from imu_noise_tools.loop.diagnosis import Diagnosis, Remaining
 from imu_noise_tools.loop.effect import (
     Estimate,
+    find_effect,
     Finding,
     Fit,
     Model,
@@ -39,10 +42,12 @@ from imu_noise_tools.loop.study import Contrast, Step, Study
 from imu_noise_tools.loop.verdict import CANNOT_TELL
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
-from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.problem import NoiseProblem, where_to_look
 from imu_noise_tools.plots import style
 from imu_noise_tools.report import words
 from imu_noise_tools.report.markup import SCRIPT
+from imu_noise_tools.store import estimate_to_dict
+from imu_noise_tools.tasks.loop import save
 
 DT, N = 0.02, 30000
 KNOWN = registry('noise')
@@ -481,3 +486,78 @@ def test_views_fail_by_the_one_rule():
     views = [View(name, np.zeros(1), np.zeros(1), excess, 0.1)
              for name, excess in (('time', 0.45), ('a', 0.2), ('b', 2.0))]
     assert [v.name for v in words.failing(Score.of(views))] == ['b', 'time']
+
+
+def test_verdicts_are_printed_one_by_one(study, tmp_path, capsys, monkeypatch):
+    """In text the first is there, flushed, while the second is asked for; as one text in JSON."""
+    folder, seen = tmp_path / 's', []
+    save(study, folder)
+    ask = loop_study.diagnose
+
+    def asked(state):
+        seen.append(capsys.readouterr().out)
+        return ask(state)
+
+    monkeypatch.setattr(loop_study, 'diagnose', asked)
+    assert main(['diagnose', str(folder)]) == 0
+    assert seen[0] == '' and seen[1].startswith('gyro_x: missing: sinusoid')
+    rest = capsys.readouterr().out
+    assert rest.startswith('accel_z: ') and 'next: imu_noise add' in rest
+    seen.clear()
+    assert main(['diagnose', str(folder), '--json']) == 0
+    assert not any(seen) and capsys.readouterr().out.startswith('{')
+
+
+def test_a_record_of_which_nothing_is_listed_is_not_called_free_of_disturbances(study):
+    study.source = {k: v for k, v in SOURCE.items() if k not in ('warnings', 'left_out')}
+    said = Page(report.html(study, {})).text
+    assert 'Nothing stands out of its noise' in said and 'the diagnosis of each axis names' in said
+
+
+# --- the words of what is left -------------------------------------------------------------------
+
+@pytest.mark.parametrize(('share', 'ratio', 'enough', 'said'), [
+    (0.83, 0.986, True, 'That is 83 % of the power, and what makes it is not known. The '
+     'coefficients hold all the same: the Allan deviation is up to 1.4 % below the model\'s, and '
+     'none of them leaves its interval by it.'),
+    (0.9998, 12.8, False,
+     'That is 100 % of the power, and the Allan deviation is up to 12.8 times the model\'s.'),
+    (0.0078, 1.0, True, 'That is 0.78 % of the power, and the Allan deviation is within chance: '
+     'sufficient all the same.'),
+    (6e-12, 1.0, False, 'That is less than 0.1 % of the power, and the Allan deviation is within '
+     'chance.'),
+    (0.0, 1.0, True, 'The power is as the model has it, and the Allan deviation is within chance: '
+     'sufficient all the same.')])
+def test_what_is_left_is_weighed_in_words(share, ratio, enough, said):
+    left = Remaining((Finding('frequency', 9.0, evidence='worst at 60 Hz'),), share, ratio, enough)
+    d = Diagnosis('unknown', remaining=left, sufficient=enough)
+    assert words.remaining_in_words(d).endswith(said)
+
+
+def test_what_stands_for_something_else_is_no_number():
+    """A line that was there before the record begins is not one from 0 s on."""
+    known = find_effect('noise', 'sinusoid')
+    values = {'amplitude': 1e-4, 'frequency': 3.7, 'begin': 0.0, 'end': 120.0}
+    found = Finding('sinusoid', 9.0, known(values), {
+        k: Estimate(v, 0.0 if v == 0 else 1e-3 * v, None, 's') for k, v in values.items()})
+    assert 'begin' not in words.parameters_of(found, 'gyro_x')
+    assert 'end 120' in words.parameters_of(found, 'gyro_x')
+    written = estimate_to_dict(found.estimates['begin'], known(values).parameter('begin'), 'gyro')
+    assert written['shown'] == 'before the record' and written['value'] == 0.0
+    coarse = find_effect('noise', 'rate_quantization')
+    for white, said in ((1.0, ', white rounding adds white noise'), (0.0, '')):
+        found = Finding('rate_quantization', 9.0, coarse({'step': 1e-3, 'white': white}),
+                        {'white': Estimate(white, None, None, '1')})
+        assert words.parameters_of(found, 'accel_x') == said.removeprefix(', ')
+
+
+@pytest.mark.parametrize(('failed', 'said'), [
+    ({'distribution': ''}, ''),
+    ({'coherence': '', 'shape': '', 'frequency': '25 Hz', 'time': '132 s'}, ''),
+    ({'frequency': '61.3 Hz'}, ' Look for what turns or swings at 61.3 Hz.'),
+    ({'variance': '118 s', 'shape': ''}, ' Look at what was going on at 118 s.'),
+    ({'time': '40 s', 'frequency': '61.3 Hz'},
+     ' Look at what was going on at 40 s, and for what turns or swings at 61.3 Hz.'),
+    ({'sweep': '', 'frequency': '50 Hz'}, ' Look for what ran up or down while the line swept.')])
+def test_where_to_look_is_said_where_a_time_or_a_frequency_is_told(failed, said):
+    assert where_to_look([Finding(k, 9.0, view=k, where=w) for k, w in failed.items()]) == said

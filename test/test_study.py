@@ -325,6 +325,29 @@ def test_the_loop_finds_what_is_missing():
     assert s.add() == [], 'nothing is missing, so nothing is added'
 
 
+def test_each_verdict_is_told_as_soon_as_it_is_known():
+    """And each rung; of long work it is seen where it is."""
+    both = {'one': parabola(4.0, trend=0.0).states['points'].problem,
+            'two': parabola(0.0, trend=0.0).states['points'].problem}
+    s = Study.begin(both, model_of('polynomial', ['constant']))
+    heard: list = []
+
+    def told(target, step):
+        heard.append((target, step and step.added, sorted(s.diagnosis)))
+
+    def progress(share, what):
+        heard.append(what)
+
+    s.diagnose(progress=progress, told=told)
+    assert heard == [
+        'one: looks for what is missing', ('one', None, ['one']), 'one: missing',
+        'two: looks for what is missing', ('two', None, ['one', 'two']), 'two: complete']
+    s = Study.begin(both, model_of('polynomial', ['constant']))
+    heard.clear()
+    s.complete(told=told)
+    assert heard == [('one', 'bend', []), ('one', None, ['one']), ('two', None, ['one', 'two'])]
+
+
 def test_where_a_member_has_fallen_more_is_looked_at():
     """Of a place that was passed by, as the effort is bounded, the candidates are had then."""
     s = parabola(bend=4.0)

@@ -139,7 +139,7 @@ def _solved(data: Any) -> str:
     from ..calibration import is_heated
 
     std = data['std']
-    rows = ['      S (scale and cross-axis sensitivity)                             bias']
+    rows = ['      S (scale and cross-axis sensitivity), ± one standard deviation   bias']
     for k, axis in enumerate('xyz'):
         row = '  '.join(f'{s:9.6f} ±{e:.1e}' for s, e in zip(data['S'][k], std['S'][k]))
         rows.append(f'  {axis}   {row}   {data["bias"][k]:10.6f} ±{std["bias"][k]:.1e} '
@@ -157,7 +157,7 @@ def _late(offset: Any) -> str:
                 f'within {max(-low, high):.1f} ms (95 %)')
     value = 1e3 * offset['value']
     return (f'the accelerometer is {abs(value):.1f} ms {"later" if value > 0 else "earlier"} than '
-            f'the gyroscope (±{1e3 * offset["std"]:.1f})')
+            f'the gyroscope (± {1e3 * offset["std"]:.2g} ms, one standard deviation)')
 
 
 def _beside(c: Any) -> str:

@@ -135,6 +135,14 @@ def progress_line(args: argparse.Namespace) -> Any:
         sys.stderr.flush()
 
 
+def say_at_once(said: str, progress: Any) -> None:
+    """Print now what is known by now, in place of the line that :func:`progress_line` draws."""
+    if progress is not None:
+        sys.stderr.write('\r\x1b[K')
+        sys.stderr.flush()
+    print(said, flush=True)
+
+
 def warn(warnings: Iterable[str]) -> None:
     """Print each warning on standard error."""
     for w in warnings:

@@ -194,11 +194,14 @@ def diagnose(args: argparse.Namespace) -> int:
         def work(study):
             if args.bag:
                 noise.look_again(study, args.bag, progress)
-            return (
-                study.complete(progress=progress)
-                if args.until_complete
-                else study.diagnose(progress=progress)
-            )
+
+            def told(target, step):
+                said = terminal.verdict(study, target, args.verbose, args.si) if step is None \
+                    else terminal.rung(step)
+                common.say_at_once(said, progress)
+
+            run = study.complete if args.until_complete else study.diagnose
+            return run(progress=progress, told=None if args.json else told)
 
         study, _ = tasks.change(args.dir, work)
     if args.json:
@@ -209,7 +212,8 @@ def diagnose(args: argparse.Namespace) -> int:
     else:
         if args.until_complete:
             print(terminal.history(study.history))
-        print(terminal.diagnosis(study, args.dir, verbose=args.verbose, si=args.si))
+        if after := terminal.after_diagnosis(study, args.dir):
+            print(after)
     return 0
 
 

@@ -114,11 +114,22 @@ def disturbed(found: Any) -> list[str]:
     ).split('\n')
 
 
-def inspection(found: Any, others: Iterable[Any] = ()) -> str:
-    """Return a bag's topics and the health of its records, each sensor's where they are apart."""
+def inspection(found: Any, others: Iterable[Any] = (), names: Iterable[str] = ()) -> str:
+    """
+    Return a bag's topics and the health of its records, each sensor's where they are apart.
+
+    ``names`` is what --topic takes for each IMU, where there are several.
+
+    """
     topics = [(t.name, t.type, t.samples, '' if t.rate_hz is None else f'{t.rate_hz:.4g}', t.role)
               for t in found.topics]
     out = [table(topics, ('topic', 'type', 'messages', 'Hz', 'used as'))]
+    each = list(names)
+    if len(each) > 1:
+        out += ['', *textwrap.wrap(
+            f'{len(each)} IMUs: analyse, calibrate, apply, filter, explore and fleet take one, '
+            f'named with --topic {" or --topic ".join(each)}; analyse --topic all makes a study '
+            'of each.', width(), break_long_words=False, break_on_hyphens=False)]
     for one in (x for whole in (found, *others) for x in (whole, *whole.beside)):
         out += ['', *_health(one)]
     return '\n'.join(out)
@@ -168,6 +179,8 @@ def _health(found) -> list[str]:
         or 'none',
     )
     line('can be analysed', found.analysed)
+    if found.looked and not found.disturbances:
+        line('disturbed', 'nowhere plainly; what is faint or goes on for long diagnose names')
     if found.disturbances:
         out += ['', *disturbed(found)]
     if h.advice:

@@ -76,36 +76,37 @@ def register(commands: Any) -> None:
 def inspect(args: argparse.Namespace) -> int:
     """Run ``inspect``."""
     from dataclasses import asdict
-    from ..bag import ALL, imus
-    from ..tasks.inspect import inspect as task
+    from ..bag import ALL
+    from ..tasks import inspect as tasks
 
     selection = common.selection_of(args)
     with common.progress_line(args) as progress:
-        every = [
-            task(
-                args.bag,
-                topic or None,
-                selection=selection,
-                fields=args.fields,
-                progress=(lambda p: progress(p, 'reading')) if progress else None,
-            )
-            for topic in (imus(args.bag, args.fields) if args.topic == ALL else [args.topic])
-        ]
-    found = every[0]
+        how: dict[str, Any] = dict(
+            selection=selection, fields=args.fields,
+            progress=(lambda p: progress(p, 'reading')) if progress else None)
+        if args.topic == ALL:
+            known, refused = tasks.inspect_every(args.bag, **how)
+        elif args.topic:
+            known, refused = {args.topic: tasks.inspect(args.bag, args.topic, **how)}, {}
+        else:
+            known, refused = tasks.inspect_what_is_there(args.bag, **how)
+    found, *others = every = list(known.values())
+    several = args.topic == ALL or len(known) + len(refused) > 1
     common.warn(dict.fromkeys(w for one in every for w in one.warnings))
+    common.warn(f'{topic} cannot be read: {error.message}' for topic, error in refused.items())
     if args.json:
         shown = [_of_both(one) for one in every]
         common.print_json(
             {
                 'path': str(args.bag),
                 'topics': [asdict(t) for t in found.topics],
-                **(shown[0] if args.topic != ALL else {'records': shown}),
+                **({'records': shown} if several else shown[0]),
             }
         )
         return 0
     from . import text
 
-    print(text.inspection(found, every[1:]))
+    print(text.inspection(found, others, (*known, *refused) if several else ()))
     return 0
 
 

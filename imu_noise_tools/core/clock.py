@@ -41,7 +41,7 @@ LONG_GAP_S = 1.0        # a gap of so long (and of ten samples) is a pause of th
 
 
 PATTERNS = {
-    'computed': 'calculated from a rate, not measured',
+    'computed': 'perfectly even, counted or calculated',
     'even': 'even',
     'jitter': 'put on late, by a varying delay',
     'coarse': 'counted in ticks',

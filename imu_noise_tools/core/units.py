@@ -73,5 +73,7 @@ def duration(seconds: float) -> str:
 
 
 def in_percent(share: float) -> str:
-    """Return a share in percent for people; what is next to nothing is said to be so."""
-    return 'less than 0.001 %' if 0 < share < 1e-5 else f'{100 * share:.2g} %'
+    """Return a share in percent for people, two digits; what is next to nothing is said so."""
+    if 0 < share < 5e-4:
+        return 'less than 0.1 %'
+    return f'{100 * share:.0f} %' if share >= 0.095 else f'{100 * share:.2g} %'

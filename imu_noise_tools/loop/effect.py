@@ -62,6 +62,8 @@ class Parameter:
         among the numbers of a fit is the index (:meth:`choice`).
     formerly : str
         Its name in older studies.
+    words : tuple of str
+        What 0, 1, … mean, of one whose numbers stand for something else.
     knee : float
         Of one that may be nothing as well as span powers of ten: the value below which the scale
         of the search is linear, and above which it is logarithmic.
@@ -80,6 +82,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     formerly: str = ''
     knee: float = 0.0
+    words: tuple[str, ...] = ()
 
     @classmethod
     def choice(cls, name: str, choices: Iterable[str], title: str = '',
@@ -110,6 +113,11 @@ class Parameter:
                 f'invalid {self.name} {value}', f'choose from {", ".join(self.choices)}'
             )
         return number
+
+    def in_words(self, value: float | None) -> str:
+        """Return what a value stands for, where it is no number but that; else nothing."""
+        known = value is not None and value in range(len(self.words))
+        return self.words[int(value)] if known and value is not None else ''
 
     def to_search(self, value: float) -> float:
         """Return where a value is on the scale of the search."""
@@ -625,7 +633,8 @@ class Finding:
     penalty does not price. ``elsewhere`` are the nats of the gain that its view does not show;
     ``samples`` those of them that no likelihood of a model holds: what the samples themselves say,
     or say against it (negative). ``log_score`` is that of a test's view. ``bounded`` says that
-    it lies at a bound, where what is unexplained beside it may hold it.
+    it lies at a bound, where what is unexplained beside it may hold it. ``where`` is the time or
+    the frequency, with its unit, at which to look for what made a test fail.
 
     """
 
@@ -645,3 +654,4 @@ class Finding:
     samples: float = 0.0
     log_score: float | None = None
     bounded: bool = False
+    where: str = ''

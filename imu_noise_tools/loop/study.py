@@ -27,6 +27,7 @@ from ..core.errors import unknown
 TRIED = 'it was added, raised the error and was taken back'
 
 Progress = Callable[[float | None, str], None]      # (share done, what)
+LOOKS = 'looks for what is missing'
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,10 @@ def assess(problem: Problem, model: Model, intervals: bool = True) -> State:
     model = unfitted(model)
     fit = problem.fit(model) if intervals else problem.point(model)
     return State(problem, fit, problem.held_out(model), problem.summary(fit))
+
+
+#: called with a target and its new rung, or None where its verdict is there
+Told = Callable[[str, Step | None], None]
 
 
 class Study:
@@ -191,10 +196,11 @@ class Study:
         return {t: self.states[t].error for t in self.chosen(targets)}
 
     def diagnose(
-        self, targets: Iterable[str] | None = None, progress: Progress | None = None
+        self, targets: Iterable[str] | None = None, progress: Progress | None = None,
+        told: Told | None = None,
     ) -> dict[str, Diagnosis]:
         """
-        Find out what is missing from each target's model.
+        Find out what is missing from each target's model; ``told`` hears of each verdict.
 
         What raised the error when it was added to this very model, and was taken out again, is
         not found once more.
@@ -202,7 +208,11 @@ class Study:
         """
         names = self.chosen(targets)
         for i, t in enumerate(names):
+            if progress:
+                progress(i / len(names), f'{t}: {LOOKS}')
             self.diagnosis[t] = diagnose(self.states[t], self._tried(t))
+            if told:
+                told(t, None)
             if progress:
                 progress((i + 1) / len(names), f'{t}: {self.diagnosis[t].verdict}')
         return {t: self.diagnosis[t] for t in names}
@@ -278,7 +288,7 @@ class Study:
 
     def complete(
         self, targets: Iterable[str] | None = None, most: int = 12,
-        progress: Progress | None = None,
+        progress: Progress | None = None, told: Told | None = None,
     ) -> list[Step]:
         """
         Diagnose and add until nothing more is found in any target; return all rungs.
@@ -286,22 +296,33 @@ class Study:
         Of what is found the first that raises nothing is added: one may show only beside another;
         where each of them raises something, all of it.
         A rung that raises the held-out deviance, or the printed error beyond what chance allows,
-        is taken back, and what it added is not found again.
+        is taken back, and what it added is not found again. ``told`` hears of each rung, and of
+        each last verdict.
 
         """
-        steps = []
+        steps: list[Step] = []
+
+        def climbed(step: Step) -> None:
+            steps.append(step)
+            if told:
+                told(step.target, step)
+
         for t in self.chosen(targets):
             for _ in range(most):
+                if progress:
+                    progress(None, f'{t}: {LOOKS} beside {self.states[t].model}')
                 self.diagnose([t])
                 if progress:
                     progress(None, f'{t}: {self.diagnosis[t].verdict}')
                 if not self.diagnosis[t].found:
                     break
-                before = self.states[t]
-                steps.append(self._next(t))
-                if self._higher(t, before, steps[-1]):
-                    steps.append(self._taken_back(t, before, steps[-1]))
+                before, rung = self.states[t], self._next(t)
+                climbed(rung)
+                if self._higher(t, before, rung):
+                    climbed(self._taken_back(t, before, rung))
             self.diagnose([t])
+            if told:
+                told(t, None)
         return steps
 
     def _next(self, target: str) -> Step:

@@ -18,9 +18,11 @@ import numpy as np
 from .curve import model_curve
 from .evidence import Evidence
 from .kinds import Modulation, Spectrum
+from ..core import units
 from ..loop.effect import Estimate, Fit, Model
 
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
+TIMES = 4096  # moments of a record at which its level is asked for
 NEAR = 1.2  # s: an averaging time within this factor of 1 s stands for it
 
 
@@ -34,8 +36,9 @@ def at_one_second(evidence: Evidence, model: Model) -> tuple[int, float]:
 def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
     """Return what there is to say of the level of a fit to a whole record: mostly nothing."""
     out = []
-    if fit.model.of(Modulation):
-        out.append('the mean over the whole record, whose level changes in time')
+    low, high = extremes(evidence, fit.model)
+    if high > low:
+        out.append('the mean over the whole record (rms), whose level changes in time')
     elif np.isfinite(fit.details.hint.quiet):
         out.append(f'the level from {fit.details.hint.quiet:.3g} Hz on is that of the quiet part '
                    'of the record')
@@ -54,13 +57,38 @@ def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
     return out
 
 
+def extremes(evidence: Evidence, model: Model) -> tuple[float, float]:
+    """
+    Return the least and the largest level of noise within a record, of its rms over the record.
+
+    A fit to the whole record is one to the mean of a variance that its model lets change in time.
+
+    """
+    t = np.linspace(0.0, evidence.duration, TIMES)
+    variance = np.ones(TIMES)
+    for e in model.of(Modulation):
+        variance = variance * e.variance(t)
+    low, high = np.sqrt(np.array([variance.min(), variance.max()]) / variance.mean())
+    return float(low), float(high)
+
+
 def with_level_notes(evidence: Evidence, fit: Fit) -> dict[str, dict[str, Estimate]]:
     """Return the estimates of a fit, what every sensor has with what there is to say of it."""
     out = {k: dict(v) for k, v in fit.estimates.items()}
     said = level_notes(evidence, fit)
+    low, high = extremes(evidence, fit.model)
     for e in fit.model.of(Spectrum):
         for p in e.parameters if said and e.in_every_sensor else ():
             estimate = out[e.label][p.name]
-            notes = [estimate.note, *said] if estimate.note else said
+            notes = [estimate.note, *said] if estimate.note else list(said)
+            if estimate.value and high > low and _is_flat(e, evidence.dt):
+                quiet, loud = (units.shown(f * estimate.value, p.unit, evidence.sensor)
+                               for f in (low, high))
+                notes.append(f'{quiet} where it is quietest, {loud} where it is loudest')
             out[e.label][p.name] = replace(estimate, note='; '.join(notes))
     return out
+
+
+def _is_flat(effect: Spectrum, dt: float) -> bool:
+    """Tell whether an effect is as strong at all frequencies; of that blocks of time tell."""
+    return bool(np.ptp(effect.psd(np.array([0.01, 0.1, 0.4]) / dt, dt)) == 0)

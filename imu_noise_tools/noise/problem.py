@@ -31,6 +31,8 @@ from ..loop.verdict import SURE
 
 NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
 METHODS = ('likelihood', 'avar', 'slopes')
+#: views whose worst place is one to look at: of a distribution or of what axes share it is not
+PLACED = {'frequency': 'Hz', 'time': 's', 'variance': 's'}
 
 
 class NoiseProblem(Problem):
@@ -246,6 +248,7 @@ class NoiseProblem(Problem):
                         evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull '
                         f'{view.pull[worst]:.1f}',
                         log_score=view.log_score,
+                        where=f'{view.x[worst]:.4g} {view.unit}' if view.name in PLACED else '',
                     )
                 )
         return out
@@ -335,10 +338,7 @@ class NoiseProblem(Problem):
             where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
             near = next((f for f in ranked if f.gain > f.penalty and f.against), None)
             nearest = f' Nearest comes {near.name}, but {near.against}.' if near else ''
-            return (
-                f'No known effect explains it ({where}).{nearest} Look at what was going on '
-                'then, or at that frequency.'
-            )
+            return f'No known effect explains it ({where}).{nearest}{where_to_look(failed)}'
         found = [f.effect for f in ranked if verdict == 'missing' and not f.against
                  and (f.probability or 0.0) >= SURE]
         return ' '.join(dict.fromkeys(filter(None, (
@@ -429,3 +429,23 @@ def arrays_of(found: dict[str, NoiseProblem]) -> dict[str, np.ndarray]:
         'method': np.array(some.method),
         'bias_at': np.array(some.bias_at),
     }
+
+
+def where_to_look(failed: Sequence[Finding]) -> str:
+    """
+    Return at which times and at which frequency to look for what makes tests fail, if at any.
+
+    Where the form of the spectrum fails as well, what is missing is broad: its worst bin is no
+    place, and means of so long scatter otherwise than the model says at all times. So they do in
+    a slow course of the mean. A line that sweeps was at many frequencies.
+
+    """
+    names = {f.name for f in failed}
+    broad = {'frequency': {'shape', 'sweep'}, 'time': {'shape', 'course'}, 'variance': set()}
+    told = [f for f in failed if f.where and f.name in PLACED and not names & broad[f.name]]
+    times = list(dict.fromkeys(f.where for f in told if PLACED[f.name] == 's'))
+    lines = [f.where for f in told if PLACED[f.name] == 'Hz']
+    said = [f'at what was going on at {" and at ".join(times)}'] if times else []
+    said += [f'for what turns or swings at {lines[0]}'] if lines else []
+    said += ['for what ran up or down while the line swept'] if 'sweep' in names else []
+    return f' Look {", and ".join(said)}.' if said else ''

@@ -60,28 +60,36 @@ def compare(study: Study, verbose: bool = False) -> str:
     return _clean('\n'.join('\n'.join(_error(study, t, verbose)) for t in study.targets))
 
 
-def diagnosis(study: Study, folder: str = 'DIR', verbose: bool = False,
-              si: bool = False) -> str:
+def verdict(study: Study, target: str, verbose: bool = False, si: bool = False) -> str:
     """
-    Return the verdict on each target, with evidence and advice, and what to run next.
+    Return the verdict on one target, with evidence and advice.
 
     Parameters
     ----------
     study : Study
-        That was diagnosed.
-    folder : str
-        Where it is kept, for the commands that are proposed.
+        In which the target was diagnosed.
+    target : str
+        Its name.
     verbose : bool
         Show all candidates with what they gain.
     si : bool
         Coefficients in SI as well.
 
     """
+    d = study.diagnosis[target]
+    return _clean('\n'.join([f'{target}: {words.diagnosis_in_words(d)}',
+                             *_evidence(d, target, verbose, si)]))
+
+
+def after_diagnosis(study: Study, folder: str = 'DIR') -> str:
+    """
+    Return what stands below all verdicts: from when times count, and what to run next.
+
+    ``folder`` is where the study is kept, for the commands that are proposed.
+
+    """
     lines = []
-    for target, d in study.diagnosis.items():
-        lines.append(f'{target}: {words.diagnosis_in_words(d)}')
-        lines += _evidence(d, target, verbose, si)
-    if any(d.found for d in study.diagnosis.values()):
+    if any(d.found or d.remaining for d in study.diagnosis.values()):
         lines += words.times_in_words(study.source)
     lines += [f'next: {command}    {why}' for command, why in words.next_steps(study, folder)]
     return _clean('\n'.join(lines))
@@ -94,6 +102,12 @@ def history(steps: Iterable[Step]) -> str:
                           f'{words.CHANCE * s.held_out_std:.4f}',
                           '' if s.fall is None else f'{s.fall:.1f}', s.verdict)
                          for s in steps], head))
+
+
+def rung(step: Step) -> str:
+    """Return one rung of the ladder as a line."""
+    return _clean(f'{step.target}: {words.change(step)}: error {step.held_out:.4f} '
+                  f'(chance: up to {words.CHANCE * step.held_out_std:.4f}), {step.verdict}')
 
 
 def steps(study: Study, done: Sequence[Step], si: bool = False) -> str:

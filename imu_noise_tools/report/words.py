@@ -85,6 +85,9 @@ _SOURCE = {'path': 'file', 'rate_hz': 'rate', 'duration_s': 'duration', 'frame_i
            'begin_s': 'analysed from'}
 
 
+LARGE = 0.05    # of the power: what makes so much of it is worth a word, whether it matters or not
+
+
 @dataclass(frozen=True)
 class Row:
     """One coefficient as people read it: ``shown`` and ``interval`` in the field's unit."""
@@ -132,8 +135,9 @@ def _idle(effect: Effect, parameter: Parameter, e: Estimate) -> bool:
 
 
 def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
-    if parameter.choices:
-        name = 'not observable' if e.value is None else str(parameter.written(e.value))
+    if parameter.choices or parameter.in_words(e.value):
+        name = 'not observable' if e.value is None else (
+            parameter.in_words(e.value) or str(parameter.written(e.value)))
         return Row(effect.label, parameter.name, parameter.title, name, '', '', e.note)
     factor, unit = 1.0, e.unit
     if effect.field_units:
@@ -312,14 +316,32 @@ def remaining_in_words(d: Diagnosis) -> str:
     where = '; '.join(f'{title_of(f.name)} ({f.evidence})' for f in left.failed)
     said = f'{"then" if d.found else "it"} still fails in: {where}.'
     if left.share is not None and left.largest_ratio is not None:
-        off = f'is off by a factor of up to {left.largest_ratio:.3g}' \
-            if abs(left.largest_ratio - 1) >= 0.005 else 'is within chance'
-        said += (f' That is {units.in_percent(left.share)} of the power, '
-                 f'and the Allan deviation {off}'
-                 f'{": sufficient all the same" if d.sufficient else ""}.')
+        said += f' {_weighed_in_words(left.share, left.largest_ratio, bool(d.sufficient))}'
     if left.nearest is not None and left.nearest.against:
         said += f' Nearest comes {left.nearest.name}, but {left.nearest.against}.'
     return said
+
+
+def _weighed_in_words(share: float, ratio: float, enough: bool) -> str:
+    """Return what is left: its share of the power, what it does to the curve, if it matters."""
+    off = f'the Allan deviation {_off_in_words(ratio)}'
+    power = f'That is {units.in_percent(share)} of the power'
+    if not share:
+        power = 'The power is as the model has it'
+    elif enough and share > LARGE:     # the numbers hold, but much of the record has no name
+        return (f'{power}, and what makes it is not known. The coefficients hold all the same: '
+                f'{off}, and none of them leaves its interval by it.')
+    return f'{power}, and {off}{": sufficient all the same" if enough else ""}.'
+
+
+def _off_in_words(ratio: float) -> str:
+    """Return how far a measured curve is from the model's, of their largest ratio."""
+    if abs(ratio - 1) < 0.005:
+        return 'is within chance'
+    if ratio >= 2:
+        return f'is up to {ratio:.3g} times the model\'s'
+    return (f'is up to {100 * abs(ratio - 1):.2g} % {"above" if ratio > 1 else "below"} '
+            'the model\'s')
 
 
 def summary_in_words(summary: Mapping[str, float]) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..bag import open_record, Scratch, TopicInfo, topics
+from ..bag import imus, open_record, Scratch, TopicInfo, topics
 from ..core.errors import InputError
 from ..core.record import Disturbance, ImuRecord, Memory
 from ..health import examine, Health, prepare, Selection
@@ -22,6 +22,7 @@ class Inspection:
 
     ``analysed`` is a line on what of it can be analysed; ``disturbances`` lists what disturbs that
     part, ``left_out`` what of it is set aside. Times are those of the record, its start being 0.
+    ``looked`` tells whether there is such a part at all.
     ``beside`` are the same of sensors with a clock of their own.
 
     """
@@ -34,6 +35,7 @@ class Inspection:
     disturbances: tuple[Disturbance, ...] = ()
     left_out: tuple[tuple[float, float, str], ...] = ()
     beside: tuple[Inspection, ...] = ()
+    looked: bool = False
 
 
 def inspect(
@@ -53,6 +55,42 @@ def inspect(
     return replace(first, beside=tuple(others))
 
 
+def inspect_every(
+    bag: str | Path, **options: Any
+) -> tuple[dict[str, Inspection], dict[str, InputError]]:
+    """
+    Return what each IMU of a bag holds by what --topic takes, and why others cannot be read.
+
+    Raises
+    ------
+    InputError, UsageError
+        As :func:`inspect`; none of them can be read.
+
+    """
+    found: dict[str, Inspection] = {}
+    refused: dict[str, InputError] = {}
+    for topic in imus(bag, options.get('fields')):
+        try:
+            found[topic] = inspect(bag, topic or None, **options)
+        except InputError as error:
+            refused[topic] = error
+    if not found:
+        raise next(iter(refused.values()))
+    return found, refused
+
+
+def inspect_what_is_there(
+    bag: str | Path, **options: Any
+) -> tuple[dict[str, Inspection], dict[str, InputError]]:
+    """Return what a bag holds of which no topic is named: its record, or each of several IMUs'."""
+    try:
+        return {'': inspect(bag, None, **options)}, {}
+    except InputError:
+        if len(imus(bag, options.get('fields'))) < 2:
+            raise
+    return inspect_every(bag, **options)
+
+
 def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Inspection:
     """Return what one stream holds."""
     record = selection.part(record)
@@ -63,4 +101,4 @@ def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Insp
     except InputError as error:
         return Inspection(*about, error.message)
     line = f'{part.n} samples, {part.duration_s:.4g} s at rest'
-    return Inspection(*about, line, part.disturbances, part.left_out)
+    return Inspection(*about, line, part.disturbances, part.left_out, looked=True)

@@ -116,8 +116,8 @@ def compare_two(first: Study, second: Study) -> list[dict]:
         for label in a.model.labels:
             for name, x in a.fit.estimates.get(label, {}).items():
                 y = b.fit.estimates.get(label, {}).get(name)
-                if y is not None:
-                    of = a.model[label].parameter(name)
+                of = a.model[label].parameter(name)
+                if y is not None and not _unused(of, x, y):
                     out.append(_of_estimates(t, f'{label}.{name}', of, x, y))
         for label in set(a.model.labels) ^ set(b.model.labels):
             out.append(
@@ -134,6 +134,12 @@ def compare_two(first: Study, second: Study) -> list[dict]:
             out.append({'target': t, 'what': what, 'first': x, 'second': y,
                         'sigmas': f'{sigmas:+.1f}', 'verdict': _changed(sigmas)})
     return out
+
+
+def _unused(of, x, y) -> bool:
+    """Tell whether a parameter says in both that this form of its effect is not there."""
+    return (x.value == y.value == 0 and not (x.std or y.std)
+            and not (of.amplitude or of.choices))
 
 
 def _of_estimates(target, what, parameter, x, y):

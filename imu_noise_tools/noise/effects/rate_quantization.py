@@ -45,6 +45,7 @@ class RateQuantization(Spectrum, Defect):
             log=False,
             discrete=True,
             title='1 where the noise spans half a step, so that rounding adds white noise; else 0',
+            words=('rounding adds none', 'rounding adds white noise'),
         ),
     )
     filtered = False

@@ -35,8 +35,10 @@ class Sinusoid(Line):
     parameters = (
         Parameter('amplitude', '{rate}', 1e-12, 1e3, amplitude=True, title='amplitude'),
         Parameter('frequency', 'Hz', 1e-6, 1e5, title='frequency'),
-        Parameter('begin', 's', 0, 1e7, log=False, title='when it begins, 0: before the record'),
-        Parameter('end', 's', 0, 1e7, log=False, title='when it ends, 0: after the record'),
+        Parameter('begin', 's', 0, 1e7, log=False, title='when it begins, 0: before the record',
+                  words=('before the record',)),
+        Parameter('end', 's', 0, 1e7, log=False, title='when it ends, 0: after the record',
+                  words=('after the record',)),
     )
     optional = ('begin', 'end')
     neutral = {'begin': 0.0, 'end': 0.0}
