@@ -494,9 +494,9 @@ def test_verdicts_are_printed_one_by_one(study, tmp_path, capsys, monkeypatch):
     save(study, folder)
     ask = loop_study.diagnose
 
-    def asked(state):
+    def asked(state, *tried):
         seen.append(capsys.readouterr().out)
-        return ask(state)
+        return ask(state, *tried)
 
     monkeypatch.setattr(loop_study, 'diagnose', asked)
     assert main(['diagnose', str(folder)]) == 0

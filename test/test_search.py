@@ -667,7 +667,7 @@ def test_what_is_next_to_certainly_nothing_leaves_nothing_undecided(
     model = SimpleNamespace(labels=())
     places = SimpleNamespace(base=model, tests=lambda m: [], error=lambda m: None,
                              model_of=lambda chain: model, at=lambda m: None)
-    monkeypatch.setattr(diagnosis, 'Search', lambda state: SimpleNamespace(
+    monkeypatch.setattr(diagnosis, 'Search', lambda *_: SimpleNamespace(
         places=places, refuted={}, settled=lambda: [one]))
     error = SimpleNamespace(views={}, failing=())
     problem = SimpleNamespace(advice=lambda *said: '')
