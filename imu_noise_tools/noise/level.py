@@ -68,8 +68,8 @@ def extremes(evidence: Evidence, model: Model) -> tuple[float, float]:
     variance = np.ones(TIMES)
     for e in model.of(Modulation):
         variance = variance * e.variance(t)
-    low, high = np.sqrt(np.array([variance.min(), variance.max()]) / variance.mean())
-    return float(low), float(high)
+    level = np.sqrt(variance / np.mean(variance))
+    return float(np.min(level)), float(np.max(level))
 
 
 def with_level_notes(evidence: Evidence, fit: Fit) -> dict[str, dict[str, Estimate]]:
