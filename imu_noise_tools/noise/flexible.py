@@ -186,7 +186,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect, claimed = fit.model[label], claim
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
-        return _coupled_otherwise(evidence, fit, effect, claim) or swept(evidence, effect, claim)
+        return is_none(evidence, fit, label) or _coupled_otherwise(
+            evidence, fit, effect, claim) or swept(evidence, effect, claim)
     if peak:
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
@@ -347,9 +348,6 @@ def _restless(evidence: Evidence, low: float, high: float) -> float:
 
 def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: float) -> str:
     """Say that what a coupling explains is told by other gains, or another one, or is no noise."""
-    against = is_none(evidence, fit, effect.label)
-    if against:
-        return against
     for other in (e for e in fit.model.of(Coupling) if e.label != effect.label):
         tells, most = (told_by_gains(evidence, fit, e.label) for e in (effect, other))
         if tells < FLEXIBLE_SHARE * most:
