@@ -308,18 +308,21 @@ class Study:
                 told(step.target, step)
 
         for t in self.chosen(targets):
+            in_vain: list[list[str]] = []
             for _ in range(most):
                 if progress:
                     progress(None, f'{t}: {LOOKS} beside {self.states[t].model}')
                 self.diagnose([t])
                 if progress:
                     progress(None, f'{t}: {self.diagnosis[t].verdict}')
-                if not self.diagnosis[t].found:
+                names = [f.name for f in self.diagnosis[t].found]
+                if not names or names in in_vain:
                     break
                 before, rung = self.states[t], self._next(t)
                 climbed(rung)
                 if self._higher(t, before, rung):
                     climbed(self._taken_back(t, before, rung))
+                    in_vain.append(names)
             self.diagnose([t])
             if told:
                 told(t, None)
