@@ -270,10 +270,10 @@ def line_basis(frequency: float | complex | np.ndarray, k: np.ndarray, n: int, d
     frequency = np.asarray(frequency)
     fades = np.iscomplexobj(frequency)
     if not fades and np.all(np.equal(begin, 0)) and (end is None or np.all(np.equal(end, n))):
-        return _whole_line(2 * n * dt * np.asarray(frequency, float), np.asarray(k), n)
+        return _whole_line(2 * n * dt * frequency, np.asarray(k), n)
     last = n if end is None else end
     count, middle = last - begin, begin + last - 1
-    alpha = 2 * np.pi * (frequency if fades else frequency.astype(float)) * dt
+    alpha = 2 * np.pi * frequency * dt
     theta = np.pi * np.asarray(k, float) / n
     total = 0
     for sign in (1, -1):

@@ -62,7 +62,7 @@ MATERIAL = 0.05
 #: how what is said against one begins that shares its probability with others
 CANNOT_TELL = 'this record cannot tell it from'
 #: what an error does that says nothing for what was added
-NO_BETTER = ('rises', 'does not fall')
+NO_BETTER = RISES, NO_FALL = 'rises', 'does not fall'
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 
 
@@ -126,10 +126,10 @@ def change(before: float, after: float, fall: float, chance: bool) -> str:
     if after > before:
         if chance and fall > FALL:
             return 'within chance, predicts better'
-        return NO_BETTER[0 if abs(fall) > FALL and not chance else 1]
+        return RISES if abs(fall) > FALL and not chance else NO_FALL
     if fall > FALL:
         return 'falls to chance' if chance else 'falls'
-    return NO_BETTER[1]
+    return NO_FALL
 
 
 def sufficient(largest_ratio: float) -> bool:

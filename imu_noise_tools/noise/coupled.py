@@ -11,7 +11,7 @@ import numpy as np
 
 from .evidence import Evidence
 from .kinds import Coupling
-from .likelihood import explained_by
+from .likelihood import explained_by, Likelihood
 from ..loop.effect import Fit
 
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
@@ -64,11 +64,12 @@ def by_gravity(evidence: Evidence, fit: Fit, label: str, shares: np.ndarray) -> 
     force = np.array([np.mean(evidence.slow_others[a]) for a in ACCEL])
     if not np.any(force):
         return ''
-    bins, weight, _ = explained_by(evidence, fit, label)
+    view = Likelihood(evidence, 'whole', fit.model, fit)
     heard = cast(Coupling, fit.model[label]).channels(evidence)[:3]
     # a share that is fitted is the mean over what is heard
-    power = np.array([weight * evidence.common.pair(a, a, 'whole') for a in heard])
-    f = power @ bins.f / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
+    power = np.array([evidence.common.pair(a, a, 'whole') for a in heard])
+    power = power * view.weight / fit.details.v
+    f = power @ view.bins.f / np.maximum(power.sum(axis=1), np.finfo(float).tiny)
     turned = np.cross(force, np.eye(3))[:, 'xyz'.index(evidence.axis[-1])]    # force x e_j
     wanted = np.array([np.zeros(3), 2 * np.pi * f * turned / (force @ force)])
     if np.abs(shares - wanted).max() > LIKE * np.abs(wanted).max():

@@ -143,7 +143,7 @@ class NoiseEffect(Effect):
         """Say that it is another one's shape in a model rather than one by itself, or nothing."""
         return ''
 
-    def lacking(self, evidence: 'Evidence') -> str:
+    def lacking(self, evidence: Evidence) -> str:
         """Say what to record along, which may be what it is due to, where that is not there."""
         return ''
 
@@ -356,7 +356,7 @@ class Mean(NoiseEffect):
         """Return what to compare with it where it is among the best of its ``starts``."""
         return []
 
-    def plain(self) -> 'Mean | None':
+    def plain(self) -> Mean | None:
         """Return it with nothing to choose, where it then follows what is recorded beside."""
         return None
 
@@ -501,9 +501,9 @@ class Coupling(NoiseEffect):
         return zip(self.channels(evidence), (self[p.name] for p in self.parameters if p.linear))
 
 
+NOTHING = 1e-16     # squared gain: double precision has no less of what passes
 #: what a filter of the sensor acts on: what shakes the sensor may enter behind it, and so may all
 #: that is slow, where the filter is the element's bandwidth and the bias that of its electronics
-NOTHING = 1e-16     # squared gain: double precision has no less of what passes
 FILTERS = Parameter.choice('filters', ('everything', 'own_noise', 'white_noise'),
                            title='what it filters')
 
