@@ -28,7 +28,7 @@ from imu_noise_tools.noise import repeated
 from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.rate_quantization import RateQuantization
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum, _fainter, _loud
-from imu_noise_tools.noise.effects.spikes import _gain, Spikes
+from imu_noise_tools.noise.effects.spikes import _gain, _swing, Spikes
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -679,6 +679,19 @@ def test_bursts_of_spikes_are_no_shocks(length, count):
     for i in rng.integers(0, N - 100, count):
         y[i:i + length] += rng.choice([-1, 1], length) * rng.uniform(8, 15, length)
     assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
+
+
+@pytest.mark.parametrize('signs', ['any', 'by turns'])
+def test_samples_that_go_up_and_down_by_turns_are_no_burst_of_spikes(signs):
+    """A knock near half the sample rate is too short for a shock's shape, and ten samples large."""
+    said = 0
+    for seed in range(20):
+        rng = np.random.default_rng([27, seed])
+        y, length = noise(rng), 12
+        sign = rng.choice([-1, 1], length) if signs == 'any' else (-1) ** np.arange(length)
+        y[9000:9000 + length] += sign * rng.uniform(8, 15, length)
+        said += bool(_swing(Spikes.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))))
+    assert said == (0 if signs == 'any' else 20)
 
 
 @pytest.mark.parametrize('size, decay', [(5, 100), (10, 30), (100, 5)])

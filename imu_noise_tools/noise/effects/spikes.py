@@ -45,6 +45,8 @@ SMOOTH = 65  # samples of a mean that is no part of the tails
 STRETCH = 8  # blocks in time whose loudness is looked at together
 HELD = 1, 2, 4, 8, 16  # samples between neighbours, and more
 FEWEST = 64  # samples that tell how far such are from their neighbours
+ALTERNATE = 3.1  # standard deviations of what one in a thousand normal numbers is below
+MOST = 0.5  # share of all that stands out that is most of it
 NEAR = np.arange(9, 41)     # samples from one that stands out, beyond a burst of them
 DRAWN = 1 << 17  # samples that are drawn at most of a record
 DRAWS, ALL = 100, 1 << 20  # records that are drawn at most, and samples of all of them
@@ -192,7 +194,10 @@ class Spikes(Defect):
         return left if left.hidden > FEW else None
 
     def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
-        """Say that samples of the rest of the model have as much, as short stays at a level."""
+        """Say that they swing, or that the rest of the model has as many, as short stays do."""
+        swing = _swing(evidence.kept(self.name))
+        if swing:
+            return swing
         paths = [s for s in fit.model.of(Spectrum) if 'distribution' in s.mutes]
         if not paths:
             return ''
@@ -340,6 +345,28 @@ def _in_bursts(kept, fresh) -> bool:
     at = np.unique(np.searchsorted(fresh, kept['index'], 'right'))
     chance = BESIDE * len(at) ** 2 / len(fresh)
     return bool(np.sum(np.diff(at) <= BESIDE) > chance + STRIKING * np.sqrt(chance))
+
+
+def _swing(kept: Mapping[str, np.ndarray]) -> str:
+    """
+    Say that samples that stand out next to each other go up and down by turns, '' if not.
+
+    Where most of what stands out does. Errors of transmission in a burst have any sign: their
+    products with the next, of mean 0, are this far below it in one record of a thousand.
+
+    """
+    order = np.argsort(kept['at'])
+    at, size = kept['at'][order], (kept['size'] / kept['sigma'])[order]
+    next_to = np.flatnonzero(np.diff(at) == 1)
+    if not len(next_to):
+        return ''
+    product = size[next_to] * size[next_to + 1]
+    some = np.union1d(next_to, next_to + 1)
+    if np.sum(product) > -ALTERNATE * np.sqrt(np.sum(product**2)) or (
+            np.sum(size[some] ** 2) < MOST * np.sum(size**2)):
+        return ''
+    return (f'{len(some)} of {len(size)} samples that stand out are next to each other and go up '
+            'and down by turns: a swing of a moment does that')
 
 
 def _gain(kept):
