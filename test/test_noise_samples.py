@@ -683,7 +683,7 @@ def test_bursts_of_spikes_are_no_shocks(length, count):
 
 @pytest.mark.parametrize('signs', ['any', 'by turns'])
 def test_samples_that_go_up_and_down_by_turns_are_no_burst_of_spikes(signs):
-    """A knock near half the sample rate is too short for a shock's shape, and ten samples large."""
+    """A knock near half the sample rate is too short for a shock's shape."""
     said = 0
     for seed in range(20):
         rng = np.random.default_rng([27, seed])

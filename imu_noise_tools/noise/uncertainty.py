@@ -16,9 +16,12 @@ from .kinds import MEASURED, NoiseEffect, Spectrum
 from .likelihood import Likelihood, Linear, settled
 from .response import OPEN
 from ..core import units
-from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED
+from ..core.statistics import CHI2_90, CHI2_95, CHI2_995, interval, ONE_SIDED
 from ..loop.effect import Estimate, Model
 
+TRIED = 48  # sizes of an amplitude, over all that it may have
+NOTHING = 14.0  # powers of e below the best value, where nothing more is to come
+WELL_KNOWN = 0.1  # of an amplitude, as a share: zero is five standard deviations of its power away
 SHOWN = 0.1  # of the upper end of an interval: what is less is no level that the record shows
 IN_EVERY_SENSOR = (
     'the interval reaches zero: the record does not tell it from what drifts, and that every '
@@ -144,54 +147,63 @@ def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, li
     for j, slot in enumerate(likelihood.slots):
         if slot.label == OPEN:
             continue
-        unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
-        value = slot.from_search(x[j])
-        wide = float(np.clip(std[j], 1e-6, 3.0))
-        spread = float(std[j]) * slot.parameter.slope(value)
-        lower_bound, upper_bound = slot.bounds
-        lo = profile.crossing(j, -1, CHI2_95, wide)
-        if slot.parameter.amplitude and lo is not None and lo > x[j] and _nothing(slot, x[j], lo):
-            lo = None  # of two maxima one is at nothing
-        if slot.parameter.amplitude and lo is None:
-            upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or upper_bound)
-            hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or upper_bound)
-            hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
-            e = Estimate(
-                None,
-                spread,
-                (0.0, hi),
-                unit,
-                upper95=upper,
-                point=value,
-                note='not observable: the interval reaches zero',
-            )
-            if _certain(likelihood.model, slot.label) and value > SHOWN * hi:
-                e = replace(e, value=value, upper95=None, note=IN_EVERY_SENSOR)
-        else:
-            hi = profile.crossing(j, +1, CHI2_95, wide)
-            note = ''
-            if (lo is not None and lo > x[j]) or (hi is not None and hi < x[j]):
-                note = 'the likelihood has two maxima: the interval holds both'
-                flags.append(f'{slot.label}.{slot.parameter.name}: {note}')
-                lo, hi = (None if end is None else pick(end, x[j])
-                          for end, pick in ((lo, min), (hi, max)))
-            if lo is None or hi is None:
-                note = 'one end of the interval is the bound of the search'
-                flags.append(f'{slot.label}.{slot.parameter.name}: {note}')
-            e = Estimate(
-                value,
-                spread,
-                (
-                    slot.from_search(lower_bound if lo is None else lo),
-                    slot.from_search(upper_bound if hi is None else hi),
-                ),
-                unit,
-                point=value,
-                note=note,
-            )
+        e, notes = _estimate(profile, j, float(x[j]), float(std[j]))
+        flags += [f'{slot.label}.{slot.parameter.name}: {note}' for note in notes]
         e = replace(e, profile=tuple((slot.from_search(at), d) for at, d in profile.seen[j]))
         out.setdefault(slot.label, {})[slot.parameter.name] = e
     return out, flags
+
+
+def _estimate(profile: _Profile, j: int, at: float, std: float) -> tuple[Estimate, list[str]]:
+    """Return the estimate of a parameter that is ``at`` in the search, and what to say of it."""
+    slot = profile.likelihood.slots[j]
+    wide = float(np.clip(std, 1e-6, 3.0))
+    amplitude = slot.parameter.amplitude
+    loss, without = profile.nothing(j) if amplitude and std > WELL_KNOWN else (np.inf, None)
+    lo = profile.crossing(j, -1, CHI2_95, wide, without)
+    if amplitude and (
+            lo is None or loss < CHI2_995
+            or lo > at and _nothing(slot, at, lo)):     # of two maxima one is at nothing
+        return _limit(profile, j, at, std), []
+    hi = profile.crossing(j, +1, CHI2_95, wide)
+    notes = []
+    if (lo is not None and lo > at) or (hi is not None and hi < at):
+        notes.append('the likelihood has two maxima: the interval holds both')
+        lo, hi = (None if end is None else pick(end, at) for end, pick in ((lo, min), (hi, max)))
+    if lo is None or hi is None:
+        notes.append('one end of the interval is the bound of the search')
+    lo, hi = (bound if end is None else end for end, bound in zip((lo, hi), slot.bounds))
+    value = slot.from_search(at)
+    return Estimate(
+        value,
+        std * slot.parameter.slope(value),
+        (slot.from_search(lo), slot.from_search(hi)),
+        units.si(slot.parameter.unit, profile.likelihood.evidence.sensor),
+        point=value,
+        note=notes[-1] if notes else '',
+    ), notes
+
+
+def _limit(profile: _Profile, j: int, at: float, std: float) -> Estimate:
+    """Return the estimate of an amplitude that is ``at`` in the search and may be nothing."""
+    slot, model = profile.likelihood.slots[j], profile.likelihood.model
+    wide, bound = float(np.clip(std, 1e-6, 3.0)), slot.bounds[1]
+    upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or bound)
+    hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or bound)
+    hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
+    value = slot.from_search(at)
+    e = Estimate(
+        None,
+        std * slot.parameter.slope(value),
+        (0.0, hi),
+        units.si(slot.parameter.unit, profile.likelihood.evidence.sensor),
+        upper95=upper,
+        point=value,
+        note='not observable: the interval reaches zero',
+    )
+    if _certain(model, slot.label) and value > SHOWN * hi:
+        e = replace(e, value=value, upper95=None, note=IN_EVERY_SENSOR)
+    return e
 
 
 def widened(likelihood: Likelihood, found: Estimates, by: np.ndarray) -> Estimates:
@@ -231,33 +243,58 @@ class _Profile:
         self.likelihood, self.top, self.least = likelihood, top, least
         self.seen = [[(float(at), 0.0)] for at in top]
 
-    def deviance(self, j: int, at: float, warm: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return 2 (-ln L(at) - min) with all others free, and where they went."""
+    def deviance(self, j: int, at: float, *starts: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return 2 (-ln L(at) - min) with all others free, and where they went from a start."""
         free = np.ones(len(self.top), bool)
         free[j] = False
-        x = warm.copy()
-        x[j] = at
-        x, nll = minimise(self.likelihood, x, free=free, steps=25)
+        found = []
+        for start in starts:
+            x = start.copy()
+            x[j] = at
+            found.append(minimise(self.likelihood, x, free=free, steps=25))
+        x, nll = min(found, key=lambda reached: reached[1])
         deviance = max(2 * (nll - self.least), 0.0)
         self.seen[j].append((at, deviance))
         return deviance, x
 
-    def crossing(self, j: int, sign: int, level: float, step: float) -> float | None:
+    def nothing(self, j: int) -> tuple[float, np.ndarray]:
+        """
+        Return 2 (-ln L - min) with an amplitude at nothing, and where the others went.
+
+        One of them that is next to nothing itself may take its place, and no slope leads there:
+        each is tried at all of its sizes.
+
+        """
+        slots = self.likelihood.slots
+        none = self.top.copy()
+        none[j] = max(slots[j].bounds[0], none[j] - NOTHING)
+        starts = [none]
+        for i, slot in enumerate(slots):
+            if i != j and slot.parameter.amplitude:
+                sizes = np.tile(none, (TRIED, 1))
+                sizes[:, i] = np.linspace(*slot.bounds, TRIED)
+                starts.append(min(sizes, key=lambda x: self.likelihood.value(x)[0]))
+        return self.deviance(j, float(none[j]), *starts)
+
+    def crossing(self, j: int, sign: int, level: float, step: float,
+                 without: np.ndarray | None = None) -> float | None:
         """
         Return where the deviance reaches a level on one side.
 
-        None where it never does (a limit).
+        None where it never does (a limit). The others may as well be near where they go
+        ``without`` it.
 
         """
+        others = () if without is None else (without,)
         lower, upper = self.likelihood.slots[j].bounds
         # downwards on a logarithmic scale there is nothing more to come after a few powers of ten
-        reach = 14.0 if sign < 0 and self.likelihood.slots[j].parameter.log else np.inf
+        reach = NOTHING if sign < 0 and self.likelihood.slots[j].parameter.log else np.inf
         low, d_low, warm = self.top[j], 0.0, self.top
         move = np.sqrt(level) * step
         high = None
         for _ in range(16):
             at = float(np.clip(low + sign * move, lower, upper))
-            d, found = self.deviance(j, at, warm)
+            d, found = self.deviance(j, at, warm, *others)
             if d >= level:
                 high, d_high = at, d
                 break
@@ -273,7 +310,7 @@ class _Profile:
             a, b, c = np.sqrt(d_low), np.sqrt(d_high), np.sqrt(level)
             share = 0.5 if k % 2 else np.clip((c - a) / max(b - a, 1e-12), 0.05, 0.95)
             at = low + share * (high - low)
-            d, found = self.deviance(j, at, warm)
+            d, found = self.deviance(j, at, warm, *others)
             if abs(np.sqrt(d) - c) < 2e-3:
                 return at
             if d >= level:
