@@ -272,7 +272,7 @@ class _Profile:
         for i, slot in enumerate(slots):
             if i != j and slot.parameter.amplitude:
                 sizes = np.tile(none, (TRIED, 1))
-                sizes[:, i] = np.linspace(*slot.bounds, TRIED)
+                sizes[:, i] = np.linspace(slot.bounds[0], slot.bounds[1], TRIED)
                 starts.append(min(sizes, key=lambda x: self.likelihood.value(x)[0]))
         return self.deviance(j, float(none[j]), *starts)
 
