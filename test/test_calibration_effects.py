@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import calibration_sessions as sim
 import numpy as np
+from params import daily
 import pytest
 
 from imu_noise_tools import calibration as core
@@ -430,7 +431,7 @@ def test_what_follows_direction_or_time_is_no_scatter(kind, words, advice):
         assert words in against and words in d.advice and advice in d.advice
 
 
-@pytest.mark.parametrize('kind', ['scatter', 'before'])
+@pytest.mark.parametrize('kind', daily(['scatter', 'before'], 'scatter'))
 def test_scatter_stays_scatter(kind):
     """What is drawn anew in each pose, or follows the one before, keeps its name."""
     rng = np.random.default_rng(32)
@@ -440,7 +441,7 @@ def test_scatter_stays_scatter(kind):
     assert 'too few to tell it from a function of direction' in few.advice
 
 
-@pytest.mark.parametrize('n', [13, 14, 16, 20])
+@pytest.mark.parametrize('n', daily([13, 14, 16, 20], 14))
 def test_few_poses_that_scatter_are_seldom_something_else(n):
     """What leaves nothing to confirm it, or does so only beside others, is no name."""
     rng = np.random.default_rng([34, n])

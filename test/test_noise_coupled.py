@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import iirpeak, lfilter
 
@@ -48,7 +49,7 @@ def said_of(record, coupling):
     return is_none(problem.evidence, fit, coupling)
 
 
-@pytest.mark.parametrize('coupling', ['accel_coupling', 'shared_noise'])
+@pytest.mark.parametrize('coupling', daily(['accel_coupling', 'shared_noise'], 'shared_noise'))
 def test_at_one_frequency_no_coupling_is_told(coupling):
     """Shares of axes that have other phases make any line."""
     rng = np.random.default_rng(1)

@@ -54,8 +54,8 @@ def evidence_of(y):
     return gather(record_of(y), ['gyro_x'])['gyro_x']
 
 
-@pytest.mark.parametrize('share', (0.1, 0.5, 0.8))
-@pytest.mark.parametrize('z', (40, 300, 3000))
+@pytest.mark.parametrize('share', daily((0.1, 0.5, 0.8), 0.1, 0.5))
+@pytest.mark.parametrize('z', daily((40, 300, 3000), 40))
 def test_a_line_of_a_stretch_is_one_line(share, z):
     """Beside it there is none: its skirts are no lines, and leave no hump."""
     for seed in range(3):
@@ -96,7 +96,7 @@ def narrow(rng, kind, cells, z):
     return rng.standard_normal(N) + z / np.sqrt(N) * band
 
 
-@pytest.mark.parametrize('kind', ('resonance', 'wandering'))
+@pytest.mark.parametrize('kind', daily(('resonance', 'wandering'), 'resonance'))
 def test_a_narrow_band_has_no_beginning_and_no_end(kind):
     """Of a width below 1/T and above, faint and strong: one of 1600 of each has."""
     some = [table(narrow(np.random.default_rng([seed, i, j]), kind, cells, z))

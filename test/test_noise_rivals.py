@@ -294,7 +294,7 @@ def test_what_goes_off_to_one_side_is_no_shock(rings):
     assert bool(len(kept.get('begin', ()))) == rings
 
 
-@pytest.mark.parametrize('knock', [False, True])
+@pytest.mark.parametrize('knock', daily([False, True], True))
 @pytest.mark.parametrize('dt, t0', [(DT, 0.1), (DT, 0.5), (0.04, 0.12)])
 def test_what_settles_since_before_the_record_is_no_shock(dt, t0, knock):
     rng, t = np.random.default_rng(34), np.arange(N) * dt
