@@ -418,6 +418,7 @@ def scattered(rng, kind, n=40, size=0.01):
                                                  time=8.0 * np.arange(n) + 3), 'norm')
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind, words, advice', [
     ('others', 'it is a function of direction', 'another order'),
     ('time', 'it is a course in time', 'temperature')])
@@ -441,6 +442,7 @@ def test_scatter_stays_scatter(kind):
     assert 'too few to tell it from a function of direction' in few.advice
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('n', daily([13, 14, 16, 20], 14))
 def test_few_poses_that_scatter_are_seldom_something_else(n):
     """What leaves nothing to confirm it, or does so only beside others, is no name."""
@@ -455,6 +457,7 @@ def test_few_poses_that_scatter_are_seldom_something_else(n):
     assert wrong <= 3   # most of them were, up to 16 poses
 
 
+@pytest.mark.thorough
 def test_chance_of_a_smooth_course_is_what_it_says():
     """Of 60 sessions of scatter as many look like a course as stated, some 3 at one in twenty."""
     rng = np.random.default_rng(33)

@@ -98,6 +98,7 @@ def test_white_noise_is_as_strong_where_no_motion_comes_to(factor):
     assert is_as_strong(fast, model, 'noise_level') == (factor < 2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', [
     79508, *(pytest.param(s, marks=pytest.mark.thorough) for s in (79509, 79510, 79511))])
 def test_a_body_on_its_springs_is_not_taken_for_noise(seed):

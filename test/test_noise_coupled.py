@@ -49,6 +49,7 @@ def said_of(record, coupling):
     return is_none(problem.evidence, fit, coupling)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('coupling', daily(['accel_coupling', 'shared_noise'], 'shared_noise'))
 def test_at_one_frequency_no_coupling_is_told(coupling):
     """Shares of axes that have other phases make any line."""

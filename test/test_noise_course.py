@@ -200,6 +200,7 @@ def failing_of(problem, *names):
     return {f.name: f for f in failures(problem.omnibus(problem.point(model_of('noise', names))))}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind', daily(NAMELESS, 'logarithm', 's'))
 def test_a_slow_course_that_a_walk_holds_fails_a_test_of_its_own(kind):
     """As smooth as it is in time, the spectrum is much that of a walk, and may well hold."""

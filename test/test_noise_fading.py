@@ -51,6 +51,7 @@ def kinds_of(make, count):
     return out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('count', daily((60, 8), 8))
 @pytest.mark.parametrize('make, kind, others', [
     (resonance, 'swings', {'stays', 'comes'}),
@@ -119,6 +120,7 @@ def test_a_swing_that_fades_tells_in_which_time(share):
         assert found == pytest.approx(share * T[-1], rel=0.2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('make', [
     lambda f, phase: np.sin(2 * np.pi * f * T + phase),
     lambda f, phase: np.sin(2 * np.pi * f * T + phase) * (np.abs(T - 100) < 40),

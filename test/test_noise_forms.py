@@ -114,6 +114,7 @@ def test_part_of_a_skewed_swing_is_one_with_harmonics_and_nothing_beside_it(swin
         assert more.details.ml - fit.details.ml < penalty(name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('swing', daily([
     (1.33, 0.7, 1e-3), (1.75, 3.8, 3e-3), (1.92, 0.1, 7e-4)], (1.92, 0.1, 7e-4)))
 def test_half_a_swing_is_a_sine_and_not_its_harmonics(swing):
@@ -434,6 +435,7 @@ def test_a_machine_that_is_switched_on_hides_no_change_of_the_noise():
         variance(problem.evidence, fit))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('n', [64 * 256 + 250, 100 * 256, 211 * 256 - 1])
 def test_when_the_noise_changes_is_told_where_blocks_leave_samples(n):
     """Blocks of 64 samples leave 250 of 16 634, by which a time late in the record was off."""
@@ -445,6 +447,7 @@ def test_when_the_noise_changes_is_told_where_blocks_leave_samples(n):
     assert found.effect['time'] == pytest.approx(0.93 * n / 50, abs=0.5 * n / 50 / 256)
 
 
+@pytest.mark.thorough
 def test_where_noise_has_two_levels_bins_tell_less_of_a_smooth_form():
     """Of white noise of variance v(t) a mean of coefficients squared has 2 mean(v^2)/mean(v)^2."""
     n = 16_000
@@ -635,6 +638,7 @@ def test_steps_to_and_fro_between_two_levels_are_a_telegraph(levels):
     assert ('between two levels' in step.against) == (levels == 2), step
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', daily([0, 3], 0))
 def test_levels_far_apart_are_told_as_exactly_as_they_are(seed):
     """To a thousandth: beside them are hundreds of blocks in which any other step is unlikely."""
@@ -1277,6 +1281,7 @@ def test_loud_steps_end_within_the_means_in_which_they_fall_and_leave_no_power()
     assert 0.2 * sure.gain < sure.elsewhere < sure.gain
 
 
+@pytest.mark.thorough
 def test_a_mean_that_is_known_stands_where_it_was_solved_for():
     """Means of seven samples leave the last six out: they are no seventh of all there are."""
     n, dt = 120_000, 0.005

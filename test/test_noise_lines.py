@@ -42,6 +42,7 @@ def table(y):
     return find_peaks(c, reference_spectrum(c, DT), DT)[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', daily(range(4), 0))
 def test_twenty_lines_at_once_each_at_its_bound(seed):
     """Amplitudes over three decades, two of them 3/T apart; pulls against the Cramer-Rao bound."""
@@ -94,6 +95,7 @@ def test_two_lines_that_beat_as_none_that_fades_does_are_two(apart):
         assert len(table(y)) == 2
 
 
+@pytest.mark.thorough
 def test_one_line_that_fades_or_wanders_a_little_is_not_two():
     """By a fifth of itself: too little for no line."""
     for seed in range(8):
@@ -406,6 +408,7 @@ def test_faint_orders_of_one_machine_are_found_together(size):
     assert strange <= 2 and (not size or np.median(counts) >= 4)
 
 
+@pytest.mark.thorough
 def test_a_line_of_forty_nats_is_borne_out_by_each_half():
     """In a bin of thousands it would not show; one that is on for a half is there alone."""
     rng, n, dt = np.random.default_rng(41), 60_000, 0.01

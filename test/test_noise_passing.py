@@ -96,6 +96,7 @@ def narrow(rng, kind, cells, z):
     return rng.standard_normal(N) + z / np.sqrt(N) * band
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('kind', daily(('resonance', 'wandering'), 'resonance'))
 def test_a_narrow_band_has_no_beginning_and_no_end(kind):
     """Of a width below 1/T and above, faint and strong: one of 1600 of each has."""
@@ -117,6 +118,7 @@ def test_the_noise_of_a_stretch_is_told_beside_a_line():
         assert np.median(told) == pytest.approx(times, rel=0.2)
 
 
+@pytest.mark.thorough
 def test_a_resonance_that_is_on_for_a_while_is_seldom_a_line():
     lines = 0
     for seed in range(80614, 80634):
@@ -199,6 +201,7 @@ def test_what_is_there_for_a_moment_ends_when_it_does(share, z):
         assert not np.any(table(y)[:, 5] - table(y)[:, 4] < N)
 
 
+@pytest.mark.thorough
 def test_where_a_line_that_wanders_stayed_it_neither_began_nor_ended():
     """Fast and then slowly, by dozens of 1/T: there was a line for a tenth of such records."""
     some = []

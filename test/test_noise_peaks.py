@@ -151,6 +151,7 @@ def test_a_peak_behind_a_filter_begins_at_its_own_height(seed):
     assert peak.effect['frequency'] == pytest.approx(3.15, abs=0.03) and peak.gain > peak.penalty
 
 
+@pytest.mark.thorough
 def test_a_filter_behind_a_coupling_begins_at_what_that_leaves():
     """By the vibration that other channels tell it began where the fit was worse than without."""
     rng, n = np.random.default_rng(0), 40_000

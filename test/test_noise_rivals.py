@@ -131,6 +131,7 @@ def test_noise_that_axes_share_is_named():
     assert names == ['shared_noise'], said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('share', daily([0.0, 0.1], 0.1))
 def test_a_coupling_claims_what_it_shares_and_not_that_a_fit_was_caught(share):
     gyro = axes_with(share * SIZE * np.random.default_rng(7).standard_normal(N),
@@ -413,6 +414,7 @@ def test_a_hollow_that_more_fills_than_may_arise_behind_a_filter_is_no_filter(be
         assert ('its behind lies at its bound' in said) == fills
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', daily((0, 3, 4, 7), 0))
 def test_near_the_fast_end_it_is_not_seen_what_arises_behind_a_filter(seed):
     """A pole at 35 Hz of 50: .02 +- .2, but it lets more pass. Of a hollow it is seen."""
@@ -987,6 +989,7 @@ def test_up_and_down_again_is_two_steps_though_neither_stands_out_alone():
     assert said.found[0].gain < said.found[0].penalty, 'it stands out alone'
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('times', 'at'), [
     (1, 0.7013), pytest.param(2, 0.2513, marks=pytest.mark.thorough)])
 def test_a_step_is_no_noise_that_is_loud_where_it_comes(times, at):
@@ -1093,6 +1096,7 @@ def test_a_ramp_of_another_axis_bends_nothing_a_quarter_of_a_period_later():
     np.testing.assert_allclose(plain['gyro_y^'], shared.later(without), atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('stays, form, least, most', [
     (2, 'wandering', 5.0, 1e3), (600, 'wandering', 1.0, 3.0), (2, 'displacement', 1.0, 1.0)])
 def test_a_peak_on_a_line_of_few_stays_says_the_less(stays, form, least, most):
@@ -1233,6 +1237,7 @@ def test_of_two_couplings_one_that_tells_a_hundredth_is_the_other_s_source(
     assert ('do not hear of the same source' in against) == said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', daily(range(4), 0))
 @pytest.mark.parametrize('other', [False, True])
 def test_axes_tell_of_a_sway_what_an_accelerometer_s_noise_hides_of_it(seed, other):

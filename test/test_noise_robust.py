@@ -514,6 +514,7 @@ def test_an_n_that_is_not_the_curve_at_1_s_says_so():
     assert plain.note == ''
 
 
+@pytest.mark.thorough
 def test_n_beside_a_changing_variance_says_which():
     """That of the whole where all of it is louder for a while, whether the model knows or not."""
     y, _ = noise(47)

@@ -572,6 +572,7 @@ def test_a_spike_at_an_end_is_taken_out(place):
     assert list(index) == [place % N] and np.max(np.abs(clean)) < 6
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('place', [0, -1])
 def test_a_spike_at_an_end_is_named(place):
     """No window of a block looks there: it was *undecidable*, of any size."""
@@ -659,6 +660,7 @@ def test_what_is_louder_for_a_while_is_no_shock(louder, lasts):
         assert np.all(kept.get('ring', 0.0 if kept else 1.0) > 0)   # a few of it may seem to ring
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('memory', daily([100, 400], 100))
 def test_noise_whose_loudness_wanders_has_no_shocks(memory):
     """What is loudest of it is no louder than what else wanders makes likely."""

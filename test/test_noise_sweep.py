@@ -107,6 +107,7 @@ def test_a_weak_sweep_is_unknown_and_no_filter():
     assert said.verdict == 'unknown' and 'sweep' in {f.view for f in said.failed}, said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('first, last, n', [
     (7.0, 12.0, 20_000), *(pytest.param(*x, 54_000, marks=pytest.mark.thorough) for x in (
         (7.35, 9.61), (3.15, 4.9), (6.0, 4.0), (1.7, 3.2)))])
@@ -122,6 +123,7 @@ def test_a_line_that_sweeps_all_along_is_no_band_that_it_passes(first, last, n):
     assert 'sweep' in {f.name for f in said.remaining.failed}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('real', [False, True])
 def test_a_machine_that_runs_up_between_two_speeds_is_no_change_of_the_noise(real):
     """It makes the bands that it passes louder meanwhile; noise that changes does so in all."""

@@ -170,6 +170,7 @@ def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_i
     assert np.any(np.abs(e.line_table[:, 0] - at) < 0.002) == (whose != 'heater')
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('seed', daily(range(2), 0))
 @pytest.mark.parametrize('what', daily(['settles with it', 'settles before it', 'sways with it',
                                         'settles, none recorded', 'rises with it'],
