@@ -1040,3 +1040,27 @@ def test_the_samples_at_a_step_are_no_spikes(seed):
 def test_means_of_blocks_leave_a_rest_out():
     assert list(means_of_blocks(np.arange(1, 6, dtype=np.float32), 2)) == [1.5, 3.5]
     assert not means_of_blocks(np.ones(3), 4).size
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('axis, counts', [
+    ('accel_x', True), ('accel_x', False), ('gyro_x', False)])
+def test_an_accelerometer_s_counts_are_seen_in_its_samples(axis, counts):
+    """What only rises with frequency as theirs does is a vibration, on steps far finer."""
+    rng, n, dt, step = np.random.default_rng(28), 12_000, 0.01, 2e-3
+    velocity = dt * np.cumsum(rng.standard_normal((n + 1, 3)) * 0.1, axis=0)
+    read = step * np.round(velocity / step)
+    x = np.diff(read, axis=0) / dt
+    if not counts:      # something else has that spectrum
+        x = np.diff(velocity + step / np.sqrt(12) * rng.standard_normal((n + 1, 3)), axis=0) / dt
+        x = np.round(x / 1e-3) * 1e-3
+    still = 1e-3 * np.round(rng.standard_normal((n, 3)) * 0.1 / 1e-3)
+    sensors = (still, x) if axis == 'accel_x' else (x, still)
+    study = analyse_record(ImuRecord(*sensors, np.arange(n) * dt, 1 / dt), axes=(axis,),
+                           keep_motion=True)
+    found = study.diagnose([axis])[axis]
+    named = 'quantization' in [f.name for f in found.found]
+    assert named == (counts or axis == 'gyro_x'), found
+    if not named:
+        (other,) = (f for f in found.ranked if f.name == 'quantization')
+        assert 'the samples lie on steps of 0.001' in other.against

@@ -196,6 +196,9 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
+        unlike = effect.unlike(evidence) if isinstance(effect, Spectrum) else ''
+        if unlike:
+            return unlike
         gain, claim, where = _smoother(evidence, fit, without, label, claimed, claim)
     elif isinstance(effect, Mean):
         gain = mean_gain(evidence, fit)[0]

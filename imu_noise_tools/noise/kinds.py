@@ -272,6 +272,10 @@ class Spectrum(NoiseEffect):
         """Return by what samples show its PSD to differ, as a function of Hz; None: by nothing."""
         return None
 
+    def unlike(self, evidence: Evidence) -> str:
+        """Say that the samples are not such as it makes, whatever their spectrum is."""
+        return ''
+
     @property
     def centre(self) -> float | None:
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""

@@ -15,6 +15,7 @@ from ..rounded import coarse, colour_of_turns, told_by_grid, turns_of_counts
 from ...core.statistics import grid_step, quiet_sigma
 from ...loop.effect import Effect, Fit
 
+FINER = 2.0  # times: from which steps are finer than counts, dithered or not
 QUICK = 1 << 16     # samples whose differences say whether a step is large
 SWINGS = 0.2    # of the first wave of an error, that two samples have in common: it is no noise
 LEAST = 1e-3    # of white: what is told of the colour is not exact
@@ -79,6 +80,22 @@ class Quantization(Spectrum):
         """
         turned = float(evidence.kept(self.name).get('turned', np.inf))
         return bool(np.exp(-2 * np.pi**2 * turned) > SWINGS)
+
+    def unlike(self, evidence: Evidence) -> str:
+        """
+        Say that an accelerometer's samples lie on finer steps than whole counts of velocity do.
+
+        A gyroscope's may, where its dither is taken out of them; an accelerometer has none, and
+        what rises so with frequency is a vibration.
+
+        """
+        step = float(evidence.kept(self.name).get('step', 0.0))
+        count = np.sqrt(12) * self['Q'] / evidence.dt
+        if evidence.sensor != 'accel' or not 0 < FINER * step < count:
+            return ''
+        return (f'whole counts of velocity would lie on steps of {count:.2g} m/s^2 at this rate, '
+                f'and the samples lie on steps of {step:.2g}: what rises so with frequency is '
+                'something else, as a vibration')
 
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
         """
