@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -52,7 +51,7 @@ def kinds_of(make, count):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('count', daily((60, 8), 8))
+@pytest.mark.parametrize('count', (60, 8))
 @pytest.mark.parametrize('make, kind, others', [
     (resonance, 'swings', {'stays', 'comes'}),
     (machine, 'stays', {'swings', 'comes'}),

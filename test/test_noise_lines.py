@@ -43,7 +43,7 @@ def table(y):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('seed', daily(range(4), 0))
+@pytest.mark.parametrize('seed', range(4))
 def test_twenty_lines_at_once_each_at_its_bound(seed):
     """Amplitudes over three decades, two of them 3/T apart; pulls against the Cramer-Rao bound."""
     rng = np.random.default_rng([seed, 1])

@@ -661,7 +661,7 @@ def test_what_is_louder_for_a_while_is_no_shock(louder, lasts):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('memory', daily([100, 400], 100))
+@pytest.mark.parametrize('memory', [100, 400])
 def test_noise_whose_loudness_wanders_has_no_shocks(memory):
     """What is loudest of it is no louder than what else wanders makes likely."""
     shocks = 0

@@ -171,10 +171,9 @@ def test_a_line_is_the_temperatures_where_the_axis_follows_what_others_tell_of_i
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('seed', daily(range(2), 0))
-@pytest.mark.parametrize('what', daily(['settles with it', 'settles before it', 'sways with it',
-                                        'settles, none recorded', 'rises with it'],
-                                       'settles with it', 'sways with it'))
+@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('what', ['settles with it', 'settles before it', 'sways with it',
+                                  'settles, none recorded', 'rises with it'])
 def test_a_course_and_a_temperature_that_has_it_are_as_likely_beforehand(what, seed):
     """The ways to read a thermometer are no price where it is read as it is: data decide."""
     rng = np.random.default_rng([seed, 61])

@@ -183,11 +183,14 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     one shape with it; ``claim`` is what the effect gains, nats.
 
     """
-    effect, claimed = fit.model[label], claim
+    effect, claimed = cast(NoiseEffect, fit.model[label]), claim
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
         return is_none(evidence, fit, label) or _coupled_otherwise(
             evidence, fit, effect, claim) or swept(evidence, effect, claim)
+    against = effect.otherwise(evidence, fit, claim)
+    if against:
+        return against
     if peak:
         claim = max(claim, min(fit.details.ml - without.details.ml, _own(evidence, fit, label)))
     if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
@@ -196,9 +199,6 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
     elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
-        unlike = effect.unlike(evidence) if isinstance(effect, Spectrum) else ''
-        if unlike:
-            return unlike
         gain, claim, where = _smoother(evidence, fit, without, label, claimed, claim)
     elif isinstance(effect, Mean):
         gain = mean_gain(evidence, fit)[0]
@@ -207,7 +207,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         gain = _variance_gain(evidence, fit)
         where = 'in time'
     else:
-        return effect.otherwise(evidence, fit, claim) if isinstance(effect, Defect) else ''
+        return ''
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'a smooth form without a name fits better by {gain:.0f} nats {where}'
     if isinstance(effect, Mean):

@@ -143,6 +143,10 @@ class NoiseEffect(Effect):
         """Say that it is another one's shape in a model rather than one by itself, or nothing."""
         return ''
 
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that the samples are not such as it makes, or that others make what it claims."""
+        return ''
+
     def lacking(self, evidence: Evidence) -> str:
         """Say what to record along, which may be what it is due to, where that is not there."""
         return ''
@@ -271,10 +275,6 @@ class Spectrum(NoiseEffect):
     def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
         """Return by what samples show its PSD to differ, as a function of Hz; None: by nothing."""
         return None
-
-    def unlike(self, evidence: Evidence) -> str:
-        """Say that the samples are not such as it makes, whatever their spectrum is."""
-        return ''
 
     @property
     def centre(self) -> float | None:
@@ -610,10 +610,6 @@ class Defect(NoiseEffect):
     def tails(self, evidence: Evidence) -> Tails | None:
         """Return how the samples are distributed that it leaves; None: normally."""
         return None
-
-    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
-        """Say that the rest of a fit's model makes most of what it claims, nats, as well."""
-        return ''
 
     @classmethod
     def held_out(cls, evidence: Evidence, part: str, fit: Fit) -> View | None:

@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 1080
-SOURCES = 'b0f5e2dfac043975'
+SOURCES = 'b24bb0469c71543e'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,

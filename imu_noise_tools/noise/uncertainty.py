@@ -158,13 +158,16 @@ def _estimate(profile: _Profile, j: int, at: float, std: float) -> tuple[Estimat
     """Return the estimate of a parameter that is ``at`` in the search, and what to say of it."""
     slot = profile.likelihood.slots[j]
     wide = float(np.clip(std, 1e-6, 3.0))
+    value = slot.from_search(at)
+    here = Estimate(value, std * slot.parameter.slope(value), None,
+                    units.si(slot.parameter.unit, profile.likelihood.evidence.sensor), point=value)
     amplitude = slot.parameter.amplitude
     loss, without = profile.nothing(j) if amplitude and std > WELL_KNOWN else (np.inf, None)
     lo = profile.crossing(j, -1, CHI2_95, wide, without)
     if amplitude and (
             lo is None or loss < CHI2_995
             or lo > at and _nothing(slot, at, lo)):     # of two maxima one is at nothing
-        return _limit(profile, j, at, std), []
+        return _limit(profile, j, wide, here), []
     hi = profile.crossing(j, +1, CHI2_95, wide)
     notes = []
     if (lo is not None and lo > at) or (hi is not None and hi < at):
@@ -173,37 +176,21 @@ def _estimate(profile: _Profile, j: int, at: float, std: float) -> tuple[Estimat
     if lo is None or hi is None:
         notes.append('one end of the interval is the bound of the search')
     lo, hi = (bound if end is None else end for end, bound in zip((lo, hi), slot.bounds))
-    value = slot.from_search(at)
-    return Estimate(
-        value,
-        std * slot.parameter.slope(value),
-        (slot.from_search(lo), slot.from_search(hi)),
-        units.si(slot.parameter.unit, profile.likelihood.evidence.sensor),
-        point=value,
-        note=notes[-1] if notes else '',
-    ), notes
+    return replace(here, ci95=(slot.from_search(lo), slot.from_search(hi)),
+                   note=notes[-1] if notes else ''), notes
 
 
-def _limit(profile: _Profile, j: int, at: float, std: float) -> Estimate:
-    """Return the estimate of an amplitude that is ``at`` in the search and may be nothing."""
+def _limit(profile: _Profile, j: int, wide: float, here: Estimate) -> Estimate:
+    """Return the estimate of an amplitude that may be nothing, ``wide`` a step in the search."""
     slot, model = profile.likelihood.slots[j], profile.likelihood.model
-    wide, bound = float(np.clip(std, 1e-6, 3.0)), slot.bounds[1]
+    bound = slot.bounds[1]
     upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or bound)
     hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or bound)
     hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
-    value = slot.from_search(at)
-    e = Estimate(
-        None,
-        std * slot.parameter.slope(value),
-        (0.0, hi),
-        units.si(slot.parameter.unit, profile.likelihood.evidence.sensor),
-        upper95=upper,
-        point=value,
-        note='not observable: the interval reaches zero',
-    )
-    if _certain(model, slot.label) and value > SHOWN * hi:
-        e = replace(e, value=value, upper95=None, note=IN_EVERY_SENSOR)
-    return e
+    if _certain(model, slot.label) and here.value > SHOWN * hi:
+        return replace(here, ci95=(0.0, hi), note=IN_EVERY_SENSOR)
+    return replace(here, value=None, ci95=(0.0, hi), upper95=upper,
+                   note='not observable: the interval reaches zero')
 
 
 def widened(likelihood: Likelihood, found: Estimates, by: np.ndarray) -> Estimates:

@@ -81,7 +81,7 @@ class Quantization(Spectrum):
         turned = float(evidence.kept(self.name).get('turned', np.inf))
         return bool(np.exp(-2 * np.pi**2 * turned) > SWINGS)
 
-    def unlike(self, evidence: Evidence) -> str:
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
         """
         Say that an accelerometer's samples lie on finer steps than whole counts of velocity do.
 

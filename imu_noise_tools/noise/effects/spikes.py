@@ -355,9 +355,8 @@ def _swing(kept: Mapping[str, np.ndarray]) -> str:
     products with the next, of mean 0, are this far below it in one record of a thousand.
 
     """
-    order = np.argsort(kept['at'])
-    at, size = kept['at'][order], (kept['size'] / kept['sigma'])[order]
-    next_to = np.flatnonzero(np.diff(at) == 1)
+    size = kept['size'] / kept['sigma']
+    next_to = np.flatnonzero(np.diff(kept['at']) == 1)
     if not len(next_to):
         return ''
     product = size[next_to] * size[next_to + 1]
