@@ -396,14 +396,15 @@ def _shapes(effect: NoiseEffect, estimates) -> int:
     """
     Return how many parameters besides one are priced; optional ones where they are clear.
 
-    Of the mean all of them, for they bend to anything together.
+    Of the mean and of a free form all of them, for they bend to anything together.
 
     """
     clear = sum(abs(estimates[name].point or 0.0) > OPTIONAL * (estimates[name].std or 0.0)
                 for name in effect.optional)
     if isinstance(effect, Mean):
         return min(effect.always_fitted - 1, MOST_SHAPES) + clear
-    return min(effect.always_fitted - 1 + clear, MOST_SHAPES)
+    most = effect.always_fitted if effect.free else MOST_SHAPES
+    return min(effect.always_fitted - 1 + clear, most)
 
 
 def at_bound(evidence: Evidence, effect: Effect, estimates: Mapping[str, Estimate]) -> str:

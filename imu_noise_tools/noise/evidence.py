@@ -337,11 +337,11 @@ class Evidence:
         """Return the cross-power (b,) of this axis with another channel."""
         return self.common.pair(self.axis, channel, part)
 
-    def other_axes(self) -> list[np.ndarray]:
-        """Return the powers (b,) of the other axes of the sensor, of the whole record."""
+    def other_axes(self) -> dict[str, np.ndarray]:
+        """Return the powers (b,) of the other axes of the sensor by name, of the whole record."""
         others = (a for a in self.common.slow if a != self.axis and not derived(a)
                   and a in AXES and sensor_of(a) == self.sensor)
-        return [self.common.pair(a, a, 'whole') for a in others]
+        return {a: self.common.pair(a, a, 'whole') for a in others}
 
     def thermal(self, part: str) -> int:
         """Return how many bins of a part there are in which axes follow the temperature."""

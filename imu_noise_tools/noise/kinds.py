@@ -126,6 +126,8 @@ class NoiseEffect(Effect):
     moves_means: ClassVar[bool] = False
     #: whether it says that what it adds is normal noise, on every time scale
     normal: ClassVar[bool] = False
+    #: whether it has no form of its own, but bends to any: a form that is as good is the one named
+    free: ClassVar[bool] = False
     #: whether it may bend the spectrum over decades, where a knee without a name may do as well
     broad: ClassVar[bool] = False
     #: a word for its spectrum where others have it too: only the samples tell them apart then

@@ -13,6 +13,7 @@ SOURCES = 'b24bb0469c71543e'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,
+    'digital_filter': 6.0,
     'drift': 8.57,
     'duplicates': 6.0,
     'flicker': 6.0,

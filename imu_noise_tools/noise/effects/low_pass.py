@@ -16,16 +16,20 @@ from ...loop.effect import Effect, Fit
 
 #: a Butterworth filter inside the sensor, run at so many times the output rate and decimated
 DECIMATED = {f'butterworth_2_decimated_{k}': k for k in (2, 4, 8)}
-POLE, AVERAGED = 'first_order', 'first_order_averaged'
+POLE, POLE_AVERAGED = 'first_order', 'first_order_averaged'
+PAIR_AVERAGED = 'butterworth_2_averaged'
+AVERAGED = (POLE_AVERAGED, PAIR_AVERAGED)
 FORMS = (
     POLE, 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
-    'butterworth_2_sampled', *DECIMATED, AVERAGED
+    'butterworth_2_sampled', *DECIMATED, *AVERAGED
 )
 FOLDED = ('butterworth_2_sampled', *DECIMATED)
 # shares to start from: for one that is missed a form with a floor of its own makes up
 BEHIND = (0.0, *np.geomspace(1e-4, 1.6e-2, 12))
 SHARES = (0.3, 0.7)  # of an average, too
+BESIDE = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])    # of which
 LEAST = 1e-4  # of which: beside a pole less of it is lost in rounding
+ROUNDED = 1e-15  # of the gain in the band, which is told no better
 FINER, NEARER = np.geomspace(0.9, 1.1, 11), np.geomspace(0.8, 1.25, 5)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
 ALL = 0.9  # share of the power from which there is nothing but white noise
@@ -41,8 +45,9 @@ class LowPass(Response):
     equation = (
         'gain^2: first order (1-p)^2/(1-2p cos w+p^2), p = e^(-2 pi cutoff dt); Butterworth '
         '1/(1+(tan(w/2)/tan(wc/2))^4) or 1/(1+(f/cutoff)^4), as it is or folded by sampling; '
-        'moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt); or one pole before an '
-        'average over the share averaged of that r, sinc^2(f r dt)/(1 + (f/pole)^2), folded'
+        'moving average (sin(w r/2)/(r sin(w/2)))^2, r = 0.443/(cutoff dt); or one pole, or a '
+        'Butterworth pair, before an average over the share averaged of that r, '
+        'sinc^2(f r dt)/(1 + (f/pole)^2), or ^4, folded'
     )
     signature = (
         'PSD falls near Nyquist; the Allan deviation lies below N/sqrt(tau) at the first tau; no '
@@ -62,7 +67,7 @@ class LowPass(Response):
         Parameter('behind', '1', 0.0, 0.02, log=False, knee=1e-4,
                   title='share of the white noise that arises behind it'),
         Parameter('averaged', '1', 0.0, 1.0, log=False,
-                  title='share of an average beside one pole: 1 is an average alone'),
+                  title='share of an average beside poles: 1 is an average alone'),
         FILTERS,
     )
     broad = True
@@ -86,19 +91,20 @@ class LowPass(Response):
         tried['two_averages'] = CASCADE / lengths  # shorter ones look like one average
         out: list[tuple[float, Effect]] = []
         for form in FORMS:
-            behind = (0.0,) if form == AVERAGED else BEHIND
-            averaged = SHARES if form == AVERAGED else (0.0,)
+            behind = (0.0,) if form in AVERAGED else BEHIND
+            averaged = SHARES if form in AVERAGED else (0.0,)
             best, second = self._smoothest(evidence, form, tried[form], averaged, behind)
             if tried[form] is falls:    # forms differ by less than one step of either does
                 e = best[1]
-                best = self._smoothest(evidence, form, e['cutoff'] * FINER, (e['averaged'],),
+                shares = e['averaged'] + BESIDE if form in AVERAGED else averaged
+                best = self._smoothest(evidence, form, e['cutoff'] * FINER, shares,
                                        e['behind'] * NEARER)[0]
             out += [best, second]
         return [e for _, e in sorted(out, key=lambda z: z[0])]
 
     def _smoothest(self, evidence, form, cutoffs, averaged, behind):
         """Return (roughness, start) of the two best cutoffs and averages, the best behind each."""
-        bins, tried = evidence.whole.bins, tuple(product(map(float, cutoffs), averaged))
+        bins, tried = evidence.whole.bins, tuple(product(map(float, cutoffs), map(float, averaged)))
         falls, squares = _falls(bins, form, tried, tuple(behind))
         log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
         weight = bins.count / np.sum(bins.count)
@@ -125,19 +131,18 @@ class LowPass(Response):
             form = self.chosen('form')
             if form in FOLDED:
                 out['cutoff'] = (1 / evidence.duration, 0.5 / evidence.dt)
-            out |= {'behind': (0.0, 0.0)} if form == AVERAGED else {}
-            out |= {'averaged': (0.0, 0.0)} if form != AVERAGED else {}
+            out['behind' if form in AVERAGED else 'averaged'] = (0.0, 0.0)
         return out
 
     @property
     def knees(self) -> int:
         """One, where, for a single pole."""
-        return int('form' in self.values and self.chosen('form') in (POLE, AVERAGED))
+        return int('form' in self.values and self.chosen('form') in (POLE, POLE_AVERAGED))
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the squared gain."""
         form = self.chosen('form')
-        behind = self.values.get('behind', 0.0) if form != AVERAGED else 0.0
+        behind = self.values.get('behind', 0.0) if form not in AVERAGED else 0.0
         return beside_unfiltered(self._shape(form, f, dt), behind)
 
     def bonus(self, evidence: Evidence, fit: Fit) -> float:
@@ -157,13 +162,14 @@ class LowPass(Response):
         every = seen_behind((), fit.model, bins.f, dt)
         std = fit.estimates[self.label]['behind'].std or behind
         return sum(alike(bins, power, passed, every, behind, std)
-                   for power in evidence.other_axes())
+                   for power in evidence.other_axes().values())
 
     def _shape(self, form, f, dt):
         """Return that of a form, with nothing behind it."""
         f, c = np.asarray(f, float), self['cutoff']
-        if form == AVERAGED:
-            return _pole_and_average(f * dt, c * dt, max(self['averaged'], LEAST))
+        if form in AVERAGED:
+            share, poles = max(self['averaged'], LEAST), 1 + (form == PAIR_AVERAGED)
+            return _poles_and_average(f * dt, c * dt, share, poles)
         if form == POLE:
             p = np.exp(-2 * np.pi * c * dt)
             return (1 - p) ** 2 / ((1 - p) ** 2 + p * (2 * np.sin(np.pi * f * dt)) ** 2)
@@ -276,24 +282,31 @@ def _two_averages(x: np.ndarray, r: float) -> np.ndarray:
     return (2 / 3 + waves @ spline) / (2 / 3 + 2 * np.sum(spline))
 
 
-def _pole_and_average(x: np.ndarray, c: float, share: float) -> np.ndarray:
+def _poles_and_average(x: np.ndarray, c: float, share: float, poles: int) -> np.ndarray:
     """
-    Return the squared gain at x = f dt of a pole and an average over r samples behind it.
+    Return the squared gain at x = f dt of one or two poles and an average over r samples.
 
     -3 dB at c = cutoff dt, of which an average over r/share samples alone would be the cause. The
-    autocovariance is the pole's e^(-a |k|) smoothed by a triangle of half-length r: 2/a times that
-    triangle, and (e^(-a |k + r|) + e^(-a |k - r|) - 2 e^(-a |k|))/a^2.
+    autocovariance of one pole, e^(-a |k|), smoothed by a triangle of half-length r is 2/a times
+    that triangle, and (e^(-a |k + r|) + e^(-a |k - r|) - 2 e^(-a |k|))/a^2. That of a Butterworth
+    pair is the real part of (1 - i) e^(-a |k|) with a complex a (:func:`_sampled`).
 
     """
     r = share * WINDOW / c
-    a = 2 * np.pi * c / np.sqrt(max(2 * np.sinc(c * r) ** 2 - 1, 1e-9))
+    pole = c / max(2 * np.sinc(c * r) ** 2 - 1, 1e-9) ** (0.5 / poles)
+    a, part = (2 * np.pi * pole, 1.0) if poles == 1 else (
+        np.sqrt(2) * np.pi * pole * (1 - 1j), 1 - 1j)
     m, p = np.floor(r), np.exp(-a)
     u = r - m
 
+    def beside(z):
+        return (np.exp(-a * u) / (1 - p * z) + np.exp(-a * (1 - u)) / (z - p)) * z ** -m
+
     def folded(x, triangle):
         z = np.exp(2j * np.pi * x)
-        beside = (np.exp(-a * u) / (1 - p * z) + np.exp(-a * (1 - u)) / (z - p)) * z ** -m
-        own = (1 - p * p) / np.abs(1 - p * z) ** 2
-        return 2 / a * triangle + 2 / a**2 * (beside.real - own)
+        own = (1 - p * p) / ((1 - p * z) * (1 - p / z))
+        both = 2 / a * triangle + (beside(z) + beside(1 / z) - 2 * own) / a**2
+        return (part * both).real
 
-    return folded(x, _triangle(x, r)) / folded(0.0, (1 - u) * m**2 + u * (m + 1) ** 2)
+    gain2 = folded(x, _triangle(x, r)) / folded(0.0, (1 - u) * m**2 + u * (m + 1) ** 2)
+    return np.maximum(gain2, ROUNDED)   # far above a pair it is a difference of equal numbers
