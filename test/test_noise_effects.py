@@ -463,22 +463,25 @@ def test_what_does_not_apply_is_refused_in_words(cls):
         assert cls.name in error.value.message and error.value.remedy
 
 
+@pytest.mark.parametrize('poles', [1, 2])
 @pytest.mark.parametrize('cutoff, averaged', [
     (0.15, 0.37), (0.15, 0.0), (0.15, 1.0), (0.01, 0.5), (0.37, 0.9), (0.02, 1.0), (0.9, 0.5)])
-def test_a_pole_and_an_average_fold_as_their_product_does(cutoff, averaged):
+def test_poles_and_an_average_fold_as_their_product_does(poles, cutoff, averaged):
     """Of white noise in continuous time, sampled; either end of the share is another form."""
-    effect = EFFECTS['low_pass']({'cutoff': cutoff / DT, 'form': 'first_order_averaged',
+    alone, beside = (('first_order', 'first_order_averaged') if poles == 1 else
+                     ('butterworth_2_sampled', 'butterworth_2_averaged'))
+    effect = EFFECTS['low_pass']({'cutoff': cutoff / DT, 'form': beside,
                                   'behind': 0.0, 'averaged': averaged})
     x = np.linspace(0.001, 0.4997, 40)
     r = max(averaged, 1e-4) * 0.443 / cutoff
-    pole = cutoff / np.sqrt(max(2 * np.sinc(cutoff * r) ** 2 - 1, 1e-9))
+    pole = cutoff / max(2 * np.sinc(cutoff * r) ** 2 - 1, 1e-9**poles) ** (0.5 / poles)
 
     def folded(x):
         f = np.add.outer(x, np.arange(-20_000, 20_001))
-        return np.sum(np.sinc(f * r) ** 2 / (1 + (f / pole) ** 2), axis=-1)
+        return np.sum(np.sinc(f * r) ** 2 / (1 + (f / pole) ** (2 * poles)), axis=-1)
 
     np.testing.assert_allclose(effect.gain2(x / DT, DT), folded(x) / folded(0.0), rtol=1e-5)
-    for share, form in ((0.0, 'first_order'), (1.0, 'moving_average')):
+    for share, form in ((0.0, alone), (1.0, 'moving_average')):
         if share == averaged:
             other = effect.with_values(form=form)
             np.testing.assert_allclose(effect.gain2(x / DT, DT), other.gain2(x / DT, DT),

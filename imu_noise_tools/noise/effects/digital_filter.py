@@ -66,19 +66,22 @@ class DigitalFilter(Response):
 
     @staticmethod
     def _shared(evidence: Evidence, fall: np.ndarray) -> bool:
-        """Tell whether another axis of the sensor falls alike, and is another source's."""
-        bins = evidence.whole.bins
+        """Tell whether this axis and another of the sensor fall so, and hear no one source."""
+        bins, own = evidence.whole.bins, evidence.whole.power
         weight = bins.count / np.sum(bins.count)
         size = weight @ (fall - weight @ fall) ** 2
-        for axis, power in evidence.other_axes().items():
-            both = evidence.common.pair(evidence.axis, axis, 'whole')
-            if weight @ (both**2 / (evidence.whole.power * power)) > APART:
-                continue
+
+        def falls(power):
             away = bins.log_level(power) - fall
             lost = weight @ np.minimum((away - np.median(away)) ** 2, FAR**2)
-            if lost - weight @ polygamma(1, bins.count / 2) < SAME * size:
-                return True
-        return False
+            return lost - weight @ polygamma(1, bins.count / 2) < SAME * size
+
+        def alone(axis, power):
+            both = evidence.common.pair(evidence.axis, axis, 'whole')
+            return weight @ (both**2 / (own * power)) < APART
+
+        return falls(own) and any(falls(power) and alone(axis, power)
+                                  for axis, power in evidence.other_axes().items())
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Below Nyquist, where a cosine tells it."""

@@ -104,7 +104,8 @@ class LowPass(Response):
 
     def _smoothest(self, evidence, form, cutoffs, averaged, behind):
         """Return (roughness, start) of the two best cutoffs and averages, the best behind each."""
-        bins, tried = evidence.whole.bins, tuple(product(map(float, cutoffs), map(float, averaged)))
+        tried = tuple((float(c), float(a)) for c, a in product(cutoffs, averaged))
+        bins = evidence.whole.bins
         falls, squares = _falls(bins, form, tried, tuple(behind))
         log_power = np.log(np.maximum(evidence.whole.power, 1e-300))
         weight = bins.count / np.sum(bins.count)
@@ -293,7 +294,7 @@ def _poles_and_average(x: np.ndarray, c: float, share: float, poles: int) -> np.
 
     """
     r = share * WINDOW / c
-    pole = c / max(2 * np.sinc(c * r) ** 2 - 1, 1e-9) ** (0.5 / poles)
+    pole = c / max(2 * np.sinc(c * r) ** 2 - 1, 1e-9**poles) ** (0.5 / poles)
     a, part = (2 * np.pi * pole, 1.0) if poles == 1 else (
         np.sqrt(2) * np.pi * pole * (1 - 1j), 1 - 1j)
     m, p = np.floor(r), np.exp(-a)
