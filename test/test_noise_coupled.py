@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import iirpeak, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of
-from imu_noise_tools.noise.coupled import is_none
+from imu_noise_tools.noise.coupled import heard_at, is_none
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
@@ -42,10 +44,14 @@ def sway(rng, f, q):
     return np.column_stack(some) / np.std(some, axis=1)
 
 
-def said_of(record, coupling):
+def fitted(record, coupling):
+    """Return (evidence, fit, label) of the x-axis with a coupling."""
     problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
-    fit = problem.point(model_of('noise', (*BASE, coupling)))
-    return is_none(problem.evidence, fit, coupling)
+    return problem.evidence, problem.point(model_of('noise', (*BASE, coupling))), coupling
+
+
+def said_of(record, coupling):
+    return is_none(*fitted(record, coupling))
 
 
 @pytest.mark.thorough
@@ -60,8 +66,12 @@ def test_at_one_frequency_no_coupling_is_told(coupling):
 def test_what_a_resonance_shakes_tells_a_coupling(f, q):
     rng = np.random.default_rng(2)
     moves = sway(rng, f, q)
-    assert not said_of(record_of(rng, 3e-3 * moves @ rng.standard_normal((3, 3)), 0.1 * moves),
-                       'accel_coupling')
+    some = fitted(record_of(rng, 3e-3 * moves @ rng.standard_normal((3, 3)), 0.1 * moves),
+                  'accel_coupling')
+    assert not is_none(*some)
+    words = re.match(r'around (\S+) Hz, .*: as a machine' if q > 10 else 'most of it between (\S+)',
+                     heard_at(*some))
+    assert words and float(words[1]) == pytest.approx(f, rel=0.2 if q > 10 else 0.8)
 
 
 @pytest.mark.parametrize('share, turns', [(1.0, True), (0.5, False), (-1.0, False)])

@@ -17,7 +17,7 @@ from typing import cast, NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from . import views
-from .coupled import is_none
+from .coupled import heard_at, is_none
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
@@ -633,9 +633,10 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
             for k, e in estimates.items()
             if e.std and e.point is not None and abs(e.point) > 2 * e.std
         ]
+        where = heard_at(evidence, after, fitted.label)
         return (
             f'coherent with {", ".join(fitted.channels(evidence))}: '
-            f'{", ".join(parts) or "nothing significant"}'
+            f'{", ".join(parts) or "nothing significant"}' + (where and f'; {where}')
         )
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
 

@@ -17,6 +17,8 @@ from ..loop.effect import Fit
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 MOST = 0.9      # of what a coupling explains (a choice), that lies within ...
 SHARP = 30.0    # ... a width of f over this: a driven resonance with Q = 190
+WITHIN = 0.05, 0.95  # of what is explained, from its lowest frequency on
+NARROW = 2.0    # times: what is heard within an octave is of one source that swings
 LIKE = 0.25     # of the largest share, by which others may be off
 
 
@@ -47,6 +49,25 @@ def at_one_frequency(evidence: Evidence, fit: Fit, label: str) -> str:
         return ''
     return (f'{100 * MOST:.0f} % of what it explains lies within {width:.2g} Hz at {f:.4g} Hz: '
             'at one frequency a coupling cannot be told from a machine that all axes hear')
+
+
+def heard_at(evidence: Evidence, fit: Fit, label: str) -> str:
+    """
+    Say at which frequencies a coupling of a model explains something, empty where nowhere.
+
+    What is heard in a narrow band comes from a machine or from a resonance of the mount.
+
+    """
+    bins, weight, power = explained_by(evidence, fit, label)
+    nats = np.maximum(weight * power, 0.0)
+    if not nats.sum() > 0:
+        return ''
+    low, high = bins.f[np.searchsorted(np.cumsum(nats), np.array(WITHIN) * nats.sum())]
+    if high > NARROW * low:
+        return f'most of it between {low:.3g} and {high:.3g} Hz'
+    middle = bins.f[np.searchsorted(np.cumsum(nats), 0.5 * nats.sum())]
+    return (f'around {middle:.4g} Hz, most of it between {low:.4g} and {high:.4g} Hz: as a '
+            'machine or a resonance of the mount is heard')
 
 
 def by_gravity(evidence: Evidence, fit: Fit, label: str, shares: np.ndarray) -> str:

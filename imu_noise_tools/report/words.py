@@ -25,6 +25,7 @@ from ..loop.study import Step, Study
 from ..loop.verdict import CANNOT_TELL, CHANCE, STRIKING
 
 ERROR = 'held-out deviance'     # the one name of the error on data that the fit has not seen
+UNSEEN = 'not observable'     # what is said of a value that the record cannot tell from zero
 
 # name of a view: (what it looks at, what it means when it fails)
 VIEWS = {
@@ -72,7 +73,7 @@ GLOSSARY = {
     'N, noise density': 'White noise: the Allan deviation at 1 s. Angle or velocity random walk.',
     'B, bias instability': 'Flicker noise: the flat part of the Allan curve is 0.664 B.',
     'K, random walk': 'The slow wandering of the bias: the Allan curve rises to K at 3 s.',
-    'not observable': 'The record cannot tell it from zero: the limit given holds in 95 of 100.',
+    UNSEEN: 'The record cannot tell it from zero: the limit given holds in 95 of 100.',
     'gain, nats': 'How much better a model with the candidate explains the data: a factor e of '
                   'likelihood each. What chance would gain is given beside it.',
     'undecidable': 'Two or more effects explain the same thing, or one gains little more than '
@@ -136,14 +137,14 @@ def _idle(effect: Effect, parameter: Parameter, e: Estimate) -> bool:
 
 def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
     if parameter.choices or parameter.in_words(e.value):
-        name = 'not observable' if e.value is None else (
+        name = UNSEEN if e.value is None else (
             parameter.in_words(e.value) or str(parameter.written(e.value)))
         return Row(effect.label, parameter.name, parameter.title, name, '', '', e.note)
     factor, unit = 1.0, e.unit
     if effect.field_units:
         factor, unit = units.field(parameter.unit, sensor_of(target))
     unit, si_unit = ('' if u == '1' else f' {u}' for u in (unit, e.unit))
-    shown, interval, si = 'not observable', '', ''
+    shown, interval, si = UNSEEN, '', ''
     if e.value is not None:
         std = None if e.std is None else e.std / factor
         shown = significant(e.value / factor, std) + unit
@@ -154,7 +155,7 @@ def _row(effect: Effect, parameter: Parameter, e: Estimate, target: str) -> Row:
     elif e.upper95 is not None:
         interval = f'below {significant(e.upper95 / factor)}{unit}'
         si = f'< {significant(e.upper95)}{si_unit}'
-    note = e.note if e.value is not None else e.note.removeprefix('not observable: ')
+    note = e.note if e.value is not None else e.note.removeprefix(f'{UNSEEN}: ')
     return Row(effect.label, parameter.name, parameter.title or effect.title, shown, interval, si,
                note)
 
@@ -166,8 +167,11 @@ def parameters_of(finding: Finding, target: str, si: bool = False) -> str:
     found = [_row(finding.effect, p, finding.estimates[p.name], target)
              for p in finding.effect.parameters if p.name in finding.estimates
              and not _idle(finding.effect, p, finding.estimates[p.name])]
-    return ', '.join(f'{r.symbol} {r.shown}' + (f' [{r.si}]' if si and r.si else '')
-                     for r in found)
+    # what is not observable is one thing to say of all of them
+    seen = [r for r in found if r.shown != UNSEEN or len(found) == 1]
+    said = [f'{r.symbol} {r.shown}' + (f' [{r.si}]' if si and r.si else '') for r in seen]
+    hidden = [r.symbol + (f' [{r.si}]' if si and r.si else '') for r in found if r not in seen]
+    return ', '.join(said + ([f'{UNSEEN}: {" and ".join(hidden)}'] if hidden else []))
 
 
 def error_in_words(error: Score) -> str:
