@@ -69,8 +69,8 @@ def test_what_a_resonance_shakes_tells_a_coupling(f, q):
     some = fitted(record_of(rng, 3e-3 * moves @ rng.standard_normal((3, 3)), 0.1 * moves),
                   'accel_coupling')
     assert not is_none(*some)
-    words = re.match(r'around (\S+) Hz, .*: as a machine' if q > 10 else 'most of it between (\S+)',
-                     heard_at(*some))
+    start = r'around (\S+) Hz, .*: as a machine' if q > 10 else r'most of it between (\S+)'
+    words = re.match(start, heard_at(*some))
     assert words and float(words[1]) == pytest.approx(f, rel=0.2 if q > 10 else 0.8)
 
 
