@@ -43,7 +43,8 @@ _SHAPE = {
     },
     'targets!': {str: {'effects!': {str: {'effect!': str, str: _ESTIMATE}}}},
     'history!': [
-        {'target!': str, 'effects!': [str], 'held_out!': _NUMBER, 'held_out_std!': _NUMBER}
+        {'target!': str, 'effects!': [str], 'held_out!': _NUMBER, 'held_out_std!': _NUMBER,
+         'moved': [[str]]}
     ],
     'diagnosis!': {
         str: {
@@ -215,6 +216,8 @@ def step_to_dict(s: Step) -> dict:
         out['why'] = [_finding_to_dict(s.target, f) for f in s.why]
     if s.contrast is not None:
         out['contrast'] = {'view': s.contrast.view, 'unit': s.contrast.unit}
+    if s.moved:
+        out['moved'] = [list(x) for x in s.moved]
     return out
 
 
@@ -287,6 +290,7 @@ def _step_of(domain: str, d: Any, contrast: Contrast | None) -> Step:
         tuple(_finding_of(domain, f) for f in d.get('why') or ()
               if f['effect'] in registry(domain)),
         contrast,
+        tuple((label, name) for label, name in d.get('moved') or ()),
     )
 
 

@@ -31,6 +31,7 @@ from imu_noise_tools.loop.problem import Problem
 from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.report import terminal
 
 # All three matter within three hours: flat from 10 s, rising from 40 s.
 SENSOR = {'N': 1e-4, 'B': 1e-4 / (0.664 * np.sqrt(10)), 'K': 1e-4 * np.sqrt(3 / 10 / 40)}
@@ -71,6 +72,10 @@ def test_the_ladder_falls_to_chance_and_stays():
         assert b.held_out <= 2 * b.held_out_std
         assert abs(c.held_out - b.held_out) < b.held_out_std
     assert [x.target for x in one] == [x.target for x in two] == [x.target for x in three]
+    # what held the walk had a value that the walk takes from it; what is not there moves nothing
+    assert all(('flicker', 'B') in x.moved for x in two) and not any(x.moved for x in three)
+    said = [line for line in terminal.steps(s, two).splitlines() if 'outside' in line]
+    assert len(said) == 2 and all('outside of the interval before: ' in line and 'flicker B;' in line for line in said)
     # what is not there ends as a null amplitude with a limit, nineteen times in twenty
     found = [state.fit.estimates['ramp']['R'] for state in s.states.values()]
     assert all(abs(r.point) < 4 * r.std for r in found)

@@ -71,7 +71,8 @@ class Step:
     One rung of the ladder: what was fitted and how well it predicts data it has not seen.
 
     ``fall`` is the deviance gained on data not fitted, ``failing`` names the views that still
-    fail, ``why`` is what a diagnosis had found of what was added, ``contrast`` what it changed.
+    fail, ``why`` is what a diagnosis had found of what was added, ``contrast`` what it changed,
+    ``moved`` (label, parameter) the values of which the interval does not meet the one before.
 
     """
 
@@ -86,6 +87,7 @@ class Step:
     failing: tuple[str, ...] = ()
     why: tuple[Finding, ...] = ()
     contrast: Contrast | None = None
+    moved: tuple[tuple[str, str], ...] = ()
 
 
 def assess(problem: Problem, model: Model, intervals: bool = True) -> State:
@@ -98,6 +100,18 @@ def assess(problem: Problem, model: Model, intervals: bool = True) -> State:
     model = unfitted(model)
     fit = problem.fit(model) if intervals else problem.point(model)
     return State(problem, fit, problem.held_out(model), problem.summary(fit))
+
+
+def _moved(before: State, after: State) -> tuple[tuple[str, str], ...]:
+    """Return (label, parameter) of each value whose intervals before and after do not meet."""
+    out = []
+    for label, estimates in before.fit.estimates.items():
+        for name, old in estimates.items():
+            new = after.fit.estimates.get(label, {}).get(name)
+            if new is not None and old.ci95 and new.ci95 and None not in (old.value, new.value) \
+                    and (new.ci95[0] > old.ci95[1] or new.ci95[1] < old.ci95[0]):
+                out.append((label, name))
+    return tuple(out)
 
 
 #: called with a target and its new rung, or None where its verdict is there
@@ -189,6 +203,7 @@ class Study:
             tuple(state.error.failing),
             tuple(why),
             contrast,
+            _moved(before, state) if before is not None else (),
         )
 
     def compare(self, targets: Iterable[str] | None = None) -> dict[str, Score]:

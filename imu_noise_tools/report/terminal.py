@@ -123,7 +123,9 @@ def steps(study: Study, done: Sequence[Step], si: bool = False) -> str:
         lines += [f'  {row.label} {row.symbol} = ' + ', '.join(
                       x for x in (row.shown, row.interval, row.si if si else '', row.note) if x)
                   for row in words.rows(study.states[s.target], s.target)
-                  if row.label.partition('.')[0] in added]
+                  if row.label.partition('.')[0] in added or (row.label, row.symbol) in s.moved]
+        lines += [f'  outside of the interval before: {", ".join(map(" ".join, s.moved))}; one of '
+                  'the two models is wrong there'] if s.moved else []
     if any(s.added for s in done):
         lines += words.times_in_words(study.source)
     return _clean('\n'.join(lines))
