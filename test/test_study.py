@@ -75,7 +75,7 @@ def test_the_ladder_falls_to_chance_and_stays():
     # what held the walk had a value that the walk takes from it; what is not there moves nothing
     assert all(('flicker', 'B') in x.moved for x in two) and not any(x.moved for x in three)
     said = [line for line in terminal.steps(s, two).splitlines() if 'outside' in line]
-    assert len(said) == 2 and all('outside of the interval before: ' in line and 'flicker B;' in line for line in said)
+    assert len(said) == 2 and all('flicker B;' in line for line in said)
     # what is not there ends as a null amplitude with a limit, nineteen times in twenty
     found = [state.fit.estimates['ramp']['R'] for state in s.states.values()]
     assert all(abs(r.point) < 4 * r.std for r in found)
