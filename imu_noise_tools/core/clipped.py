@@ -117,7 +117,7 @@ def _stays(y: np.ndarray, at: np.ndarray, visits: np.ndarray) -> bool:
     Tell whether y (n,) goes to its end, ``at`` (n,), by more than a level and stays there.
 
     What is held elsewhere too does not stay, nor does a course that levels off: it comes to its
-    last level from the one before.
+    last level from the one before, where it was for longer than to pass.
 
     """
     top = y.max()
@@ -125,11 +125,11 @@ def _stays(y: np.ndarray, at: np.ndarray, visits: np.ndarray) -> bool:
     next_one = inner.max()
     held = len(inner) / np.sum(visits != top)
     came = y[:-1][at[1:] & ~at[:-1]]
-    count = int(np.sum(at))
+    count, beside = int(np.sum(at)), int(np.sum(inner == next_one))
     return bool(
-        count > max(FEWEST * held, LUMP * np.sum(inner == next_one))
+        count > max(FEWEST * held, LUMP * beside)
         and np.sum(at[1:] & at[:-1]) > IN_A_ROW * count
-        and (not len(came) or np.median(came) < next_one)
+        and (beside <= len(came) or np.median(came) < next_one)
     )
 
 
