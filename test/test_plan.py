@@ -74,6 +74,12 @@ def test_ranges_in_words(least, most, said):
     assert range_in_words(least, most) == said
 
 
+def test_no_plan_for_what_is_there_already():
+    assert range_in_words(3600.0, 82800.0, 3600.0) == 'longer, up to 23 h'
+    assert range_in_words(3600.0, None, 3600.0) == 'far longer'
+    assert range_in_words(7200.0, 82800.0, 3600.0) == '2 h to 23 h'
+
+
 @pytest.mark.thorough
 def test_records_of_a_walk_that_needs_23_h_are_told_so(tmp_path):
     """Of twelve axes of an hour, most ranges reach 23 h; the command prints them."""

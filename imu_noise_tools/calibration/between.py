@@ -26,7 +26,7 @@ import numpy as np
 from .correction import Correction
 from .poses import joined, Poses, unit
 from .positions import grid_steps, hidden, means_of, Rest, scatter_errors, temperatures
-from ..core.disturbed import saturated
+from ..core.clipped import saturated
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
-from ..core.disturbed import calm, saturated
+from ..core.clipped import saturated
+from ..core.disturbed import calm
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 from ..core.statistics import grid_step, in_a_row, median_sigma

@@ -10,6 +10,7 @@ import textwrap
 from typing import Any
 
 from ..core import units
+from ..core.clipped import ends_in_words
 from ..core.clock import PATTERNS
 from ..loop.effect import Effect, Parameter
 from ..report.terminal import table, width
@@ -162,7 +163,9 @@ def _health(found) -> list[str]:
         line('receive times', PATTERNS[h.received])
     line('not finite', h.not_finite)
     line('stuck axes', ', '.join(h.stuck) or 'none')
-    line('saturation', ', '.join(f'{k} {v}' for k, v in h.saturated.items()) or 'none')
+    line('saturation', ', '.join(
+        f'{a} {ends_in_words(a, [(end, k / h.samples) for end, k in ends])}'
+        for a, ends in h.range_ends.items()) or 'none')
     line(
         'resolution',
         ', '.join(

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .clipped import stays
 from .record import AXES, Disturbance, ImuRecord, sensor_of
 from .statistics import in_a_row, median_sigma, quantile_sigma, row_medians
 
@@ -251,43 +252,19 @@ def _steps(
     return out
 
 
-def saturated(x: np.ndarray) -> np.ndarray:
-    """
-    Return which samples stand at an end of the range in a way that noise does not, (n,) bool.
-
-    Noise thins out towards its end: there the next value in is commoner, and the end comes alone.
-
-    """
-    found = np.zeros(len(x), bool)
-    finite = np.isfinite(x)
-    some = x if finite.all() else x[finite]
-    if len(some) < 100 or some.min() == some.max():
-        return found
-    low, high = some.min(), some.max()
-    for end in (low, high):
-        at = some == end
-        count = int(at.sum())
-        if count < 10 or count < 1e-5 * len(some):
-            continue
-        inner = some[~at]
-        next_one = inner.min() if end == low else inner.max()
-        if (
-            count > 3 * np.sum(some == next_one)
-            and np.sum(at[1:] & at[:-1]) > 0.2 * count
-            and len(np.unique(some[:20_000])) > 8
-        ):
-            found |= finite & (x == end)
-    return found
-
-
 def _clipped(record: ImuRecord) -> list[Disturbance]:
-    """Return the stretches in which an axis stands at the end of its range."""
+    """
+    Return the stretches in which an axis stands at the end of its range.
+
+    What noise alone takes it to sample by sample is no stretch.
+
+    """
     out = []
     for axis in AXES:
         if getattr(record, sensor_of(axis)) is None or axis in record.stuck:
             continue
         x = record.column(axis)
-        for a, b in _runs(saturated(x), max(1, round(record.rate_hz))):
+        for a, b in _runs(stays(x), max(1, round(record.rate_hz))):
             end = float(record.t[min(b, record.n - 1)])
             out.append(Disturbance(
                 float(record.t[a]), end, 'clipped', {axis: float(np.max(np.abs(x[a:b])))}

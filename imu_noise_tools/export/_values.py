@@ -141,6 +141,7 @@ def rests_on(study: Study, horizon: float | None = None) -> list[str]:
             continue
         said = f'{axis}: model fails at {where}{more}' if where else \
             f'{axis}: {found.course}' if found.moved else \
+            f'{axis}: {found.clipped}' if found.narrow else \
             f'{axis}: model and measured curve differ at {found.at_tau:.2g} s'
         out.append(f'{said}; {_at_one_second(state)}; ' + (
             'sufficient all the same' if found.sufficient else

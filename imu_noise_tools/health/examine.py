@@ -15,8 +15,8 @@ from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .united import united
 from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, wrong_units
+from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
-from ..core.disturbed import saturated
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
 from ..core.statistics import FAR, grid_step
 from ..core.stillness import finite_mean, still_stretches
@@ -77,6 +77,7 @@ class Health:
     not_finite: int
     stuck: tuple[str, ...]
     saturated: Mapping[str, int]        # samples at the end of the range, by axis
+    range_ends: Mapping[str, tuple[tuple[float, int], ...]]     # each end, SI, and samples there
     resolution: Mapping[str, Resolution]
     held: float                         # share of samples equal to the one before on every axis
     alike: float                        # share of samples that are by chance, far apart
@@ -135,6 +136,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     held = _equal(record, 1)
     alike = max((_equal(record, k, FOR_CHANCE) for k in FAR), default=0.0) if held > HELD else 0.0
     memory.rest()
+    clipped = at_ends(record)
     found = Health(
         samples=record.n,
         duration_s=tidy.duration_s,
@@ -147,7 +149,8 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         **_clock_fields(tidy, clock, _receive_clock(record)),
         not_finite=not_finite,
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
-        saturated={a: k for a, k in each(lambda x: int(saturated(x).sum())).items() if k},
+        saturated={a: sum(k for _, k in ends) for a, ends in clipped.items()},
+        range_ends=clipped,
         resolution=each(resolution),
         held=held,
         alike=alike,
@@ -319,7 +322,7 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
         say.append(f'{h.not_finite} samples are not finite: check the driver.')
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
-    say += [f'{s}.' for s in at_the_end(h.saturated)]
+    say += [f'{s}.' for s in at_the_end(h.range_ends, h.samples)]
     if h.held > HELD:
         # more of a coarse output do by chance
         again = h.held - h.alike > HELD * (1 - h.alike)

@@ -20,8 +20,9 @@ import numpy as np
 from .stamps import ordered
 from .united import united
 from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, wrong_units
+from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, SampleClock
-from ..core.disturbed import disturbance, disturbances, saturated
+from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of
 from ..core.stillness import handled_ends, longest_rest
@@ -100,6 +101,8 @@ def prepare(
         _enough(record)
         record = _set_aside(record, screen, tuple(masks))
         memory.rest()
+        record = record.warned(*at_the_end(at_ends(record), record.n))
+        memory.rest()
     except ImuNoiseError as error:
         raise error.after(*record.warnings)
     record = record.warned(*([MOTION_KEPT] if keep_motion else []))
@@ -132,9 +135,8 @@ def motion_doubts(record: ImuRecord) -> list[str]:
     if record.gyro is None:
         return []
     stamps = unit_of_stamps(median_rate(record.t))
-    ends = {axis: int(saturated(record.column(axis)).sum())
-            for axis in AXES if sensor_of(axis) == 'gyro'}
-    return [*([': '.join(stamps)] if stamps else []), *too_fast(record), *at_the_end(ends)]
+    ends = at_the_end(at_ends(replace(record, accel=None)), record.n)
+    return [*([': '.join(stamps)] if stamps else []), *too_fast(record), *ends]
 
 
 def _enough(record: ImuRecord) -> None:

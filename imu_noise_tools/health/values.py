@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..core.clipped import ends_in_words
 from ..core.record import ImuRecord
 from ..core.stillness import finite_mean
 
@@ -88,10 +89,11 @@ def _scatter(data: np.ndarray) -> np.ndarray:
     ) / np.sqrt(2)
 
 
-def at_the_end(saturated: Mapping[str, int]) -> list[str]:
-    """Return a sentence on each axis that stands at the end of its range, of counts by axis."""
-    return [f'{axis} stands at the end of its range in {count} samples: choose a larger range'
-            for axis, count in saturated.items() if count]
+def at_the_end(found: Mapping[str, Sequence[tuple[float, int]]], n: int) -> list[str]:
+    """Return a sentence on each axis that stands at an end of its range, of :func:`at_ends`."""
+    return [f'{axis} stands at the end of its range in {sum(count for _, count in ends)} samples '
+            f'({ends_in_words(axis, [(end, count / n) for end, count in ends])}): choose a '
+            'larger range' for axis, ends in found.items()]
 
 
 def too_fast(record: ImuRecord) -> list[str]:

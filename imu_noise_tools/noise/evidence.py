@@ -194,8 +194,9 @@ class Evidence:
     3) is time, minimum, maximum. ``loud`` (stretches, 2) are the times in which something beside
     the sensor is switched on, s; ``sweep`` (6,) is a line that moves (:mod:`.sweep`).
     ``unrounded`` (2, blocks) is how loud the noise was before a coarse grid, and how many degrees
-    of freedom tell it (:mod:`.rounded`), (2, 0) on no such. ``statistics`` maps an effect's name
-    to what it kept.
+    of freedom tell it (:mod:`.rounded`), (2, 0) on no such. ``clipped`` (0 to 2, 2) are the ends
+    of the range at which samples stand, and the share of them. ``statistics`` maps an effect's
+    name to what it kept.
 
     """
 
@@ -219,6 +220,7 @@ class Evidence:
     unrounded: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
     rounding: np.ndarray = field(default_factory=lambda: np.zeros(1))
     fading: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    clipped: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _self: object = field(default_factory=object, init=False, repr=False, compare=False)
     _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -682,5 +684,6 @@ def _one_from_arrays(axis, flat, common):
         unrounded=flat.get('unrounded', np.zeros((2, 0))),
         rounding=flat.get('rounding', np.atleast_1d(flat['resolution'] ** 2 / 12)),
         fading=flat.get('fading', np.zeros((0, 3))),
+        clipped=flat.get('clipped', np.zeros((0, 2))),
         statistics=statistics,
     )

@@ -262,6 +262,12 @@ def _details(found: Found, fitted: Model, linear: Linear) -> Details:
     return Details(information, v, each, power, weight, ml, slots, basis, explained, aside)
 
 
+def _place(low: float, high: float) -> str:
+    """Return a stretch of frequencies; one that is narrower than it is told as is one place."""
+    ends = f'{low:.3g}', f'{high:.3g}'
+    return f'at {ends[0]} Hz' if ends[0] == ends[1] else f'from {ends[0]} to {ends[1]} Hz'
+
+
 def _in_words(details: Details, loud: np.ndarray) -> list[str]:
     """Say what the fit does not rest on."""
     aside = details.set_aside
@@ -270,7 +276,7 @@ def _in_words(details: Details, loud: np.ndarray) -> list[str]:
     largest = sorted(sorted(aside, key=lambda s: -s.share)[:NAMED], key=lambda s: s.low)
     others = [s for s in aside if s not in largest]
     said = [
-        f'from {s.low:.3g} to {s.high:.3g} Hz ({s.direction} power, {s.ratio:.2g} times the '
+        f'{_place(s.low, s.high)} ({s.direction} power, {s.ratio:.2g} times the '
         f'model\'s; {in_percent(s.share)} of the power)'
         for s in largest
     ]

@@ -39,6 +39,7 @@ from .sweep import find_sweep, on_its_path, Sweep
 from .telegraph import levels
 from .thermal import follows_at, TEMPERATURE
 from ..core import allan
+from ..core.clipped import at_ends
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform, power
 from ..core.statistics import grid_step, means_of_blocks, robust_sigma, sum_of_squares
@@ -124,6 +125,8 @@ class _Gathering:
         self.half = n // 2 if n < 1 << 15 else smooth_length(n // 2)
         self.used = 2 * self.half
         self.covariates = _covariates(record, axes, memory)
+        self.clipped = {a: np.array([(end, count / n) for end, count in ends])
+                        for a, ends in at_ends(self.gaps).items()}
         self.t = memory.keep(np.arange(n) * self.dt)
         self.inputs = Inputs(self.t, self.dt, self.covariates,
                              {a: record.column(a) for a in record.axes})
@@ -164,6 +167,7 @@ class _Gathering:
         own['curve'] = allan.curve(y, self.dt, **curve)
         self.step(f'{axis}: Allan curve')
         own['resolution'] = grid_step(y)[0]
+        own['clipped'] = self.clipped.get(axis, np.zeros((0, 2)))
         own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
         sigma = robust_sigma(y)
         own['rounding'] = added_by_rounding(self.clean[axis][:self.used], own['resolution'], sigma)

@@ -19,8 +19,10 @@ from .curve import model_curve
 from .evidence import Evidence
 from .kinds import Modulation, Spectrum
 from ..core import units
+from ..core.clipped import ends_in_words, narrowed
 from ..loop.effect import Estimate, Fit, Model
 
+CLIPPED = 1e-3  # share of the samples at an end of the range; less takes no thousandth from N
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
 TIMES = 4096  # moments of a record at which its level is asked for
 NEAR = 1.2  # s: an averaging time within this factor of 1 s stands for it
@@ -36,6 +38,8 @@ def at_one_second(evidence: Evidence, model: Model) -> tuple[int, float]:
 def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
     """Return what there is to say of the level of a fit to a whole record: mostly nothing."""
     out = []
+    if said := clipped(evidence):
+        out.append(f'{said}: mean and level are wrong')
     low, high = extremes(evidence, fit.model)
     if high > low:
         out.append('the mean over the whole record (rms), whose level changes in time')
@@ -55,6 +59,31 @@ def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
             out.append(f'the model at 1 s is {1 / ratio:.2g} times the curve: what is not '
                        'explained bends it')
     return out
+
+
+def clipped(evidence: Evidence) -> str:
+    """Return how many of the samples stand at an end of the range, and where; '' for too few."""
+    if np.sum(evidence.clipped[:, 1]) < CLIPPED:
+        return ''
+    ends = ends_in_words(evidence.axis, evidence.clipped.tolist())
+    return f'samples stand at the end of the range ({ends})'
+
+
+def narrowed_by_clipping(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
+    """
+    Return which levels would leave their interval if no sample was clipped.
+
+    As normal noise would that is clipped so; of a coarse output that is more than there is.
+
+    """
+    left = narrowed(evidence.clipped[:, 1].tolist())
+    out = []
+    for e in fit.model.of(Spectrum) if clipped(evidence) else ():
+        for name, found in fit.estimates.get(e.label, {}).items():
+            if e.in_every_sensor and _is_flat(e, evidence.dt) and found.point and not (
+                    found.ci95 and found.point / max(left, 1e-3) <= found.ci95[1]):
+                out.append(f'{e.label}.{name}')
+    return tuple(out)
 
 
 def extremes(evidence: Evidence, model: Model) -> tuple[float, float]:

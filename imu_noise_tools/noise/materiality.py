@@ -21,6 +21,7 @@ from .explained import Bands, judge, stretches
 from .fit import fit as fit_part
 from .flexible import mean_gain, RARE, slow_misfit
 from .knee import SlowMean
+from .level import clipped, narrowed_by_clipping
 from .views import unclaimed
 from ..core.units import in_percent
 from ..loop.effect import Fit, Model, unfitted
@@ -69,6 +70,10 @@ class Materiality:
     moved : tuple of str
         Coefficients (``white.N``) that would leave their interval if the fit had to follow what
         it does not explain, or if a slow course of the mean that has no name were not theirs.
+    clipped : str
+        How many samples stand at an end of the range; empty for none.
+    narrow : tuple of str
+        Levels that would leave their interval if these did not.
 
     """
 
@@ -77,6 +82,8 @@ class Materiality:
     at_tau: float = float('nan')
     failures: tuple[Failure, ...] = ()
     moved: tuple[str, ...] = ()
+    clipped: str = ''
+    narrow: tuple[str, ...] = ()
 
     @property
     def shares(self) -> dict[str, float]:
@@ -90,7 +97,7 @@ class Materiality:
 
     def __str__(self):
         """Say it in a sentence."""
-        if not self.failures and self.sufficient:
+        if not self.failures and self.sufficient and not self.clipped:
             return 'nothing fails that the Allan curve could show'
         said = []
         if self.failures or self.largest_ratio != 1:
@@ -99,6 +106,9 @@ class Materiality:
         if self.moved:
             said.append(f'{", ".join(self.moved)} would leave the interval' if self.failures
                         else self.course)
+        if self.clipped:
+            said.append(self.clipped + (f': {", ".join(self.narrow)} would be larger'
+                                        if self.narrow else ''))
         return ('sufficient: ' if self.sufficient else 'it matters: ') + ', and '.join(said)
 
 
@@ -137,10 +147,11 @@ def materiality(evidence: Evidence, fit: Fit) -> Materiality:
     far = int(np.argmax(np.abs(np.log(ratio))))
     moved = _moved(evidence, fit) if failures else ()
     moved += tuple(k for k in _without_a_course(evidence, fit) if k not in moved)
-    sufficient = sufficient_ratio(ratio[far]) and not moved
+    narrow = narrowed_by_clipping(evidence, fit)
+    sufficient = sufficient_ratio(ratio[far]) and not (moved or narrow)
     return Materiality(bool(sufficient), float(ratio[far]),
                        float(c.tau[some][far]) if ratio[far] != 1 else float('nan'),
-                       tuple(failures), moved)
+                       tuple(failures), moved, clipped(evidence), narrow)
 
 
 def _farther(a, b):

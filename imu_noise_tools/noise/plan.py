@@ -153,10 +153,12 @@ def _between(e: Estimate) -> tuple[float, float]:
     return e.ci95 if e.ci95 else (e.value, e.value)
 
 
-def range_in_words(least: float | None, most: float | None) -> str:
-    """Return a range of durations as a person would plan with it."""
+def range_in_words(least: float | None, most: float | None, had: float = 0.0) -> str:
+    """Return a range of durations as a person would plan with it, who ``had`` as many seconds."""
     if least is None:
         return 'more than 1000 h'
+    if least <= had:
+        return 'far longer' if most is None else f'longer, up to {in_words(most)}'
     if most is None:
         return f'{in_words(least)} or far more'
     if in_words(least) == in_words(most):

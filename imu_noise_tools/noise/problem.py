@@ -19,7 +19,7 @@ from .curve import model_curve
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
 from .kinds import Coupling, Defect, Mean, MEASURED, NoiseEffect, Response, Spectrum
-from .level import with_level_notes
+from .level import clipped, with_level_notes
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from .sweep import test_of
@@ -185,7 +185,7 @@ class NoiseProblem(Problem):
                 if estimate.value is None and estimate.upper95:
                     t = durations_for(fit.model, fit.estimates, e.label, name, self.evidence.dt,
                                       begin=self.evidence.duration)
-                    more = f'record {range_in_words(*t)} for 20 %'
+                    more = f'record {range_in_words(*t, self.evidence.duration)} for 20 %'
                     out[e.label][name] = replace(estimate, note=f'{estimate.note}; {more}')
         return out
 
@@ -329,6 +329,15 @@ class NoiseProblem(Problem):
 
     def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         """Return which recording would decide, or where to look."""
+        said = self._advice(verdict, ranked, failed)
+        end = clipped(self.evidence)
+        if not end:
+            return said
+        if verdict == 'unknown' and {f.name for f in failed} == {'distribution'}:
+            said = ''       # no effect, but known
+        return f'{end.capitalize()}: mean and N are wrong; choose a larger range. {said}'.rstrip()
+
+    def _advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         if verdict == 'undecidable':
             able = [f for f in ranked if f.gain > f.penalty and f.effect][:3] or list(ranked[:1])
             said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able

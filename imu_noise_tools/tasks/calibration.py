@@ -17,7 +17,7 @@ from .noise import default_folder
 from .. import calibration as core
 from .. import report, store
 from ..core import files
-from ..core.disturbed import saturated
+from ..core.clipped import saturated
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
