@@ -375,6 +375,35 @@ def test_commands(faces_npz, tmp_path, capsys):
         np.testing.assert_array_equal(new['accel'], old['accel'])
 
 
+def test_apply_says_what_it_assumes_and_what_is_missing(faces_npz, tmp_path, capsys):
+    """A line each; none where the temperature is recorded and the calibration complete."""
+    bag, _ = faces_npz
+    heated = {'sensor': 'accel', 'S': np.eye(3).tolist(), 'bias': [0, 0, 0],
+              'reference_temperature': 31.5, 'effects': {'temperature': {
+                  'effect': 'temperature', 't_x': 0.01, 't_y': 0.0, 't_z': 0.0}}}
+    missing = {'sensor': 'gyro', 'S': np.eye(3).tolist(), 'bias': [0, 0, 0],
+               'diagnosis': {'verdict': 'missing', 'advice': 'add quadratic: turn faster'}}
+    file = tmp_path / 'calibration.yaml'
+    file.write_text(yaml.safe_dump({'accel': heated, 'gyro': missing}))
+    command = ['apply', str(bag), '-o', str(tmp_path / 'better.npz'), '--force', '--calibration',
+               str(file)]
+    assert main([*command, '--json']) == 0
+    out, err = capsys.readouterr()
+    said = json.loads(out)['warnings']
+    assert err.splitlines() == [f'warning: {w}' for w in said] and len(said) == 2
+    assert 'gyro: ' in said[0] and '(missing): add quadratic: turn faster' in said[0]
+    assert 'accel: ' in said[1] and '31.50 degC is assumed' in said[1]
+    with np.load(bag) as old:
+        warm = {**old, 'temperature': np.full(len(old['t']), 41.5)}
+    np.savez(bag, **warm)
+    missing['diagnosis']['verdict'] = 'complete'
+    file.write_text(yaml.safe_dump({'accel': heated, 'gyro': missing}))
+    assert main(command) == 0 and capsys.readouterr().err == ''
+    with np.load(tmp_path / 'better.npz') as new:
+        off = warm['accel'] - new[next(k for k in new.files if k.startswith('accel_'))]
+    np.testing.assert_allclose(off, np.tile([0.1, 0, 0], (len(off), 1)), atol=1e-9)
+
+
 def test_failing_commands_leave_nothing(tmp_path, capsys):
     """A refusal is one line with its remedy, exit status 1 or 2, and no folder."""
     rng = np.random.default_rng(12)

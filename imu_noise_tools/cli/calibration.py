@@ -176,12 +176,13 @@ def apply(args: argparse.Namespace) -> int:
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
         share = (lambda p: progress(p, 'correcting')) if progress else None
-        written = tasks.apply_calibration(args.bag, args.output, args.calibration,
-                                          topic=args.topic, fields=args.fields,
-                                          force=args.force,
-                                          progress=share)
+        written, warnings = tasks.apply_calibration(
+            args.bag, args.output, args.calibration, topic=args.topic, fields=args.fields,
+            force=args.force, progress=share)
+    common.warn(warnings)
     if args.json:
-        common.print_json({'written': str(written), 'topic': tasks.CALIBRATED})
+        common.print_json({'written': str(written), 'topic': tasks.CALIBRATED,
+                           'warnings': list(warnings)})
         return 0
     print(f'written to {written}, with {tasks.CALIBRATED} beside the original topics')
     return 0
