@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import re
 
 import calibration_sessions as sim
 import numpy as np
@@ -93,6 +94,25 @@ def test_short_holds_are_poses(hold_s):
     with pytest.raises(InputError, match='too short to count: .*--still 0.[56] takes'):
         core.positions(short, sim.G)
     assert core.positions(short, sim.G, 0.5)[0].n == 6
+
+
+def test_a_refusal_of_too_few_poses_says_which_rests_were_too_short():
+    """Of six faces two are held: the other four are counted, and what takes them takes them."""
+    rng = np.random.default_rng(32)
+    device = sim.Device.drawn(rng, noise=0.02)
+    whole = record(*six_faces(rng, device, hold_s=[3.0, 3.0, 0.7, 0.7, 0.7, 0.7]))
+    with pytest.raises(InputError, match='4 rests under 0.8 s are too short to count: ') as said:
+        tasks.calibrate_records([whole])
+    assert str(said.value).startswith('2 of 6 faces seen')
+    value, = re.findall(r'--still (\d\.\d) takes them all', str(said.value))
+    assert tasks.calibrate_records([whole], seconds=float(value)).calibration.poses.n == 6
+    some = record(*six_faces(rng, device, hold_s=0.5))
+    with pytest.raises(InputError, match='6 rests under 0.8 s') as said:
+        core.positions(some, sim.G)
+    (value, count), = re.findall(r'--still (\d\.\d) takes (\d) of them', str(said.value))
+    assert core.positions(some, sim.G, float(value))[0].n == int(count)
+    with pytest.raises(InputError, match='--still takes none under 0.5 s'):
+        core.positions(record(*six_faces(rng, device, ['+x', '-x'], hold_s=0.44)), sim.G)
 
 
 def test_one_face_put_down_twice_is_two_poses():

@@ -45,7 +45,8 @@ def register(commands: Any) -> None:
                         'weighted by a stated tilt; plain; or by the magnitude alone (default '
                         'with 12 and more spread poses)')
     c.add_argument('--still', type=float, default=0.8, metavar='S',
-                   help='shortest rest that is a pose, s (default: 0.8, of a second\'s hold)')
+                   help='shortest rest that is a pose, 0.5 to 60 s (default: 0.8, of a second\'s '
+                        'hold)')
     common.topic_options(c)
     common.part_options(c)
     common.unit_options(c)

@@ -138,6 +138,8 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
 
     """
     notes = _clipped_turns(records)
+    if asked:           # else the accelerometer's notes say so
+        notes += filter(None, (core.too_short(r, seconds) for r in records))
     better = core.completed(accel)
     more = [e.name for e in better.fit.model.of(core.Regressor)
             if e.label not in accel.fit.model]
