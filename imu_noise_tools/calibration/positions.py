@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -467,9 +467,10 @@ def _some(items, most: int = 4) -> str:
     return ', '.join(items[:most]) + more
 
 
-def because(notes: Sequence[str]) -> str:
+def because(notes: Iterable[str]) -> str:
     """Return what a refusal of poses ends with: what was found out about them before."""
-    return f' ({"; ".join(notes[:4])})' if notes else ''
+    said = '; '.join(list(notes)[:4])
+    return f' ({said})' if said else ''
 
 
 def counted(names: Iterable[str]) -> dict[str, int]:

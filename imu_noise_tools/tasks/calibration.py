@@ -259,7 +259,8 @@ def _part(study, target):
 def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
     """Return all files of a calibration study by name; ``folder`` is what the page names."""
     shown = report.pictures(study)
-    return {**store.study_files(study), 'calibration.png': shown['poses'],
+    both = [shown['poses'], *(shown[f'target {t}'] for t in study.targets[1:])]
+    return {**store.study_files(study), 'calibration.png': report.stacked(both),
             'report.html': report.html(study, shown, folder=str(folder or 'DIR')),
             FILE: store.dump_yaml(as_dict(study))}
 
